@@ -570,7 +570,7 @@ def why_no_use(key: str, scope: str) -> str:
             each for each in COMMANDS if key in each.keys.split(",") and (scope in each.scopes or "any" in each.scopes)
         ]
         if were:
-            return f"{key_text(key)} was {were[0].label}: now {key_of(were[0].id)}"
+            return f"{key_text(key)} is no key here; {were[0].label} is {key_of(were[0].id)}"
         return f"{key_text(key)} is no key of silo-tui; {key_of('help')} shows those that are"
     return f"{key_text(key)} ({there[0].label}) has no use here: {where}"
 

@@ -212,6 +212,7 @@ class Sought(str, enum.Enum):
     LOWEST = "lowest"
     CROSSING = "crossing"
     EDGE = "edge"
+    PEAK = "peak"
     CHANGE = "change"
     NOT_FINITE = "not finite"
     OUTSIDE = "outside"

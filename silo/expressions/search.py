@@ -16,11 +16,13 @@ from silo.core.elements import Sought
 Places = NDArray[np.intp]
 Ends = tuple[float, float]  # int, too
 LONG_GAP = 1.5  # periods between two samples from which on some are missing
+UP, DOWN = 5 / 8, 3 / 8  # of what a signal spans: a swing goes over the one and below the other
 
 
 @dataclass(frozen=True)
 class Looking:
-    """What one looks for: a crossing of `level`, with `direction` 1 rising, -1 falling, 0 either way.
+    """What one looks for: a crossing of `level`, with `direction` 1 rising, -1 falling, 0 either way; with peaks -1
+    are troughs.
 
     `bounds` are the smallest and the largest value inside; a hole is a time without sample that is longer than 1.5
     `period_ns`.
@@ -35,7 +37,7 @@ class Looking:
     @property
     def needs_span(self) -> bool:
         """Whether the smallest and the largest value must be known before the places can be."""
-        return self.what is Sought.EDGE
+        return self.what in (Sought.EDGE, Sought.PEAK)
 
 
 @dataclass(frozen=True)
@@ -60,17 +62,19 @@ def places(looking: Looking, time_ns: NDArray[np.int64], values: NDArray[Any], e
 
     A crossing is the first sample on the other side of the level (on it counts as above), the nan in between left out.
     A hole is the last sample before it. An edge is a step of more than half of what the signal spans; `ends` are
-    its smallest and its largest value where these are not all its samples.
+    its smallest and its largest value where these are not all its samples. A peak is the first highest sample from
+    where a signal rose over 5/8 of what it spans until it fell below 3/8: of a ripple on a swing there is one.
     """
     what = looking.what
     if what is Sought.HOLE:
         return np.flatnonzero(np.diff(time_ns) > LONG_GAP * looking.period_ns)
     if what is Sought.CHANGE or (what is Sought.EDGE and values.dtype.kind in "SUVb"):
         return _changes(values)
-    if values.dtype.kind in "SUV":
+    if values.dtype.kind in ("SUVb" if what is Sought.PEAK else "SUV"):
         return np.zeros(0, np.intp)
-    if what is Sought.EDGE:
-        return _edges(values, *(_ends(values) if ends is None else ends))
+    if looking.needs_span:
+        ends = _ends(values) if ends is None else ends
+        return _edges(values, *ends) if what is Sought.EDGE else _peaks(values, ends, looking.direction)[0]
     found = numbers(values)
     offsets = found.offsets
     if what is Sought.NOT_FINITE:
@@ -135,6 +139,31 @@ def _edges(values: NDArray[Any], low: float, high: float) -> Places:
     return np.flatnonzero(np.isfinite(halves) & (halves > (high / 2 - low / 2) / 2)) + 1
 
 
+def _peaks(values: NDArray[Any], ends: Ends, direction: int, *, first: bool = True) -> tuple[Places, int | None]:
+    """Return the peaks, and the highest sample since it rose where it has not fallen yet.
+
+    Where these samples are the `first` of all, one that begins high has risen at the earliest with the next.
+    """
+    low, high = ends
+    if not high > low:
+        return np.zeros(0, np.intp), None
+    with np.errstate(invalid="ignore"):  # halves: from the smallest to the largest float is no float
+        heights = (_floats(values) / 2 - low / 2) / (high / 2 - low / 2)
+    heights = 1 - heights if direction < 0 else heights
+    sides = (heights > UP).astype(np.int8) - (heights < DOWN)
+    known = np.flatnonzero(sides)
+    turns = known[np.diff(sides[known], prepend=-1) != 0]  # up, down, up ...
+    if not len(turns):
+        return turns, None
+    heights = np.where(np.isnan(heights), -np.inf, heights)[turns[0] :]
+    stretch = np.repeat(np.arange(len(turns)), np.diff(turns, append=len(values)))
+    highest = np.flatnonzero(heights == np.maximum.reduceat(heights, turns - turns[0])[stretch])
+    tops = turns[0] + highest[np.unique(stretch[highest], return_index=True)[1]][::2]
+    still = int(tops[-1]) if len(turns) % 2 else None
+    tops = tops[: len(turns) // 2]
+    return tops[tops > 0] if first else tops, still
+
+
 class Finder:
     """Looks through the blocks of one signal, oldest first, and keeps the `most` moments next to `around_ns`."""
 
@@ -146,7 +175,8 @@ class Finder:
         self._high: float = -np.inf
         self._tail: tuple[NDArray[np.int64], NDArray[Any]] | None = None  # what the next block is compared with
         self._extreme: Any = None
-        self._begin_ns = self._end_ns = 0
+        self._begin_ns: int | None = None
+        self._end_ns = 0
         self._forget()
 
     def _forget(self) -> None:
@@ -165,14 +195,19 @@ class Finder:
         """Look through the next block."""
         if not len(time_ns):
             return
-        self._begin_ns, self._end_ns = self._begin_ns or int(time_ns[0]), int(time_ns[-1])
+        self._begin_ns = int(time_ns[0]) if self._begin_ns is None else self._begin_ns
+        self._end_ns = int(time_ns[-1])
         old = 0
         if self._tail is not None:
             old = len(self._tail[0])
             time_ns, values = np.concatenate([self._tail[0], time_ns]), np.concatenate([self._tail[1], values])
-        what = self.looking.what
+        what, still = self.looking.what, None
         if what in (Sought.HIGHEST, Sought.LOWEST):
             found = self._extremes(values)
+        elif what is Sought.PEAK and values.dtype.kind not in "SUVb":
+            first = int(time_ns[0]) == self._begin_ns
+            found, still = _peaks(values, (self._low, self._high), self.looking.direction, first=first)
+            old = 0  # what the tail has was not said yet
         else:
             ends = (self._low, self._high) if self.looking.needs_span else None
             found = places(self.looking, time_ns, values, ends)
@@ -181,7 +216,7 @@ class Finder:
         else:
             found = found[found >= old]  # of the tail it was said before
             self._keep(time_ns[found], values[found])
-        self._remember(time_ns, values)
+        self._remember(time_ns, values, still)
 
     def _extremes(self, values: NDArray[Any]) -> Places:
         if values.dtype.kind in "SUV":
@@ -197,9 +232,12 @@ class Finder:
             self._forget()
         return _begins((exact == self._extreme) & ~_missing(values))
 
-    def _remember(self, time_ns: NDArray[np.int64], values: NDArray[Any]) -> None:
-        """Keep the last sample, of a crossing the last one that is a number: with it the next block is compared."""
-        last = len(values) - 1
+    def _remember(self, time_ns: NDArray[np.int64], values: NDArray[Any], still: int | None) -> None:
+        """Keep the last sample, of a crossing the last one that is a number: with it the next block is compared.
+
+        While a signal is high `still`, that is the highest.
+        """
+        last = len(values) - 1 if still is None else still
         if self.looking.what is Sought.CROSSING and values.dtype.kind not in "SUV":
             known = np.flatnonzero(~_missing(values))
             last = int(known[-1]) if len(known) else -1
@@ -233,7 +271,7 @@ class Finder:
         times = np.concatenate([*self._times[0], *self._times[1], np.zeros(0, np.int64)])[skip:]
         parts = [*self._values[0], *self._values[1]]
         values = np.concatenate(parts)[skip:] if parts else np.zeros(0)
-        return FoundMoments(self._total, self._early - kept, times, values, self._begin_ns, self._end_ns)
+        return FoundMoments(self._total, self._early - kept, times, values, self._begin_ns or 0, self._end_ns)
 
 
 def _floats(values: NDArray[Any]) -> NDArray[np.float64]:

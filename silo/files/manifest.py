@@ -299,6 +299,7 @@ class Written(msgspec.Struct):
     order: str = ""
     runs: list[RunEntry] = []
     before: RecordedTotals = msgspec.field(default_factory=RecordedTotals)  # of the runs before these
+    earlier: list[str] = []  # the parts that orders before this one left: they count into its budget, too
 
     def entry(self, run: str) -> RunEntry | None:
         """Return what there is of a run."""
@@ -331,6 +332,13 @@ def read_written(folder: Path, name: str) -> Written | None:
         return decode_written(read_own(written_path(folder, name)))
     except (OSError, msgspec.MsgspecError, UnicodeDecodeError):
         return None
+
+
+def size_of_parts(folder: Path, name: str) -> int:
+    """Return the bytes of the finished parts that recordings of that name left in a folder."""
+    written = read_written(folder, name)
+    parts = written.parts if written is not None else []
+    return sum(entry.size_bytes for entry in parts if own_status(entry, folder) is not None)
 
 
 @dataclass(frozen=True)
@@ -416,6 +424,7 @@ class Ledger:
     def begin_order(self, order: str) -> None:
         """Count anew: of the parts of orders before this one is known that they are there."""
         self.written.order, self.written.runs, self.written.before = order, [], RecordedTotals()
+        self.written.earlier = [entry.name for entry in self.written.parts]
 
     def rows_of(self, run: str) -> dict[int, int] | None:
         """Return with which rows to go on in a run; None where nothing is known of it."""

@@ -46,9 +46,10 @@ class SearchRequests(Caller):
 
         Args:
             names: 1 to 64 entries.
-            what: `"highest"`, `"lowest"`, `"crossing"`, `"edge"`, `"change"`, `"not finite"`, `"outside"`, `"hole"`.
+            what: `"highest"`, `"lowest"`, `"crossing"`, `"edge"`, `"peak"`, `"change"`, `"not finite"`, `"outside"`,
+                `"hole"`. A peak is where a signal is highest between a rise and a fall by most of what it spans.
             level: what is crossed.
-            direction: 1 for a rising crossing, -1 for a falling one, 0 for either.
+            direction: 1 for a rising crossing, -1 for a falling one, 0 for either; -1 with peaks for troughs.
             bounds: of each name the smallest and the largest value that isn't outside, None for none.
             start_ns: the first time stamp.
             end_ns: the last time stamp.

@@ -37,8 +37,8 @@ class FindMoments(SlowAsk[MomentsFound], frozen=True):
     """Look for something in all samples of 1 to 64 entries that buffers and `pins` hold of `run` (empty: the newest).
 
     From `start_ns` to `end_ns`, both included. The reply has of each name the `most` moments next to `around_ns`, and
-    how many there are in all. `level` and `direction` (1 rising, -1 falling, 0 either) are of a crossing, `bounds` of
-    each name are what is inside.
+    how many there are in all. `level` and `direction` (1 rising, -1 falling, 0 either) are of a crossing, with peaks
+    -1 is of troughs, `bounds` of each name are what is inside.
     """
 
     names: list[str]

@@ -230,7 +230,7 @@ class RunData:
             patterns: elements, namespaces or globs; all elements without any.
             to: a folder, absolute or relative to the logger's.
             split: `"1GB"` or `"10min"`, after which a part is finished: from 1 MB, or 1 s to 31 days; empty: never.
-            keep: `"50GB"`, above which its own oldest parts are deleted: from 2 MB; empty: all stay.
+            keep: `"50GB"`, above which the oldest parts of its name are deleted: from 2 MB; empty: all stay.
             name: of the recording and its files, instead of the logger's.
 
         Returns:

@@ -25,7 +25,7 @@ from silo.core.names import matching
 from silo.core.quantities.writing import size_text
 from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
 from silo.errors import SegmentError
-from silo.files.manifest import RecordedTotals
+from silo.files.manifest import RecordedTotals, size_of_parts
 from silo.files.naming import check_name
 from silo.recorder import requests
 from silo.recorder.orders import CLOSED, RecordOrder
@@ -127,6 +127,7 @@ class EndlessRecordings:
             name = self._free_name(request.name)
             self._give_up(name)
             order = msgspec.structs.replace(checked, name=name, order=secrets.token_hex(8), **self._present())
+            warnings = [self._warning(request), _earlier(order)]
             try:
                 recorder = self._spawn(RecorderHandover(order, request.client, time.time_ns(), self._program))
             except OSError as error:
@@ -141,7 +142,7 @@ class EndlessRecordings:
             raise RequestRefusedError(RefusedWhy.FAILED, report.text)
         what = " ".join(request.patterns) or "all elements"
         self._tell(f"recording '{name}' of {what} to {order.folder}", request.client)
-        return RecorderStarted(name, order.folder, self._warning(request))
+        return RecorderStarted(name, order.folder, "; ".join(filter(None, warnings)))
 
     def _checked(self, request: StartRecorder, *, anywhere: bool) -> RecordOrder:
         robot = self._replica.now.robot
@@ -452,6 +453,17 @@ def _info(recorder: RecorderProcess) -> RecorderInfo:
     kept = recorder.kept
     facts = {**asdict(kept.order), **asdict(recorder.report), **asdict(kept), "pid": recorder.pid}
     return msgspec.convert(facts, RecorderInfo)
+
+
+def _earlier(order: RecordOrder) -> str:
+    """Return that a budget is of all parts of its name; what a recording is to keep may be what one wanted to keep."""
+    left_bytes = size_of_parts(Path(order.folder), order.name) if order.keep_bytes else 0
+    if not left_bytes:
+        return ""
+    return (
+        f"{size_text(left_bytes)} of earlier recordings '{order.name}' count into the {size_text(order.keep_bytes)}, "
+        "and are deleted first: another name keeps them"
+    )
 
 
 def _wrong_numbers(request: StartRecorder) -> str:

@@ -368,6 +368,9 @@ class Writing:
         deleted = self._ledger.trim(self._order.keep_bytes, open_bytes + coming_bytes)
         if deleted:
             log.info("deleted %s to keep to the budget", ", ".join(deleted))
+            if earlier := [name for name in deleted if name in self._ledger.written.earlier]:
+                what = f"deleted {', '.join(earlier)} of an earlier recording '{self._ledger.name}'"
+                self.news.append(News(Report, told=f"{what}, to keep {size_text(self._order.keep_bytes)}"))
         free, size = self._disk.room(self._folder)
         if free - coming_bytes < left_free(size):
             left = left_free(size)

@@ -53,7 +53,7 @@ class TableScreen(Editing):
     filter_hint = ""
 
     def __init__(self, session: Session, *, read_only: bool) -> None:
-        self._key_s = 0.0  # monotonic, of the last key
+        self._typed_s = 0.0  # monotonic, of the last key
         self._order_wanted = False  # by who chose it, until what it is by was measured
         self._top_wanted = False  # then too, while no key says where the cursor is to be
         self._offered = False
@@ -163,7 +163,7 @@ class TableScreen(Editing):
             if self._top_wanted:
                 rows.move_to(0)
             self._order_wanted = self._top_wanted = False
-        if is_known or rows.filter.measured or (rows.live and now_s - self._key_s >= QUIET_S):
+        if is_known or rows.filter.measured or (rows.live and now_s - self._typed_s >= QUIET_S):
             before, rows.held = self.table.rows_on_screen(), False
             rows.refresh(now_s if rows.filter.measured else None)
             self.table.rows_changed()
@@ -176,7 +176,7 @@ class TableScreen(Editing):
 
     def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:
         """Do what a key asks for; rows don't move under it."""
-        self._key_s = time.monotonic()
+        self._typed_s = time.monotonic()
         self._top_wanted, self.session.rows.held = False, self.session.rows.live
         opens = command_id == "edit" or (command_id == "monitor" and left_a_file(self.session))
         if opens and self.session.dead:  # nothing is edited any more, nor comes; what it logged is to be seen
@@ -187,7 +187,7 @@ class TableScreen(Editing):
     def order_changed(self) -> None:
         """Show the order at once, with what is known; and measure what it needs."""
         super().order_changed()
-        self._survey_s = self._key_s = 0.0
+        self._survey_s = self._typed_s = 0.0
         self._order_wanted = self._top_wanted = self.session.rows.live
         self._judge()
 

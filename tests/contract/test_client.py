@@ -427,7 +427,7 @@ def test_a_pin_is_no_more_when_it_was_closed(side, client):
     assert (error.why, "no more" in str(error)) == (RefusedWhy.NOT_FOUND, True)
 
 
-@pytest.mark.parametrize("what", ["highest", "lowest", "crossing", "change", "hole", "not finite"])
+@pytest.mark.parametrize("what", ["highest", "lowest", "crossing", "edge", "peak", "change", "hole", "not finite"])
 def test_moments_are_found_where_the_samples_have_them(side, client, what):
     client.start()
     side.ticks(300)

@@ -159,6 +159,10 @@ def test_a_restart_is_recorded_from_its_first_tick_and_the_program_may_record_to
         client.stop_recorder()
     assert "2 files" in bench.logger.stop_recording("bot")
     client.stop_recorder("bot-2")
+    assert "of earlier recordings 'bot-2' count into the 50 MB" in client.record(name="bot-2", keep="50MB").text
+    assert client.record(name="new", keep="50MB").text == ""
+    client.stop_recorder("bot-2")
+    client.stop_recorder("new")
     for place in (folder.parent / "elsewhere", folder / "recordings"):
         found = [read_bag(path).elements[0].entries[0].values.tolist() for path in parts(place)]
         assert found == [[float(k) for k in range(1, 101)], [float(k) for k in range(101, 151)]]

@@ -60,6 +60,8 @@ def sought_one_by_one(looking, values):
     if looking.what in says:
         here = [says[looking.what](value) for value in values]
         return [at for at, one in enumerate(here) if one and not (at and here[at - 1])]
+    if looking.what is Sought.PEAK:
+        return peaks_one_by_one([-value if looking.direction < 0 else value for value in values])
     steps = list(enumerate(pairwise(values), 1))
     if looking.what is Sought.CHANGE:
         return [at for at, (before, after) in steps if before != after]
@@ -68,6 +70,29 @@ def sought_one_by_one(looking, values):
     rises = [at for at, (before, after) in steps if before < looking.level <= after]
     falls = [at for at, (before, after) in steps if after < looking.level <= before]
     return sorted([*(rises if looking.direction >= 0 else []), *(falls if looking.direction <= 0 else [])])
+
+
+def peaks_one_by_one(values):
+    low, high = min(values), max(values)
+    found, top = [], None
+    for at, value in enumerate(values):
+        height = 0 if low == high else (value - low) / (high - low)
+        if top is not None and height < 3 / 8:
+            found += [top] if top else []  # the first sample of all: nobody knows what was before
+            top = None
+        elif (top is None and height > 5 / 8) or (top is not None and value > values[top]):
+            top = at
+    return found
+
+
+def test_each_swing_has_one_peak_and_one_trough_whatever_ripples_on_it():
+    times = np.arange(4000, dtype=np.int64)
+    values = np.sin(times / 100) + 0.1 * np.sin(times * 3.0)
+    for direction, phase in ((1, 0.5), (-1, 1.5)):
+        found = finder_of(Looking(Sought.PEAK, direction=direction), times, values, [7, 90, 1500, 1501]).time_ns
+        swings = (np.arange(6) * 2 + phase) * np.pi * 100
+        assert len(found) == 6
+        assert np.abs(found - swings).max() < 20
 
 
 @settings(deadline=None, max_examples=600)

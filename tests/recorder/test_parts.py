@@ -18,12 +18,13 @@ import silo
 from silo.cli.main import run
 from silo.core.elements import RecorderState
 from silo.core.quantities.reading import read_keep, read_split
+from silo.core.quantities.writing import size_text
 from silo.errors import ElementError, SaveError
 from silo.files.atomic import write_all
 from silo.files.bag_reader import read_bag
 from silo.files.bags.index import BagElements
 from silo.files.bags.writer import write_bag
-from silo.files.manifest import Ledger
+from silo.files.manifest import Ledger, size_of_parts
 from silo.files.mcap.index import indexed_records
 from silo.files.parts.scan import rows_after, scan_part
 from silo.recorder.layout import layout_of
@@ -86,6 +87,26 @@ def test_parts_follow_one_another_without_a_gap_and_the_budget_deletes_only_its_
     assert all(path.read_bytes() == b"x" * 100_000 for path in foreign)
     assert sum(path.stat().st_size for path in parts(tmp_path)) <= 120_000
     assert 0 < len(parts(tmp_path)) < len(seen)
+
+
+def test_parts_of_an_earlier_recording_of_that_name_go_first_and_it_tells_so(robot, tmp_path, truth) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(1500)
+    direct.step()
+    direct.finish()
+    (kept,) = parts(tmp_path)
+    budget = kept.stat().st_size + 60_000
+    assert size_of_parts(tmp_path / "rec", "bot") == budget - 60_000
+    again = truth.direct(robot, order(tmp_path, keep_bytes=budget))
+    again.ledger.begin_order("another")
+    for _ in range(12):
+        robot.ticks(400)
+        again.step()
+    told = [report.told for report in again.told() if report.told]
+    assert not kept.exists()
+    assert told == [f"deleted {kept.name} of an earlier recording 'bot', to keep {size_text(budget)}"]
+    again.finish()
 
 
 def test_a_file_that_was_put_in_the_place_of_a_part_is_not_deleted(robot, tmp_path, truth) -> None:

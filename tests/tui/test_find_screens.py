@@ -74,6 +74,21 @@ async def test_the_highest_sample_is_two_keys_away_and_exact(monitor):
         assert shown.window.cursor is not None
 
 
+async def test_who_steps_on_from_the_highest_is_led_to_the_peaks(monitor):
+    async with monitor("RF/torque") as (screen, shown):
+        await screen.do("find", "h")
+        await screen.shows("highest, ")
+        for _ in range(20):
+            await screen.do("next_found")
+        await screen.shows("finds each peak")
+        await screen.do("find", "p")
+        await screen.shows("peak of a swing, ")
+        for at in (8, 7, 6, 5):
+            await screen.do("previous_found")
+            await screen.shows(f"{at} of 9: 1.0")
+        assert shown.file.time_ns == START_NS + 5 * 400 * STEP_NS
+
+
 async def test_where_a_condition_of_any_signals_turns_true_is_found_by_a_form_that_keeps_what_is_typed(monitor):
     async with monitor("position") as (screen, _):
         await screen.do("find", "w")

@@ -1,5 +1,7 @@
 """The two layers of keys: the first, the menus over it, and the table that both are made from."""
 
+import string
+
 import pytest
 from textual import events
 
@@ -64,6 +66,19 @@ def test_every_command_has_its_place_on_every_screen_where_it_has_a_key():
         assert classic[scope] <= {command.id for command in commands_for(scope)}
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("way", ["", "m", "m enter", "g e", "g t", "g a", "g r", "g p", "g l", "f2"])
+async def test_a_letter_that_is_no_key_of_a_screen_says_so_and_no_more(way, fake, opened, tmp_path):
+    fake.logs = tmp_path
+    async with opened(fake.run(), size=(100, 30)) as screen:
+        await screen.press(*way.split())
+        scope = screen.app.context.upper_screen.scope
+        known = {key for command in commands_for(scope) for key in command.keys.split(",")}
+        for letter in sorted({*string.ascii_letters, *string.digits} - known):
+            await screen.press(letter)
+            assert (screen.app.context.upper_screen.scope, screen.app.unforeseen.errors) == (scope, []), letter
+
+
 def test_a_letter_of_a_menu_has_one_meaning_on_every_screen():
     use_keys("two-layer", {})
     for opener in OPENERS.values():
@@ -83,7 +98,7 @@ def test_what_destroys_shares_its_key_with_nothing():
 def test_sentences_and_keys_of_before_name_the_new_place():
     use_keys("two-layer", {"recordings": "F"})
     assert (key_of("toggle"), key_of("recordings"), BY_ID["toggle"].key_text) == ("e t", "F", "t")
-    assert why_no_use("t", "table") == "t was On/Off: now e t"
+    assert why_no_use("t", "table") == "t is no key here; On/Off is e t"
 
 
 def test_own_keys_may_be_paths_and_conflicts_cost_their_line():

@@ -25,7 +25,7 @@ _OPTIONS = {"ls": "ls", "list": "ls", "stop": "stop [NAME]"}  # words that other
 @click.argument("words", nargs=-1, metavar="[LOGGER] [PATTERN]...", shell_complete=complete_words)
 @click.option("--to", default="", metavar="DIR", help="Inside the logger's folder; `recordings` if not given.")
 @click.option("--split", default="1GB", show_default=True, metavar="SIZE|TIME", help="When a part ends: 1GB, 10min.")
-@click.option("--keep", default="", metavar="SIZE", help="Delete its own oldest parts above this: 50GB.")
+@click.option("--keep", default="", metavar="SIZE", help="Delete the oldest parts of its name above this: 50GB.")
 @click.option("-n", "--name", default="", help="Of the recording and its files, instead of the logger's name.")
 @click.option("--stop", "stop_name", is_flag=False, flag_value="", default=None, metavar="[NAME]", help="End one.")
 @click.option("--ls", "only_list", is_flag=True, help="List the recordings.")

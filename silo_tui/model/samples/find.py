@@ -24,6 +24,7 @@ class What(enum.Enum):
 
     HIGHEST = "h"
     LOWEST = "l"
+    PEAK = "p"
     CROSSING = "x"
     EDGE = "e"
     CHANGE = "c"
@@ -38,6 +39,7 @@ class What(enum.Enum):
 WORDS = {
     What.HIGHEST: "highest",
     What.LOWEST: "lowest",
+    What.PEAK: "peak of a swing",
     What.CROSSING: "crossing of a value",
     What.EDGE: "edge",
     What.CHANGE: "change",
@@ -53,6 +55,7 @@ WORDS = {
 SOUGHT = {
     What.HIGHEST: Sought.HIGHEST,
     What.LOWEST: Sought.LOWEST,
+    What.PEAK: Sought.PEAK,
     What.CROSSING: Sought.CROSSING,
     What.EDGE: Sought.EDGE,
     What.CHANGE: Sought.CHANGE,

@@ -45,7 +45,7 @@ class RecordDialog(Form[Wish]):
         "to": "a folder in that of the logger, on the robot; empty: recordings",
         "name": "of the recording and its files; empty: the logger's",
         "split": "a part is finished and the next begun after so much or so long; empty: never",
-        "keep": "beyond so much its own oldest parts are deleted; all: it stops when the disk is full",
+        "keep": "beyond so much the oldest parts of this name are deleted; all: it stops when the disk is full",
     }
 
     def __init__(self, session: Session, free_bytes: int, begun: Wish, problem: str = "") -> None:
@@ -98,7 +98,7 @@ class RecordDialog(Form[Wish]):
         if not bytes_s:
             return first
         if room:
-            kept = f"{first}\nkeeps about the newest {duration(room / bytes_s)}, then deletes its own oldest parts"
+            kept = f"{first}\nkeeps about the newest {duration(room / bytes_s)}, then the oldest parts of its name go"
             half = room // 2  # a part ends there, so that one can go while the next is written
             return f"{kept}\na part ends at {size_text(half)}, half of it" if read_split(wish.split)[0] > half else kept
         if self._free_bytes:
@@ -118,7 +118,7 @@ async def begin(context: Context, session: Session, free_bytes: int, signals: st
             lambda client: client.record(wish.patterns, wish.to, wish.split, wish.keep, wish.name)
         )
         await _look(session)
-        warned = f"; {started.text}" if started.text and not session.running else ""  # a run that begins tells it
+        warned = f"; {started.text}" if started.text else ""
         context.say(f"recording '{started.name}' to {started.folder}{warned}")
 
     await taken(context, form, send)
