@@ -154,6 +154,7 @@ class Opener:
         if not app.screen_stack:
             return True  # the program was ended meanwhile
         session = Session(logger.name)
+        session.own_name = self._finder.own_name
         session.address = logger.addresses[-1] if logger.alike and logger.addresses else ""
         self._view_is_there = False
         context.take_session(session)

@@ -260,7 +260,11 @@ async def control_flow(context: Context, words: Sequence[str]) -> None:
     }
     if not words:
         await session.refresh_status()
-        context.say(people_words(session.status, session.identity))
+        told = people_words(session.status, session.identity, session.own_name)
+        if not session.may_edit:
+            context.say(told)
+        elif answer := await _ask_for_control(context, told):
+            context.say(await session.control(jobs[answer]))
     elif words[0] not in jobs:
         hint = did_you_mean(nearest(words[0], jobs), CONTROL_WORDS)
         raise RefusedError(f"control: there is no {words[0]!r}{hint}")
@@ -268,6 +272,19 @@ async def control_flow(context: Context, words: Sequence[str]) -> None:
         raise RefusedError(f"control: {CONTROL_WORDS}")
     elif context.may_write("Control"):
         context.say(await session.control(jobs[words[0]]))
+
+
+async def _ask_for_control(context: Context, told: str) -> str | None:
+    """Tell who has control, and ask what becomes of it: a job, None for nothing."""
+    session = context.session
+    if session.has_control:
+        choices = [Choice("", "Keep it"), Choice("release", "Release it: whoever may change it can", "r")]
+    elif session.status.control is None:
+        choices = [Choice("", "Leave it to all"), Choice("take", "Take it: nobody else changes anything", "t")]
+    else:
+        choices = [Choice("", "Leave it there"), Choice("force", "Take it: who has it is told", "F")]
+    body = f"{told}\n\n:control give NAME hands it over."
+    return await context.app.push_screen_wait(Question(f"Control of {session.name}", body, choices))
 
 
 async def open_view(context: Context, name: str) -> None:

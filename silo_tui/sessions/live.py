@@ -74,6 +74,7 @@ class Session:
         self.may_edit = True
         self.why_not = ""  # in words of `silo.net.access.senders`
         self.identity = ""  # ours, as the logger knows it
+        self.own_name = ""  # and as events speak of us
         self.table = TableState()
         self.rows = RowList(self.table, columns)
         self.live = LiveValues()

@@ -161,7 +161,7 @@ class StatusBar(FittingLine):
             add(1, f"  durable to tick {text.count(status.durable_ticks)}", "")
         if not session.may_edit or self._read_only:
             add(0, "  read-only", caution)
-        controlling, others = people_head(session.status, session.identity)
+        controlling, others = people_head(session.status, session.identity, session.own_name)
         if controlling:
             add(0, f"  {controlling}", "" if session.has_control else caution)
         if others:

@@ -26,6 +26,15 @@ async def test_control_is_taken_released_and_handed_over_by_words(fake, opened):
         await screen.shows("anna has control")
         await screen.enter(":control")
         await screen.shows("anna (proven) from desk2, silo-tui 2 has control since")
+        await screen.press("F")
+        await screen.shows("you have control")
+        await screen.enter(":control")
+        await screen.press("r")
+        await screen.shows("control of robot is released")
+        await screen.do("control")
+        await screen.shows("nobody has control")
+        await screen.press("t")
+        await screen.shows("you have control")
 
 
 async def test_control_that_is_handed_to_us_is_renewed_from_then_on(fake, opened):
@@ -56,8 +65,20 @@ async def test_events_say_whether_a_name_is_proven(fake, opened):
 
 def test_words_of_who_is_there(fake):
     fake.clients = [Present("anna (proven) from desk2, silo-tui 2", 1, "anna"), Present("bob@desk3 silo 3", 2)]
-    assert people_words(fake.status(), "anna") == "nobody has control; connected: anna (proven), bob@desk3 looks"
-    assert head_words(fake.status(), "anna") == ("", "1 other client")
+    told = people_words(fake.status(), "anna", "anna@desk2 silo-tui 2")
+    assert told == "nobody has control; connected: anna (proven), bob@desk3 looks"
+    assert head_words(fake.status(), "anna", "anna@desk2 silo-tui 2") == ("", "1 other client")
+
+
+def test_two_programs_of_one_user_are_told_apart(fake):
+    one, other = "root@vm silo-tui 7", "root@vm silo-tui 8"
+    fake.clients = [Present(one, 1, "@local root"), Present(other, 1, "@local root")]
+    assert people_words(fake.status(), "@local root", one).endswith(f"connected: {one}, {other}")
+    fake._controlled_by(other, "@local root")
+    assert head_words(fake.status(), "@local root", one)[0] == "your silo-tui 8 has control"
+    assert head_words(fake.status(), "@local root", other)[0] == "you have control"
+    assert f"{other} has control since" in (told := people_words(fake.status(), "@local root", one))
+    assert ", and you with it, as the same user; connected" in told
 
 
 async def test_a_word_of_control_that_is_mistyped_is_told_with_the_one_that_is_near(fake, opened):
