@@ -45,6 +45,20 @@ def test_noise_and_constants_have_no_peaks():
     assert len(peaks_of(spectrum_of(longest_piece(times(4096), noise)))) <= 3
 
 
+def test_what_rounding_leaves_of_a_constant_is_no_peak():
+    values = np.full(1000, 0.1) + 1e-17 * np.arange(1000)
+    values[::7] = np.nextafter(0.1, 1)
+    assert spectrum_of(longest_piece(times(1000), values)).amplitudes.max() > 0
+    assert peaks_of(spectrum_of(longest_piece(times(1000), values))) == []
+
+
+def test_waves_that_a_short_time_hardly_tells_apart_are_peaks_where_there_is_a_dip_between_them():
+    short = longest_piece(times(600), waves(600, (4.0, 1.0), (6.0, 0.3), (8.0, 0.2)))  # lines 6, 9 and 12 of 0.67 Hz
+    assert [round(peak.frequency_hz) for peak in peaks_of(spectrum_of(short))] == [4, 6, 8]
+    one = longest_piece(times(600), waves(600, (4.0, 1.0), (4.6, 0.9)))  # next to each other there is one hump
+    assert len(peaks_of(spectrum_of(one))) == 1
+
+
 def test_too_few_samples_say_how_many_are_needed():
     with pytest.raises(ValueError, match="12 held, 64 needed"):
         spectrum_of(longest_piece(times(12), np.zeros(12)))

@@ -20,6 +20,8 @@ HOLE = 10.0  # periods without a sample: more than a late loop
 MISSING = 2.5  # periods: a sample is missing, or a loop was very late
 UNEVEN = 0.02  # of a period
 _LOBE = 2  # lines on each side that the main lobe of a Hann window covers
+_DIP = 0.7  # of a peak's height, that a line between it and a higher one so near must fall below
+_ROUNDING = 1e-13  # of the largest value: below, what floats leave of a constant looks like peaks
 _NOISE = 4.0  # times the median that a peak must reach
 _FAINT = 1e-3  # of the highest: below, what a window leaks looks like peaks
 
@@ -92,6 +94,7 @@ class Spectrum:
 
     amplitudes: Floats
     step_hz: float
+    largest: float = 0.0  # of what it is of, the mean not taken out
 
     @property
     def top_hz(self) -> float:
@@ -112,7 +115,7 @@ def spectrum_of(piece: GaplessStretch, least: int = LEAST_SAMPLES) -> Spectrum:
     amplitudes = 2 * np.abs(np.fft.rfft(shares * hann)) / hann.sum()
     if count % 2 == 0:
         amplitudes[-1] /= 2  # half the sampling rate has no mirror
-    return Spectrum(amplitudes[1:] * size, 1 / (count * piece.period_s))
+    return Spectrum(amplitudes[1:] * size, 1 / (count * piece.period_s), size)
 
 
 def lines_of(piece: GaplessStretch) -> tuple[Floats, Floats]:
@@ -138,18 +141,24 @@ def peaks_of(spectrum: Spectrum, most: int = MOST_PEAKS) -> list[Peak]:
     heights = spectrum.amplitudes
     if len(heights) < 2 * _LOBE + 1:
         return []
-    floor = max(_NOISE * float(np.median(heights)), _FAINT * float(heights.max()))
+    floor = max(_NOISE * float(np.median(heights)), _FAINT * float(heights.max()), _ROUNDING * spectrum.largest)
     found: list[int] = []
     for line in np.argsort(heights)[::-1].tolist():
-        around = heights[max(0, line - _LOBE) : line + _LOBE + 1]
         if not heights[line] > floor:
             break
-        if heights[line] == around.max() and all(abs(line - other) > _LOBE for other in found):
+        is_top = heights[line] == heights[max(0, line - 1) : line + 2].max()
+        if is_top and all(_is_apart(heights, line, other) for other in found):
             found.append(line)
         if len(found) == most:
             break
     peaks = [_between_lines(heights, line, spectrum.step_hz) for line in found]
     return sorted(peaks, key=lambda peak: -peak.amplitude)
+
+
+def _is_apart(heights: Floats, line: int, higher: int) -> bool:
+    """Whether a line is beyond the lobe of a higher one, or there is a dip between them."""
+    between = heights[min(line, higher) + 1 : max(line, higher)]
+    return abs(line - higher) > _LOBE or bool((between < _DIP * heights[line]).any())
 
 
 def _between_lines(heights: Floats, line: int, step_hz: float) -> Peak:
