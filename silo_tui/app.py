@@ -433,7 +433,7 @@ class SiloApp(Guarded, App[None]):
         if self.context.file_over_logger:
             self.context.say(f"{key_of('back')} leaves the file first")
             return
-        folder = self.context.session.status.folder
+        folder = self.context.session.status.folder if self.context.has_session else ""
         if isinstance(self.screen, RunsScreen):
             self.pop_screen()
         self.push_screen(RunsScreen(typed.rest or (folder if os.path.isdir(folder) else ".")))  # noqa: PTH112

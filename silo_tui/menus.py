@@ -119,7 +119,7 @@ class MenuReader:
             return where(entries, scope)
         own = scope in command.scopes or "any" in command.scopes
         if not context.has_session and not own and command.asks | command.writes | bool(command.scopes):
-            return "no logger", f"no logger is open; {key_of('open_logger')} opens one"
+            return "no logger", f"no logger is open; {key_of('open_logger')} opens one that is listed"
         if command.writes and context.read_only:
             return "read-only", "silo-tui was started with --read-only"
         if context.has_session and scope != "loggers":

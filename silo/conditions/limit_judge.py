@@ -419,7 +419,7 @@ def _news(one: _Limited, scalar: ScalarMemory, state: EntryState) -> list[LimitN
     if untold is not None and (new > 0 or abs(untold.worst) > abs(told)):
         scalar.told, scalar.told_peak = untold.worst, untold.peak_tick
         times = f", {new} times" if new > 1 else ""
-        ended = "" if over else "; within its limits again"
+        ended = "" if over else f"; within its limits again{_from_words(_well_tick(state))}"
         text = f"{_violation_text(one, scalar, untold)}{times}{ended}"
         found.append(LimitNews(True, text, untold.peak_tick, untold.peak_ns))
     if new_stale > 0:
@@ -430,6 +430,10 @@ def _news(one: _Limited, scalar: ScalarMemory, state: EntryState) -> list[LimitN
         peak = f"; its peak was {untold.peak:.6g}{unit} at tick {untold.peak_tick}" if untold and grew else ""
         found.append(LimitNews(False, f"{scalar.name} is within its limits again{peak}", _well_tick(state)))
     return found
+
+
+def _from_words(tick: int) -> str:
+    return f" from tick {tick} on" if tick >= 0 else ""
 
 
 def _well_tick(state: EntryState) -> int:

@@ -316,7 +316,7 @@ class EndlessRecordings:
             with self._lock:
                 live = {one.socket.fileno(): one for one in self._recorders.values() if one.is_live}
                 waiting = [one for one in self._recorders.values() if one.again_s]
-                self._replica.recorders = len(live) + len(waiting)
+                self._count()
                 if not live and not waiting:
                     self._let_spare_go()
                 if self._stopping and not live and not waiting:
@@ -330,6 +330,11 @@ class EndlessRecordings:
             for descriptor, recorder in live.items():
                 if descriptor in readable:
                     self._take(recorder)
+
+    def _count(self, over: RecorderProcess | None = None) -> None:
+        """Have clients see how many are under way, but for one that is just being told to be over."""
+        under_way = [one for one in self._recorders.values() if one is not over and (one.is_live or one.again_s)]
+        self._replica.recorders = len(under_way)
 
     def _poke(self) -> None:
         os.eventfd_write(self._wake, 1)
@@ -407,6 +412,7 @@ class EndlessRecordings:
         with self._lock:
             if not failed:
                 recorder.runs.clear()
+            self._count(recorder)
         told = f"recording '{recorder.order.name}' ended: {text}; {sums.text}"
         # one that fails may be behind: what it failed at is of a run that may be over; the last words of one that died
         # are of something else

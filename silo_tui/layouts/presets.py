@@ -26,7 +26,7 @@ PRESETS = (
     Preset(
         "noisiest",
         "n",
-        "Noisiest: the largest deviation on top, counters left out",
+        "Noisiest: the largest deviation on top, whole numbers left out",
         KeptLayout(sort="std", filter="type:f", set="statistics"),
     ),
     Preset("stuck", "s", "Stuck: values that change no more", KeptLayout(filter="frozen")),
@@ -58,4 +58,4 @@ def near_limit(limits: Sequence[LimitStatus]) -> tuple[KeptLayout, str]:
     found = [one.name for one in limits if is_near(one)]
     words = f"{len(found)} of {len(limits)} signals with limits are within a tenth of one, or beyond"
     pattern = "|".join(f"{re.escape(name)}$" for name in found)
-    return KeptLayout(filter=f"~{pattern}" if found else "alarm"), words  # of nothing near nothing is beyond
+    return KeptLayout(filter=f"~{pattern}" if found else "alarm -nan"), words  # of nothing near nothing is beyond

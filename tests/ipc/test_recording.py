@@ -18,6 +18,7 @@ from silo.recorder.requests import recording_folder
 from silo.recovery.parts import left_parts
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
+from tests.ipc.conftest import Heard
 from tests.waiting import wait_until
 
 RESTING = 50  # ticks of the robot program in which x is 0
@@ -80,7 +81,10 @@ def test_a_killed_recorder_is_started_again_and_not_a_row_is_missing(robots, tmp
         wait_until(lambda: samples(client, before))
         client.mark("three")
         assert client.status().recorders == 1
+        heard = Heard(client)
         assert "ended: 2 files" in client.stop_recorder()
+        ended = wait_until(lambda: next((one for one in heard.events if "' ended: " in one.text), None))
+        assert ended.status.recorders == 0  # not once the next status is asked for
         assert client.recorders() == []
     assert Path(started.folder) == tmp_path / "logs" / "walks"
     assert len(parts(Path(started.folder))) == 2

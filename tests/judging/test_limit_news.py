@@ -65,9 +65,9 @@ def test_each_violation_that_begins_or_becomes_worse_fires_at_once_told_or_not(r
 def test_a_later_violation_that_is_worse_is_told_at_once(robot):
     robot.start()
     robot.collect(7, 0)
-    assert robot.told() == ["/log/x H 7 at tick 0, limit 5; within its limits again"]
+    assert robot.told() == ["/log/x H 7 at tick 0, limit 5; within its limits again from tick 1 on"]
     robot.collect(30, 0, 6, 0)
-    assert robot.told() == ["/log/x HH 30 at tick 2, limit 10, 2 times; within its limits again"]
+    assert robot.told() == ["/log/x HH 30 at tick 2, limit 10, 2 times; within its limits again from tick 5 on"]
 
 
 def test_what_is_not_yet_told_is_told_at_the_end(robot):
@@ -78,7 +78,7 @@ def test_what_is_not_yet_told_is_told_at_the_end(robot):
     assert robot.told() == []
     robot.logger.stop()
     told = [news.text for news in robot.judge.end("the logger was stopped").limits]
-    assert told == ["/log/x HH 40 at tick 3, limit 10; within its limits again"]
+    assert told == ["/log/x HH 40 at tick 3, limit 10; within its limits again from tick 4 on"]
 
 
 def test_a_peak_that_grew_is_told_when_it_is_over(robot):
@@ -127,7 +127,7 @@ def test_of_violations_between_two_looks_the_worst_is_told_the_newest_of_both_si
     robot.logger.limit("x", (-10, -5, 5, 10))
     robot.start()
     robot.collect(*values)
-    assert robot.told() == [f"/log/x {worst}, 2 times; within its limits again"]
+    assert robot.told() == [f"/log/x {worst}, 2 times; within its limits again from tick 3 on"]
     (stands,) = robot.judge.limits.statuses()
     assert (stands.worst, stands.count) == (float(worst.split()[1]), 2)
 

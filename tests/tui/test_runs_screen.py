@@ -9,6 +9,7 @@ from silo.core.elements import BufferType, Entry, LoggedEvent
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import ElementError
 from silo.files import write
+from silo_tui.app import SiloApp
 from silo_tui.model.lists.runs import together
 from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.screens.lists.runs import RunsScreen
@@ -59,6 +60,20 @@ async def test_runs_are_listed_narrowed_by_what_was_measured_and_opened(fake, op
         await screen.until(lambda: isinstance(screen.app.screen, RunsScreen))
         await on_runs(screen, folder)
         assert sum(isinstance(one, RunsScreen) for one in screen.app.screen_stack) == 1
+
+
+async def test_without_a_logger_runs_are_listed_and_opened_too(new_finder, screen_of, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    async with screen_of(SiloApp(new_finder())) as screen:
+        await screen.shows("No logger is running")
+        await screen.do("runs")
+        await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 3)
+        await screen.press("enter")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
+        await screen.press("escape")
+        await screen.until(lambda: isinstance(screen.app.screen, RunsScreen))
+        await screen.press("escape")
+        await screen.shows("No logger is running")
 
 
 async def test_a_statistic_is_a_column_and_an_order(fake, opened, folder):
