@@ -29,8 +29,10 @@ def test_a_moment_before_the_newest_one_is_typed_as_it_is_shown(zone, words, bef
     assert moment_of(words, NEWEST, NEWEST, NEWEST - 9 * S) == NEWEST - round(before_s * S)
 
 
-@pytest.mark.parametrize(("words", "after_s"), [("12.5", 12.5), ("3s", 3), (".25", 0.25), ("0", 0)])
-def test_a_moment_of_a_file_counts_from_its_beginning(words, after_s):
+@pytest.mark.parametrize(
+    ("words", "after_s"), [("12.5", 12.5), ("3s", 3), (".25", 0.25), ("0", 0), ("-3s", 27), ("+2s", 12)]
+)
+def test_a_moment_of_a_file_counts_from_its_beginning_and_before_its_end(words, after_s):
     assert moment_of(words, 100 * S, 130 * S, 110 * S) == 100 * S + round(after_s * S)
 
 

@@ -14,7 +14,7 @@ from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
 from silo_tui.model.lists.happened import RANK
 from silo_tui.model.words import text
 
-MOMENTS = "-3s, 12.5, +2s from the cursor, 13:07:32.5"
+MOMENTS = "-3s from the end, 12.5, +2s from the cursor, 13:07:32.5"
 _CLOCK = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)(?::([0-5]\d)(?:\.(\d*))?)?")
 _NUMBER = re.compile(r"\d+\.?\d*|\.\d+")
 NO_BREAK = "\u00a0"
@@ -57,8 +57,8 @@ def moment_of(words: str, zero_ns: int, newest_ns: int, here_ns: int) -> int:
     """Return the moment that is typed: so long after `zero_ns`, or a time of the clock that was last at `newest_ns`.
 
     Args:
-        words: `-3s`, `250ms`, `12.5` (seconds); `+2s` counts from `here_ns`; `13:07`, `13:07:32.25` in this machine's
-            time zone.
+        words: `250ms`, `12.5` (seconds); `-3s` counts from `newest_ns`, `+2s` from `here_ns`; `13:07`, `13:07:32.25`
+            in this machine's time zone.
         zero_ns: what the times on the screen are counted from: the newest moment of a robot, the first of a file.
         newest_ns: the newest moment that is held.
         here_ns: where the cursor is.
@@ -72,7 +72,8 @@ def moment_of(words: str, zero_ns: int, newest_ns: int, here_ns: int) -> int:
         known = float(length) if _NUMBER.fullmatch(length) else seconds_of(length)
         if known is None:
             raise ValueError(f"{words.strip()!r} is no time: {MOMENTS}")
-        moment = (here_ns if word[:1] == "+" else zero_ns) + sign * round(known * SECOND_NS)
+        begin_ns = {"+": here_ns, "-": newest_ns}.get(word[:1], zero_ns)
+        moment = begin_ns + sign * round(known * SECOND_NS)
         if moment > newest_ns:
             raise ValueError(
                 f"{words.strip()} is later than all that is held, which ends at {_after(newest_ns - zero_ns)}"
