@@ -115,6 +115,13 @@ class TestConvert:
     def test_the_start_of_a_name_is_enough(self, folder):
         assert run(convert_command, "ru", "out.csv").exit_code == 0
 
+    @pytest.mark.parametrize(("ending", "slow", "told"), [(".csv", 20, True), (".csv", 2, False), (".silo", 20, False)])
+    def test_a_table_of_which_most_is_empty_is_told_of(self, folder, ending, slow, told):
+        seldom = [element(f"/log/s{n}", np.zeros(TICKS // slow), divider=slow) for n in range(40)]
+        write_silo(recording(*seldom), folder / "seldom.silo")
+        note = run(convert_command, "seldom.silo", f"out{ending}").stderr
+        assert (": a value stands in 13.6% of its cells" in note) == told, note
+
     def test_warnings_of_a_damaged_source_are_shown(self, folder):
         data = (folder / "run.silo").read_bytes()
         (folder / "cut.silo").write_bytes(data[:-7])

@@ -107,6 +107,8 @@ def _of_data_sets(command: _Command) -> _Command:
     return click.option("--fps", type=click.IntRange(min=1), help="Frames per second of a data set.")(command)
 
 
+SPARSE = 0.25  # of the cells of a table, below which it is told that most are empty
+
 _MANY_PATTERNS = (
     ("--state", "PATTERN", "Signals that are observation.state; several times for several."),
     ("--action", "PATTERN", "Signals that are action."),
@@ -166,6 +168,11 @@ def convert_command(
         recording = convert(path, target, tell, force, lambda read: read if rate is None else _at_rate(read, rate))
     _warn(recording)
     click.echo(f"{target}  {size_of(target)} bytes, {recording.entry_count} signals, {len(recording.time_ns)} ticks")
+    cells = recording.entry_count * len(recording.time_ns)
+    filled = sum(len(entry.values) for element in recording.elements for entry in element.entries)
+    if target.suffix == ".csv" and filled < SPARSE * cells:
+        note = f"note: a value stands in {filled / cells:.1%} of its cells, as most are held for a part of the time"
+        click.echo(f"{note}; .parquet is smaller", err=True)
 
 
 @click.command("stats")
