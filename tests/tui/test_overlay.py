@@ -1,5 +1,7 @@
 """A saved run over the live plots: aligned by time since start, behind the live curves, nothing that isn't in it."""
 
+from dataclasses import replace
+
 import msgspec
 import numpy as np
 import pytest
@@ -57,7 +59,18 @@ def test_a_run_whose_start_is_forgotten_counts_from_its_first_tick():
     source = source_of(saved(seconds=2, offset=120))  # of 120 ticks the last 20 are kept
     overlay = overlay_of("run", source)
     assert source.begin_ns - overlay.began_ns == pytest.approx(10 * SECOND, rel=1e-6)
-    assert overlay.extent == "00:10 to 00:11 after its start"
+    assert overlay.extent() == "00:10 to 00:11 after its start"
+
+
+def test_of_signals_that_are_plotted_it_is_told_from_when_to_when_they_are_there():
+    whole = saved(seconds=30)
+    (element, *_) = whole.elements
+    entries = tuple(replace(entry, values=entry.values[-11:]) for entry in element.entries)
+    last = replace(element, entries=entries, first=len(whole.time_ns) - 11)
+    overlay = overlay_of("run", source_of(replace(whole, elements=(last,))))
+    assert overlay.extent() == "00:00 to 00:29 after its start"
+    assert overlay.extent(["/log/base/position"]) == "00:28 to 00:29 after its start"
+    assert overlay.extent(["/log/other"]) == "nothing of these signals"
 
 
 def panel(live: np.ndarray, ghost: np.ndarray | None):

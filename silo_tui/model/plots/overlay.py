@@ -1,5 +1,6 @@
 """A saved run laid over the plots of a live one: both count time from their start."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,10 +38,12 @@ class Overlay:
         store.advance_to(first + count)
         return store
 
-    @property
-    def extent(self) -> str:
-        """From when to when it has data, since its start."""
-        begin, end = ((at - self.began_ns) / SECOND_NS for at in (self.source.begin_ns, self.source.end_ns))
+    def extent(self, elements: Sequence[str] = ()) -> str:
+        """From when to when it has data, of some elements where these are named, since its start."""
+        if elements and not any(map(self.source.is_live, elements)):
+            return "nothing of these signals"
+        ends = self.source.extent_ns(elements) if elements else (self.source.begin_ns, self.source.end_ns)
+        begin, end = ((at - self.began_ns) / SECOND_NS for at in ends)
         return f"{duration_text(begin)} to {duration_text(end)} after its start"
 
 

@@ -90,7 +90,7 @@ async def overlay_recording(context: Context, session: Session, folder: str, fil
     if found is not None:
         session.overlay = overlay_of(name, found[1].source)
         lifts = f"{key_of('overlay_recording')} again lifts it"
-        context.say(f"{name} lies over the plots, with data {session.overlay.extent}; {lifts}")
+        context.say(f"{name} lies over the plots, with data {session.overlay.extent()}; {lifts}")
 
 
 async def _opened(

@@ -295,7 +295,7 @@ class PlotScreen(SiloScreen):
         ghost, overlay = self.stack.ghost, self.session.overlay
         if ghost is None or overlay is None or any(self.stack.has_ghost(panel) for panel in self.stack.panels):
             return ""
-        return f": {overlay.extent}"
+        return f": {overlay.extent([plotted.element.name for plotted in self.stack.plots])}"
 
     # ------------------------------------------------------------------------------------------------- the window
 
