@@ -13,8 +13,9 @@ from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.expressions.over_recordings import RecordingJudge
 from silo_tui.app import SiloApp
+from silo_tui.model.drawing.plots import plots_of
 from silo_tui.model.samples.find import Search, What
-from silo_tui.screens.plots.finding import turned
+from silo_tui.screens.plots.finding import events, look, turned
 from silo_tui.screens.plots.monitor import FileMonitorScreen
 from silo_tui.sessions.recorded import FileSession
 from tests.waiting import DEADLINE_S
@@ -236,6 +237,16 @@ async def test_braces_go_to_the_hole(monitor):
         await screen.do("home", "next_event")
         await screen.shows("1 s without sample")
         assert shown.file.time_ns == START_NS + 2999 * STEP_NS
+
+
+async def test_a_tick_that_came_late_is_a_hole_and_no_event():
+    late = recording().time_ns.copy()
+    late[500:] += 50_000_000
+    session = FileSession(Log(replace(recording(), time_ns=late), "robot.silo"))
+    plots = plots_of(session.source.elements[:1])
+    assert (await look(session.source, plots, Search(What.HOLE), {}, 0)).total == 2
+    found = await events(session.source, plots, {}, 0)
+    assert [moment.time_ns for moment in found.moments] == [late[2999]]
 
 
 async def test_two_cursors_tell_what_lies_between(monitor):

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import Sought
-from silo.expressions.search import Looking, Places, places
+from silo.expressions.search import LONG_GAP, Looking, Places, places
+from silo_tui.model.drawing.window import SECOND_NS
 from silo_tui.model.lists.happened import in_plots, letter, words
 from silo_tui.model.samples.source import PlotSource
 from silo_tui.model.words import text
@@ -97,7 +98,7 @@ def happened(
 class Search:
     """What one looks for, and where; `direction` is 1 for rising, -1 for falling, 0 for either.
 
-    `condition` is an expression of any signals, `everywhere` plays no part for it.
+    `condition` is an expression of any signals, `everywhere` plays no part for it. A hole is longer than `least_s`.
     """
 
     what: What
@@ -105,10 +106,12 @@ class Search:
     direction: int = 0
     everywhere: bool = False
     condition: str = ""
+    least_s: float = 0.0
 
     def looking(self, period_ns: int, bounds: Bounds = (None, None)) -> Looking | None:
         """Return what to look for in the samples of a signal; None for what is no matter of these."""
         sought = SOUGHT.get(self.what)
+        period_ns = max(period_ns, round(self.least_s * SECOND_NS / LONG_GAP))
         return Looking(sought, self.level, self.direction, bounds, period_ns) if sought is not None else None
 
     @property

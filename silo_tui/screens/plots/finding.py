@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from silo.conditions.requests import TriggerTried
 
 MOST_MOMENTS = 1000  # of a signal that are here at a time
+HOLE_S = 0.1  # that is an event: what is shorter is how a busy computer ticks
 
 
 @dataclass(frozen=True)
@@ -162,8 +163,8 @@ def _happened(source: HeldRows, plots: Sequence[Plotted], search: Search) -> Sea
 async def events(
     source: HeldRows, plots: Sequence[Plotted], bounds: Mapping[str, Bounds4], around_ns: int
 ) -> SearchResult:
-    """Look for all that is an event, whichever: holes, and what happened."""
-    found = await look(source, plots, Search(What.HOLE), bounds, around_ns)
+    """Look for all that is an event, whichever: long holes, and what happened."""
+    found = await look(source, plots, Search(What.HOLE, least_s=HOLE_S), bounds, around_ns)
     more = happened(source, source.begin_ns, source.end_ns, EVENTS, {plotted.name for plotted in plots})
     moments = sorted([*found.moments, *more], key=lambda moment: moment.time_ns)
     held_s = max(found.held_s, (source.end_ns - source.begin_ns) / 1e9)
