@@ -157,7 +157,7 @@ async def test_where_the_buffers_hold_no_more_than_the_picture_scrolling_back_sa
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         await screen.press("pageup")
-        await screen.shows("that is the oldest that is held")
+        await screen.shows("all that is held is in the picture")
 
 
 async def test_a_spike_of_one_sample_shows_in_what_is_pinned_at_every_zoom(fake, opened):

@@ -301,13 +301,8 @@ def cost_text(now: Cost, after: Cost, short_name: str, room_bytes: int = 0) -> T
     _cost(lines, "to a file", disk, after.disk_bytes_s > now.disk_bytes_s)
     topics = [size_text(each.topic_bytes_s) + "/s" for each in (now, after)]
     _cost(lines, "topics", topics, after.topic_bytes_s > now.topic_bytes_s)
-    _cost(
-        lines,
-        "held",
-        held,
-        after.shortest_s < now.shortest_s,
-        f"of these, shortest: {short_name}" if short_name else "",
-    )
+    note = f"of these, shortest: {short_name}" if short_name else ""
+    _cost(lines, "held", held, after.shortest_s < now.shortest_s, note, sign="▼")
     return lines
 
 
@@ -321,8 +316,10 @@ def _held(cost: Cost) -> str:
     return f"{shortest.removesuffix(' s')} … {longest}" if longest.endswith(" s") else f"{shortest} … {longest}"
 
 
-def _cost(lines: Text, title: str, amounts: Sequence[str], worse: bool, note: str = "", *, over: bool = False) -> None:
+def _cost(
+    lines: Text, title: str, amounts: Sequence[str], worse: bool, note: str = "", *, over: bool = False, sign: str = "▲"
+) -> None:
     old, new = amounts
     lines.append(f"{title:<10}{old:>16} {new:>15} ")
-    lines.append("!! " if over else "▲  " if worse else "   ", style="bold" if over else "")
+    lines.append("!! " if over else f"{sign}  " if worse and old != new else "   ", style="bold" if over else "")
     lines.append(f"{note}\n", style="bold" if over else "dim")

@@ -7,6 +7,7 @@ from textual.message import Message
 
 from silo.core.conditions import AROUND_S, TriggerOptions
 from silo.errors import SiloError
+from silo_tui.actions import key_of
 from silo_tui.modal import run_aside
 from silo_tui.model.plots.scope import Scope, fitting_span, halfway
 from silo_tui.model.samples.source import PlotSource
@@ -127,7 +128,7 @@ class MonitorScreen(PlotScreen):
                 self.say("that is now")
                 return
             if oldest_ns + span_ns >= newest_ns - self.window.column_ns(self.stack.columns):
-                self.say("that is the oldest that is held")
+                self.say(f"all that is held is in the picture; {key_of('closer')} looks closer")
                 return
             self.stand_still()
             self.paused_alone = True
