@@ -8,8 +8,9 @@ from functools import partial
 
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 
-from silo_tui.actions import COMMANDS, FILE_SCOPES, commands_for, key_of, typed_on_file
+from silo_tui.actions import COMMANDS, FILE_SCOPES, commands_for, commands_like, key_of, typed_on_file
 from silo_tui.context import SiloScreen
+from silo_tui.keymap import counts, where
 
 
 class CommandProvider(Provider):
@@ -23,7 +24,7 @@ class CommandProvider(Provider):
     async def search(self, query: str) -> Hits:
         """Return what matches."""
         matcher = self.matcher(query)
-        for title, words, do in (*self._offers(), *self._of_large_plots()):
+        for title, words, do in (*self._offers(), *self._of_large_plots(), *self._of_others()):
             score = max(matcher.match(title), matcher.match(words))
             if score > 0:
                 yield Hit(score, matcher.highlight(title), do, help=words)
@@ -64,6 +65,17 @@ class CommandProvider(Provider):
             steps = f"large plot, {command.key_text}"
             note = f"{command.label}: {command.key_text}, once one plot is large"
             yield f"{command.label}  ({steps})", command.help, partial(self._lead, screen, way, note)
+
+    def _of_others(self) -> Iterator[tuple[str, str, Callable[[], None]]]:
+        """Yield what other screens have: chosen, it says which, and how to come there."""
+        screen = self.screen
+        if not isinstance(screen, SiloScreen):
+            return
+        for command in commands_like(screen.scope):
+            if not (counts(command, screen.scope) or command.hidden or command.group in ("Move", "Detail plot")):
+                place, sentence = where([command], screen.scope)
+                say = partial(screen.context.say, f"{command.label} ({command.key_text}): {sentence}")
+                yield f"{command.label}  ({place}, {command.key_text})", command.help, say
 
     def _lead(self, screen: SiloScreen, way: str, note: str) -> None:
         screen.action_command(way)

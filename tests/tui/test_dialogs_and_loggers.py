@@ -295,6 +295,15 @@ async def test_the_palette_finds_a_spectrum_from_the_table_and_from_the_plots_an
         assert "large plot," not in screen.text
 
 
+async def test_the_palette_finds_what_another_screen_has_and_says_the_way(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("ctrl+p")
+        await screen.type("over the live plots")
+        await screen.shows("Overlay")
+        await screen.press("enter", "enter")
+        await screen.shows("Overlay (O): it is a key of recordings (F)")
+
+
 async def test_the_palette_finds_what_can_only_be_typed_and_goes_on_in_the_command_line(fake, opened):
     async with opened(fake, size=(100, 40)) as screen:
         await screen.press("ctrl+p")
