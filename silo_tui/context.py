@@ -104,10 +104,7 @@ class Context:
     @property
     def link(self) -> Link:
         """The connection to the logger. RefusedError when there is none yet."""
-        link = self.session.link
-        if link is None:
-            raise RefusedError(f"not connected to {self.session.name} yet")
-        return link
+        return self.session.connection
 
     def take_session(self, session: Session | None) -> None:
         """Make another logger the open one, or none; what waits to be told was of the last."""

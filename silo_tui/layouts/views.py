@@ -118,7 +118,7 @@ async def show(context: Context, layout: KeptLayout) -> str:
         elements = list(dict.fromkeys(entries[name][0] for name in names if name in entries))
         from silo_tui.screens.plots.monitor import MonitorScreen
 
-        monitor = MonitorScreen(session, table.source, elements)
+        monitor = MonitorScreen(session, elements)
         window, stack = monitor.window, monitor.stack
         plotted = {each.name: each for each in stack.plots}
         found = [[plotted.get(entries[name][1]) for name in panel if name in entries] for panel in layout.plots]

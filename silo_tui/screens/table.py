@@ -22,7 +22,6 @@ from silo_tui.screens.editing import Editing
 from silo_tui.screens.elements import WIDE
 from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
-from silo_tui.sessions.live_source import LiveSource
 from silo_tui.terminal import pace_of
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar, left_a_file
 from silo_tui.widgets.element_table import FLAGS, TREND, ElementTable
@@ -71,7 +70,6 @@ class TableScreen(Editing):
             (StatusBar(session, read_only=read_only), Banner(session)),
             read_only=read_only,
         )
-        self.source = LiveSource(session)
 
     def lines(self) -> ComposeResult:
         """Yield the command line and the editor that lies over a cell."""
@@ -274,9 +272,9 @@ class TableScreen(Editing):
             run_alone(self, "history", self._fill, store, missing)
 
     async def _fill(self, store: ColumnStore, names: list[str]) -> None:
-        end = self.source.end_ns
+        end = self.session.source.end_ns
         try:
-            past = await self.source.history(names, end - COLUMNS * COLUMN_NS, end, COLUMN_NS)
+            past = await self.session.source.history(names, end - COLUMNS * COLUMN_NS, end, COLUMN_NS)
         except SiloError:
             return  # trends then fill as time goes by; a lost link is told by the banner
         store.take(past)
@@ -300,7 +298,7 @@ class TableScreen(Editing):
             names = self.session.table.names
             under_cursor = names[rows.row] if rows.row is not None else ""
             plotted = [names[int(row)] for row in chosen]
-            self.show_plots(MonitorScreen(self.session, self.source, plotted, under_cursor))
+            self.show_plots(MonitorScreen(self.session, plotted, under_cursor))
         else:
             self.say("nothing to plot here")
 

@@ -7,22 +7,27 @@ fewer frames, not old ones. What the client reports by itself reaches the app as
 import asyncio
 import functools
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
 from textual.message import Message
 
+from silo.core.arrays.columns import ColumnStore, HistoryColumns
 from silo.errors import ConnectionLostError
 from silo.rpc.frames import Frame
 from silo.rpc.published import Event
 
 if TYPE_CHECKING:
     from silo.client.client import Client
+    from silo.history.arrays import Pin
     from silo.live.view import View
 
 Result = TypeVar("Result")
+
+MOST_NAMES = 64  # of which a logger answers with columns at once
 
 
 @dataclass(frozen=True)
@@ -100,6 +105,24 @@ class Link:
         if self._closed:
             raise ConnectionLostError("the connection was closed")
         return await asyncio.to_thread(job, self._client)
+
+    async def history(
+        self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int, pin: "Pin | None" = None
+    ) -> HistoryColumns:
+        """Return columns of any number of entries, asked for in pieces as large as a logger answers."""
+
+        def ask(some: Sequence[str], client: "Client") -> HistoryColumns:
+            return client.history(some, start_ns, end_ns, column_ns, pin)
+
+        if not names:
+            return HistoryColumns((), 0, column_ns, np.zeros((0, 0)), np.zeros((0, 0)))
+        store, until = ColumnStore((), 1, column_ns), None
+        for begin in range(0, len(names), MOST_NAMES):
+            past = await self.read(functools.partial(ask, names[begin : begin + MOST_NAMES]))
+            if not begin:
+                store, until = ColumnStore(names, max(1, past.low.shape[1]), column_ns), past.until_ns
+            store.take(past)
+        return store.stretch(until)
 
     def watch(self, request: ViewRequest) -> None:
         """Make frames be about this from now on; several calls in a row cost one request."""

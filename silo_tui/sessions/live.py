@@ -7,14 +7,16 @@ import asyncio
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from silo.conditions.standing import LimitStatus, TriggerStatus
+from silo.core.arrays.columns import MAX_COLUMNS, HistoryColumns
 from silo.core.conditions import TriggerOptions
-from silo.core.elements import LoggedEvent, SavedFile, State, Status
+from silo.core.elements import ElementInfo, LoggedEvent, SavedFile, State, Status
 from silo.core.episodes.words import next_marks
 from silo.errors import RefusedError, SiloError
 from silo.live.quantities import SLOW, SLOW_SHARE
@@ -27,10 +29,11 @@ from silo.settings.typed import ElementSettings, apply_settings
 from silo.state.requests import EditsApplied, Unsaved
 from silo_tui.model.drawing.columns import ColumnStore
 from silo_tui.model.drawing.sparklines import trends
-from silo_tui.model.lists.happened import newest
+from silo_tui.model.lists.happened import newest, of_last_run
 from silo_tui.model.lists.recorders import WritingPace
 from silo_tui.model.plots.limits import Bounds4
 from silo_tui.model.samples.live import LiveValues
+from silo_tui.model.samples.source import PlotSource, Samples, entry_samples
 from silo_tui.model.table.columns import LIVE_COLUMNS, TableColumn
 from silo_tui.model.table.facts import Facts
 from silo_tui.model.table.fields import options_of, rows_of
@@ -48,6 +51,7 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
+AHEAD_NS = 2_000_000_000
 FIRST_EVENTS = 300  # lines of the event log at first, 30 kB on a thin link
 NO_STATUS = Status(
     logger="", host="", user="", pid=0, helper_pid=0, state=State.STOPPED, revision=-1, frequency_hz=0.0,
@@ -63,6 +67,64 @@ _CONDITION_KINDS = {
 }  # fmt: skip
 
 
+class LiveSource:
+    """A live logger as a source of plots."""
+
+    live = True
+    begin_ns = 0
+
+    def __init__(self, session: "Session") -> None:
+        self._session = session
+
+    @property
+    def happened(self) -> Sequence[LoggedEvent]:
+        """What happened in the newest run."""
+        return of_last_run(self._session.happened)
+
+    @property
+    def end_ns(self) -> int:
+        """The time of the newest frame, or of the last tick."""
+        status = self._session.status
+        running = self._session.running and self._session.frame_time_ns
+        return self._session.frame_time_ns if running else (status.last_tick_ns or self._session.frame_time_ns)
+
+    def element(self, name: str) -> ElementInfo | None:
+        """Return the element of that name."""
+        row = self._session.table.row(name)
+        return self._session.table.elements[row] if row is not None else None
+
+    def period_ns(self, element: str) -> int:
+        """Return the time between two samples."""
+        row = self._session.table.row(element)
+        divider = int(self._session.table.server[1, row]) if row is not None else 1
+        return int(1e9 * divider / (self._session.status.frequency_hz or 1.0))
+
+    def is_live(self, element: str) -> bool:
+        """Return whether the element is on."""
+        row = self._session.table.row(element)
+        return row is not None and self._session.table.is_live(row)
+
+    async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
+        """Return columns straight from the logger's buffers.
+
+        What came after `end_ns` until the logger answers is in it too: frames that a new view brings go on from there.
+        """
+        if end_ns <= start_ns:
+            names = ()
+        ahead = min(AHEAD_NS, (MAX_COLUMNS - 2) * column_ns - (end_ns - start_ns))
+        asked = end_ns + max(0, ahead) if end_ns >= self.end_ns else end_ns
+        past = await self._session.connection.history(names, start_ns, asked, column_ns)
+        newest = end_ns if past.until_ns is None else max(end_ns, min(asked, past.until_ns))
+        count = max(0, newest // column_ns + 1 - past.first)
+        marks = None if past.marks is None else past.marks[:, :count]
+        return replace(past, low=past.low[:, :count], high=past.high[:, :count], marks=marks)
+
+    async def samples(self, name: str, start_ns: int, end_ns: int) -> Samples:
+        """Return raw samples straight from the logger's buffers."""
+        found = await self._session.connection.read(lambda client: client.samples([name], start_ns, end_ns + 1))
+        return entry_samples(found[name].time_ns, found[name].values)
+
+
 class Session:
     """State and commands of one logger. Lives in the event loop."""
 
@@ -70,6 +132,7 @@ class Session:
         self.name = name
         self.address = ""  # shown in place of host and name where another logger has both
         self.link: Link | None = None
+        self.source: PlotSource = LiveSource(self)
         self.status = NO_STATUS
         self.may_edit = True
         self.why_not = ""  # in words of `silo.net.access.senders`
@@ -119,6 +182,13 @@ class Session:
     def connected(self) -> bool:
         """Whether somebody answers."""
         return self.link is not None and self.lost_since is None
+
+    @property
+    def connection(self) -> Link:
+        """The connection to the logger. RefusedError when there is none yet."""
+        if self.link is None:
+            raise RefusedError(f"not connected to {self.name} yet")
+        return self.link
 
     @property
     def at_s(self) -> float | None:
@@ -182,7 +252,7 @@ class Session:
         self.link = link
         hello = await link.call(lambda client: client._hello())
         self.may_edit, self.why_not = hello.may_edit, hello.why_not
-        self.identity = self._link.identity
+        self.identity = self.connection.identity
         self.take_status(hello.status)
         await self.reload()
         await self.learn_events()
@@ -190,7 +260,7 @@ class Session:
 
     async def reload(self) -> None:
         """Read the table again; pending edits are rebased on it."""
-        table = await self._link.call(lambda client: client.table())
+        table = await self.connection.call(lambda client: client.table())
         if table.revision != self.table.revision or not len(self.table):
             self.table.load(table)
             self.rows.refresh()
@@ -200,7 +270,7 @@ class Session:
         """Read what happened since the newest line that is here; of an older silo, which has no event log, nothing."""
         since = self.happened[-1].number if self.happened else 0
         try:
-            found = await self._link.read(lambda client: client.events(since, FIRST_EVENTS))
+            found = await self.connection.read(lambda client: client.events(since, FIRST_EVENTS))
         except RefusedError:
             return
         self.happened = newest([*self.happened, *found])
@@ -211,11 +281,11 @@ class Session:
 
     async def tried(self, trigger: TriggerOptions) -> "TriggerTried":
         """Return what a trigger would have done in all that is held. Raises a SiloError where that can't be told."""
-        return await self._link.read(lambda client: client.try_trigger(trigger))
+        return await self.connection.read(lambda client: client.try_trigger(trigger))
 
     async def mark(self, words: str, at_ns: int) -> LoggedEvent:
         """Mark the tick of a moment; of a logger that has no tick yet, the moment is now."""
-        return await self._link.call(lambda client: client.mark(words, at_ns=at_ns or None))
+        return await self.connection.call(lambda client: client.mark(words, at_ns=at_ns or None))
 
     async def say_of_episode(self, word: str, name: str) -> LoggedEvent:
         """Mark that an episode begins or ends, or how it went. Raises ElementError where there is none."""
@@ -224,11 +294,11 @@ class Session:
 
     async def refresh_status(self) -> None:
         """Ask for the status."""
-        self.take_status(await self._link.call(lambda client: client.status()))
+        self.take_status(await self.connection.call(lambda client: client.status()))
 
     async def recordings(self, most: int = 200) -> Recordings:
         """Ask for the newest recordings: 200 are 40 kB, which a thin link carries in 5 s."""
-        return await self._link.read(lambda client: client.recordings(most))
+        return await self.connection.read(lambda client: client.recordings(most))
 
     async def fetch(self, name: str, folder: Path, fetching: Fetching) -> Path:
         """Copy a recording into a folder of this machine; takes as long as it takes."""
@@ -236,16 +306,16 @@ class Session:
 
     async def delete_recording(self, name: str) -> str:
         """Delete a recording; return what was deleted, in words."""
-        return await self._link.call(lambda client: client.delete_recording(name))
+        return await self.connection.call(lambda client: client.delete_recording(name))
 
     async def aside(self, job: "Callable[[Client], Result]") -> "Result":
         """Run a call that may take minutes."""
-        return await self._link.aside(job)
+        return await self.connection.aside(job)
 
     async def refresh_recorders(self) -> None:
         """Ask how endless recordings stand; of an older silo, which has none, nothing."""
         try:
-            self.recorders = await self._link.read(lambda client: client.recorders())
+            self.recorders = await self.connection.read(lambda client: client.recorders())
         except RefusedError:
             self.recorders = []
         now_s = time.monotonic()
@@ -260,8 +330,8 @@ class Session:
         """Ask how triggers and limits stand."""
         self.conditions_due = False
         try:
-            self.triggers = (await self._link.read(lambda client: client.triggers())).triggers
-            self.limits = (await self._link.read(lambda client: client.alarms())).limits
+            self.triggers = (await self.connection.read(lambda client: client.triggers())).triggers
+            self.limits = (await self.connection.read(lambda client: client.alarms())).limits
             self.bounds = {one.name: one.bounds for one in self.limits if any(each is not None for each in one.bounds)}
             self._take_beyond(self._beyond())
         except RefusedError:
@@ -297,33 +367,33 @@ class Session:
         """
         edits, kept, revision = self.table.edits(), self.table.kept(), self.table.revision
         try:
-            applied = await self._link.call(lambda client: client.apply(edits, revision, cut=cut))
+            applied = await self.connection.call(lambda client: client.apply(edits, revision, cut=cut))
         except RefusedError as refused:
             if why(refused) is RefusedWhy.CONFLICT:
                 await self.reload()
             raise
         await self.reload()
         self.table.note_applied(kept)
-        self._link.watch_again()
+        self.connection.watch_again()
         return applied
 
     async def start(self, unsaved: Unsaved = Unsaved.REFUSE) -> None:
         """Start the logger; what was read belongs to the run before."""
-        self.take_status(await self._link.call(lambda client: client.start(unsaved)))
+        self.take_status(await self.connection.call(lambda client: client.start(unsaved)))
 
     async def stop(self) -> None:
         """Stop the logger."""
-        self.take_status(await self._link.call(lambda client: client.stop()))
+        self.take_status(await self.connection.call(lambda client: client.stop()))
 
     async def restart(self, unsaved: Unsaved = Unsaved.REFUSE) -> None:
         """Stop and starts the logger."""
-        self.take_status(await self._link.call(lambda client: client.restart(unsaved)))
+        self.take_status(await self.connection.call(lambda client: client.restart(unsaved)))
 
     async def survey(self, details: Sequence[str], quantities: Sequence[str], *, reset: bool = False) -> None:
         """Measure anew: what filter and order need of all elements, `quantities` of elements and entries `details`."""
         wanted = sorted(self.rows.wanted())
         names, asked = (list(details), list(quantities)) if details and quantities else ([], [])
-        found = await self._link.read(
+        found = await self.connection.read(
             lambda client: client._survey(wanted, reset=reset, derived=True, some=names, some_quantities=asked)
         )
         arrays = np.frombuffer(found.values).reshape(len(wanted), -1)
@@ -334,7 +404,7 @@ class Session:
             some = found.some
             if not some:  # of an older helper process, which knows nothing of `some`
                 asked = [quantity for quantity in asked if quantity not in {"bad", "least", "most"}]
-                some = (await self._link.read(lambda client: client._survey(asked, names))).values
+                some = (await self.connection.read(lambda client: client._survey(asked, names))).values
             columns = np.frombuffer(some).reshape(len(asked), -1)
             told = {
                 name: dict(zip(asked, column, strict=True))
@@ -352,7 +422,7 @@ class Session:
     async def keep_survey(self) -> None:
         """Have the statistics of `survey` go on, of which nothing is to be told now."""
         with suppress(SiloError):  # a lost link is told by the banner, a refusal by the next survey
-            await self._link.read(lambda client: client._survey(["signs"], self.table.names[:1]))
+            await self.connection.read(lambda client: client._survey(["signs"], self.table.names[:1]))
 
     def change(self, settings: ElementSettings) -> int:
         """Edit the targets of the table as typed, all or none, in one undo step; return how many cells changed.
@@ -440,11 +510,11 @@ class Session:
         elif event.kind not in {EventKind.SAVING, EventKind.SCRIPT_SAVED, EventKind.SAVE_FAILED}:
             await self.refresh_status()
         if event.kind is EventKind.CONTROL and self._was_given(event):
-            await self._link.call(lambda client: client.take_control())  # to renew it from now on
+            await self.connection.call(lambda client: client.take_control())  # to renew it from now on
         if event.kind in {EventKind.EDITED, EventKind.SCRIPT_LOADED} or self.status.revision != self.table.revision:
             await self.reload()
         if event.kind in {EventKind.STARTED, EventKind.STOPPED, EventKind.EDITED, EventKind.SCRIPT_LOADED}:
-            self._link.watch_again()
+            self.connection.watch_again()
 
     def _note(self, event: Event) -> None:
         known = self.happened[-1].number if self.happened else 0
@@ -472,7 +542,7 @@ class Session:
 
     async def control(self, job: "Callable[[Client], str]") -> str:
         """Take, release or hand over control; return what was done, in words."""
-        words = await self._link.call(job)
+        words = await self.connection.call(job)
         await self.refresh_status()
         return words
 
@@ -489,14 +559,14 @@ class Session:
         before, had = self.status, self._conditions()
         self.conditions_due = True
         self.saves.clear()  # another helper process counts from 1 again
-        hello = await self._link.call(lambda client: client._hello())
+        hello = await self.connection.call(lambda client: client._hello())
         self.may_edit, self.why_not = hello.may_edit, hello.why_not
-        self.identity = self._link.identity
+        self.identity = self.connection.identity
         self.take_status(hello.status)
         await self.reload()
         await self.learn_events()
         self.lost_since = None
-        self._link.watch_again()
+        self.connection.watch_again()
         if before.pid == self.status.pid:
             return "the link is back"
         with suppress(RefusedError):  # an older silo has none
@@ -521,12 +591,6 @@ class Session:
             fetching.given_up = True
         if self.link is not None:
             self.link.close()
-
-    @property
-    def _link(self) -> Link:
-        if self.link is None:
-            raise RefusedError(f"not connected to {self.name} yet")
-        return self.link
 
 
 def why(error: RefusedError) -> RefusedWhy | None:

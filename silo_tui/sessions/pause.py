@@ -16,14 +16,12 @@ from silo.expressions.span import Between
 from silo_tui.model.drawing.plots import Plotted
 from silo_tui.model.samples.buffers import PinHandle
 from silo_tui.model.samples.held import HeldSource
-from silo_tui.model.samples.source import HeldRows, PlotSource, Samples, entry_samples
+from silo_tui.model.samples.source import HeldRows, Samples, entry_samples
 from silo_tui.model.words import text
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
-from silo_tui.sessions.live_source import in_pieces
 
 if TYPE_CHECKING:
-    from silo.client.client import Client
     from silo.history.arrays import Pin
 
 REPLY_BYTES = 2**18  # on a thin link a key gets its turn after half a minute at most
@@ -46,11 +44,7 @@ class _LinkPin:
 
     async def columns(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
         """Return columns of what is pinned."""
-
-        def ask(client: "Client", some: Sequence[str]) -> HistoryColumns:
-            return client.history(some, start_ns, end_ns, column_ns, self.pin)
-
-        return await in_pieces(self._link, names, column_ns, ask)
+        return await self._link.history(names, start_ns, end_ns, column_ns, self.pin)
 
     async def samples(self, names: Sequence[str], start_ns: int, end_ns: int) -> dict[str, Samples]:
         """Return samples of what is pinned."""
@@ -115,10 +109,10 @@ def _let_go(pinned: "asyncio.Future[Pin]") -> None:
 class Pause:
     """Of one monitor. Lives in the event loop."""
 
-    def __init__(self, session: Session, live: PlotSource, changed: Callable[[], None]) -> None:
+    def __init__(self, session: Session, changed: Callable[[], None]) -> None:
         """`changed` is called when more is here."""
         self._session = session
-        self._live = live
+        self._live = session.source
         self._changed = changed
         self.note = ""  # what could not be had
         self._since_s = 0.0

@@ -44,6 +44,8 @@ SLICE_S = 0.05  # of reading, after which another wish is followed
 class FileSession(Session):
     """A log on the screen. Its table never changes."""
 
+    source: RecordingSource
+
     def __init__(self, log: Log) -> None:
         path = Path(log.path)
         super().__init__(path.name, FILE_COLUMNS)

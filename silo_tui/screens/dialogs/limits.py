@@ -16,7 +16,6 @@ from silo_tui.model.plots.limit_line import BOUNDS, fields_of, limits_of_fields
 from silo_tui.model.plots.limits import lines_of
 from silo_tui.screens.dialogs.form import Form, hints_with, taken
 from silo_tui.sessions.live import Session
-from silo_tui.sessions.live_source import LiveSource
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -134,7 +133,7 @@ class LimitsDialog(Form[LimitsWish]):
         """Return the signal as lines of dots below the axis of what was tried, each with the bounds that lie there, or
         beyond it.
         """
-        session, source, (left, width) = self._session, LiveSource(self._session), held_axis(tried, whole)
+        session, source, (left, width) = self._session, self._session.source, held_axis(tried, whole)
         names, short = (limits.name, shown), session.short_name
         plots = plots_of(session.table.elements)
         plotted = next((each for each in plots if {each.name, short(each.name).lstrip("/")} & {*names}), None)

@@ -18,7 +18,6 @@ from silo_tui.screens.dialogs.limits import ask_limits
 from silo_tui.screens.dialogs.questions import confirmed
 from silo_tui.screens.lists.conditions import ConditionsScreen
 from silo_tui.screens.plots.monitor import MonitorScreen
-from silo_tui.sessions.live_source import LiveSource
 from silo_tui.theme import bold
 
 if TYPE_CHECKING:
@@ -138,7 +137,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         if element is None:
             self.say(f"{self.session.short_name(one.name)} is no longer in the table")
             return None
-        monitor = MonitorScreen(self.session, LiveSource(self.session), [element])
+        monitor = MonitorScreen(self.session, [element])
         places = [place for place, plotted in enumerate(monitor.stack.plots) if plotted.name == one.name]
         monitor.stack.chosen = places[0] if places else 0
         self.app.push_screen(monitor)

@@ -11,7 +11,6 @@ from silo_tui.modal import run_alone
 from silo_tui.model.lists.conditions import MOST_PLOTS
 from silo_tui.screens.lists.list_screen import ListScreen
 from silo_tui.sessions.live import Session
-from silo_tui.sessions.live_source import LiveSource
 from silo_tui.widgets.bars import Banner, StatusBar
 
 Status = TypeVar("Status")
@@ -102,10 +101,9 @@ class ConditionsScreen(ListScreen[Status]):
         """Plot the first of these that are signals of the table."""
         from silo_tui.screens.plots.monitor import MonitorScreen
 
-        source = LiveSource(self.session)
-        names = [name for name in dict.fromkeys(found) if source.element(name) is not None]
+        names = [name for name in dict.fromkeys(found) if self.session.source.element(name) is not None]
         if names:
-            self.app.push_screen(MonitorScreen(self.session, source, names[:MOST_PLOTS]))
+            self.app.push_screen(MonitorScreen(self.session, names[:MOST_PLOTS]))
             if len(names) > MOST_PLOTS:
                 self.context.say(f"the first {MOST_PLOTS} of {len(names)} signals: mark others to plot them")
         else:

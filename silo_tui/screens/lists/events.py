@@ -23,8 +23,6 @@ from silo_tui.screens.dialogs.questions import Prompt
 from silo_tui.screens.lists.list_screen import ListScreen
 from silo_tui.screens.plots.monitor import FileMonitorScreen, MonitorScreen
 from silo_tui.sessions.live import Session
-from silo_tui.sessions.live_source import LiveSource
-from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, StatusBar
 from silo_tui.widgets.lines import Lines
 
@@ -37,6 +35,7 @@ class EventsScreen(ListScreen[LoggedEvent]):
     scope = "events"
     aside = True
     orders = ORDERS
+    plots_kind = MonitorScreen
     filter_hint = "-E without edits, M marks alone, other words"
 
     def __init__(self, session: Session) -> None:
@@ -178,7 +177,7 @@ class EventsScreen(ListScreen[LoggedEvent]):
             while self.app.screen is not plots:
                 self.app.pop_screen()
         elif names := self._about(event)[:MOST_PLOTS]:
-            plots = self.plots_of(names)
+            plots = self.plots_kind(self.session, names)
             self.app.push_screen(plots)
         else:
             self.say("no plots are open, and this is about no signal that has samples")
@@ -193,10 +192,6 @@ class EventsScreen(ListScreen[LoggedEvent]):
         found = [name for each in named for name in named_in(each, table.elements, table.prefix)]
         return list(dict.fromkeys(found)) or [table.names[row] for row in session.rows.targets()]
 
-    def plots_of(self, names: Sequence[str]) -> MonitorScreen:
-        """Return plots of elements."""
-        return MonitorScreen(self.session, LiveSource(self.session), names)
-
 
 def _write_csv(path: Path, shown: Sequence[LoggedEvent]) -> None:
     with atomic_file(path) as file:
@@ -206,9 +201,5 @@ def _write_csv(path: Path, shown: Sequence[LoggedEvent]) -> None:
 class FileEventsScreen(EventsScreen, inherit_bindings=False):
     """The same of a file."""
 
-    session: FileSession
     scope = "file_events"
-
-    def plots_of(self, names: Sequence[str]) -> MonitorScreen:
-        """Return plots of elements of the file."""
-        return FileMonitorScreen(self.session, names)
+    plots_kind = FileMonitorScreen

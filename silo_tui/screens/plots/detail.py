@@ -80,7 +80,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
     scope = "detail"
 
     def __init__(self, monitor: MonitorScreen, mode: str) -> None:
-        super().__init__(monitor.session, monitor.live_source, [])
+        super().__init__(monitor.session, [])
         plots, count = monitor.stack.for_detail()
         self.below = monitor
         self.plots = list(plots[:MAX_SERIES])

@@ -10,14 +10,12 @@ from silo.errors import SiloError
 from silo_tui.actions import key_of
 from silo_tui.modal import run_aside
 from silo_tui.model.plots.scope import Scope, fitting_span, halfway
-from silo_tui.model.samples.source import PlotSource
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.exporting import ask_export
 from silo_tui.screens.plots.arranging import Arranger
 from silo_tui.screens.plots.plot_screen import PlotScreen
 from silo_tui.screens.plots.searching import MomentSearch, value_here
 from silo_tui.sessions.live import Session
-from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import left_a_file
 from silo_tui.widgets.plot_stack import PlotStack
 
@@ -37,8 +35,8 @@ class MonitorScreen(PlotScreen):
     scope = "monitor"
     PARTS = (MomentSearch, Arranger)
 
-    def __init__(self, session: Session, source: PlotSource, names: Sequence[str], chosen: str = "") -> None:
-        super().__init__(session, source, names, chosen)
+    def __init__(self, session: Session, names: Sequence[str], chosen: str = "") -> None:
+        super().__init__(session, names, chosen)
         self.parts = self.search, self.arranger = MomentSearch(self), Arranger(self)
 
     def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:
@@ -228,7 +226,7 @@ class MonitorScreen(PlotScreen):
         from silo_tui.screens.plots.scope import ScopeScreen
 
         chosen, panel = self.stack.chosen_plot, self.stack.panels[self.stack.chosen_panel]
-        if not chosen.numeric or not self.live_source.is_live(chosen.element.name):
+        if not chosen.numeric or not self.session.source.is_live(chosen.element.name):
             self.say("the scope needs a signal of numbers that is on")
             return
         low, high = self.stack.span_of(chosen)
@@ -237,8 +235,8 @@ class MonitorScreen(PlotScreen):
         )
         level = float(at_cursor) if at_cursor else halfway(low, high)
         plots = [chosen, *(each for each in panel if each != chosen and each.numeric)]
-        settings = Scope(level, span_s=fitting_span(self.live_source.period_ns(chosen.element.name)))
-        self.app.push_screen(ScopeScreen(self.session, self.live_source, plots, settings))
+        settings = Scope(level, span_s=fitting_span(self.session.source.period_ns(chosen.element.name)))
+        self.app.push_screen(ScopeScreen(self.session, plots, settings))
 
     def command_plot_trigger(self) -> None:
         if not self.stack.plots or not self.stack.chosen_plot.numeric:
@@ -267,7 +265,7 @@ class MonitorScreen(PlotScreen):
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
         """Return what a pause or a cursor asks for."""
-        live = self.live_source.live  # what is held stands still, of a logger that goes on
+        live = self.session.source.live  # what is held stands still, of a logger that goes on
         paused = (("pause", "Go on"),) if self.window.paused and live else ()
         back, _ = self.way_back()
         return (*paused, ("cursor_left", "Cursor"), ("back", back)) if back else paused
@@ -300,6 +298,3 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
     """The same on a file: cursor A is a moment of it, whatever the zoom."""
 
     scope = "file_monitor"
-
-    def __init__(self, session: FileSession, names: Sequence[str]) -> None:
-        super().__init__(session, session.source, names)

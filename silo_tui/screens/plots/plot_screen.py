@@ -27,7 +27,6 @@ from silo_tui.model.samples.find import Search, What, places_of
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.samples.recorded import SHORT_SPANS_S
 from silo_tui.model.samples.searching import reading_of
-from silo_tui.model.samples.source import PlotSource
 from silo_tui.model.words import text
 from silo_tui.screens.plots.finding import SearchResult, value_words
 from silo_tui.sessions.link import ViewRequest
@@ -46,11 +45,11 @@ DEBOUNCE_S = 0.1
 class PlotScreen(SiloScreen):
     """Plots of some elements: what is shown of them, and where one looks."""
 
-    def __init__(self, session: Session, source: PlotSource, names: Sequence[str], chosen: str = "") -> None:
+    def __init__(self, session: Session, names: Sequence[str], chosen: str = "") -> None:
         super().__init__()
-        self.session = session
+        self.session, source = session, session.source
         self.file = session if isinstance(session, FileSession) else None
-        self.source = source
+        self.source = source  # what is held, while something is
         self._waiting: list[str] = []  # elements that are off, left out until they are on
         if any(source.is_live(name) for name in names):
             self._waiting = [name for name in names if not source.is_live(name)]
@@ -66,9 +65,8 @@ class PlotScreen(SiloScreen):
         self._mending = False
         self._happened = session.happened
         self._timer: Timer | None = None
-        self.live_source = source  # what it shows when nothing is held
         self.between = BetweenTable()
-        self.pause = Pause(session, source, self.more_is_here)
+        self.pause = Pause(session, self.more_is_here)
         self.found: SearchResult | None = None
 
     def new_stack(self, plots: list[Plotted]) -> PlotStack:
@@ -431,7 +429,7 @@ class PlotScreen(SiloScreen):
     def take_back(self) -> None:
         """Show what the pause holds by now, or what comes: another screen used it meanwhile."""
         self.pause.tell(self.more_is_here)
-        self.source = self.stack.source = self.pause.source or self.live_source
+        self.source = self.stack.source = self.pause.source or self.session.source
         if self.is_mounted:
             self.more_is_here()
             self.moved()
@@ -457,7 +455,7 @@ class PlotScreen(SiloScreen):
         self.line.refresh()
 
     def _state(self) -> str:
-        if self.pause.source is not None or not self.live_source.live:
+        if self.pause.source is not None or not self.session.source.live:
             return "PAUSED"
         if self.window.paused_end_ns is None:
             return "DEAD" if self.session.dead else "live" if self.session.connected else "no link"
@@ -472,7 +470,7 @@ class PlotScreen(SiloScreen):
 
     def hold(self) -> None:
         """Hold what is on the screen, with as much before it."""
-        newest_ns = self.live_source.end_ns if self.window.paused else 0  # looking back, time goes on
+        newest_ns = self.session.source.end_ns if self.window.paused else 0  # looking back, time goes on
         self.stand_still()
         store, span_ns = self.stack.store, self.window.span_ns
         held = self.pause.hold(self.pinned_plots, self.end_ns, span_ns, store, newest_ns)
@@ -485,7 +483,7 @@ class PlotScreen(SiloScreen):
     def go_on(self) -> None:
         """Show what comes again."""
         self.pause.release()
-        self.source = self.stack.source = self.live_source
+        self.source = self.stack.source = self.session.source
         self.window.go_on()
         self.found = None
         self.show_between()
@@ -534,6 +532,6 @@ class PlotScreen(SiloScreen):
         try:
             if self.pause.source is not None:
                 return await self.pause.source.readings(list(shown), at_ns)
-            return {name: await reading_of(self.live_source, element, at_ns) for name, element in shown.items()}
+            return {name: await reading_of(self.session.source, element, at_ns) for name, element in shown.items()}
         except SiloError:
             return {}

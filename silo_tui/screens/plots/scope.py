@@ -96,20 +96,19 @@ class ScopeScreen(SiloScreen):
 
     scope = "scope"
 
-    def __init__(self, session: Session, live: PlotSource, plots: Sequence[Plotted], settings: Scope) -> None:
+    def __init__(self, session: Session, plots: Sequence[Plotted], settings: Scope) -> None:
         super().__init__()
-        self.session = session
-        self.live = live
+        self.session, self.live = session, session.source
         self.settings = settings
         self.window = PlotWindow(settings.span_s, 0, spans=SPANS)
-        self.stack = ScopeStack(plots, self.window, _Caught(live), settings)
+        self.stack = ScopeStack(plots, self.window, _Caught(self.live), settings)
         self.stack.prefix = session.status.prefix.rstrip("/")
         self.stack.level = settings.level
         self.caught_ns = 0  # the crossing that is shown
         self.caught = 0  # how many
         self._samples: dict[str, Samples] = {}
         self._between = 0  # crossings that came between two looks
-        self._since_ns = live.end_ns  # what came before is none of its business
+        self._since_ns = self.live.end_ns  # what came before is none of its business
         self._waits_since_s = time.monotonic()
         self._held = False
         self._forced = True  # what is there is shown until something is caught
