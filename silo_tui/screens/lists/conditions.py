@@ -5,13 +5,9 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
-from textual.app import ComposeResult
-
 from silo_tui.modal import run_alone
 from silo_tui.model.lists.conditions import MOST_PLOTS
-from silo_tui.screens.lists.list_screen import ListScreen
-from silo_tui.sessions.live import Session
-from silo_tui.widgets.bars import Banner, StatusBar
+from silo_tui.screens.lists.list_screen import LoggerList
 
 Status = TypeVar("Status")
 
@@ -19,24 +15,12 @@ if TYPE_CHECKING:
     from silo.client.client import Client
 
 
-class ConditionsScreen(ListScreen[Status]):
+class ConditionsScreen(LoggerList[Status]):
     """A list of how conditions stand, asked for anew each second while it is shown."""
-
-    aside = True
-
-    def __init__(self, session: Session) -> None:
-        super().__init__()
-        self.session = session
-
-    def above(self) -> ComposeResult:
-        """Yield status and banner."""
-        self._bar, self._banner = StatusBar(self.session, read_only=self.context.read_only), Banner(self.session)
-        yield self._bar
-        yield self._banner
 
     def begin(self) -> None:
         """Ask how they stand."""
-        self._banner.update()
+        super().begin()
         self.ask()
 
     def ask(self) -> None:
@@ -73,20 +57,17 @@ class ConditionsScreen(ListScreen[Status]):
         """Draw the lines, and how the logger is."""
         super().show()
         if self.is_there:
-            self._bar.update()
-
-    def going_on(self) -> Sequence[str]:
-        return [one.words for one in self.session.fetches.values()]
+            self.status_bar.update()
 
     def named(self, key: str) -> str:
         return self.session.short_name(key).lstrip("/")
 
     def status_changed(self) -> None:
-        self._banner.update()
+        self.banner.update()
         self.show()
 
     def second_passed(self) -> None:
-        self._banner.update()
+        super().second_passed()
         self.ask()
 
     def command_list_read(self) -> None:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.text import Text
-from textual.app import ComposeResult
 
 from silo.core.elements import LoggedEvent
 from silo.core.quantities.writing import many
@@ -20,51 +19,35 @@ from silo_tui.model.lists.conditions import MOST_PLOTS, named_in
 from silo_tui.model.lists.happened import ORDERS, csv_text, in_time, letter, line, matches, words
 from silo_tui.model.words.paths import typed_file
 from silo_tui.screens.dialogs.questions import Prompt
-from silo_tui.screens.lists.list_screen import ListScreen
+from silo_tui.screens.lists.list_screen import LoggerList
 from silo_tui.screens.plots.monitor import FileMonitorScreen, MonitorScreen
 from silo_tui.sessions.live import Session
-from silo_tui.widgets.bars import Banner, StatusBar
 from silo_tui.widgets.lines import Lines
 
 READ_S = 0.7  # a row that has stood under the cursor for less has been read by nobody who types a key
 
 
-class EventsScreen(ListScreen[LoggedEvent]):
+class EventsScreen(LoggerList[LoggedEvent]):
     """A list of lines that follows the newest one until one moves in it."""
 
     scope = "events"
-    aside = True
     orders = ORDERS
     plots_kind = MonitorScreen
     filter_hint = "-E without edits, M marks alone, other words"
 
     def __init__(self, session: Session) -> None:
-        super().__init__()
-        self.session = session
+        super().__init__(session)
         self._following = True
         self._known: Sequence[LoggedEvent] = ()
         self._all: Sequence[LoggedEvent] = ()  # as they are shown
         self._before: LoggedEvent | None = None  # what was under the cursor until another one came
         self._came_s = 0.0
 
-    def above(self) -> ComposeResult:
-        self._bar, self._banner = StatusBar(self.session, read_only=self.context.read_only), Banner(self.session)
-        yield self._bar
-        yield self._banner
-
-    def begin(self) -> None:
-        self._banner.update()
-
     def status_changed(self) -> None:
         """Follow state and link, and take in what happened since."""
         self.second_passed()
         if self.session.happened is not self._known:
             self.show()
-
-    def second_passed(self) -> None:
-        """Paint the times again."""
-        self._bar.update()
-        self._banner.update()
 
     @property
     def all(self) -> Sequence[LoggedEvent]:

@@ -16,7 +16,8 @@ from silo_tui.keymap import DESTROYS, TWO_LAYERS
 from silo_tui.model.lists.ordering import Marks, Order, arranged, passes
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.order import OrderDialog
-from silo_tui.widgets.bars import KeyBar
+from silo_tui.sessions.live import Session
+from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.inputs import Fleeting, Line
 from silo_tui.widgets.lines import MARKED, Lines
 from silo_tui.widgets.messages import ListLine
@@ -345,3 +346,29 @@ class ListScreen(SiloScreen, Generic[LineT]):
             self.show()
         else:
             self.leave()
+
+
+class LoggerList(ListScreen[LineT]):
+    """A list of an open logger, or of a file: below how that stands."""
+
+    aside = True
+
+    def __init__(self, session: Session) -> None:
+        super().__init__()
+        self.session = session
+
+    def above(self) -> ComposeResult:
+        self.status_bar, self.banner = StatusBar(self.session, read_only=self.context.read_only), Banner(self.session)
+        yield self.status_bar
+        yield self.banner
+
+    def begin(self) -> None:
+        self.banner.update()
+
+    def going_on(self) -> Sequence[str]:
+        return [one.words for one in self.session.fetches.values()]
+
+    def second_passed(self) -> None:
+        """Paint the times again."""
+        self.status_bar.update()
+        self.banner.update()

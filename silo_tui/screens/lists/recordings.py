@@ -23,28 +23,25 @@ from silo_tui.model.words.paths import typed_path
 from silo_tui.screens.dialogs import recorder
 from silo_tui.screens.dialogs.questions import Choice, Prompt, Question
 from silo_tui.screens.files.opened import open_recording, overlay_recording
-from silo_tui.screens.lists.list_screen import ListScreen
+from silo_tui.screens.lists.list_screen import LoggerList
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.recordings import Fetching, GivenUpError, here
 from silo_tui.theme import bold
-from silo_tui.widgets.bars import Banner, StatusBar
 
 FOLLOW_S = 0.25
 FIRST, MOST = 200, 10_000  # how many are asked for
 LOOK_AGAIN_S = 0.3
 
 
-class RecordingsScreen(ListScreen[SavedRecording]):
+class RecordingsScreen(LoggerList[SavedRecording]):
     """A list of what is saved; what is being recorded stands above it."""
 
     scope = "recordings"
-    aside = True
     orders = rows.ORDERS
     filter_hint = "words of name, why and type; -not"
 
     def __init__(self, session: Session) -> None:
-        super().__init__()
-        self.session = session
+        super().__init__(session)
         self.found: Recordings | None = None
         self._deleted_here: set[str] = set()
         self._most = FIRST
@@ -52,14 +49,12 @@ class RecordingsScreen(ListScreen[SavedRecording]):
 
     def above(self) -> ComposeResult:
         """Yield status, banner, what runs."""
-        self.status_bar, self.banner = StatusBar(self.session, read_only=self.context.read_only), Banner(self.session)
-        yield self.status_bar
-        yield self.banner
+        yield from super().above()
         yield Static("", id="recordings-running", markup=False)
 
     def begin(self) -> None:
         """Ask at once; follow what is fetched."""
-        self.banner.update()
+        super().begin()
         self.read_again()
         self._look()
         self.set_interval(FOLLOW_S, self._follow_fetches)
@@ -100,7 +95,7 @@ class RecordingsScreen(ListScreen[SavedRecording]):
 
     def going_on(self) -> Sequence[str]:
         asking = ["asking for the older ones …"] if self._asking else []
-        return [*asking, *(fetching.words for fetching in self.session.fetches.values())]
+        return [*asking, *super().going_on()]
 
     def none(self) -> str:
         if self.found is None:
@@ -175,8 +170,7 @@ class RecordingsScreen(ListScreen[SavedRecording]):
 
     def status_changed(self) -> None:
         """Follow a change of state or link."""
-        self.status_bar.update()
-        self.banner.update()
+        super().second_passed()
         self.show()
         self._show_running()
 
@@ -186,8 +180,7 @@ class RecordingsScreen(ListScreen[SavedRecording]):
 
     def second_passed(self) -> None:
         """Paint the times again, and ask how far what runs is."""
-        self.status_bar.update()
-        self.banner.update()
+        super().second_passed()
         self._look()
 
     # -------------------------------------------------------------------------------------------------- moving
