@@ -334,11 +334,10 @@ class SiloApp(Guarded, App[None]):
     command_menu_record = partialmethod(command_menus, "menu_record")
     command_menu_plots = partialmethod(command_menus, "menu_plots")
 
-    def command_again(self) -> None:
-        self.reader.again(turned=False)
+    def command_again(self, *, turned: bool = False) -> None:
+        self.reader.again(turned=turned)
 
-    def command_again_back(self) -> None:
-        self.reader.again(turned=True)
+    command_again_back = partialmethod(command_again, turned=True)
 
     def command_suspend(self) -> None:
         self.action_suspend_process()

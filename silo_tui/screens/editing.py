@@ -3,7 +3,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import partial, partialmethod
 
 import msgspec
 from textual.geometry import Region
@@ -165,6 +165,12 @@ class Editing(ElementsScreen):
         if self._targets_known():
             self.sure_of_hidden(lambda: self._edit_field(field))
 
+    command_toggle = partialmethod(edit_field, Field.ENABLED)
+    command_edit_divider = partialmethod(edit_field, Field.DIVIDER)
+    command_edit_size = partialmethod(edit_field, Field.SIZE)
+    command_next_buffer = partialmethod(edit_field, Field.BUFFER)
+    command_next_action = partialmethod(edit_field, Field.ACTION)
+
     def _edit_field(self, field: Field) -> None:
         self._choose_field(field)
         targets = self.session.rows.targets()
@@ -207,21 +213,6 @@ class Editing(ElementsScreen):
         """Make an edit of what the cursor is on now, or of what is marked."""
         if self.context.allows(BY_ID["edit"]) and self._targets_known():
             self.sure_of_hidden(edit)
-
-    def command_toggle(self) -> None:
-        self.edit_field(Field.ENABLED)
-
-    def command_edit_divider(self) -> None:
-        self.edit_field(Field.DIVIDER)
-
-    def command_edit_size(self) -> None:
-        self.edit_field(Field.SIZE)
-
-    def command_next_buffer(self) -> None:
-        self.edit_field(Field.BUFFER)
-
-    def command_next_action(self) -> None:
-        self.edit_field(Field.ACTION)
 
     def command_edit_all(self) -> None:
         if self._targets_known():

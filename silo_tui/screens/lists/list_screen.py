@@ -3,6 +3,7 @@
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from functools import partialmethod
 from typing import Any, Generic, TypeVar
 
 from rich.text import Text
@@ -255,11 +256,8 @@ class ListScreen(SiloScreen, Generic[LineT]):
     def _step(self, lines: int) -> None:
         self.move((self.lines.highlighted or 0) + lines)
 
-    def command_list_down(self) -> None:
-        self._step(1)
-
-    def command_list_up(self) -> None:
-        self._step(-1)
+    command_list_down = partialmethod(_step, 1)
+    command_list_up = partialmethod(_step, -1)
 
     def command_list_page_down(self) -> None:
         self._step(self.lines.page_rows)

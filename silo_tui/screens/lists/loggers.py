@@ -6,6 +6,7 @@ Shown when there are several, and while there is none: then it says what to star
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partialmethod
 from pathlib import Path
 
 from rich.text import Text
@@ -171,14 +172,7 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
         if targets and self._command is not None:
             self._command(what, targets)
 
-    def command_start_stop_loggers(self) -> None:
-        self._many("start_stop")
-
-    def command_restart_loggers(self) -> None:
-        self._many("restart")
-
-    def command_save_loggers(self) -> None:
-        self._many("save")
-
-    def command_load_into_loggers(self) -> None:
-        self._many("load")
+    command_start_stop_loggers = partialmethod(_many, "start_stop")
+    command_restart_loggers = partialmethod(_many, "restart")
+    command_save_loggers = partialmethod(_many, "save")
+    command_load_into_loggers = partialmethod(_many, "load")

@@ -2,7 +2,7 @@
 """The parameters of a logger: what each is and may be, who set it; turned by arrows, typed, undone, kept as presets."""
 
 from collections.abc import Callable, Coroutine, Sequence
-from functools import partial
+from functools import partial, partialmethod
 from pathlib import Path
 from typing import Any
 
@@ -112,22 +112,15 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
     def enter(self) -> None:
         self.command_type_parameter()
 
-    def command_turn_down(self) -> None:
-        self._turn(-1)
-
-    def command_turn_up(self) -> None:
-        self._turn(1)
-
-    def command_turn_far_down(self) -> None:
-        self._turn(-rows.COARSE)
-
-    def command_turn_far_up(self) -> None:
-        self._turn(rows.COARSE)
-
     def _turn(self, steps: int) -> None:
         if (one := self.here()) is not None:
             turn = partial(self.knobs.turn, self.context.link, one.name, steps)
             run_aside(self, "turning", self._tell, turn, self._way_on())
+
+    command_turn_down = partialmethod(_turn, -1)
+    command_turn_up = partialmethod(_turn, 1)
+    command_turn_far_down = partialmethod(_turn, -rows.COARSE)
+    command_turn_far_up = partialmethod(_turn, rows.COARSE)
 
     @staticmethod
     def _way_on() -> str:

@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partialmethod
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
@@ -154,12 +155,6 @@ class SettingsScreen(ListScreen[SettingRow]):
         """Change what is clicked."""
         self.command_change_setting()
 
-    def command_earlier_word(self) -> None:
-        self._choose(-1)
-
-    def command_later_word(self) -> None:
-        self._choose(1)
-
     def _choose(self, step: int) -> None:
         option = row.option if (row := self.chosen) is not None else None
         if option is None or not option.words or option.several:
@@ -168,6 +163,9 @@ class SettingsScreen(ListScreen[SettingRow]):
         place = option.words.index(getattr(self.context.settings, option.name))
         word = option.words[(place + step) % len(option.words)]
         self._change(f"{option.name}: {word}", **{option.name: word})
+
+    command_earlier_word = partialmethod(_choose, -1)
+    command_later_word = partialmethod(_choose, 1)
 
     def command_default_setting(self) -> None:
         row, settings = self.here(), self.context.settings

@@ -10,6 +10,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partialmethod
 
 import numpy as np
 from textual import events
@@ -292,18 +293,6 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
     def command_mode(self) -> None:
         self._show_as(MODES[(MODES.index(self.mode) + 1) % len(MODES)])
 
-    def command_mode_time(self) -> None:
-        self._show_as("time")
-
-    def command_mode_spectrum(self) -> None:
-        self._show_as("spectrum")
-
-    def command_mode_xy(self) -> None:
-        self._show_as("x-y")
-
-    def command_mode_histogram(self) -> None:
-        self._show_as("histogram")
-
     def on_key(self, event: events.Key) -> None:
         """Say of the key that led here that it leads no further."""
         if key_text(event.key) == key_of("detail"):
@@ -341,6 +330,11 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         self.stack.display, self.plot.display = over_time, not over_time
         self.show_between()
         self.call_after_refresh(self.request_view)
+
+    command_mode_time = partialmethod(_show_as, "time")
+    command_mode_spectrum = partialmethod(_show_as, "spectrum")
+    command_mode_xy = partialmethod(_show_as, "x-y")
+    command_mode_histogram = partialmethod(_show_as, "histogram")
 
     def command_level(self) -> None:
         if self.mode == "spectrum":
@@ -471,12 +465,6 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
             self.stack.show_panels([tuple(self.plots[: self.count])])
         self.request_view()
 
-    def command_detail_down(self) -> None:
-        self._turn_to(1)
-
-    def command_detail_up(self) -> None:
-        self._turn_to(-1)
-
     def command_detail_top(self) -> None:
         self._turn_to(-self._turned)
 
@@ -495,6 +483,9 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         self.count, self._peak = 1, None
         self.stack.show_panels([tuple(self.plots[:1])])
         self.request_view()
+
+    command_detail_down = partialmethod(_turn_to, 1)
+    command_detail_up = partialmethod(_turn_to, -1)
 
     def command_detail_refresh(self) -> None:
         if not self.session.connected:

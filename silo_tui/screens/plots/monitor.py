@@ -2,6 +2,7 @@
 """The monitor: the commands of a plot screen."""
 
 from collections.abc import Callable, Sequence
+from functools import partialmethod
 
 from textual.message import Message
 
@@ -112,12 +113,6 @@ class MonitorScreen(PlotScreen):
         if words:
             self.say(words)
 
-    def command_earlier(self) -> None:
-        self._pan(-1)
-
-    def command_later(self) -> None:
-        self._pan(1)
-
     def _pan(self, direction: int) -> None:
         """Pan by half a window; the cursor stays where it is in the picture."""
         span_ns, (oldest_ns, newest_ns) = self.window.span_ns, self.held_ns
@@ -136,6 +131,9 @@ class MonitorScreen(PlotScreen):
         moved = self.window.pan(direction, (oldest_ns, newest_ns), self.stack.columns)
         self.moved()
         self.say("" if moved else f"that is {self._edge(direction)}")
+
+    command_earlier = partialmethod(_pan, -1)
+    command_later = partialmethod(_pan, 1)
 
     def _edge(self, direction: int) -> str:
         if self.file is not None:

@@ -9,6 +9,7 @@ import asyncio
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partialmethod
 
 import numpy as np
 from textual.app import ComposeResult
@@ -270,17 +271,14 @@ class ScopeScreen(SiloScreen):
             self._held = False
         self._set(replace(self.settings, mode=mode), f"mode {mode.value}")
 
-    def command_level_up(self) -> None:
-        self._move_level(1)
-
-    def command_level_down(self) -> None:
-        self._move_level(-1)
-
     def _move_level(self, step: int) -> None:
         bottom, top = self.stack.scale_of_first()
         height = (top - bottom) if top > bottom else max(abs(self.settings.level), 1.0)
         level = float(text.short(self.settings.level + step * height / LEVEL_STEPS))
         self._set(replace(self.settings, level=level), "")
+
+    command_level_up = partialmethod(_move_level, 1)
+    command_level_down = partialmethod(_move_level, -1)
 
     def command_scope_settings(self) -> None:
         now = self.settings
@@ -316,21 +314,14 @@ class ScopeScreen(SiloScreen):
     def command_wider(self) -> None:
         self._set(replace(self.settings, span_s=other_span(self.settings.span_s, closer=False)), "")
 
-    def command_cursor_left(self) -> None:
-        self._move_cursor(-1)
-
-    def command_cursor_right(self) -> None:
-        self._move_cursor(1)
-
-    def command_cursor_far_left(self) -> None:
-        self._move_cursor(-FAR)
-
-    def command_cursor_far_right(self) -> None:
-        self._move_cursor(FAR)
-
     def _move_cursor(self, cells: int) -> None:
         self.window.move_cursor(cells, self.stack.columns)
         self.stack.redraw()
+
+    command_cursor_left = partialmethod(_move_cursor, -1)
+    command_cursor_right = partialmethod(_move_cursor, 1)
+    command_cursor_far_left = partialmethod(_move_cursor, -FAR)
+    command_cursor_far_right = partialmethod(_move_cursor, FAR)
 
     def command_plot_trigger(self) -> None:
         from silo_tui.screens.dialogs.trigger_editor import ask_trigger

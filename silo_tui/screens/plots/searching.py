@@ -4,6 +4,7 @@
 import asyncio
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partialmethod
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -105,12 +106,6 @@ class MomentSearch:
     def _find(self, search: Search) -> None:
         run_alone(self.screen, "find", self._search, search, 0)
 
-    def command_next_found(self) -> None:
-        self._find_on(1)
-
-    def command_previous_found(self) -> None:
-        self._find_on(-1)
-
     def _find_on(self, step: int) -> None:
         """Go on with the search; without one to the highest and lowest number, or the change next to here."""
         self.screen.pause_here()
@@ -120,6 +115,9 @@ class MomentSearch:
         curve = kind_of(self.screen.stack.chosen_plot) is CurveKind.CURVE
         what = (What.HIGHEST if step > 0 else What.LOWEST) if curve else What.CHANGE
         run_alone(self.screen, "find", self._search, Search(what), 0 if curve else step, keep=False)
+
+    command_next_found = partialmethod(_find_on, 1)
+    command_previous_found = partialmethod(_find_on, -1)
 
     async def _search(self, search: Search, step: int, *, keep: bool = True) -> None:
         await self.screen.pause.settled()
@@ -193,15 +191,12 @@ class MomentSearch:
     def _told(self, event: LoggedEvent) -> str:
         return words(event, self.screen.session.told)
 
-    def command_next_event(self) -> None:
-        self._event(1)
-
-    def command_previous_event(self) -> None:
-        self._event(-1)
-
     def _event(self, step: int) -> None:
         self.screen.pause_here()
         run_alone(self.screen, "find", self._go_to_event, step)
+
+    command_next_event = partialmethod(_event, 1)
+    command_previous_event = partialmethod(_event, -1)
 
     async def _go_to_event(self, step: int) -> None:
         await self.screen.pause.settled()
@@ -220,15 +215,12 @@ class MomentSearch:
 
     # ------------------------------------------------------------------------------------------------------ samples
 
-    def command_next_sample(self) -> None:
-        self._step(1)
-
-    def command_previous_sample(self) -> None:
-        self._step(-1)
-
     def _step(self, step: int) -> None:
         self.screen.pause_here()
         run_aside(self.screen, "find", self._step_by, step)
+
+    command_next_sample = partialmethod(_step, 1)
+    command_previous_sample = partialmethod(_step, -1)
 
     async def _step_by(self, step: int) -> None:
         await self.screen.pause.settled()
