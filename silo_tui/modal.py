@@ -34,6 +34,16 @@ def run_alone(of: DOMNode, group: str, work: Work[Given], *given: Given.args, **
     run_aside(of, group, work, *given, **named)
 
 
+def ask(of: DOMNode, dialog: Screen[ResultT | None], then: Callable[[ResultT], object]) -> None:
+    """Show a dialog, and go on with what it answers; where it was left, nothing is done."""
+
+    def answered(answer: ResultT | None) -> None:
+        if answer is not None:
+            then(answer)
+
+    of.app.push_screen(dialog, answered)
+
+
 class Leaving(Guarded, Screen[ResultT]):
     """A screen whose workers end before its widgets go: none of them wakes up to a screen without widgets."""
 

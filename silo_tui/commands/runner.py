@@ -19,7 +19,7 @@ from silo_tui.context import Context, SiloScreen
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout, read, write
 from silo_tui.layouts.presets import BY_NAME, NEAR, PRESETS, near_limit, within
-from silo_tui.modal import run_alone
+from silo_tui.modal import ask, run_alone
 from silo_tui.model.words import command_line
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.model.words.paths import typed_file
@@ -163,7 +163,8 @@ class CommandRunner:
             choices = [Choice(each, each, each[0]) for each in THEMES]
             now = self._context.app.theme.removeprefix(theme_name(""))
             body = f"Until silo-tui ends; {key_of('settings')}, then {key_of('write_settings')} keeps them."
-            self._context.app.push_screen(Question("Which colours?", body, choices, now), self._theme_chosen)
+            question = Question("Which colours?", body, choices, now)
+            ask(self._context.app, question, lambda name: self.command_theme(Spelled("theme", (name,))))
             return
         keys = f"{key_of('settings')} {key_of('write_settings')}"
         if len(words) == 1 and words[0] in THEMES:
@@ -178,10 +179,6 @@ class CommandRunner:
             raise ValueError(f"themes: {', '.join(THEMES)}; Textual's: {others}")
         self._context.app.theme = name
         self._context.say(f"theme: {name}, until silo-tui ends; {keys} keeps none but {', '.join(THEMES)}")
-
-    def _theme_chosen(self, name: str | None) -> None:
-        if name is not None:
-            self.command_theme(Spelled("theme", (name,)))
 
     def command_control(self, typed: Spelled = BY_KEY) -> None:
         self._context.run_flow(control_flow(self._context, typed.arguments))

@@ -13,6 +13,7 @@ from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.settings.typed import ElementSettings, examples, read_settings
 from silo_tui.actions import BY_ID, Command, key_of
+from silo_tui.modal import ask
 from silo_tui.model.table.columns import STEADY
 from silo_tui.model.table.fields import Field, next_value, parse_change, phrase_for
 from silo_tui.model.table.state import APPLIED
@@ -75,7 +76,8 @@ class Editing(ElementsScreen):
         elif self._targets_known():
             count = len(self.session.rows.targets())
             choices = [Choice(str(int(field)), field.label, key) for field, key in FIELD_KEYS.items()]
-            self.app.push_screen(Question(f"Edit what of {many(count, 'element')}?", "", choices), self._edit_chosen)
+            question = Question(f"Edit what of {many(count, 'element')}?", "", choices)
+            ask(self, question, lambda answer: self.edit_field(Field(int(answer))))
 
     @property
     def _derived_row(self) -> int | None:
@@ -125,9 +127,9 @@ class Editing(ElementsScreen):
             Choice("trigger", f"A trigger: {made.when}", "t"), Choice("limits", "Limits", "l"),
             Choice("derived", "A signal derived from it", "d"),
         ]  # fmt: skip
-        self.app.push_screen(Question(f"New for {short}?", "", choices), lambda answer: self._make(answer, made, name))
+        ask(self, Question(f"New for {short}?", "", choices), lambda answer: self._make(answer, made, name))
 
-    def _make(self, answer: str | None, made: TriggerOptions, name: str) -> None:
+    def _make(self, answer: str, made: TriggerOptions, name: str) -> None:
         """Ask for a trigger, limits or a derived signal, over the table."""
         if answer == "trigger":
             from silo_tui.screens.dialogs.trigger_editor import ask_trigger
@@ -144,10 +146,6 @@ class Editing(ElementsScreen):
 
         shown = self.session.short_name(name).lstrip("/")
         self.context.run_flow(ask_limits(self.context, shown, name, partial(told, self.context, place="alarms")))
-
-    def _edit_chosen(self, answer: str | None) -> None:
-        if answer is not None:
-            self.edit_field(Field(int(answer)))
 
     def _targets_known(self) -> bool:
         if len(self.session.rows.targets()) and not (why := self.session.why_fixed()):
@@ -188,13 +186,9 @@ class Editing(ElementsScreen):
         count = len(self.session.rows.targets())
         words = field.option.words
         choices = [Choice(str(int(each.value)), phrase_for(field, int(each.value)), each.cell[0]) for each in words]
-
-        def answered(answer: str | None) -> None:
-            if answer is not None:
-                self._set(field, int(answer))
-
         title = f"{field.label} of {many(count, 'element')}"
-        self.app.push_screen(Question(title, f"now {phrase_for(field, value)}", choices, str(value)), answered)
+        question = Question(title, f"now {phrase_for(field, value)}", choices, str(value))
+        ask(self, question, lambda answer: self._set(field, int(answer)))
 
     def _open_editor(self, value: str, *, select: bool) -> None:
         if self.table.field not in self.table.field_spans():

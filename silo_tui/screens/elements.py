@@ -15,6 +15,7 @@ from silo.core.names import glob_of_regex
 from silo.core.quantities.writing import many
 from silo.rpc.frames import Frame
 from silo_tui.context import SiloScreen
+from silo_tui.modal import ask
 from silo_tui.model.table import filter as filters
 from silo_tui.model.table.columns import NAME, TREE
 from silo_tui.model.words.command_line import BY_KEY, Spelled
@@ -275,11 +276,9 @@ class ElementsScreen(SiloScreen):
                 raise ValueError(f"sort by one of {', '.join(rows.orders)}")
             self._order_by(typed.rest)
             return
-        self.app.push_screen(OrderDialog(list(rows.orders.values()), rows.sort, rows.arrow), self._order_by)
+        ask(self, OrderDialog(list(rows.orders.values()), rows.sort, rows.arrow), self._order_by)
 
-    def _order_by(self, order: str | None) -> None:
-        if order is None:
-            return
+    def _order_by(self, order: str) -> None:
         self.session.rows.order_by(order)
         if order != NAME:  # who goes back to names stays where he is; else one wants to see what is on top
             self.session.rows.move_to(0)

@@ -123,9 +123,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         if monitor is not None and one.worst_ns:
             monitor.call_after_refresh(monitor.show_moment_of, one.worst_ns)
 
-    def enter(self) -> None:
-        """Go to its worst sample."""
-        self.command_alarm_worst()
+    enter = command_alarm_worst
 
     def _element_of(self, one: LimitStatus) -> str | None:
         """Return the element that a scalar is of; None of what is derived."""

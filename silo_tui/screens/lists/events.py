@@ -141,10 +141,6 @@ class EventsScreen(LoggerList[LoggedEvent]):
         else:
             self.context.say(f"{many(len(shown), 'event')} written: {path.absolute()}")
 
-    def enter(self) -> None:
-        """Go where a click points."""
-        self.command_go_to_event()
-
     def command_go_to_event(self) -> None:
         event = self.here()
         if event is None:
@@ -166,6 +162,8 @@ class EventsScreen(LoggerList[LoggedEvent]):
             self.say("no plots are open, and this is about no signal that has samples")
             return
         plots.call_after_refresh(plots.search.jump_to_event, event)
+
+    enter = command_go_to_event
 
     def _about(self, event: LoggedEvent) -> Sequence[str]:
         """Return the elements that it or its trigger names; else those that are marked, or under the cursor there."""

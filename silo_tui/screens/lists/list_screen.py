@@ -14,6 +14,7 @@ from textual.widgets import Static
 from silo_tui.actions import Command, key_of
 from silo_tui.context import SiloScreen
 from silo_tui.keymap import DESTROYS, TWO_LAYERS
+from silo_tui.modal import ask
 from silo_tui.model.lists.ordering import Marks, Order, arranged, passes
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.order import OrderDialog
@@ -291,13 +292,12 @@ class ListScreen(SiloScreen, Generic[LineT]):
 
     def command_list_order(self) -> None:
         arrow = "↓" if self._order.backwards != self._turned else "↑"
-        self.app.push_screen(OrderDialog(self.orders, self._order.name, arrow), self._by)
+        ask(self, OrderDialog(self.orders, self._order.name, arrow), self._by)
 
-    def _by(self, name: str | None) -> None:
-        if name is not None:
-            self._turned = not self._turned if name == self._order.name else False
-            self._order = next(order for order in self.orders if order.name == name)
-            self.show()
+    def _by(self, name: str) -> None:
+        self._turned = not self._turned if name == self._order.name else False
+        self._order = next(order for order in self.orders if order.name == name)
+        self.show()
 
     def command_list_filter(self) -> None:
         over = self.query_one("#list-filter", Line).begin_over(self.asked)

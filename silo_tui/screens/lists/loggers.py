@@ -142,8 +142,7 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
         """All loggers of the list."""
         return self._found
 
-    def enter(self) -> None:
-        """Open it."""
+    def command_open_logger(self) -> None:
         for one in self._found:
             if one.key == self.chosen_key:
                 if one.is_there:
@@ -151,8 +150,7 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
                 else:
                     self.say(f"{one.address} is not there any more; {key_of('look_again')} looks again")
 
-    def command_open_logger(self) -> None:
-        self.enter()
+    enter = command_open_logger
 
     def forget(self) -> bool:
         if self.answers:

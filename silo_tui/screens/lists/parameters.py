@@ -14,7 +14,7 @@ from silo.errors import SiloError
 from silo.net.access.senders import short_words
 from silo.settings.presets import read_preset, typed_value, write_preset
 from silo_tui.actions import key_of
-from silo_tui.modal import run_aside
+from silo_tui.modal import ask, run_aside
 from silo_tui.model.lists import parameters as rows
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words.names import fitting_names
@@ -109,9 +109,6 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
 
     # ------------------------------------------------------------------------------------------------- commands
 
-    def enter(self) -> None:
-        self.command_type_parameter()
-
     def _turn(self, steps: int) -> None:
         if (one := self.here()) is not None:
             turn = partial(self.knobs.turn, self.context.link, one.name, steps)
@@ -148,11 +145,9 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
         body = "\n".join(filter(None, [one.description, f"{range_text(one)}{unit}; default {value_text(one.default)}"]))
         shown = value_text(one.value).strip("[]")
         prompt = Prompt(self._short(one.name), body, shown, check=partial(typed_value, one))
-        self.app.push_screen(prompt, lambda typed: self._typed(one, typed))
+        ask(self, prompt, lambda typed: self._set({one.name: typed_value(one, typed)}))
 
-    def _typed(self, one: ParameterInfo, typed: str | None) -> None:
-        if typed is not None:
-            self._set({one.name: typed_value(one, typed)})
+    enter = command_type_parameter
 
     def _set(self, values: dict[str, ParameterValue]) -> None:
         job = partial(self.knobs.set, self.context.link, values)

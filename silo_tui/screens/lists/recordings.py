@@ -15,7 +15,7 @@ from silo.errors import SiloError
 from silo.recordings.requests import Recordings, SavedRecording
 from silo.rpc.frames import Frame
 from silo_tui.actions import key_of
-from silo_tui.modal import run_alone, run_aside
+from silo_tui.modal import ask, run_alone, run_aside
 from silo_tui.model.lists import recorders
 from silo_tui.model.lists import recordings as rows
 from silo_tui.model.words.command_line import BY_KEY, Spelled
@@ -201,10 +201,6 @@ class RecordingsScreen(LoggerList[SavedRecording]):
         self._more()
         super().command_list_bottom()
 
-    def enter(self) -> None:
-        """Open what is clicked."""
-        self.command_open_recording()
-
     def filter_by(self, words: str) -> None:
         if words:
             self._more()
@@ -223,6 +219,8 @@ class RecordingsScreen(LoggerList[SavedRecording]):
             self.say(f"{one.stem} is not finished: it is being written, or its writer died; the next start removes it")
             return
         run_alone(self, "opening", open_recording, self.context, self.session, self.found.folder, rows.best_file(one))
+
+    enter = command_open_recording
 
     def command_overlay_recording(self) -> None:
         one = self.chosen
@@ -314,13 +312,8 @@ class RecordingsScreen(LoggerList[SavedRecording]):
                 Choice("", "Keep it" if len(targets) == 1 else "Keep them"),
                 Choice("yes", f"Delete {size}", "y", loses=True),
             ]
-            self.app.push_screen(
-                Question(f"Delete {what}, {size}?", body, choices), lambda answer: self._delete(targets, answer)
-            )
-
-    def _delete(self, targets: list[SavedRecording], answer: str | None) -> None:
-        if answer == "yes":
-            run_aside(self, "deleting", self._deleted, targets)
+            question = Question(f"Delete {what}, {size}?", body, choices)
+            ask(self, question, lambda _: run_aside(self, "deleting", self._deleted, targets))
 
     async def _deleted(self, targets: list[SavedRecording]) -> None:
         self.say("deleting …")

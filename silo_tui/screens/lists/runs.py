@@ -14,7 +14,7 @@ from silo.errors import SiloError
 from silo.run_index.listed import ListedRun
 from silo.run_index.runs import RunList, runs
 from silo_tui.actions import key_of
-from silo_tui.modal import run_alone
+from silo_tui.modal import ask, run_alone
 from silo_tui.model.lists import runs as rows
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words.names import fitted_among
@@ -122,9 +122,6 @@ class RunsScreen(ListScreen[ListedRun]):
     def may_be(self, one: ListedRun) -> bool:
         return not one.facts.problem
 
-    def enter(self) -> None:
-        self.command_open_run()
-
     # ------------------------------------------------------------------------------------------ columns, opening
 
     def command_runs_column(self) -> None:
@@ -158,6 +155,8 @@ class RunsScreen(ListScreen[ListedRun]):
         if one is not None:
             run_alone(self, "opening", self._open, str(one.path))
 
+    enter = command_open_run
+
     async def _open(self, path: str) -> None:
         try:
             await open_path(self.context, path)
@@ -170,11 +169,8 @@ class RunsScreen(ListScreen[ListedRun]):
             self.say(f"{key_of('list_mark')} marks runs: two or more lie over each other")
             return
         body = f"{many(len(targets), 'run')}, by the time since their start; or since the first event with these words:"
-        self.app.push_screen(Prompt("Overlay", body, "", "start"), lambda event: self._overlay(targets, event))
-
-    def _overlay(self, targets: list[ListedRun], event: str | None) -> None:
-        if event is not None:
-            run_alone(self, "opening", self._show_together, targets, event.strip())
+        prompt = Prompt("Overlay", body, "", "start")
+        ask(self, prompt, lambda event: run_alone(self, "opening", self._show_together, targets, event.strip()))
 
     async def _show_together(self, targets: list[ListedRun], event: str) -> None:
         def read() -> Log:

@@ -17,7 +17,7 @@ from textual.widgets import Static
 from silo.errors import SiloError
 from silo_tui.actions import BY_ID, COMMANDS, key_of, key_text
 from silo_tui.keymap import clashes, keys_in
-from silo_tui.modal import Dialog
+from silo_tui.modal import Dialog, ask
 from silo_tui.model.lists.ordering import Order
 from silo_tui.screens.lists.list_screen import ListScreen
 from silo_tui.settings.keys import key_problem, label
@@ -143,7 +143,7 @@ class SettingsScreen(ListScreen[SettingRow]):
             return
         if row.command:
             command = row.command
-            self.app.push_screen(KeyDialog(command, self.context.settings), lambda key: self._take_key(command, key))
+            ask(self, KeyDialog(command, self.context.settings), lambda key: self._take_key(command, key))
         elif row.option is not None and row.option.words and not row.option.several:
             self._choose(1)
         elif row.option is not None:
@@ -151,9 +151,7 @@ class SettingsScreen(ListScreen[SettingRow]):
             self.query_one(KeyBar).show_instead(TYPING_KEYS)
             self.query_one("#settings-value", Line).begin(" ".join(value) if row.option.several else typed(value))
 
-    def enter(self) -> None:
-        """Change what is clicked."""
-        self.command_change_setting()
+    enter = command_change_setting
 
     def _choose(self, step: int) -> None:
         option = row.option if (row := self.chosen) is not None else None
@@ -182,9 +180,8 @@ class SettingsScreen(ListScreen[SettingRow]):
             value = getattr(Settings(), row.option.name)
             self._change(f"{row.option.name}: {typed(value) if value else 'all'}", **{row.option.name: value})
 
-    def _take_key(self, command: str, key: str | None) -> None:
-        if key:
-            self._change(f"{command}: {key_text(key)}", keys={**self.context.settings.keys, command: key})
+    def _take_key(self, command: str, key: str) -> None:
+        self._change(f"{command}: {key_text(key)}", keys={**self.context.settings.keys, command: key})
 
     def command_write_settings(self) -> None:
         context = self.context

@@ -170,6 +170,4 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         elif one is not None:
             run_alone(self, "opening", open_capture, self.context, self.session, one)
 
-    def enter(self) -> None:
-        """Open what it captured last."""
-        self.command_trigger_capture()
+    enter = command_trigger_capture

@@ -31,7 +31,7 @@ from silo.core.quantities.writing import duration, many
 from silo.errors import SiloError
 from silo.rpc.frames import Frame
 from silo_tui.actions import Command, key_of, key_text
-from silo_tui.modal import run_alone
+from silo_tui.modal import ask, run_alone
 from silo_tui.model.drawing import big_plot
 from silo_tui.model.drawing.big_plot import BigPlot
 from silo_tui.model.drawing.columns import Floats
@@ -358,10 +358,10 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
                 Choice(str(at), f"{word}, {self._hz(peak)} Hz", "h" if at == 0 else str(at + 1))
                 for at, (word, peak) in enumerate(zip(words, self._peaks, strict=True))
             ]
-            self.app.push_screen(Question("Find in the spectrum", "", choices), self._peak_chosen)
+            ask(self, Question("Find in the spectrum", "", choices), self._peak_chosen)
 
-    def _peak_chosen(self, answer: str | None) -> None:
-        if answer is not None and int(answer) < len(self._peaks):
+    def _peak_chosen(self, answer: str) -> None:
+        if int(answer) < len(self._peaks):
             self._peak = int(answer)
             self._tell_peak()
 

@@ -19,7 +19,7 @@ from silo.core.elements import LoggedEvent
 from silo.errors import RefusedError, SiloError
 from silo.rpc.frames import Frame
 from silo_tui.context import SiloScreen
-from silo_tui.modal import run_aside
+from silo_tui.modal import ask, run_aside
 from silo_tui.model.drawing.plots import Picture, Plotted
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.plots.facts import extremes
@@ -285,13 +285,8 @@ class ScopeScreen(SiloScreen):
         way = "rising" if now.direction > 0 else "falling"
         typed = f"{way} {text.short(now.level, 6)} pre {100 * now.pre:g} {now.mode.value}"
         body = "rising or falling, the level, pre and its share in %, normal, single or auto"
-
-        def take(typed: str | None) -> None:
-            if typed is not None:
-                self._set(parse_settings(typed, now), "")
-
-        hint = "rising 20 pre 40 normal"
-        self.app.push_screen(Prompt("Scope", body, typed, hint, lambda line: parse_settings(line, now)), take)
+        prompt = Prompt("Scope", body, typed, "rising 20 pre 40 normal", lambda line: parse_settings(line, now))
+        ask(self, prompt, lambda line: self._set(parse_settings(line, now), ""))
 
     def command_scope_force(self) -> None:
         self._forced = True

@@ -12,7 +12,7 @@ import numpy as np
 from silo.core.elements import LoggedEvent
 from silo.errors import SiloError
 from silo_tui.actions import key_of
-from silo_tui.modal import run_alone, run_aside
+from silo_tui.modal import ask, run_alone, run_aside
 from silo_tui.model.drawing.plots import Plotted
 from silo_tui.model.lists.happened import gone_words, words
 from silo_tui.model.plots.panels import CurveKind, kind_of
@@ -63,35 +63,28 @@ class MomentSearch:
             self.screen.session.short_name(self.screen.stack.chosen_plot.name), len(self.screen.stack.plots)
         )
 
-        def level_typed(level: str | None) -> None:
-            if level is not None:
-                self._find(replace(parse_crossing(level), everywhere=dialog.everywhere))
+        def level_typed(level: str) -> None:
+            self._find(replace(parse_crossing(level), everywhere=dialog.everywhere))
 
-        def condition_typed(search: Search | None) -> None:
-            if search is not None:
-                self._condition = search.condition
-                self._find(search)
+        def condition_typed(search: Search) -> None:
+            self._condition = search.condition
+            self._find(search)
 
-        def moment_typed(words: str | None) -> None:
-            if words is not None:
-                run_alone(self.screen, "find", self._go_to_typed, words)
-
-        def chosen(answer: str | None) -> None:
+        def chosen(answer: str) -> None:
             if answer == MOMENT:
                 title, check = "Go to a moment", self.screen.moment_typed
-                self.screen.app.push_screen(
-                    Prompt(title, f"Enter goes there: {MOMENTS}", "", "-3s", check), moment_typed
-                )
+                prompt = Prompt(title, f"Enter goes there: {MOMENTS}", "", "-3s", check)
+                ask(self.screen, prompt, lambda words: run_alone(self.screen, "find", self._go_to_typed, words))
             elif answer == What.CROSSING.value:
                 line = Prompt("Find a crossing", HOW, "", "20", parse_crossing)
-                self.screen.app.push_screen(line, level_typed)
+                ask(self.screen, line, level_typed)
                 run_alone(self.screen, "offer", self._offer_level, line)
             elif answer == What.CONDITION.value:
-                self.screen.app.push_screen(ConditionDialog(self.screen.session, self._condition), condition_typed)
-            elif answer is not None:
+                ask(self.screen, ConditionDialog(self.screen.session, self._condition), condition_typed)
+            else:
                 self._find(Search(What(answer), everywhere=dialog.everywhere))
 
-        self.screen.app.push_screen(dialog, chosen)
+        ask(self.screen, dialog, chosen)
 
     async def _go_to_typed(self, words: str) -> None:
         await self.screen.pause.settled()  # what the times are counted from
