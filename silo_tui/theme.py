@@ -10,14 +10,27 @@ stopped; `pending` edits that wait; `dead` what no longer answers, or ended; `se
 
 import os
 from collections.abc import Container, Mapping
+from types import MappingProxyType
 
 from textual.theme import Theme
 
 ROLES = ("alarm", "warning", "pending", "dead", "selected")
+_OWN = "ansi_default"  # the terminal's
 
 
-def _theme(name: str, *, dark: bool, grounds: tuple[str, str, str, str], roles: dict[str, str], lines: str) -> Theme:
-    """Return a theme; `grounds` are background, panel, boost and the line under the cursor."""
+def _theme(
+    name: str,
+    *,
+    dark: bool,
+    grounds: tuple[str, str, str, str],
+    roles: dict[str, str],
+    lines: str,
+    ansi: Mapping[str, str] = MappingProxyType({}),
+) -> Theme:
+    """Return a theme; `grounds` are background, panel, boost and the line under the cursor.
+
+    `ansi` are variables of one in the terminal's own colours, over those that follow from the rest.
+    """
     background, panel, boost, line = grounds
     return Theme(
         name=name,
@@ -33,6 +46,7 @@ def _theme(name: str, *, dark: bool, grounds: tuple[str, str, str, str], roles: 
         panel=panel,
         boost=boost,
         dark=dark,
+        ansi=bool(ansi),
         variables={
             "block-cursor-background": line,
             "block-cursor-foreground": roles["text"],
@@ -50,6 +64,7 @@ def _theme(name: str, *, dark: bool, grounds: tuple[str, str, str, str], roles: 
             "quiet": roles["quiet"],
             "plot": roles["data"],
             **{role: roles[role] for role in ROLES},
+            **ansi,
         },
     )
 
@@ -86,51 +101,23 @@ CONTRAST = _theme(
 )  # fmt: skip
 # The terminal's own sixteen: neither bright black, unseen in Solarized, nor dark blue, unseen on black. What can't be
 # told by a colour is told by `:ansi` rules in silo.tcss: quiet is dim, the line under the cursor reversed.
-SIXTEEN = Theme(
-    name="silo-16",
-    ansi=True,
-    primary="ansi_bright_blue",
-    secondary="ansi_cyan",
-    accent="ansi_yellow",
-    success="ansi_green",
-    warning="ansi_yellow",
-    error="ansi_bright_red",
-    foreground="ansi_default",
-    background="ansi_default",
-    surface="ansi_default",
-    panel="ansi_default",
-    boost="ansi_default",
+SIXTEEN = _theme(
+    "silo-16",
     dark=True,
-    variables={
-        "ansi-background": "ansi_default",
-        "ansi-foreground": "ansi_default",
-        "block-cursor-background": "ansi_default",
-        "block-cursor-foreground": "ansi_default",
-        "block-cursor-text-style": "reverse",
-        "border": "ansi_default",
-        "border-blurred": "ansi_default",
-        "input-cursor-background": "ansi_default",
-        "input-cursor-foreground": "ansi_default",
-        "input-cursor-text-style": "reverse",
-        "input-selection-background": "ansi_bright_blue",
-        "input-selection-foreground": "ansi_black",
-        "scrollbar": "ansi_default",
-        "scrollbar-hover": "ansi_bright_blue",
-        "scrollbar-active": "ansi_bright_blue",
-        "scrollbar-background": "ansi_default",
-        "scrollbar-background-hover": "ansi_default",
-        "scrollbar-background-active": "ansi_default",
-        "scrollbar-corner-color": "ansi_default",
-        "line": "ansi_default",
-        "quiet": "ansi_default",
-        "plot": "ansi_bright_cyan",
-        "alarm": "ansi_bright_red",
-        "warning": "ansi_yellow",
-        "pending": "ansi_bright_magenta",
-        "dead": "ansi_red",
+    grounds=(_OWN, _OWN, _OWN, _OWN),
+    roles={
+        "text": _OWN, "quiet": _OWN, "focus": "ansi_bright_blue", "good": "ansi_green", "data": "ansi_bright_cyan",
+        "alarm": "ansi_bright_red", "warning": "ansi_yellow", "pending": "ansi_bright_magenta", "dead": "ansi_red",
         "selected": "ansi_cyan",
     },
-)
+    lines=_OWN,
+    ansi={
+        "ansi-background": _OWN, "ansi-foreground": _OWN, "block-cursor-text-style": "reverse",
+        "input-cursor-background": _OWN, "input-cursor-foreground": _OWN, "input-cursor-text-style": "reverse",
+        "input-selection-background": "ansi_bright_blue", "input-selection-foreground": "ansi_black",
+        "scrollbar-hover": "ansi_bright_blue",
+    },
+)  # fmt: skip
 THEMES = (DARK, LIGHT, CONTRAST, SIXTEEN)
 # themes of Textual's own know nothing of ours
 FALLBACK = {name: SIXTEEN.variables[name] for name in ("line", "quiet", "plot", *ROLES)}
