@@ -17,7 +17,7 @@ from silo.rpc.frames import Frame
 from silo_tui.context import SiloScreen
 from silo_tui.modal import ask
 from silo_tui.model.table import filter as filters
-from silo_tui.model.table.columns import NAME, TREE
+from silo_tui.model.table.columns import NAME, TREE, TableColumn
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.sessions.live import Session
@@ -44,23 +44,16 @@ class ElementsScreen(SiloScreen):
 
     filter_hint = ""
     plots_by = "monitor"  # the command that plots
+    inspector_least = 32  # its cells where there is little room
 
-    def __init__(
-        self,
-        session: Session,
-        table: ElementTable,
-        inspector: Inspector,
-        bars: tuple[StatusBar, Banner],
-        *,
-        read_only: bool,
-    ) -> None:
+    def __init__(self, session: Session, columns: Sequence[TableColumn], *, read_only: bool) -> None:
         super().__init__()
         self.session = session
-        self.table = table
-        self.inspector = inspector
-        self.status_bar, self.banner = bars
+        self.table = ElementTable(session, columns)
+        self.inspector = Inspector(session)
+        self.status_bar, self.banner = StatusBar(session, read_only=read_only), Banner(session)
         self.info = InfoLine(session)
-        self.table_head = TableHead(table)
+        self.table_head = TableHead(self.table)
         self._read_only = read_only
         self._inspector_wanted: bool | None = None
         self._view_timer: Timer | None = None
@@ -108,9 +101,10 @@ class ElementsScreen(SiloScreen):
         self.table_head.refresh()
         self.request_view_soon()
 
-    @abstractmethod
     def inspector_width(self, width: int) -> int:
         """Return the cells of the inspector on a screen of `width` cells."""
+        least = self.inspector_least
+        return least if width < 140 else min(64, least + 2 + (width - 130) // 3)
 
     @abstractmethod
     def lay_out_table(self, width: int, rest: int) -> None:

@@ -23,10 +23,9 @@ from silo_tui.screens.elements import WIDE
 from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import pace_of
-from silo_tui.widgets.bars import Banner, KeyBar, StatusBar, left_a_file
-from silo_tui.widgets.element_table import FLAGS, TREND, ElementTable
+from silo_tui.widgets.bars import KeyBar, left_a_file
+from silo_tui.widgets.element_table import FLAGS, TREND
 from silo_tui.widgets.inputs import CellEditor, Fleeting, Line
-from silo_tui.widgets.inspector import Inspector
 
 COLUMN_NS = 200_000_000
 COLUMNS = 120
@@ -63,22 +62,12 @@ class TableScreen(Editing):
         self._survey_s = 0.0
         self._no_survey = ""
         self._window = ""  # over how long the statistics are, as the head says it
-        super().__init__(
-            session,
-            ElementTable(session, LIVE_COLUMNS),
-            Inspector(session),
-            (StatusBar(session, read_only=read_only), Banner(session)),
-            read_only=read_only,
-        )
+        super().__init__(session, LIVE_COLUMNS, read_only=read_only)
 
     def lines(self) -> ComposeResult:
         """Yield the command line and the editor that lies over a cell."""
         yield Line(self.context.runner.complete, "load save set goto sort data start stop help quit", "command-line")
         yield CellEditor(self._take_cell)
-
-    def inspector_width(self, width: int) -> int:
-        """Return the cells of the inspector on a screen of `width` cells."""
-        return 32 if width < 140 else min(64, 34 + (width - 130) // 3)
 
     def lay_out_table(self, width: int, rest: int) -> None:
         """Give values more room on a wide screen; a trend where names keep theirs."""

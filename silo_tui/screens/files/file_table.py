@@ -12,9 +12,7 @@ from silo_tui.model.table.facts import NOTHING
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.elements import ElementsScreen
 from silo_tui.sessions.recorded import FileSession
-from silo_tui.widgets.bars import Banner, StatusBar
-from silo_tui.widgets.element_table import TREND, ElementTable
-from silo_tui.widgets.inspector import Inspector
+from silo_tui.widgets.element_table import TREND
 
 VALUES = 96  # from this width values stand beside the table
 TELLS_AFTER_S = 0.3
@@ -25,11 +23,11 @@ class FileTableScreen(ElementsScreen):
 
     scope = "file"
     plots_by = "plot"
+    inspector_least = 34
     filter_hint = "words, globs, unit:Nm div>1 size>1000 buf:loop"
 
     def __init__(self, session: FileSession, leave: Callable[[], None] | None = None) -> None:
-        bars = StatusBar(session, read_only=False), Banner(session)
-        super().__init__(session, ElementTable(session, FILE_COLUMNS), Inspector(session), bars, read_only=True)
+        super().__init__(session, FILE_COLUMNS, read_only=True)
         self.file = session
         self._top_wanted = False  # by who chose an order, until it is known
         self._leave = leave  # to what it was opened from
@@ -37,10 +35,6 @@ class FileTableScreen(ElementsScreen):
     def on_mount(self) -> None:
         """Tell at once what the file lacks."""
         self.banner.update()
-
-    def inspector_width(self, width: int) -> int:
-        """Return the cells of the inspector on a screen of `width` cells."""
-        return 34 if width < 140 else min(64, 36 + (width - 130) // 3)
 
     def lay_out_table(self, width: int, rest: int) -> None:
         """Show values and trends where there is room: the inspector has the value too, and a plot."""

@@ -65,6 +65,7 @@ class PlotScreen(SiloScreen):
         self._mending = False
         self._happened = session.happened
         self._timer: Timer | None = None
+        self.status_bar, self.banner = StatusBar(session, read_only=False), Banner(session)
         self.between = BetweenTable()
         self.pause = Pause(session, self.more_is_here)
         self.found: SearchResult | None = None
@@ -85,16 +86,6 @@ class PlotScreen(SiloScreen):
         yield self.between
         yield self.line
         yield KeyBar(self.scope)
-
-    @cached_property
-    def status_bar(self) -> StatusBar:
-        """The line on top."""
-        return StatusBar(self.session, read_only=False)
-
-    @cached_property
-    def banner(self) -> Banner:
-        """What is the matter, below it."""
-        return Banner(self.session)
 
     @cached_property
     def line(self) -> MonitorLine:
