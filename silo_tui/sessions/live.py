@@ -39,6 +39,7 @@ from silo_tui.model.table.facts import Facts
 from silo_tui.model.table.fields import options_of, rows_of
 from silo_tui.model.table.rows import RowList
 from silo_tui.model.table.state import TableState
+from silo_tui.model.words.names import below
 from silo_tui.sessions.link import Link, ViewRequest
 from silo_tui.sessions.parameters import Knobs
 from silo_tui.sessions.recordings import Fetching
@@ -237,8 +238,7 @@ class Session:
 
     def short_name(self, name: str) -> str:
         """Return a name without the prefix that all names share."""
-        prefix = self.status.prefix.rstrip("/")
-        return name[len(prefix) :] if prefix and name.startswith(prefix + "/") else name
+        return below(self.status.prefix.rstrip("/"), name)
 
     def told(self, words: str) -> str:
         """Return what the robot told as it is shown: signals by their short names, files of its folder by theirs."""

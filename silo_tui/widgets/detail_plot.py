@@ -14,6 +14,8 @@ from textual.strip import Strip
 from silo_tui.model.drawing.big_plot import BigPlot
 from silo_tui.model.drawing.plot_styles import BLANK
 from silo_tui.model.plots.picture import AXIS
+from silo_tui.model.plots.time_axis import axis_line
+from silo_tui.model.words.text import cut
 from silo_tui.unforeseen import Guarded
 from silo_tui.widgets.plot_stack import CURSOR_A
 from silo_tui.widgets.styled import Styled, segments_of, series_style
@@ -81,7 +83,9 @@ class DetailPlot(Guarded, Styled):
         if y < height:
             found = self._curve(self.plot, y)
         elif y == height:
-            found = [Segment(" " * (AXIS + 1) + _spread(self.plot.below, width), quiet)]
+            below = self.plot.below
+            line = axis_line(width, lambda share: below[round(4 * share)], (), {})
+            found = [Segment(" " * (AXIS + 1) + line, quiet)]
         else:
             found = self._note(y - height - 1, self.size.width)
         strip = Strip(found)
@@ -105,7 +109,7 @@ class DetailPlot(Guarded, Styled):
                 lines[-1] += " │ " + note
             else:
                 lines.append(note)
-        return [line if len(line) <= width else line[: width - 1] + "…" for line in lines]
+        return [cut(line, width) for line in lines]
 
     def _color(self, owner: int) -> Style:
         if owner < 0:
@@ -132,14 +136,3 @@ class DetailPlot(Guarded, Styled):
         found += segments_of(chars, styles)
         right = plot.right.get(y, "")
         return [*found, Segment(f"{'├' if right else '│'}{right}", quiet)]
-
-
-def _spread(words: Sequence[str], width: int) -> str:
-    """Words at even distances; those that don't fit between the others are left out."""
-    line = [" "] * width
-    for place, word in enumerate(words):
-        share = place / max(1, len(words) - 1)
-        start = max(0, min(width - len(word), round(share * width) - (len(word) // 2 if 0 < share < 1 else 0)))
-        if all(char == " " for char in line[max(0, start - 1) : start + len(word) + 1]):
-            line[start : start + len(word)] = word
-    return "".join(line)

@@ -44,7 +44,7 @@ from silo_tui.model.plots.time_axis import axis_line, axis_word
 from silo_tui.model.samples.live import Reading, offset_text
 from silo_tui.model.samples.source import PlotSource
 from silo_tui.model.words import text
-from silo_tui.model.words.names import fitted_among
+from silo_tui.model.words.names import below, fitted_among
 from silo_tui.unforeseen import Guarded
 from silo_tui.widgets.styled import Styled, most_series, segments_of, series_style
 
@@ -254,8 +254,7 @@ class PlotStack(Guarded, Styled):
         return fitted_among(self._short(plotted), tuple(map(self._short, self.plots)), width)
 
     def _short(self, plotted: Plotted) -> str:
-        name = plotted.name
-        return name[len(self.prefix) :] if self.prefix and name.startswith(self.prefix + "/") else name
+        return below(self.prefix, plotted.name)
 
     def _single_title(self, at: int, plotted: Plotted) -> list[Segment]:
         chosen = plotted == self.chosen_plot
@@ -341,9 +340,7 @@ class PlotStack(Guarded, Styled):
                     cells[cell] = braille.SHADE if hole.why is not Gap.BEFORE else BLANK
                     styles[cell] = self._style("plot--quiet")
             line = "".join(cells)
-        room = self.right_width - 1
-        word = text.clean(word)
-        word = word if len(word) <= room else word[: room - 1] + "…"
+        word = text.cut(word, self.right_width - 1)
         axis = Segment(f"{self.letter(plotted):>{AXIS - 1}} │", self._style("plot--quiet"))
         return [axis, *self._cells(line, styles, [plotted]), Segment("│" + word, self._style("plot--quiet"))]
 

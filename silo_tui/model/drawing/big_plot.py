@@ -27,7 +27,7 @@ class BigPlot:
     lines: list[str]
     owners: Owners
     left: dict[int, str]
-    below: list[str]  # words at even distances under the plot
+    below: list[str]  # words under the quarters of the plot, its ends too
     right: dict[int, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     spots: tuple[tuple[int, int, str], ...] = ()  # line, cell and sign of what is marked in it

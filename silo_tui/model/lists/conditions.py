@@ -43,10 +43,9 @@ def trigger_row(one: TriggerStatus, width: int, now_ns: int | None = None, name:
     state = one.state.value.upper() + (f" {one.holdoff_s:.0f}" if one.holdoff_s else "")
     since = ((time.time_ns() if now_ns is None else now_ns) - one.last_ns) / 1e9
     last = ago(since) if one.last_ns else "never"
-    when, room = text.clean(options.when), _when_width(width, len(name))
-    when = when if len(when) <= room else f"{when[: room - 1]}…"
+    room = _when_width(width, len(name))
     pre, post = (text.span(value) if value else "0 s" for value in (options.pre_s, options.post_s))
-    return f"  {state:<10} {name} {when:<{room}} {pre:>6} {post:>6} {one.fires:>5}  {last}"
+    return f"  {state:<10} {name} {text.cut(options.when, room):<{room}} {pre:>6} {post:>6} {one.fires:>5}  {last}"
 
 
 def named_in(when: str, elements: Sequence[ElementInfo], prefix: str) -> list[str]:

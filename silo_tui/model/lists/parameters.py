@@ -56,14 +56,9 @@ def row(one: ParameterInfo, name: str, beside: ParameterValue | None, begun: Par
     """
     sign = "*" if begun is not None and begun != one.value else " "
     differs = "≠" if beside is not None and beside != one.value else " "
-    value = _cut(value_text(one.value, one.unit), VALUE)
-    shown = "-" if beside is None else _cut(value_text(beside), DEFAULT - 1)
+    value = text.cut(value_text(one.value, one.unit), VALUE)
+    shown = "-" if beside is None else text.cut(value_text(beside), DEFAULT - 1)
     return f"{sign}  {name} {value:>{VALUE}} {range_bar(one)} {differs}{shown:>{DEFAULT - 1}}  {text.clean(by)}"
-
-
-def _cut(shown: str, room: int) -> str:
-    shown = text.clean(shown)
-    return shown if len(shown) <= room else f"{shown[: room - 1]}…"
 
 
 def range_bar(one: ParameterInfo) -> str:

@@ -91,7 +91,7 @@ def row(one: SavedRecording, name: str, width: int, now_s: float | None = None) 
         why = "not finished yet"
     span = text.span(one.span_s, 3) if one.span_s else "-"
     cells = (
-        name, text.clean(why.removeprefix("saved ")), " ".join(file.type.name.lower() for file in one.files),
+        name, why.removeprefix("saved "), " ".join(file.type.name.lower() for file in one.files),
         begun_text(begun_ns(one), time.time() if now_s is None else now_s), span,
         "part" if one.unfinished else size_text(one.size_bytes), marks_text(one),
     )  # fmt: skip
@@ -108,7 +108,7 @@ def _widths(width: int) -> tuple[int, int]:
 def _line(cells: tuple[str, ...], width: int) -> str:
     name_width, why_width = _widths(width)
     name, why, types, begun, span, size, marks = cells
-    why = why if len(why) <= why_width else why[: why_width - 1] + "…"
+    why = text.cut(why, why_width)
     kinds = f" {types:<16}" if width >= TYPES_FROM else ""
     return f"{name:<{name_width}} {why:<{why_width}}{kinds} {begun:<14} {span:>8} {size:>9}  {marks:<5}"
 

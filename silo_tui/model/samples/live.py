@@ -91,19 +91,19 @@ def entry_text(entry: Entry, value: float, word: str | None, width: int, decimal
     """
     kind = entry.dtype[1:2]
     if kind in "SU":
-        return _fit(word or "", width)
+        return text.cut(word or "", width)
     if word is None and np.isnan(value):
         return "nan" if kind in "fc" else "-"
     if entry.labels:
         number = int(word) if word else int(value)
         label = entry.labels.get(number)
-        return _fit(label, width) if label else f"{number}?"
+        return text.cut(label, width) if label else f"{number}?"
     if kind == "b":
         return "true" if value else "false"
     if kind == "M" and word != "NaT":
-        return _fit(_moment(word or _date(entry.dtype, int(value))), width)
+        return text.cut(_moment(word or _date(entry.dtype, int(value))), width)
     if word is not None and (kind not in "iumM" or word == "NaT" or len(word) <= width):
-        return _fit(word, width)
+        return text.cut(word, width)
     if kind in "iu" and abs(value) >= EXACT:  # its last digits are not known
         return text.number(float(int(word)) if word else value, width)
     return text.number(value, width, integer=kind in "ium", decimals=decimals)
@@ -119,11 +119,6 @@ def offset_text(entry: Entry, offset: float, base: int, width: int) -> str:
         word = str(base + int(offset))
         return entry_text(entry, value, word, max(width, len(word)))
     return entry_text(entry, value, None, width)
-
-
-def _fit(words: str, width: int) -> str:
-    words = text.clean(words)
-    return words if len(words) <= width else words[: width - 1] + "…"
 
 
 def _date(dtype: str, count: int) -> str:

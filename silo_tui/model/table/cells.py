@@ -62,7 +62,7 @@ class Sight:
 
 
 def _cut(words: str, width: int) -> Cell:
-    return (words if len(words) <= width else words[: width - 1] + "…"), "quiet"
+    return text.cut(words, width), "quiet"
 
 
 # ------------------------------------------------------------------------------------------- settings, facts of files

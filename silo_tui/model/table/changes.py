@@ -8,6 +8,7 @@ import numpy as np
 
 from silo.core.elements import Action, BufferType, ElementInfo
 from silo_tui.model.table.fields import Field, Ints
+from silo_tui.model.words.names import below
 
 ROW_BYTES = 16  # tick and time stamp of each row
 FEW = 3  # names that a group names rather than writes as *
@@ -57,8 +58,7 @@ def groups_of(changes: Sequence[Change], prefix: str = "") -> list[Group]:
         of_element.setdefault(change.name, []).append((change.field, change.old, change.new))
     alike: dict[tuple[tuple[tuple[str, str, str], ...], int, str], list[list[str]]] = {}
     for name, fields in of_element.items():
-        short = name[len(prefix) :] if prefix and name.startswith(prefix + "/") else name
-        levels = short.split("/")
+        levels = below(prefix, name).split("/")
         alike.setdefault((tuple(fields), len(levels), levels[-1]), []).append(levels)
     groups = _joined([Group(_pattern(names), len(names), fields) for (fields, _, _), names in alike.items()])
     return sorted(groups, key=lambda group: (-group.count, group.pattern))

@@ -13,6 +13,7 @@ from silo_tui.model.table import filter as filters
 from silo_tui.model.table.columns import LIVE_COLUMNS, NAME, TREE, TableColumn, orders_of
 from silo_tui.model.table.state import Mask, Rows, TableState
 from silo_tui.model.table.tree import Branch, Tree, entry_of, list_of, parts_of, row_of, tree_of
+from silo_tui.model.words.names import below
 
 LEAVES_S = 2.0  # how long a row stays, dim, that a measured filter lets go
 
@@ -102,9 +103,7 @@ class RowList:
             self.tree = list_of(self.shown, rows)
 
     def _short_names(self) -> list[str]:
-        prefix = self.table.prefix
-        begin = len(prefix)
-        return [name[begin:] if prefix and name.startswith(prefix + "/") else name for name in self.table.names]
+        return [below(self.table.prefix, name) for name in self.table.names]
 
     def set_filter(self, text: str) -> None:
         """Show what passes this filter, with the cursor on the first; without one it stays on its element."""

@@ -31,6 +31,11 @@ def cells(words: str) -> int:
     )
 
 
+def below(prefix: str, name: str) -> str:
+    """Return a name without the prefix that all names share; one of none of them as it is."""
+    return name[len(prefix) :] if prefix and name.startswith(f"{prefix}/") else name
+
+
 def first_levels(names: Iterable[str], prefix: str) -> frozenset[str]:
     """Return what stands first behind the prefix that all names share: `legs` of `/log/legs/LF/contact`."""
     return frozenset(name[len(prefix) + 1 :].partition("/")[0] for name in names if name.startswith(prefix + "/"))

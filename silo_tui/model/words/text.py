@@ -185,6 +185,12 @@ def clean(words: str) -> str:
     return words if words.isprintable() else "".join(char if char.isprintable() else "·" for char in words)
 
 
+def cut(words: str, width: int) -> str:
+    """Return clean words in at most `width` letters, an ellipsis in place of the rest."""
+    words = clean(words)
+    return words if len(words) <= width else words[: max(0, width - 1)] + "…"
+
+
 def file_name(path: str) -> str:
     """Return the last part of a path on the robot."""
     return PurePosixPath(path).name

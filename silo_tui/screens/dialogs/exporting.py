@@ -4,7 +4,6 @@ import asyncio
 import csv
 import io
 import itertools
-import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,7 +15,7 @@ from textual.app import App
 from silo.core.arrays.values import as_floats, text_of
 from silo.core.quantities.writing import many
 from silo.errors import SiloError
-from silo.files.atomic import atomic_file
+from silo.files.atomic import append_all, atomic_file
 from silo_tui.context import SiloScreen
 from silo_tui.modal import run_aside
 from silo_tui.model.drawing.plots import Plotted
@@ -129,7 +128,7 @@ def draw_png(panels: Sequence[Panel], found: dict[str, Samples], zero_ns: int, p
     rows[-1].set_xlabel("time [s]")
     picture = io.BytesIO()
     canvas.print_png(picture)
-    _write(path, picture.getvalue())
+    write_whole(path, picture.getvalue())
 
 
 def free_name(wanted: Path) -> Path:
@@ -138,12 +137,10 @@ def free_name(wanted: Path) -> Path:
     return wanted if not wanted.exists() else next(name for name in names if not name.exists())
 
 
-def _write(path: Path, data: bytes) -> None:
+def write_whole(path: Path, data: bytes) -> None:
     """Write a file whole or not at all."""
     with atomic_file(path) as raw:
-        view = memoryview(data)
-        while view:
-            view = view[os.write(raw.fileno(), view) :]
+        append_all(raw.fileno(), data)
 
 
 def _new(path: Path) -> Path:
@@ -167,7 +164,7 @@ async def export(
     path = _new(path)
     plots = [plotted for panel in panels for plotted in panel]
     if path.suffix == ".svg":
-        _write(path, picture(app).encode())
+        write_whole(path, picture(app).encode())
         return f"the screen is in {path}"
     found = await read(source, plots, *shown_ns)
     count = sum(len(time_ns) for time_ns, _ in found)
@@ -175,14 +172,14 @@ async def export(
         raise SiloError("no samples in what is shown; nothing was written")
     if path.suffix == ".csv":
         text = await asyncio.to_thread(csv_text, plots, found)
-        await asyncio.to_thread(_write, path, text.encode())
+        await asyncio.to_thread(write_whole, path, text.encode())
     else:
         by_name = {plotted.name: samples for plotted, samples in zip(plots, found, strict=True)}
         try:
             await asyncio.to_thread(draw_png, panels, by_name, zero_ns, path)
         except ImportError:
             path = path.with_suffix(".svg")
-            _write(path, picture(app).encode())
+            write_whole(path, picture(app).encode())
             return f"PNG needs matplotlib, which isn't installed here: the screen is in {path} instead"
     return f"{many(count, 'sample')} of {many(len(plots), 'signal')} {'is' if count == 1 else 'are'} in {path}"
 

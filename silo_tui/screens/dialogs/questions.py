@@ -24,6 +24,7 @@ from silo.errors import SiloError
 from silo_tui.modal import Choices, Dialog, run_alone
 from silo_tui.model.table.changes import Change, Cost, groups_of
 from silo_tui.model.table.state import PendingChange
+from silo_tui.model.words.names import below
 
 MOVED_BY = "jkq"  # letters that are bound
 MOVES = "j k Move  PgDn PgUp Scroll  Esc Back"
@@ -276,8 +277,7 @@ def groups_text(changes: Sequence[Change], prefix: str = "", begin: int = 0, end
     groups = groups_of(changes, prefix)
     counted = len(str(groups[0].count)) if groups else 1
     for group in groups[begin:end]:
-        named = group.pattern.removeprefix(prefix) if group.pattern.startswith(f"{prefix}/") else group.pattern
-        lines.append(f"{group.count:>{counted}} × {named}", style="bold")
+        lines.append(f"{group.count:>{counted}} × {below(prefix, group.pattern)}", style="bold")
         lines.append(f"  {group.words}\n")
     rest = sum(group.count for group in groups[MAX_GROUPS:]) if end == MAX_GROUPS else 0
     if rest:

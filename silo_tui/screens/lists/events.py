@@ -5,19 +5,18 @@ import asyncio
 import re
 import time
 from collections.abc import Sequence
-from pathlib import Path
 
 from rich.text import Text
 
 from silo.core.elements import LoggedEvent
 from silo.core.quantities.writing import many
 from silo.errors import SiloError
-from silo.files.atomic import atomic_file
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.lists.conditions import MOST_PLOTS, named_in
 from silo_tui.model.lists.happened import ORDERS, csv_text, in_time, letter, line, matches, words
 from silo_tui.model.words.paths import typed_file
+from silo_tui.screens.dialogs.exporting import write_whole
 from silo_tui.screens.dialogs.questions import Prompt
 from silo_tui.screens.lists.list_screen import LoggerList
 from silo_tui.screens.plots.monitor import FileMonitorScreen, MonitorScreen
@@ -135,7 +134,7 @@ class EventsScreen(LoggerList[LoggedEvent]):
     async def _written(self, given: str, shown: Sequence[LoggedEvent]) -> None:
         try:
             path = typed_file("the file of events", given, ".csv")
-            await asyncio.to_thread(_write_csv, path, shown)
+            await asyncio.to_thread(lambda: write_whole(path, csv_text(shown).encode("utf-8", "backslashreplace")))
         except (SiloError, OSError) as error:
             self.context.fail(str(error))
         else:
@@ -172,11 +171,6 @@ class EventsScreen(LoggerList[LoggedEvent]):
         named += [word for word in words_of_it if word.startswith("/")]
         found = [name for each in named for name in named_in(each, table.elements, table.prefix)]
         return list(dict.fromkeys(found)) or [table.names[row] for row in session.rows.targets()]
-
-
-def _write_csv(path: Path, shown: Sequence[LoggedEvent]) -> None:
-    with atomic_file(path) as file:
-        file.write(csv_text(shown).encode("utf-8", "backslashreplace"))
 
 
 class FileEventsScreen(EventsScreen, inherit_bindings=False):

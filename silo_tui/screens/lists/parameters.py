@@ -56,18 +56,15 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
 
     def prepare(self, found: Sequence[ParameterInfo], width: int) -> None:
         """Fit the names of all into the same cells: different ones stay different."""
-        names = [self._short(one.name) for one in found]
+        names = [self.named(one.name) for one in found]
         self._room = rows.name_width(names, width)
         fitted = fitting_names(names, self._room)
         self._names = {one.name: f"{fits:<{self._room}}" for one, fits in zip(found, fitted, strict=True)}
         self._begun, self._newest = rows.history(self.session.happened)
 
-    def _short(self, name: str) -> str:
-        return self.session.short_name(name).lstrip("/")
-
     def told(self, one: ParameterInfo) -> str:
         changed = "" if one.value == one.default else "changed"
-        return f"{self._short(one.name)} {value_text(one.value, one.unit)} {one.description} {changed} {self._who(one)}"
+        return f"{self.named(one.name)} {value_text(one.value, one.unit)} {one.description} {changed} {self._who(one)}"
 
     def _who(self, one: ParameterInfo) -> str:
         event = self._newest.get(one.name)
@@ -80,7 +77,7 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
             line.stylize("dim")
         elif one.value != one.default:
             line.stylize("bold", 0, 4 + self._room + rows.VALUE)
-        group = self._short(one.name).rpartition("/")[0]
+        group = self.named(one.name).rpartition("/")[0]
         if group and self._names[one.name].startswith(group):
             line.stylize("dim", 3, 3 + len(group) + 1)
         return line
@@ -144,7 +141,7 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
         unit = "" if one.unit in ("", "-") else f", {one.unit}"
         body = "\n".join(filter(None, [one.description, f"{range_text(one)}{unit}; default {value_text(one.default)}"]))
         shown = value_text(one.value).strip("[]")
-        prompt = Prompt(self._short(one.name), body, shown, check=partial(typed_value, one))
+        prompt = Prompt(self.named(one.name), body, shown, check=partial(typed_value, one))
         ask(self, prompt, lambda typed: self._set({one.name: typed_value(one, typed)}))
 
     enter = command_type_parameter
@@ -167,7 +164,7 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
 
     def _ask_to_set(self, title: str, wanted: dict[str, ParameterValue], same: str) -> None:
         """Set values after a question that shows each, as one change."""
-        differs = rows.differences(self.all, wanted, {one.name: self._short(one.name) for one in self.all})
+        differs = rows.differences(self.all, wanted, {one.name: self.named(one.name) for one in self.all})
         if not differs:
             self.say(same)
             return
