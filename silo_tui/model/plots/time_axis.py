@@ -28,7 +28,7 @@ def axis_line(
     line = [" "] * width
     for share in (0.0, 0.25, 0.5, 0.75, 1.0):
         word = word_at(share)
-        start = min(width - len(word), max(0, round(share * width) - (len(word) // 2 if 0 < share < 1 else 0)))
+        start = max(0, min(width - len(word), round(share * width) - (len(word) // 2 if 0 < share < 1 else 0)))
         begin, end = max(0, start - 1), min(width, start + len(word) + 1)
         if "".join(line[begin:end]).isspace():
             line[begin:end] = NO_BREAK * (end - begin)  # no letter goes in between, nor right beside it
