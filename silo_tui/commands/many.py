@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.text import Text
 
@@ -23,6 +23,8 @@ from silo_tui.sessions.finder import ClientFinder, FoundLogger
 
 if TYPE_CHECKING:
     from silo.client.bulk import Job, Outcome
+
+    Asked = tuple[str, Sequence[fleet.LoggerLine], Job]  # what is done, of whom, and how
 
 NO = Choice("", "No")
 
@@ -51,22 +53,18 @@ class Many:
         if not able:
             self._context.say(f"none of them is there: {key_of('look_again')} looks again")
             return
-        asks: dict[str, Callable[[Sequence[fleet.LoggerLine], Text], Any]] = {
+        asks = {
             "start_stop": self._start_or_stop, "restart": self._restart, "save": self._save, "load": self._load,
         }  # fmt: skip
-        answer = await asks[what](able, body)
-        if answer is None:
-            return
-        verb, chosen, job = answer
-        self._carry_out(verb, [found[one.key] for one in chosen], job)
+        if (answer := await asks[what](able, body)) is not None:
+            verb, chosen, job = answer
+            self._carry_out(verb, [found[one.key] for one in chosen], job)
 
     async def _put(self, title: str, body: Text, choices: Sequence[Choice]) -> str | None:
         answer: str | None = await self._context.app.push_screen_wait(Question(title, body, [NO, *choices]))
         return answer
 
-    async def _start_or_stop(
-        self, able: Sequence[fleet.LoggerLine], body: Text
-    ) -> "tuple[str, Sequence[fleet.LoggerLine], Job] | None":
+    async def _start_or_stop(self, able: Sequence[fleet.LoggerLine], body: Text) -> "Asked | None":
         from silo.client.bulk import starting, stopping, stopping_and_saving
 
         running = [one for one in able if one.member.running]
@@ -89,9 +87,7 @@ class Many:
             return "stop", running, stopping if answer == "stop" else stopping_and_saving
         return ("start", stopped, partial(starting, unsaved=answer)) if answer else None
 
-    async def _restart(
-        self, able: Sequence[fleet.LoggerLine], body: Text
-    ) -> "tuple[str, Sequence[fleet.LoggerLine], Job] | None":
+    async def _restart(self, able: Sequence[fleet.LoggerLine], body: Text) -> "Asked | None":
         from silo.client.bulk import restarting
 
         count = many(len(able), "logger")
@@ -102,9 +98,7 @@ class Many:
         answer = await self._put(f"Restart {count}?", body, choices)
         return ("restart", able, partial(restarting, unsaved=answer)) if answer else None
 
-    async def _save(
-        self, able: Sequence[fleet.LoggerLine], body: Text
-    ) -> "tuple[str, Sequence[fleet.LoggerLine], Job] | None":
+    async def _save(self, able: Sequence[fleet.LoggerLine], body: Text) -> "Asked | None":
         from silo.client.bulk import saving
         from silo.core.elements import FileType
 
@@ -114,9 +108,7 @@ class Many:
         types = [FileType.SILO] if answer == "silo" else [FileType.SILO, FileType.CSV, FileType.BAG]
         return ("save", able, partial(saving, types=types)) if answer else None
 
-    async def _load(
-        self, able: Sequence[fleet.LoggerLine], body: Text
-    ) -> "tuple[str, Sequence[fleet.LoggerLine], Job] | None":
+    async def _load(self, able: Sequence[fleet.LoggerLine], body: Text) -> "Asked | None":
         from silo.client.bulk import loading
 
         title = f"Load a script into {many(len(able), 'logger')}"
