@@ -152,6 +152,9 @@ class Inspector(Guarded, Widget):
             self._styles[words] = Style.parse(" ".join(word for word in words.split() if word != "none"))
         return self._styles[words]
 
+    def _color(self, name: str) -> str:
+        return color(self.app.theme_variables, name)
+
     def _pane(self) -> list[Line]:
         self._lines_fit = self.content_size
         row = self.session.rows.row
@@ -180,7 +183,7 @@ class Inspector(Guarded, Widget):
         if self.session.at_s is not None:
             self._facts_of_file(pane, element)
             return
-        quiet = self._quiet
+        quiet = self._color("quiet")
         shape = " x ".join(str(side) for side in element.shape)
         dtype = element.entries[0].dtype.lstrip("<>|=") if element.entries else ""
         unit = "" if element.unit == "-" else f"  [{element.unit}]"
@@ -193,7 +196,7 @@ class Inspector(Guarded, Widget):
             pane.append(f"{field.label:<12} ", style=quiet)
             if pending[field, row]:
                 pane.append(f"{phrase_for(field, int(server[field, row]))} → ")
-                pane.append(phrase_for(field, int(values[field, row])), style=f"underline {self._pending}")
+                pane.append(phrase_for(field, int(values[field, row])), style=f"underline {self._color('pending')}")
                 pane.append(" ! changed by somebody else" if conflicts[field, row] else "")
             else:
                 pane.append(phrase_for(field, int(values[field, row])))
@@ -209,17 +212,17 @@ class Inspector(Guarded, Widget):
             share = fill_share(reading.held, size)
             pane.append(f"{'held':<12} ", style=quiet)
             pane.append(f"{text.count(reading.held)} ")
-            pane.append(text.bar(share, 4 if self.content_size.width < 34 else 8), style=self._plot)
+            pane.append(text.bar(share, 4 if self.content_size.width < 34 else 8), style=self._color("plot"))
             pane.append(f" {share:.0%}\n")
             if reading.lost:
-                pane.append(f"{'lost':<12} {text.count(reading.lost)}\n", style=self._alarm)
+                pane.append(f"{'lost':<12} {text.count(reading.lost)}\n", style=self._color("alarm"))
             if reading.failed:
-                pane.append(f"{'not read':<12} at {many(reading.failed, 'tick')}\n", style=self._alarm)
+                pane.append(f"{'not read':<12} at {many(reading.failed, 'tick')}\n", style=self._color("alarm"))
 
     def _facts_of_file(self, pane: InspectorLines, element: ElementInfo) -> None:
         report = self.session.rows_of[element.name]
         if element.description:
-            pane.append(element.description + "\n", style=self._quiet)
+            pane.append(element.description + "\n", style=self._color("quiet"))
         facts = [
             ("kind", element.kind), ("type", type_word(element, report)), ("unit", element.unit),
             ("divider", str(report.divider)), ("samples", text.count(report.samples)),
@@ -230,13 +233,13 @@ class Inspector(Guarded, Widget):
         if report.failures.count:
             facts.append(("not read", f"at {many(report.failures.count, 'tick')}"))
         for label, words in facts:
-            style = self._alarm if label == "not read" or (label == "lost" and report.lost) else ""
-            pane.append(f"{label:<9} ", style=self._quiet)
+            style = self._color("alarm") if label == "not read" or (label == "lost" and report.lost) else ""
+            pane.append(f"{label:<9} ", style=self._color("quiet"))
             pane.append(words + "\n", style=style)
         if report.labels:
             shown = [f"{number} {word}" for number, word in list(report.labels.items())[:MAX_LABELS]]
             more = ", …" if len(report.labels) > MAX_LABELS else ""
-            pane.append(", ".join(shown) + more + "\n", style=self._quiet)
+            pane.append(", ".join(shown) + more + "\n", style=self._color("quiet"))
 
     def _why_no_value(self, element: ElementInfo, row: int, reading: Reading | None) -> str:
         """Return why there is none, empty where there is one."""
@@ -250,15 +253,15 @@ class Inspector(Guarded, Widget):
         return "" if held else none
 
     def _values(self, pane: InspectorLines, element: ElementInfo, row: int, reading: Reading | None) -> None:
-        at_s = self.session.at_s
-        pane.append("\n" if at_s is None else f"\nat {text.short(at_s, 6)} s:\n", style=self._quiet)
+        at_s, quiet = self.session.at_s, self._color("quiet")
+        pane.append("\n" if at_s is None else f"\nat {text.short(at_s, 6)} s:\n", style=quiet)
         why = self._why_no_value(element, row, reading)
         if why or reading is None:
-            pane.append(f"{why}\n", style=self._quiet)
+            pane.append(f"{why}\n", style=quiet)
             return
         if reading.why is not None:
-            pane.append(f"{NOT_LIVE_TEXTS[reading.why]}\n", style=self._quiet)
-        style = "" if self.session.fresh and self.session.running else self._quiet
+            pane.append(f"{NOT_LIVE_TEXTS[reading.why]}\n", style=quiet)
+        style = "" if self.session.fresh and self.session.running else quiet
         table = self.session.table
         for position, name in enumerate(table.entry_names(row)[:MAX_VALUES]):  # of the moment of its row
             reading = reading.with_value(position, table.facts.detail(name, "value"))
@@ -272,11 +275,12 @@ class Inspector(Guarded, Widget):
         room = min(16, max(8, self.content_size.width - left))
         for position, entry in enumerate(entries):
             word = entry_text(entry, float(reading.newest[position]), reading.texts.get(position), room)
-            pane.append(called[position][: left - 1].ljust(left), style=self._quiet)
+            pane.append(called[position][: left - 1].ljust(left), style=quiet)
             pane.append(f"{word:>{room}}\n", style=style)
         if len(element.entries) > MAX_VALUES:
             pane.append(
-                f"and {len(element.entries) - MAX_VALUES} more; {key_of('monitor')} plots them\n", style=self._quiet
+                f"and {len(element.entries) - MAX_VALUES} more; {key_of('monitor')} plots them\n",
+                style=quiet,
             )
 
     def _plots(self, row: int, width: int, room: int) -> list[Line]:
@@ -306,22 +310,6 @@ class Inspector(Guarded, Widget):
             prefix = self.session.table.elements[row].name
             title = f"{component_name(name[len(prefix) :]) or 'value'}  {ends}"
             span = text.span(min(columns.count, shown_columns) * columns.column_ns / 1e9)
-            pane.append(f"{title}  {span}\n", style=self._quiet)
+            pane.append(f"{title}  {span}\n", style=self._color("quiet"))
             for line in small_plot(piece, scale, max(8, width), height):
-                pane.append(line + "\n", style=self._plot if self.session.fresh else self._quiet)
-
-    @property
-    def _quiet(self) -> str:
-        return color(self.app.theme_variables, "quiet")
-
-    @property
-    def _pending(self) -> str:
-        return color(self.app.theme_variables, "pending")
-
-    @property
-    def _alarm(self) -> str:
-        return color(self.app.theme_variables, "alarm")
-
-    @property
-    def _plot(self) -> str:
-        return color(self.app.theme_variables, "plot")
+                pane.append(line + "\n", style=self._color("plot") if self.session.fresh else self._color("quiet"))
