@@ -53,17 +53,7 @@ WORDS = {
 }
 
 
-SOUGHT = {
-    What.HIGHEST: Sought.HIGHEST,
-    What.LOWEST: Sought.LOWEST,
-    What.PEAK: Sought.PEAK,
-    What.CROSSING: Sought.CROSSING,
-    What.EDGE: Sought.EDGE,
-    What.CHANGE: Sought.CHANGE,
-    What.NOT_FINITE: Sought.NOT_FINITE,
-    What.OUTSIDE: Sought.OUTSIDE,
-    What.HOLE: Sought.HOLE,
-}
+SOUGHT = {what: Sought[what.name] for what in What if what.name in Sought.__members__}  # in samples
 Bounds = tuple[float | None, float | None]
 
 
