@@ -443,7 +443,7 @@ async def take_up_edits(context: Context) -> None:
         if session.table.row(edit.name) is not None and 0 <= edit.field < len(Field):
             field = Field(edit.field)
             old, new = phrase_for(field, edit.old), phrase_for(field, edit.new)
-            changes.append(PendingChange(edit.name, field.label, old, new, None))
+            changes.append(PendingChange(edit.name, field.label, old, new))
     body.append_text(diff_text(changes, session.table.prefix))
     choices = [Choice("take", "Take them up again, pending", "t"), Choice("", "Ask again next time"),
                Choice("drop", "Drop them", "D", loses=True)]  # fmt: skip

@@ -2,36 +2,15 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from silo.core.elements import Action, BufferType, ElementInfo
+from silo.core.elements import Action, BufferType, ElementInfo, FieldChange
 from silo_tui.model.table.fields import Field, Ints
 from silo_tui.model.words.names import below
 
 ROW_BYTES = 16  # tick and time stamp of each row
 FEW = 3  # names that a group names rather than writes as *
-
-
-class Change(Protocol):
-    """One field of one element, in words."""
-
-    @property
-    def name(self) -> str:
-        """Of the element."""
-
-    @property
-    def field(self) -> str:
-        """What changes."""
-
-    @property
-    def old(self) -> str:
-        """What it is."""
-
-    @property
-    def new(self) -> str:
-        """What it will be."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +27,7 @@ class Group:
         return ", ".join(f"{field} {old} → {new}" for field, old, new in self.fields)
 
 
-def groups_of(changes: Sequence[Change], prefix: str = "") -> list[Group]:
+def groups_of(changes: Sequence[FieldChange], prefix: str = "") -> list[Group]:
     """Return changes in groups, the largest first; names without `prefix`, as the table shows them.
 
     Equal ones whose names end alike are a group; where more than `FEW` groups differ in that end alone, they are one.

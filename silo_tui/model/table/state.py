@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.elements import Edit, ElementInfo, Table
+from silo.core.elements import Edit, ElementInfo, FieldChange, Table
 from silo.core.names import component_name, is_word
 from silo_tui.model.samples.live import has_norm
 from silo_tui.model.table.facts import LIMIT_BITS, NOTHING
@@ -25,15 +25,10 @@ FIELDS = len(Field)
 APPLIED = "what was applied"
 
 
-@dataclass(frozen=True)
-class PendingChange:
-    """One pending edit in words; `theirs` is set when the logger's value is no longer the one it was made on."""
+class PendingChange(FieldChange, frozen=True):
+    """One pending edit; `theirs` is set when the logger's value is no longer the one it was made on."""
 
-    name: str
-    field: str
-    old: str
-    new: str
-    theirs: str | None
+    theirs: str | None = None
 
 
 class KeptEdit(msgspec.Struct, frozen=True, array_like=True):

@@ -19,10 +19,11 @@ from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
+from silo.core.elements import FieldChange
 from silo.core.quantities.writing import duration, size_text
 from silo.errors import SiloError
 from silo_tui.modal import Choices, Dialog, run_alone
-from silo_tui.model.table.changes import Change, Cost, groups_of
+from silo_tui.model.table.changes import Cost, groups_of
 from silo_tui.model.table.state import PendingChange
 from silo_tui.model.words.names import below
 
@@ -271,7 +272,7 @@ def diff_text(changes: Sequence[PendingChange], prefix: str = "", cost: Text | N
     return lines
 
 
-def groups_text(changes: Sequence[Change], prefix: str = "", begin: int = 0, end: int = MAX_GROUPS) -> Text:
+def groups_text(changes: Sequence[FieldChange], prefix: str = "", begin: int = 0, end: int = MAX_GROUPS) -> Text:
     """Return changes in groups, the largest first: those from `begin` to `end`, and how many are listed nowhere."""
     lines = Text()
     groups = groups_of(changes, prefix)
