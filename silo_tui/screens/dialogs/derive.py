@@ -33,14 +33,9 @@ class DeriveDialog(Form[Derived]):
     def __init__(self, session: Session, one: Derived, *, is_new: bool, problem: str = "") -> None:
         name = session.short_name(one.name).lstrip("/")
         title = f"Derive a signal on {session.name}" if is_new else f"Derived signal {name} on {session.name}"
-        values = {"name": name, "unit": one.unit, "is": one.expression}
-        super().__init__(title, LINES, values, hints_with(HINTS, session.table), problem)
+        values, hints = {"name": name, "unit": one.unit, "is": one.expression}, hints_with(HINTS, session.table)
+        super().__init__(title, LINES, values, hints, problem, "is" if name else "name")
         self._session = session
-        self._start = "is" if name else "name"
-
-    def on_mount(self) -> None:
-        """Begin with the name where there is none yet."""
-        self.begin_at(self._start)
 
     def made(self) -> Derived:
         """Return what is typed, which can be derived."""

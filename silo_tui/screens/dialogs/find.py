@@ -48,12 +48,11 @@ class ConditionDialog(Form[Search]):
 
     def __init__(self, session: Session, begun: str) -> None:
         hints = hints_with({"when": "abs({0}) > 20 and {1} < 0.1"}, session.table)
-        super().__init__("Find where a condition turns true", (("when",),), {"when": begun}, hints)
+        super().__init__("Find where a condition turns true", (("when",),), {"when": begun}, hints, start="when")
         self._session = session
 
     def on_mount(self) -> None:
-        """Begin with what was looked for last."""
-        self.begin_at("when")
+        """Begin with what was looked for last, which the first letter takes the place of."""
         self.field("when").select_all()
 
     def made(self) -> Search:

@@ -63,9 +63,14 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         values: Mapping[str, str],
         hints: Mapping[str, str],
         problem: str = "",
+        start: str = "",
     ) -> None:
-        """`lines` have the labels of their fields from left to right; `problem` is why it was refused a moment ago."""
+        """`lines` have the labels of their fields from left to right; `problem` is why it was refused a moment ago.
+
+        `start` has the keys at first.
+        """
         super().__init__()
+        self._start = start
         self._problem = problem
         self._title, self._lines, self._values, self._hints = title, lines, values, hints
         self._timer: Timer | None = None
@@ -95,11 +100,12 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         """Yield what stands below what is said."""
         yield from ()
 
-    def begin_at(self, name: str) -> None:
+    def on_mount(self) -> None:
         """Give the keys to a field, and look at what is there."""
-        self.field(name).focus()
-        self.tell(self._problem, "failed")
-        self.look_soon()
+        if self._start:
+            self.field(self._start).focus()
+            self.tell(self._problem, "failed")
+            self.look_soon()
 
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
         """Tell what the field means that has the keys now."""

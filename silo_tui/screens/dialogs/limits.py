@@ -82,12 +82,9 @@ class LimitsDialog(Form[LimitsWish]):
         """`name` is the whole name of the signal that is `shown`; without one it is to be typed."""
         title = f"Limits of {shown} on {session.name}" if shown else f"Limits of a signal on {session.name}"
         given = {"signal": shown, **(fields_of(limits) if limits is not None else {})}
-        super().__init__(title, LINES, given, hints_with(HINTS, session.table), problem)
+        hints = hints_with(HINTS, session.table)
+        super().__init__(title, LINES, given, hints, problem, "LL" if shown else "signal")
         self._session, self._shown, self._name, self._given = session, shown, name, limits
-
-    def on_mount(self) -> None:
-        """Begin with the signal where there is none yet, else with the first bound."""
-        self.begin_at("LL" if self._shown else "signal")
 
     def made(self) -> LimitsWish:
         """Return what is typed; of another signal than it began with, what is not typed stays as that one has it."""

@@ -50,12 +50,8 @@ class RecordDialog(Form[Wish]):
 
     def __init__(self, session: Session, free_bytes: int, begun: Wish, problem: str = "") -> None:
         values = {name: getattr(begun, name) for names in LINES for name in names}
-        super().__init__(f"Record on {session.name}, until it is stopped", LINES, values, HINTS, problem)
+        super().__init__(f"Record on {session.name}, until it is stopped", LINES, values, HINTS, problem, "signals")
         self._session, self._free_bytes = session, free_bytes
-
-    def on_mount(self) -> None:
-        """Begin with what is recorded."""
-        self.begin_at("signals")
 
     def _value(self, name: str) -> str:
         return self.fields.get(name, "").strip()

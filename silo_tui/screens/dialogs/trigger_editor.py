@@ -44,14 +44,10 @@ class TriggerEditor(Form[TriggerOptions]):
     def __init__(self, session: Session, options: TriggerOptions, *, is_new: bool, problem: str = "") -> None:
         where = f"on {session.name}"
         title = f"New trigger {where}" if is_new else f"Trigger {options.name} {where}"
-        super().__init__(title, LINES, fields_of(options), hints_with(HINTS, session.table), problem)
+        hints = hints_with(HINTS, session.table)
+        super().__init__(title, LINES, fields_of(options), hints, problem, "name" if is_new else "when")
         self._session = session
         self._options = options
-        self._is_new = is_new
-
-    def on_mount(self) -> None:
-        """Begin with the name of a new one, with the condition of another."""
-        self.begin_at("name" if self._is_new else "when")
 
     async def look(self) -> str:
         """Return what it would have done."""
