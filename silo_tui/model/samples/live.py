@@ -46,9 +46,8 @@ class LiveValues:
     readings: dict[str, Reading] = field(default_factory=dict)
     time_ns: int = 0
 
-    def take(self, frame: Frame, entry_counts: Sequence[int]) -> list[str]:
-        """Take a frame over; `entry_counts` per element of the frame. Returns the elements whose reading changed."""
-        changed = []
+    def take(self, frame: Frame, entry_counts: Sequence[int]) -> None:
+        """Take a frame over; `entry_counts` per element of the frame."""
         start = 0
         self.time_ns = frame.time_ns
         for position, (name, entries) in enumerate(zip(frame.elements, entry_counts, strict=True)):
@@ -60,28 +59,12 @@ class LiveValues:
                 texts = {}
             held, lost, size = int(frame.held[position]), int(frame.lost[position]), frame.sizes.get(position)
             failed = frame.failed.get(position, 0)
-            reading = Reading(newest, texts, held, lost, frame.time_ns, size, failed, frame.not_live.get(position))
-            old = self.readings.get(name)
-            if old is None or not _same(old, reading):
-                changed.append(name)
-            self.readings[name] = reading
-        return changed
+            why = frame.not_live.get(position)
+            self.readings[name] = Reading(newest, texts, held, lost, frame.time_ns, size, failed, why)
 
     def forget(self) -> None:
         """Forget what was read: after a new start it belongs to the run before."""
         self.readings.clear()
-
-
-def _same(old: Reading, new: Reading) -> bool:
-    return (
-        old.held == new.held
-        and old.size == new.size
-        and old.lost == new.lost
-        and old.failed == new.failed
-        and old.why == new.why
-        and old.texts == new.texts
-        and np.array_equal(old.newest, new.newest, equal_nan=True)
-    )
 
 
 def entry_text(entry: Entry, value: float, word: str | None, width: int, decimals: int | None = None) -> str:
