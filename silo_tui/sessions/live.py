@@ -250,13 +250,16 @@ class Session:
     async def attach(self, link: Link) -> None:
         """Take a new connection and reads everything once."""
         self.link = link
-        hello = await link.call(lambda client: client._hello())
+        await self._read_all()
+        self.lost_since = None if link.connected else time.monotonic()
+
+    async def _read_all(self) -> None:
+        hello = await self.connection.call(lambda client: client._hello())
         self.may_edit, self.why_not = hello.may_edit, hello.why_not
         self.identity = self.connection.identity
         self.take_status(hello.status)
         await self.reload()
         await self.learn_events()
-        self.lost_since = None if link.connected else time.monotonic()
 
     async def reload(self) -> None:
         """Read the table again; pending edits are rebased on it."""
@@ -467,16 +470,15 @@ class Session:
             self.columns.merge(frame.plots, frame.first, frame.low, frame.high, frame.marks, frame.bases)
         return frame
 
-    def take_values(self, frame: Frame) -> list[str]:
-        """Take the values of a frame over and return the names that changed."""
+    def take_values(self, frame: Frame) -> None:
+        """Take the values of a frame over, unless it is of a table that we haven't read yet."""
         counts = self._entry_counts.get(frame.elements)
         if counts is None:
             rows = [self.table.row(name) for name in frame.elements]
             counts = [len(self.table.elements[row].entries) if row is not None else 0 for row in rows]
             self._entry_counts = {frame.elements: counts}
-        if sum(counts) != len(frame.newest):
-            return []  # a frame of a table that we haven't read yet
-        return self.live.take(frame, counts)
+        if sum(counts) == len(frame.newest):
+            self.live.take(frame, counts)
 
     def take_status(self, status: Status) -> None:
         """Take a status over."""
@@ -559,12 +561,7 @@ class Session:
         before, had = self.status, self._conditions()
         self.conditions_due = True
         self.saves.clear()  # another helper process counts from 1 again
-        hello = await self.connection.call(lambda client: client._hello())
-        self.may_edit, self.why_not = hello.may_edit, hello.why_not
-        self.identity = self.connection.identity
-        self.take_status(hello.status)
-        await self.reload()
-        await self.learn_events()
+        await self._read_all()
         self.lost_since = None
         self.connection.watch_again()
         if before.pid == self.status.pid:

@@ -96,26 +96,23 @@ class Knobs:
     async def undo(self, link: Link, *, again: bool = False) -> str:
         """Take back what was set last from here, or set it again. Raises ElementError where somebody set it since."""
         async with self._in_turn():
-            return await self._undo(link, again=again)
-
-    async def _undo(self, link: Link, *, again: bool) -> str:
-        of, to = (self.undone, self.done) if again else (self.done, self.undone)
-        if not of:
-            raise ElementError("nothing to redo" if again else "nothing was set from here")
-        last = of[-1]
-        is_now, becomes = (last.before, last.after) if again else (last.after, last.before)
-        await self.refresh(link)
-        of.pop()  # what somebody else set since is not taken back: the one before it is next
-        for name, value in is_now.items():
-            if (info := self.known.get(name)) is not None and info.value != value:
-                short = name.rpartition("/")[2]
-                raise ElementError(
-                    f"somebody else set {short} to {value_text(info.value, info.unit)} since: that stays; type it, or "
-                    "undo once more for what was before"
-                )
-        words = await self._set(link, becomes)
-        to.append(last)
-        return words
+            of, to = (self.undone, self.done) if again else (self.done, self.undone)
+            if not of:
+                raise ElementError("nothing to redo" if again else "nothing was set from here")
+            last = of[-1]
+            is_now, becomes = (last.before, last.after) if again else (last.after, last.before)
+            await self.refresh(link)
+            of.pop()  # what somebody else set since is not taken back: the one before it is next
+            for name, value in is_now.items():
+                if (info := self.known.get(name)) is not None and info.value != value:
+                    short = name.rpartition("/")[2]
+                    raise ElementError(
+                        f"somebody else set {short} to {value_text(info.value, info.unit)} since: that stays; type it, "
+                        "or undo once more for what was before"
+                    )
+            words = await self._set(link, becomes)
+            to.append(last)
+            return words
 
     async def turn(self, link: Link, name: str, steps: int) -> str:
         """Move a number on, from where the last of these went: a slow link brings several steps as one change."""
@@ -123,29 +120,26 @@ class Knobs:
             self._ask(name, steps)
             return ""
         async with self._in_turn():
-            return await self._turn(link, name, steps)
+            words, self._sending = "", True
+            try:
+                self._ask(name, steps)
+                while self.asked:
+                    one, value = next(iter(self.asked.items()))
+                    info = self.known[one]
+                    if value == info.value:
+                        words = f"{one.rpartition('/')[2]} is {value_text(value, info.unit)}: it goes no further"
+                    else:
+                        words = await self._change(link, {one: value}, turned=True)
+                    if self.asked[one] == value:
+                        del self.asked[one]
+            finally:
+                self.asked.clear()  # also of those that failed, or whose screen was left
+                self._sending = False
+            return words
 
     def _ask(self, name: str, steps: int) -> None:
         info = self.check(name)
         self.asked[name] = stepped(info, self.asked.get(name, info.value), steps)
-
-    async def _turn(self, link: Link, name: str, steps: int) -> str:
-        words, self._sending = "", True
-        try:
-            self._ask(name, steps)
-            while self.asked:
-                one, value = next(iter(self.asked.items()))
-                info = self.known[one]
-                if value == info.value:
-                    words = f"{one.rpartition('/')[2]} is {value_text(value, info.unit)}: it goes no further"
-                else:
-                    words = await self._change(link, {one: value}, turned=True)
-                if self.asked[one] == value:
-                    del self.asked[one]
-        finally:
-            self.asked.clear()  # also of those that failed, or whose screen was left
-            self._sending = False
-        return words
 
     async def _set(self, link: Link, values: Mapping[str, ParameterValue]) -> str:
         told = await link.call(lambda client: _set_by(client, values))
