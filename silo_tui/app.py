@@ -265,19 +265,17 @@ class SiloApp(Guarded, App[None]):
         session = self._live_session
         if session is None or message.link is not session.link:
             return
-        if message.connected:
-            run_alone(self, "regain", self._regain, session)
-        else:
-            session.lose()
-            self.context.status_changed()
+        self._follow_link(session, message.connected)
 
     def _catch_up(self) -> None:
         """Follow what happened in the logger while a file lay over it."""
         session = self._live_session
-        if session is None or session.link is None:
-            return
-        if session.link.connected:
-            run_alone(self, "regain", self._regain, session, quiet=session.lost_since is None)
+        if session is not None and session.link is not None:
+            self._follow_link(session, session.link.connected, quiet=session.lost_since is None)
+
+    def _follow_link(self, session: Session, is_there: bool, *, quiet: bool = False) -> None:
+        if is_there:
+            run_alone(self, "regain", self._regain, session, quiet=quiet)
         else:
             session.lose()
             self.context.status_changed()
