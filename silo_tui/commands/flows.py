@@ -303,9 +303,7 @@ async def load_script(context: Context, path: str = "") -> None:
     name, conditions = await _chosen_script(context, path)
     if not name:
         return
-    fields, elements = session.table.pending_count
-    if fields:
-        edits = f"{many(fields, 'pending edit')} in {many(elements, 'row')}"
+    if edits := _pending(context):
         body = f"{edits} stay pending on top of the script."
         if not await confirmed(context.app, "Load over pending edits?", body, "Load"):
             return
@@ -379,12 +377,16 @@ async def save_script(context: Context, path: str | None = None) -> None:
     context.say(without + (said or f"saved {name}") + ending)
 
 
+def _pending(context: Context) -> str:
+    """Return how many edits are pending, in words; empty for none."""
+    fields, elements = context.session.table.pending_count if context.has_session else (0, 0)
+    return f"{many(fields, 'pending edit')} in {many(elements, 'row')}" if fields else ""
+
+
 async def may_leave(context: Context) -> bool:
     """Ask before another logger is opened while edits of this one are pending."""
-    fields, elements = context.session.table.pending_count if context.has_session else (0, 0)
-    if not fields:
+    if not (edits := _pending(context)):
         return True
-    edits = f"{many(fields, 'pending edit')} in {many(elements, 'row')}"
     if not await confirmed(context.app, f"Leave {context.session.name}?", f"{edits} of it would be lost.", "Leave"):
         return False
     forget_edits(context)
@@ -393,9 +395,7 @@ async def may_leave(context: Context) -> bool:
 
 async def leave(context: Context) -> None:
     """End the app; asks only when edits are pending."""
-    fields, elements = context.session.table.pending_count if context.has_session else (0, 0)
-    if fields:
-        edits = f"{many(fields, 'pending edit')} in {many(elements, 'row')}"
+    if edits := _pending(context):
         goes_on = "The demo ends with silo-tui" if context.has_demo() else "The logger goes on either way"
         body = f"{edits} would be lost. {goes_on}."
         if not await confirmed(context.app, "Quit without applying?", body, "Quit"):

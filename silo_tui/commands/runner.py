@@ -146,16 +146,10 @@ class CommandRunner:
             )
         if not self._context.has_session:
             raise RefusedError("no logger is open: leave silo-tui, and open the file by `silo-tui FILE`")
-        run_alone(self._context.app, "opening", self._open, typed.rest)
+        from silo_tui.screens.files.opened import open_path
 
-    async def _open(self, path: str) -> None:
-        self._context.say(f"reading {path} …")
-        try:
-            from silo_tui.screens.files.opened import open_path
-
-            await open_path(self._context, path)
-        except (SiloError, OSError) as error:
-            self._context.fail(f"{path} can't be opened: {error}")
+        self._context.say(f"reading {typed.rest} …")
+        run_alone(self._context.app, "opening", open_path, self._context, typed.rest)
 
     def command_theme(self, typed: Spelled = BY_KEY) -> None:
         words, known = typed.arguments, self._context.app.available_themes

@@ -52,11 +52,13 @@ async def open_recording(
 
 
 async def open_path(context: Context, path: str) -> None:
-    """Show a log of this machine over the logger that is open. Raises what opening it raises."""
+    """Show a log of this machine over the logger that is open, or say why it can't be opened."""
     from silo_tui.sessions.recorded import open_file
 
-    opened = await asyncio.to_thread(open_file, typed_path("the log", path))
-    await _show(context, opened)
+    try:
+        await _show(context, await asyncio.to_thread(open_file, typed_path("the log", path)))
+    except (SiloError, OSError) as error:
+        context.fail(f"{path} can't be opened: {error}")
 
 
 async def show_log(context: Context, log: "Log") -> None:

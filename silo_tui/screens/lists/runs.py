@@ -153,15 +153,9 @@ class RunsScreen(ListScreen[ListedRun]):
     def command_open_run(self) -> None:
         one = self.here()
         if one is not None:
-            run_alone(self, "opening", self._open, str(one.path))
+            run_alone(self, "opening", open_path, self.context, str(one.path))
 
     enter = command_open_run
-
-    async def _open(self, path: str) -> None:
-        try:
-            await open_path(self.context, path)
-        except (SiloError, OSError) as error:
-            self.context.fail(f"{path} can't be opened: {error}")
 
     def command_overlay_runs(self) -> None:
         targets = self.targets("no run is here")
