@@ -5,105 +5,21 @@
 
 import asyncio
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, cast
 
-from silo.core.arrays.columns import ColumnStore, HistoryColumns
+from silo.core.arrays.columns import ColumnStore
 from silo.core.elements import BufferType
 from silo.errors import RefusedError, SiloError
-from silo.expressions.search import FoundMoments, Looking
-from silo.expressions.span import Between
 from silo_tui.model.drawing.plots import Plotted
-from silo_tui.model.samples.buffers import PinHandle
-from silo_tui.model.samples.held import HeldSource
-from silo_tui.model.samples.source import HeldRows, Samples, entry_samples
+from silo_tui.model.samples.source import HeldRows
 from silo_tui.model.words import text
-from silo_tui.sessions.link import Link
+from silo_tui.sessions.held import HeldSource
 from silo_tui.sessions.live import Session
+from silo_tui.sessions.pinned import Buffers
 
 if TYPE_CHECKING:
-    from silo.history.arrays import Pin
-
-REPLY_BYTES = 2**18  # on a thin link a key gets its turn after half a minute at most
-
-
-class _LinkPin:
-    """A pin of a helper process, read over the link of a session."""
-
-    def __init__(self, link: Link, pin: "Pin") -> None:
-        self._link = link
-        self.pin = pin
-        opened = pin.opened
-        self.run, self.text = opened.run, opened.text
-        self.begin_ns, self.end_ns, self.oldest_ns = opened.begin_ns, opened.end_ns, opened.oldest_ns
-
-    @property
-    def refused(self) -> str:
-        """Why it is no more; empty while it is."""
-        return self.pin.refused
-
-    async def columns(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
-        """Return columns of what is pinned."""
-        return await self._link.history(names, start_ns, end_ns, column_ns, self.pin)
-
-    async def samples(self, names: Sequence[str], start_ns: int, end_ns: int) -> dict[str, Samples]:
-        """Return samples of what is pinned."""
-        found = await self._link.read(
-            lambda client: client.samples(names, start_ns, end_ns, pin=self.pin, reply_bytes=REPLY_BYTES)
-        )
-        return {name: entry_samples(some.time_ns, some.values) for name, some in found.items()}
-
-    def close(self) -> None:
-        """Let go of it."""
-        self.pin.close()
-
-
-class _LinkBuffers:
-    """The buffers of the logger of a session, asked over its link."""
-
-    def __init__(self, session: Session, link: Link) -> None:
-        self._session = session
-        self._link = link
-
-    @property
-    def reachable(self) -> bool:
-        """Whether somebody answers."""
-        return self._session.connected
-
-    async def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> PinHandle:
-        """Pin what they hold from one time to another."""
-        pinned = asyncio.ensure_future(self._link.read(lambda client: client.pin(names, start_ns, end_ns)))
-        try:
-            return _LinkPin(self._link, await asyncio.shield(pinned))
-        except asyncio.CancelledError:
-            pinned.add_done_callback(_let_go)  # whoever asked is gone, the answer still comes
-            raise
-
-    async def find(
-        self, looking: Mapping[str, Looking], around_ns: int, most: int, end_ns: int, pins: Sequence[PinHandle]
-    ) -> dict[str, FoundMoments]:
-        """Look for moments in them and in these pins."""
-        one = next(iter(looking.values()))
-        held = [each for each in pins if isinstance(each, _LinkPin)]
-        return await self._link.read(
-            lambda client: client.find(
-                list(looking), one.what, one.level, one.direction, [each.bounds for each in looking.values()],
-                end_ns=end_ns, around_ns=around_ns, most=most, pins=[each.pin for each in held],
-                run=held[0].run if held else "",
-            )
-        )  # fmt: skip
-
-    async def measure(
-        self, names: Sequence[str], a_ns: int, b_ns: int, pins: Sequence[PinHandle], run: str
-    ) -> dict[str, Between]:
-        """Measure entries between two moments in them and in these pins."""
-        held = [each.pin for each in pins if isinstance(each, _LinkPin)]
-        return await self._link.read(lambda client: client._measure(names, a_ns, b_ns, held, run))
-
-
-def _let_go(pinned: "asyncio.Future[Pin]") -> None:
-    if not pinned.cancelled() and pinned.exception() is None:
-        pinned.result().close()
+    pass
 
 
 class Pause:
@@ -183,8 +99,7 @@ class Pause:
         self._unreached = False
         self._since_s = time.monotonic()
         plots = [plotted for plotted in plots if self._live.is_live(plotted.element.name)]
-        link = self._session.link
-        buffers = _LinkBuffers(self._session, link) if link is not None else None
+        buffers = Buffers(self._session) if self._session.link is not None else None
         self.source = HeldSource(self._live, plots, (end_ns - 2 * span_ns, end_ns), newest_ns, shown, buffers)
         return self.source
 

@@ -42,7 +42,7 @@ def test_a_first_screen_waits_for_no_plot_no_file_and_no_form():
         "silo.expressions",
         "silo_tui.screens.lists.loggers",
     )
-    waits += ("silo_tui.screens.plots.monitor", "silo_tui.screens.dialogs.form", "silo_tui.model.samples.held")
+    waits += ("silo_tui.screens.plots.monitor", "silo_tui.screens.dialogs.form", "silo_tui.sessions.held")
     assert not {one for one in loaded for each in waits if one == each or one.startswith(f"{each}.")}
 
 

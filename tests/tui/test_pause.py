@@ -493,7 +493,7 @@ async def test_two_cursors_over_the_picture_alone_tell_what_its_columns_tell(fak
 
 
 async def test_what_lies_between_is_added_up_in_the_helper_where_it_is_not_here(deep, opened, monkeypatch):
-    monkeypatch.setattr("silo_tui.model.samples.pinned.QUICK_S", 0.0)
+    monkeypatch.setattr("silo_tui.sessions.pinned.QUICK_S", 0.0)
     fake = deep
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)

@@ -8,8 +8,8 @@ import numpy as np
 from silo.core.arrays.columns import ColumnStore, HistoryColumns, NonFinite
 from silo.rpc.published import Event, EventKind
 from silo.state.requests import Unsaved
-from silo_tui.model.samples.held import MOST_PIECES, HeldSource
-from silo_tui.model.samples.pinned import SLICES, PinnedSource, _ends_of
+from silo_tui.sessions.held import MOST_PIECES, HeldSource
+from silo_tui.sessions.pinned import SLICES, PinnedSource, _ends_of
 
 SECOND = 10**9
 PLOTS = [SimpleNamespace(name="/log/x", element=SimpleNamespace(name="/log/x"))]

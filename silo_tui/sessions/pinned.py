@@ -1,4 +1,4 @@
-"""What was pinned when the picture was held: a stretch of time of some signals that nothing overwrites.
+"""What is pinned of some signals while a picture stands still, which nothing overwrites, and the buffers it is from.
 
 The source begins with the columns that stood on the screen. Columns of the whole span are fetched next, then raw
 samples slice by slice, those that are looked at first. What has come stays, whatever becomes of link and robot, and is
@@ -8,8 +8,8 @@ all that is drawn then; `text` says how much that is.
 import asyncio
 import math
 import time
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,23 +28,99 @@ from silo.core.arrays.columns import (
 )
 from silo.core.elements import ElementInfo, LoggedEvent
 from silo.errors import SiloError
+from silo.expressions.search import FoundMoments, Looking
+from silo.expressions.span import Between
 from silo_tui.model.drawing.plots import Plotted
 from silo_tui.model.drawing.window import SECOND_NS
-from silo_tui.model.samples.source import PlotSource, Samples
+from silo_tui.model.samples.source import PlotSource, Samples, entry_samples
 from silo_tui.model.words import text
+from silo_tui.sessions.link import Link
+from silo_tui.sessions.live import Session
 
+if TYPE_CHECKING:
+    from silo.history.arrays import Pin
+
+REPLY_BYTES = 2**18  # on a thin link a key gets its turn after half a minute at most
 SLICES = 32  # the span is fetched in so many pieces
 QUICK_S = 10.0  # what isn't looked at is fetched too where all of it comes within that time
 
 
-class PinReader(Protocol):
-    """Where a pin is read from: a helper process, which may fall silent (then it raises a SiloError)."""
+class OpenPin:
+    """A pin that is open in a helper process, which may fall silent: then what is asked of it raises a SiloError."""
+
+    def __init__(self, link: Link, pin: "Pin") -> None:
+        self._link = link
+        self.pin = pin
+        opened = pin.opened
+        self.run, self.text = opened.run, opened.text
+        self.begin_ns, self.end_ns, self.oldest_ns = opened.begin_ns, opened.end_ns, opened.oldest_ns
+
+    @property
+    def refused(self) -> str:
+        """Why it is no more; empty while it is."""
+        return self.pin.refused
 
     async def columns(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
         """Return columns of what is pinned."""
+        return await self._link.history(names, start_ns, end_ns, column_ns, self.pin)
 
     async def samples(self, names: Sequence[str], start_ns: int, end_ns: int) -> dict[str, Samples]:
-        """Return samples of what is pinned with `start_ns <= time stamp < end_ns`."""
+        """Return samples of what is pinned."""
+        found = await self._link.read(
+            lambda client: client.samples(names, start_ns, end_ns, pin=self.pin, reply_bytes=REPLY_BYTES)
+        )
+        return {name: entry_samples(some.time_ns, some.values) for name, some in found.items()}
+
+    def close(self) -> None:
+        """Let go of it."""
+        self.pin.close()
+
+
+class Buffers:
+    """The buffers of the logger of a session; what can't be had of them raises a SiloError."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    @property
+    def reachable(self) -> bool:
+        """Whether somebody answers."""
+        return self._session.connected
+
+    async def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> OpenPin:
+        """Pin what they hold from one time to another."""
+        link = self._session.connection
+        pinned = asyncio.ensure_future(link.read(lambda client: client.pin(names, start_ns, end_ns)))
+        try:
+            return OpenPin(link, await asyncio.shield(pinned))
+        except asyncio.CancelledError:
+            pinned.add_done_callback(_let_go)  # whoever asked is gone, the answer still comes
+            raise
+
+    async def find(
+        self, looking: Mapping[str, Looking], around_ns: int, most: int, end_ns: int, pins: Sequence[OpenPin]
+    ) -> dict[str, FoundMoments]:
+        """Look for moments in them and in these pins."""
+        one = next(iter(looking.values()))
+        return await self._session.connection.read(
+            lambda client: client.find(
+                list(looking), one.what, one.level, one.direction, [each.bounds for each in looking.values()],
+                end_ns=end_ns, around_ns=around_ns, most=most, pins=[each.pin for each in pins],
+                run=pins[0].run if pins else "",
+            )
+        )  # fmt: skip
+
+    async def measure(
+        self, names: Sequence[str], a_ns: int, b_ns: int, pins: Sequence[OpenPin], run: str
+    ) -> dict[str, Between]:
+        """Measure entries between two moments in them and in these pins."""
+        held = [each.pin for each in pins]
+        return await self._session.connection.read(lambda client: client._measure(names, a_ns, b_ns, held, run))
+
+
+def _let_go(pinned: "asyncio.Future[Pin]") -> None:
+    if not pinned.cancelled() and pinned.exception() is None:
+        pinned.result().close()
 
 
 class PinnedSource:
@@ -63,7 +139,7 @@ class PinnedSource:
         self._element_of = {plotted.name: plotted.element.name for plotted in plots}
         self._elements = {plotted.element.name: plotted.element for plotted in plots}
         self._periods = {name: live.period_ns(name) for name in self._elements}
-        self._reader: PinReader | None = None
+        self._reader: OpenPin | None = None
         self._shown = _copy_of(shown)
         self._coarse: HistoryColumns | None = None
         self._slice_ns = max(1, -(-(self.end_ns - self.begin_ns) // SLICES))
@@ -77,7 +153,7 @@ class PinnedSource:
         """Return the element of that name, as it was."""
         return self._elements.get(name) or self._live.element(name)
 
-    def reads(self, reader: PinReader) -> bool:
+    def reads(self, reader: OpenPin) -> bool:
         """Return whether it is fetched from there."""
         return self._reader is reader
 
@@ -130,7 +206,7 @@ class PinnedSource:
 
     # --------------------------------------------------------------------------------------------------- fetching
 
-    def opened(self, reader: PinReader, begin_ns: int, end_ns: int, problem: str = "") -> None:
+    def opened(self, reader: OpenPin, begin_ns: int, end_ns: int, problem: str = "") -> None:
         """The logger holds this much of it, to be read from there."""
         self._reader, self.problem = reader, problem
         if not self._slices:

@@ -6,22 +6,21 @@ buffers have it; only what these have lost as well is gone. Whatever becomes of 
 
 import asyncio
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from silo.core.arrays.columns import ColumnStore, HistoryColumns
-from silo.core.elements import ElementInfo, LoggedEvent
+from silo.core.elements import ElementInfo, LoggedEvent, Sought
 from silo.errors import RefusedError, SiloError
 from silo.expressions.search import FoundMoments, Looking
-from silo.expressions.span import Between
+from silo.expressions.span import NAN, Between, between
 from silo_tui.model.drawing.plots import Plotted
-from silo_tui.model.samples.buffers import Buffers, PinHandle
 from silo_tui.model.samples.live import Reading
-from silo_tui.model.samples.pinned import PinnedSource
-from silo_tui.model.samples.searching import find_here, joined, measure_here, reading_of
+from silo_tui.model.samples.searching import found_in, joined, reading_of
 from silo_tui.model.samples.source import PlotSource, Samples
 from silo_tui.model.words import text
+from silo_tui.sessions.pinned import Buffers, OpenPin, PinnedSource
 
 MOST_PIECES = 12  # a helper process has 64 pins for all its clients
 NAMES_AT_ONCE = 64  # that a helper process looks through
@@ -54,7 +53,7 @@ class HeldSource:
         self._live = live
         self._plots = tuple(plots)
         self._buffers = buffers
-        self._pins: list[PinHandle] = []
+        self._pins: list[OpenPin] = []
         self._oldest_ns = 0  # in the buffers, as they said last
         self._closed = False
         self._lost = False  # whether they are of another run by now
@@ -209,7 +208,7 @@ class HeldSource:
         self._forget_farthest(piece)
         return pin.text
 
-    def _take(self, pin: PinHandle) -> None:
+    def _take(self, pin: OpenPin) -> None:
         self._pins.append(pin)
         if self._closed:
             self.close()  # it came when nobody looks any more
@@ -329,7 +328,7 @@ class HeldSource:
     # ------------------------------------------------------------------------------------------------------ searching
 
     @property
-    def _of_one_run(self) -> tuple[str, list[PinHandle]]:
+    def _of_one_run(self) -> tuple[str, list[OpenPin]]:
         """The run that was held, and the pins of it."""
         run = next((pin.run for pin in self._pins if pin.run), "")
         return run, [pin for pin in self._pins if pin.run == run]
@@ -344,7 +343,7 @@ class HeldSource:
         """Look for moments in all that is held of entries, and return why some of it could not be looked through."""
         if self._all_here or not self._in_buffers:
             why = "" if self._all_here else self._out_of_reach
-            return await find_here(self._pieces, looking, around_ns, most, why, pinned=self.pinned)
+            return await _find_here(self._pieces, looking, around_ns, most, why, pinned=self.pinned)
         assert self._buffers is not None
         _, pins = self._of_one_run
         names = list(looking)
@@ -355,7 +354,7 @@ class HeldSource:
                 found.update(await self._buffers.find(some, around_ns, most, self.end_ns, pins))
         except SiloError as error:
             why = str(error) if isinstance(error, RefusedError) else "no link"
-            return await find_here(self._pieces, looking, around_ns, most, why, pinned=self.pinned)
+            return await _find_here(self._pieces, looking, around_ns, most, why, pinned=self.pinned)
         return found, ""
 
     async def measure(self, names: Sequence[str], a_ns: int, b_ns: int) -> tuple[dict[str, Between], str]:
@@ -377,7 +376,7 @@ class HeldSource:
                 return found, ""
         else:
             why = "" if self._has(begin_ns, end_ns) else self._out_of_reach
-        return await measure_here(self._pieces, names, a_ns, b_ns, why, pinned=self.pinned)
+        return await _measure_here(self._pieces, names, a_ns, b_ns, why, pinned=self.pinned)
 
     @property
     def _out_of_reach(self) -> str:
@@ -397,3 +396,45 @@ def _room(names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> C
     store = ColumnStore(names, stop - first, column_ns)
     store.advance_to(stop)
     return store
+
+
+async def _find_here(
+    pieces: Sequence[PinnedSource], looking: Mapping[str, Looking], around_ns: int, most: int, why: str, *, pinned: bool
+) -> tuple[dict[str, FoundMoments], str]:
+    """Look through what is here of some pieces: samples, and columns for those that can't come.
+
+    Returns why some could not be looked through, too: `why`, or how wide these columns are.
+    """
+    for piece in pieces:
+        await piece.fetch(piece.begin_ns, piece.end_ns)
+    found, widest_ns = {}, 0
+    for name, one in looking.items():
+        if one.what is Sought.EDGE:  # a step from sample to sample: columns have none
+            parts = [(piece.held(name, piece.begin_ns, piece.end_ns), 0) for piece in pieces]
+        else:
+            parts = [piece.with_columns(name) for piece in pieces]
+        wide_ns = max(wide for _, wide in parts)
+        here = joined([some for some, _ in parts])
+        sought = replace(one, period_ns=max(one.period_ns, wide_ns))
+        found[name] = await asyncio.to_thread(found_in, sought, here, around_ns, most)
+        widest_ns = max(widest_ns, wide_ns)
+    return found, _only(widest_ns, pinned=pinned) if widest_ns else why
+
+
+async def _measure_here(
+    pieces: Sequence[PinnedSource], names: Sequence[str], a_ns: int, b_ns: int, why: str, *, pinned: bool
+) -> tuple[dict[str, Between], str]:
+    """Measure what is here; where only columns are, what these tell: the ends, the smallest, the largest."""
+    found, widest_ns = {}, 0
+    for name in names:
+        parts = [piece.with_columns(name) for piece in pieces]
+        wide_ns = max(wide for _, wide in parts)
+        time_ns, values = joined([some for some, _ in parts])
+        facts = await asyncio.to_thread(between, time_ns, values, a_ns, b_ns)
+        found[name] = facts if not wide_ns else replace(facts, mean=NAN, std=NAN, rms=NAN, not_finite=0)
+        widest_ns = max(widest_ns, wide_ns)
+    return found, _only(widest_ns, pinned=pinned) if widest_ns else why
+
+
+def _only(widest_ns: int, *, pinned: bool) -> str:
+    return f"{'columns' if pinned else 'picture'} only, to {text.span(widest_ns / 1e9, 2)}"
