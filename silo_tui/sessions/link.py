@@ -107,12 +107,12 @@ class Link:
         return await asyncio.to_thread(job, self._client)
 
     async def history(
-        self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int, pin: "Pin | None" = None
+        self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int, *pin: "Pin"
     ) -> HistoryColumns:
-        """Return columns of any number of entries, asked for in pieces as large as a logger answers."""
+        """Return columns of any number of entries, or of what is pinned, asked for in pieces that are answered."""
 
         def ask(some: Sequence[str], client: "Client") -> HistoryColumns:
-            return client.history(some, start_ns, end_ns, column_ns, pin)
+            return client.history(some, start_ns, end_ns, column_ns, *pin)
 
         if not names:
             return HistoryColumns((), 0, column_ns, np.zeros((0, 0)), np.zeros((0, 0)))
