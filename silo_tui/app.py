@@ -30,7 +30,6 @@ from silo_tui.menus import MenuReader
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.drawing import dots
 from silo_tui.model.words.command_line import BY_KEY, Spelled
-from silo_tui.screens.plots.holding import Holding
 from silo_tui.sessions.demo import Demo
 from silo_tui.sessions.finder import ClientFinder
 from silo_tui.sessions.link import LinkChanged, LoggerEvent, ViewFailed
@@ -94,9 +93,7 @@ class SiloApp(Guarded, App[None]):
         self.stylesheet.set_variables(self.get_css_variables())
         self._is_read = False
         self.animation_level = "none"
-        self.context = Context(
-            self, Holding, read_only=read_only, settings=settings, settings_problems=settings_problems
-        )
+        self.context = Context(self, read_only=read_only, settings=settings, settings_problems=settings_problems)
         self.context.runner = CommandRunner(self.context)
         self.context.came_back = self._catch_up
         self.context.take_up = lambda: self.context.run_flow(flows.take_up_edits(self.context))

@@ -19,7 +19,8 @@ from silo.errors import RefusedError, SiloError
 from silo.net.access.senders import read_only_words
 from silo.rpc.frames import Frame
 from silo_tui.actions import BY_ID, Command, key_of, key_that_retries, typed_on, why_no_use
-from silo_tui.modal import Dialog, Leaving, run_alone
+from silo_tui.gate import Holding
+from silo_tui.modal import Leaving, run_alone
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.sessions import kept
 from silo_tui.sessions.link import Link
@@ -49,27 +50,18 @@ class Message:
         return wall_clock(int(1e9 * self.at_s))
 
 
-class Held(Dialog[None]):
-    """What stands over the screen while a flow is under way."""
-
-    def end(self) -> None:
-        """Go."""
-
-
 class Context:
     """The logger that is open, who may change it, where results are told, and one flow at a time."""
 
     def __init__(
         self,
         app: App[Any],
-        holding: "Callable[[str], Held]",
         *,
         read_only: bool,
         settings: Settings | None = None,
         settings_problems: Sequence[SettingsProblem] = (),
     ) -> None:
         self.app = app
-        self.holding = holding  # makes what owns the keys while a flow is under way
         self.read_only = read_only
         self.runner: Any = None  # the `CommandRunner`, which imports this
         self.take_up: Callable[[], None] = lambda: None  # asks what becomes of edits that were kept
@@ -295,11 +287,11 @@ class Context:
             self.say("still busy with the last command")
             return
         self._flow_running = True
-        holding = self.holding(self.session.name if self.has_session else "the logger")
+        holding = Holding(self.session.name if self.has_session else "the logger")
         self.app.push_screen(holding)  # at once: what is typed from now on is meant for what the flow shows
         self.app.run_worker(self._guarded(flow, holding), group="flow")
 
-    async def _guarded(self, flow: Coroutine[Any, Any, None], holding: "Held") -> None:
+    async def _guarded(self, flow: Coroutine[Any, Any, None], holding: Holding) -> None:
         try:
             try:
                 await flow

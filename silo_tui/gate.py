@@ -5,17 +5,22 @@ what has the focus as it comes: it answered nobody, or edited the table below.
 """
 
 import asyncio
+import time
 from collections import deque
-from typing import Any
+from typing import Any, cast
 
 from textual import events
+from textual.app import ComposeResult
 from textual.message_pump import MessagePump
+from textual.widgets import Static
 
 from silo_tui.modal import Dialog, run_aside
+from silo_tui.model.words import text
 
 AT_ONCE = ("ctrl+q",)  # ends the program, whatever is waited for
 LETS_GO = ("escape", "ctrl+c")  # what is waited for while a flow is under way
 DROPPED = "keys typed before this question was there were dropped: it may lose something"
+TELLS_AFTER_S = 0.3
 WALKS = 2  # the key up to the app, then what it posted on its way
 Typed = events.Key | events.Paste
 
@@ -100,3 +105,89 @@ class Gate:
                 await _done(top, drawn=True)
             if self._app.screen_stack[-1:] == [top] and focused is self._app.focused:
                 return
+
+
+class Holding(Dialog[None]):
+    """Stands over a screen while what was asked for is on its way, and says after a moment for what it waits.
+
+    What is typed meanwhile is for the dialog that comes: without this it would edit the table.
+    """
+
+    CSS = "Holding { background: $background 0%; align: left bottom; } Holding #waiting { display: none; height: 1; \
+width: 1fr; padding: 0 1; margin-bottom: 1; background: $panel; }"
+
+    KEYS_HERE = "Esc Lets it go on"
+
+    def __init__(self, what: str) -> None:
+        super().__init__()
+        self._what = what
+        self._began = time.monotonic()
+        self.ended = False
+        self._there = False
+        self._answered = False  # whether a dialog was there: what is typed after it is for what follows
+
+    @property
+    def waits(self) -> bool:  # type: ignore[override]
+        """Whether what was asked for is still on its way."""
+        return not self.ended
+
+    def compose(self) -> ComposeResult:
+        """Yield the line."""
+        yield Static("", id="waiting", markup=False)
+
+    def on_mount(self) -> None:
+        """Begin to count the seconds; go, where what was asked for came sooner than this."""
+        self._there = True
+        self.set_interval(0.1, self._tell)
+        if self.ended:
+            self.call_later(self.end)
+
+    def _tell(self) -> None:
+        waited = time.monotonic() - self._began
+        if waited >= TELLS_AFTER_S and self.is_active:
+            line = self.query_one("#waiting", Static)
+            line.display = True
+            line.update(f"waiting for {self._what} {text.span(round(waited, 1))}   Esc lets it go on")
+
+    def on_screen_suspend(self) -> None:
+        """Make room for the dialog that came."""
+        for line in self.query("#waiting"):
+            line.display = False
+        self._answered = True
+        self._tell_keys()
+        self._gate.moved()
+
+    def _tell_keys(self) -> None:
+        cast(Any, self.app).context.tell(lambda screen: screen.show_keys_above())
+
+    def on_screen_resume(self) -> None:
+        """Wait for the next step."""
+        self._tell_keys()
+        self._began = time.monotonic()
+        if self.ended:
+            self.end()
+
+    def end(self) -> None:
+        """Go, at once or as soon as what lies above is gone."""
+        if not self.ended and not self._answered:
+            self._gate.drop()
+        self.ended = True
+        if self._there and self.is_active:  # one that is still being made can't be taken away
+            self.dismiss()
+        self._gate.moved()
+
+    @property
+    def _gate(self) -> Gate:
+        return cast(Gate, cast(Any, self.app).gate)
+
+    def on_key(self, event: events.Key) -> None:
+        """Keep the key from the screen below."""
+        event.stop()
+        event.prevent_default()
+        if event.key in LETS_GO:
+            self.ended = True
+            self.dismiss()
+            self._gate.moved()
+        elif event.key == "ctrl+q":
+            cast(Any, self.app).context.left()
+            self.app.exit()

@@ -12,10 +12,10 @@ from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
 from silo.programs.demo.robot import SimulatedRobot
 from silo.programs.demo.signals import signals
+from silo_tui.gate import Holding
 from silo_tui.model.plots.panels import isolate
 from silo_tui.model.table.fields import Field
 from silo_tui.screens.files.file_table import FileTableScreen
-from silo_tui.screens.plots.holding import Holding
 from silo_tui.screens.plots.monitor import MonitorScreen
 from tests.stand_ins.fake_signals import scalar
 

@@ -6,9 +6,9 @@ import threading
 import pytest
 from textual import events
 
+from silo_tui.gate import Holding
 from silo_tui.model.table.fields import Field
 from silo_tui.screens.dialogs.questions import Prompt, Question
-from silo_tui.screens.plots.holding import Holding
 from tests.tui.conftest import character_of
 from tests.waiting import DEADLINE_S
 
