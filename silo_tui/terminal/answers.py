@@ -30,11 +30,6 @@ class AnswerFilter:
     def __init__(self) -> None:
         self._held = b""
 
-    @property
-    def holding(self) -> bool:
-        """Whether what came last may be the beginning of an answer."""
-        return bool(self._held)
-
     def feed(self, data: bytes) -> Sorted:
         """Return what came without the answers, and these."""
         data = self._held + data

@@ -97,10 +97,6 @@ class Lines(Guarded, ScrollView, can_focus=True):
         self.scroll_to_region(region, animate=False, force=True, immediate=True)
         self.post_message(self.CursorMoved(self.highlighted))
 
-    def step(self, lines: int) -> None:
-        """Move the cursor by so many lines."""
-        self.move((self.highlighted or 0) + lines)
-
     @property
     def page_rows(self) -> int:
         """How many lines a page is."""

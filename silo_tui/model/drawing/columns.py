@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from silo.core.arrays.columns import ColumnPiece, ColumnStore, Floats, HistoryColumns, Marks
+from silo.core.arrays.columns import ColumnPiece, ColumnStore, Floats, Marks
 
-__all__ = ["ColumnPiece", "ColumnStore", "Floats", "HistoryColumns", "Marks", "hold", "hold_piece"]
+__all__ = ["ColumnPiece", "ColumnStore", "Floats", "Marks", "hold", "hold_piece"]
 
 
 def hold(low: Floats, high: Floats, limit: int, marks: Marks | None = None) -> tuple[Floats, Floats]:

@@ -24,11 +24,6 @@ class Field(enum.IntEnum):
     SIZE = 4
 
     @property
-    def title(self) -> str:
-        """Head of the column."""
-        return self.option.head
-
-    @property
     def label(self) -> str:
         """The field in a sentence."""
         return "logging" if self is Field.ENABLED else self.option.name

@@ -84,7 +84,7 @@ class LimitsDialog(Form[LimitsWish]):
         given = {"signal": shown, **(fields_of(limits) if limits is not None else {})}
         hints = hints_with(HINTS, session.table)
         super().__init__(title, LINES, given, hints, problem, "LL" if shown else "signal")
-        self._session, self._shown, self._name, self._given = session, shown, name, limits
+        self._session, self._shown, self._name = session, shown, name
 
     def made(self) -> LimitsWish:
         """Return what is typed; of another signal than it began with, what is not typed stays as that one has it."""
