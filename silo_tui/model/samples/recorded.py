@@ -7,9 +7,9 @@ panning reads only what is new; the tick where each column begins is found once 
 import asyncio
 import math
 import threading
-from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -90,7 +90,8 @@ class RecordingSource:
         # where a clock was set back, the samples stand at the latest time before: none is hidden
         times = recording.time_ns
         self.clock_jumps = int((np.diff(times) < 0).sum())
-        self._times: Stamps = np.maximum.accumulate(times) if self.clock_jumps else np.ascontiguousarray(times)
+        # shape `(n,)`, of all ticks; they never fall, and are not to be written to
+        self.time_ns: Stamps = np.maximum.accumulate(times) if self.clock_jumps else np.ascontiguousarray(times)
         self._begin = _begin_of(recording)
         self._places = {name: place for place, name in enumerate(names)}
         self._signals: dict[str, _Signal] = {}
@@ -99,9 +100,8 @@ class RecordingSource:
                 ended = Gap.LOST if element.lost else Gap.FULL
                 signal = _Signal(recorded.values, element.first, element.divider, ended)
                 self._signals.setdefault(info.name + entry.suffix, signal)
-        self._period_ns = _period(self._times, recording.frequency_hz)
-        self._tiles: OrderedDict[tuple[str, int, int], _Tile] = OrderedDict()
-        self._edges: OrderedDict[tuple[int, int], Stamps] = OrderedDict()
+        self._period_ns = _period(self.time_ns, recording.frequency_hz)
+        self._tile, self._ticks = lru_cache(MAX_TILES)(self._read_tile), lru_cache(MAX_TILES)(self._find_ticks)
         self._lock = threading.Lock()
 
     # ------------------------------------------------------------------------------------------------ what is
@@ -109,22 +109,17 @@ class RecordingSource:
     @property
     def begin_ns(self) -> int:
         """The first time stamp; of a capture the first that was asked for: slow signals bring a sample from before."""
-        return int(self._times[self._begin])
+        return int(self.time_ns[self._begin])
 
     @property
     def end_ns(self) -> int:
         """The last time stamp."""
-        return int(self._times[-1])
+        return int(self.time_ns[-1])
 
     @property
     def ticks(self) -> int:
         """How many ticks there are from the first time stamp on."""
-        return len(self._times) - self._begin
-
-    @property
-    def time_ns(self) -> Stamps:
-        """Shape `(n,)`: the time stamps of all ticks, which never fall; not to be written to."""
-        return self._times
+        return len(self.time_ns) - self._begin
 
     @property
     def happened(self) -> Sequence[LoggedEvent]:
@@ -159,7 +154,7 @@ class RecordingSource:
             return self.begin_ns, self.end_ns
         first = max(self._begin, min(element.first for element in elements))
         last = max(element.first + (element.count - 1) * element.divider for element in elements)
-        return int(self._times[first]), int(self._times[max(first, last)])
+        return int(self.time_ns[first]), int(self.time_ns[max(first, last)])
 
     # ------------------------------------------------------------------------------------------------ columns
 
@@ -214,33 +209,19 @@ class RecordingSource:
     def _covering(self, name: str, first: int, stop: int, column_ns: int) -> list[_Tile]:
         return [self._tile(name, column_ns, number) for number in range(first // TILE, (stop - 1) // TILE + 1)]
 
-    def _tile(self, name: str, column_ns: int, number: int) -> _Tile:
-        key = (name, column_ns, number)
-        tile = self._tiles.pop(key, None)
-        if tile is None:
-            signal = self._signals[name]
-            tile = _reduce(signal.values, _samples(signal, self._ticks(column_ns, number)))
-        self._tiles[key] = tile
-        while len(self._tiles) > MAX_TILES:
-            self._tiles.popitem(last=False)
-        return tile
+    def _read_tile(self, name: str, column_ns: int, number: int) -> _Tile:
+        signal = self._signals[name]
+        return _reduce(signal.values, _samples(signal, self._ticks(column_ns, number)))
 
-    def _ticks(self, column_ns: int, number: int) -> Stamps:
+    def _find_ticks(self, column_ns: int, number: int) -> Stamps:
         """Shape `(65,)`: the first tick of each column of a tile, and of the one after."""
-        key = (column_ns, number)
-        edges = self._edges.pop(key, None)
-        if edges is None:
-            edges = self._first_ticks(number * TILE, TILE + 1, column_ns)
-        self._edges[key] = edges
-        while len(self._edges) > MAX_TILES:
-            self._edges.popitem(last=False)
-        return edges
+        return self._first_ticks(number * TILE, TILE + 1, column_ns)
 
     def _first_ticks(self, first: int, count: int, column_ns: int) -> Stamps:
         # by Python's integers, because the last column may begin after the end of int64
         limit = 2**63 - 1
         starts = np.array([min(column * column_ns, limit) for column in range(first, first + count)], np.int64)
-        return np.searchsorted(self._times, starts, "left").astype(np.int64)
+        return np.searchsorted(self.time_ns, starts, "left").astype(np.int64)
 
     def _hold(self, signal: _Signal, column_ns: int, grid: ColumnGrid, row: int) -> None:
         """Fill columns without sample after the first one, as long as the last one holds: until the next would be due.
@@ -257,8 +238,8 @@ class RecordingSource:
 
     def _end_of(self, signal: _Signal) -> int:
         """Until when the last sample of a signal holds."""
-        tick = min(signal.first + len(signal.values) * signal.divider - 1, len(self._times) - 1)
-        return int(self._times[max(tick, 0)])
+        tick = min(signal.first + len(signal.values) * signal.divider - 1, len(self.time_ns) - 1)
+        return int(self.time_ns[max(tick, 0)])
 
     def _say_why_empty(self, signal: _Signal, column_ns: int, grid: ColumnGrid, row: int) -> None:
         begin, end = self.begin_ns // column_ns, self.end_ns // column_ns
@@ -266,15 +247,15 @@ class RecordingSource:
             grid.add_hole(row, begin, end + 1, signal.ended)
             return
         if signal.first - self._begin >= signal.divider:
-            grid.add_hole(row, begin, int(self._times[signal.first]) // column_ns, Gap.OVERWRITTEN)
-        if signal.first + len(signal.values) * signal.divider < len(self._times):
+            grid.add_hole(row, begin, int(self.time_ns[signal.first]) // column_ns, Gap.OVERWRITTEN)
+        if signal.first + len(signal.values) * signal.divider < len(self.time_ns):
             grid.add_hole(row, self._end_of(signal) // column_ns + 1, end + 1, signal.ended)
 
     # ----------------------------------------------------------------------------------------- values at a time
 
     def readings(self, names: Sequence[str], time_ns: int) -> dict[str, Reading]:
         """What held at a time: the newest sample up to then; nothing before the first one."""
-        tick = int(np.searchsorted(self._times, time_ns, "right")) - 1
+        tick = int(np.searchsorted(self.time_ns, time_ns, "right")) - 1
         return {name: self._reading(self._places[name], tick, time_ns) for name in names if name in self._places}
 
     def _reading(self, place: int, tick: int, time_ns: int) -> Reading:
@@ -297,11 +278,11 @@ class RecordingSource:
         if signal is None:
             return np.zeros(0, np.int64), np.zeros(0)
         ticks = np.array(
-            [np.searchsorted(self._times, start_ns, "left"), np.searchsorted(self._times, end_ns, "right")], np.int64
+            [np.searchsorted(self.time_ns, start_ns, "left"), np.searchsorted(self.time_ns, end_ns, "right")], np.int64
         )
         begin, end = _samples(signal, ticks).tolist()
         first, step = signal.first + begin * signal.divider, signal.divider
-        return self._times[first : first + (end - begin) * step : step], signal.values[begin:end]
+        return self.time_ns[first : first + (end - begin) * step : step], signal.values[begin:end]
 
     async def find(
         self, looking: Mapping[str, Looking], around_ns: int, most: int
@@ -309,7 +290,7 @@ class RecordingSource:
         """Look for moments in all samples of entries; nothing of a file is out of reach."""
         found = {}
         for name, wanted in looking.items():
-            samples = await self.samples(name, int(self._times[0]), self.end_ns)
+            samples = await self.samples(name, int(self.time_ns[0]), self.end_ns)
             found[name] = await asyncio.to_thread(found_in, wanted, samples, around_ns, most)
         return found, ""
 
@@ -317,7 +298,7 @@ class RecordingSource:
         """Measure entries between two moments."""
         found = {}
         for name in names:
-            time_ns, values = await self.samples(name, int(self._times[0]), max(a_ns, b_ns))
+            time_ns, values = await self.samples(name, int(self.time_ns[0]), max(a_ns, b_ns))
             found[name] = await asyncio.to_thread(between, time_ns, values, a_ns, b_ns)
         return found, ""
 
