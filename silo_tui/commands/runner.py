@@ -262,7 +262,9 @@ async def control_flow(context: Context, words: Sequence[str]) -> None:
     elif len(words) != (2 if words[0] == "give" else 1):
         raise RefusedError(f"control: {CONTROL_WORDS}")
     elif context.may_write("Control"):
-        context.say(await session.control(jobs[words[0]]))
+        done = await session.connection.call(jobs[words[0]])
+        await session.refresh_status()
+        context.say(done)
 
 
 async def _ask_for_control(context: Context, told: str) -> str | None:

@@ -79,7 +79,7 @@ class ClientFinder:
     def __init__(self, config: str = "", *, read_only: bool = False) -> None:
         self._config, self._read_only = config, read_only
         self._seen: dict[str, found.LoggerAddress] = {}
-        self._own_name = ""
+        self.own_name = ""  # how events speak of us; empty before the first look
         self._fleet: Fleet | None = None
         self._looking = threading.Lock()
 
@@ -92,11 +92,6 @@ class ClientFinder:
 
         threading.Thread(target=look, daemon=True).start()
 
-    @property
-    def own_name(self) -> str:
-        """How events speak of us; empty before the first look."""
-        return self._own_name
-
     def find(self) -> Found:
         """Return the loggers that are known now, and advice for those that are closed to us.
 
@@ -106,7 +101,7 @@ class ClientFinder:
         from silo.fleet.fleet import Fleet
         from silo.fleet.near import down_text, unreachable_text
 
-        self._own_name = client_name()
+        self.own_name = client_name()
         with self._looking:
             if self._fleet is None:
                 self._fleet = Fleet(self._config)

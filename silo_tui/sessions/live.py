@@ -5,7 +5,7 @@ Screens read its parts and call its coroutines; it draws nothing and asks nothin
 
 import asyncio
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -46,7 +46,6 @@ from silo_tui.sessions.recordings import Fetching
 
 if TYPE_CHECKING:
     from silo.analysis.reports import ElementReport
-    from silo.client.client import Client
     from silo.conditions.requests import TriggerTried
     from silo_tui.model.plots.overlay import Overlay
 
@@ -305,15 +304,11 @@ class Session:
 
     async def fetch(self, name: str, folder: Path, fetching: Fetching) -> Path:
         """Copy a recording into a folder of this machine; takes as long as it takes."""
-        return await self.aside(lambda client: client.fetch(name, folder, fetching.progress))
+        return await self.connection.aside(lambda client: client.fetch(name, folder, fetching.progress))
 
     async def delete_recording(self, name: str) -> str:
         """Delete a recording; return what was deleted, in words."""
         return await self.connection.call(lambda client: client.delete_recording(name))
-
-    async def aside(self, job: "Callable[[Client], Result]") -> "Result":
-        """Run a call that may take minutes."""
-        return await self.connection.aside(job)
 
     async def refresh_recorders(self) -> None:
         """Ask how endless recordings stand; of an older silo, which has none, nothing."""
@@ -541,12 +536,6 @@ class Session:
     def _was_given(self, event: Event) -> bool:
         """Whether somebody else handed control over to us."""
         return self.has_control and self.status.control is not None and event.by != self.status.control.who
-
-    async def control(self, job: "Callable[[Client], str]") -> str:
-        """Take, release or hand over control; return what was done, in words."""
-        words = await self.connection.call(job)
-        await self.refresh_status()
-        return words
 
     def lose(self) -> None:
         """Note that the link is lost; everything stays as it was."""

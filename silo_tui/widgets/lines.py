@@ -5,7 +5,6 @@ Measured with 100 lines at 160x50, all of them new each second: Textual's option
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import ClassVar
 
 from rich.segment import Segment
@@ -26,17 +25,11 @@ class Lines(Guarded, ScrollView, can_focus=True):
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {"lines--line", "lines--cursor"}
 
-    @dataclass
     class CursorMoved(Message):
         """The cursor is on another line."""
 
-        place: int
-
-    @dataclass
     class LinePicked(Message):
         """A line was chosen by the mouse."""
-
-        place: int
 
     def __init__(self, id: str) -> None:  # noqa: A002  # as Textual calls it
         super().__init__(id=id)
@@ -95,7 +88,7 @@ class Lines(Guarded, ScrollView, can_focus=True):
                 self.refresh_line(each)
         region = Region(0, self.highlighted, 1, 1)
         self.scroll_to_region(region, animate=False, force=True, immediate=True)
-        self.post_message(self.CursorMoved(self.highlighted))
+        self.post_message(self.CursorMoved())
 
     @property
     def page_rows(self) -> int:
@@ -107,6 +100,6 @@ class Lines(Guarded, ScrollView, can_focus=True):
         place = int(event.y) + self.scroll_offset.y
         if place < self.count:
             if place == self.highlighted:
-                self.post_message(self.LinePicked(place))
+                self.post_message(self.LinePicked())
             else:
                 self.move(place)

@@ -454,17 +454,12 @@ class PlotStack(Guarded, Styled):
 
     # ---------------------------------------------------------------------------------------------- what is plotted
 
-    @property
-    def plots(self) -> list[Plotted]:
-        """All signals, in the order of the panels."""
-        return self._plots
-
     def _take(self, panels: Sequence[Panel]) -> None:
         # what is asked for many times a frame is found once: with 700 panels it took 50 ms
         self.panels = list(panels)
         self._heights: list[int] = []
         self._heights_for: tuple[Size, int] | None = None
-        self._plots = [plotted for panel in panels for plotted in panel]
+        self.plots = [plotted for panel in panels for plotted in panel]  # in the order of the panels
         self.two_sided = any(any(sides(panel)) for panel in panels if has_curves(panel))
         self.worded = any(len(panel) > 1 or not has_curves(panel) for panel in panels)
 

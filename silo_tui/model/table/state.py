@@ -76,7 +76,7 @@ class TableState:
         self.mixed: Mask = np.zeros(0, np.bool_)  # of which rows there is no norm: their entries have several units
         self.own = 0  # how many of the elements are the logger's own: the rows after them are derived
         self._row_of: dict[str, int] = {}
-        self._server = np.zeros((FIELDS, 0), np.int64)
+        self.server: Ints = np.zeros((FIELDS, 0), np.int64)  # what the logger has; not to be written to
         self._edited = np.zeros((FIELDS, 0), np.bool_)
         self._wanted = np.zeros((FIELDS, 0), np.int64)
         self._based_on = np.zeros((FIELDS, 0), np.int64)
@@ -89,24 +89,19 @@ class TableState:
     # ------------------------------------------------------------------------------------------------ reading
 
     @property
-    def server(self) -> Ints:
-        """What the logger has, shape `(5, n)`; not to be written to."""
-        return self._server
-
-    @property
     def values(self) -> Ints:
         """What the screen shows, shape `(5, n)`: the wanted value where there is an edit, else the logger's."""
-        return np.where(self._edited, self._wanted, self._server)
+        return np.where(self._edited, self._wanted, self.server)
 
     @property
     def pending(self) -> Mask:
         """Shape `(5, n)`: edits that would change something."""
-        return np.asarray(self._edited & (self._wanted != self._server), np.bool_)
+        return np.asarray(self._edited & (self._wanted != self.server), np.bool_)
 
     @property
     def conflicts(self) -> Mask:
         """Shape `(5, n)`: pending edits whose ground was changed by somebody else since."""
-        return np.asarray(self.pending & (self._server != self._based_on), np.bool_)
+        return np.asarray(self.pending & (self.server != self._based_on), np.bool_)
 
     @property
     def pending_count(self) -> tuple[int, int]:
@@ -139,11 +134,11 @@ class TableState:
     @property
     def live(self) -> Mask:
         """Shape `(n,)`: what can be watched: all that is enabled (pending edits don't count)."""
-        return np.asarray(self._server[Field.ENABLED] != 0, np.bool_)
+        return np.asarray(self.server[Field.ENABLED] != 0, np.bool_)
 
     def is_live(self, row: int) -> bool:
         """Return whether the element can be watched now: whether it is enabled."""
-        return bool(self._server[Field.ENABLED, row])
+        return bool(self.server[Field.ENABLED, row])
 
     @property
     def signs(self) -> NDArray[np.int64]:
@@ -171,7 +166,7 @@ class TableState:
         for row, field_number in np.argwhere(self.pending.T):
             field = Field(int(field_number))
             old, new = (phrase_for(field, int(layer[field, row])) for layer in (self._based_on, self._wanted))
-            theirs = phrase_for(field, int(self._server[field, row])) if conflicts[field, row] else None
+            theirs = phrase_for(field, int(self.server[field, row])) if conflicts[field, row] else None
             found.append(PendingChange(self.names[row], field.label, old, new, theirs))
         return found
 
@@ -203,7 +198,7 @@ class TableState:
             return 0
         rows, wanted, changed = rows[some], wanted[:, some], changed[:, some]
         before = self._layer(rows)
-        server, edited = self._server[:, rows], self._edited[:, rows]
+        server, edited = self.server[:, rows], self._edited[:, rows]
         self._based_on[:, rows] = np.where(changed & ~edited, server, self._based_on[:, rows])
         self._wanted[:, rows] = np.where(changed, wanted, self._wanted[:, rows])
         self._edited[:, rows] = np.where(changed, wanted != server, edited)
@@ -232,7 +227,7 @@ class TableState:
             return 0
         before = self._layer(rows)
         if keep_mine:
-            self._based_on[:, rows] = np.where(conflicts, self._server[:, rows], self._based_on[:, rows])
+            self._based_on[:, rows] = np.where(conflicts, self.server[:, rows], self._based_on[:, rows])
         else:
             self._edited[:, rows] &= ~conflicts
         self._remember("keep mine" if keep_mine else "take theirs", rows, before)
@@ -261,7 +256,7 @@ class TableState:
     def take_up(self, edits: Sequence[KeptEdit]) -> int:
         """Want kept edits again, in one undo step, and return how many; what was changed meanwhile is a conflict."""
         known = [(edit, row) for edit in edits if (row := self.row(edit.name)) is not None and 0 <= edit.field < FIELDS]
-        known = [(edit, row) for edit, row in known if self._server[edit.field, row] != edit.new]
+        known = [(edit, row) for edit, row in known if self.server[edit.field, row] != edit.new]
         if not known:
             return 0
         rows: Rows = np.unique([row for _, row in known])
@@ -293,7 +288,7 @@ class TableState:
             for each in elements
         ]
         self.mixed = np.array([len(each.entries) > 1 and not has_norm(each) for each in elements], np.bool_)
-        self.revision, self._server = table.revision, server
+        self.revision, self.server = table.revision, server
         self._edited &= self._wanted != server
         self.take_beyond(self._beyond)
         self.version += 1

@@ -107,7 +107,7 @@ async def _opened(
     fetching = session.fetches[file.name] = Fetching(file.name)
     cache = cache_folder(session.status.host, session.name)
     try:
-        path = await session.aside(lambda client: bring_here(client, folder, file, cache, fetching))
+        path = await session.connection.aside(lambda client: bring_here(client, folder, file, cache, fetching))
         return path, await asyncio.to_thread(open_file, path)
     except GivenUpError:
         return None

@@ -52,7 +52,7 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
         """`choose` opens a logger, `command` asks about many: "start_stop", "restart", "save" or "load" them."""
         super().__init__()
         self._choose, self._wanted, self._command = choose, wanted, command
-        self._found: tuple[FoundLogger, ...] = ()
+        self.found: tuple[FoundLogger, ...] = ()
         self._all: list[fleet.LoggerLine] = []
         self.answers: dict[str, str] = {}  # by key, of the last command for many
         self._notes = "Looking for loggers …"
@@ -65,7 +65,7 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
         self, found: Sequence[FoundLogger], forbidden: Sequence[str], problem: str = "", *, starting: bool = False
     ) -> None:
         """Show what was found; `starting`: the demo is on its way."""
-        self._found = tuple(found)
+        self.found = tuple(found)
         waiting = WAITING.format(demo=key_of("demo"), quit=key_of("quit"))
         advice = STARTING if starting else "" if found else waiting
         if len(found) > 1 and self._wanted and all(one.is_meant_by(self._wanted) for one in found):
@@ -86,7 +86,7 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
         self.show()
 
     def show(self) -> None:
-        self._all = [self._line_of(one) for one in self._found]
+        self._all = [self._line_of(one) for one in self.found]
         super().show()
         if self.is_there:
             title = f"silo  {fleet.total(self._all)}" if self._all else "silo"
@@ -137,13 +137,8 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
             line.stylize(bold(variables, name), at, at + 6)
         return line
 
-    @property
-    def found(self) -> Sequence[FoundLogger]:
-        """All loggers of the list."""
-        return self._found
-
     def command_open_logger(self) -> None:
-        for one in self._found:
+        for one in self.found:
             if one.key == self.chosen_key:
                 if one.is_there:
                     self._choose(one)

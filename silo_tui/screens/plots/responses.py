@@ -177,4 +177,4 @@ async def _read(session: Session, asked: Response) -> ResponseLog:
         found = client.samples(list(dict.fromkeys(names)), start, end, by="tick")
         return [alike(HeldSamples, found[name]) for name in names]
 
-    return HeldResponse(asked, *await session.aside(job))
+    return HeldResponse(asked, *await session.connection.aside(job))
