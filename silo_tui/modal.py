@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Coroutine
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, ParamSpec, TypeVar, cast
 
 from textual import events
@@ -10,6 +10,7 @@ from textual.await_complete import AwaitComplete
 from textual.dom import DOMNode
 from textual.geometry import Region
 from textual.screen import ModalScreen, Screen
+from textual.timer import Timer
 from textual.widgets import OptionList
 
 from silo_tui.unforeseen import Guarded
@@ -51,6 +52,20 @@ class Leaving(Guarded, Screen[ResultT]):
     def is_there(self) -> bool:
         """Whether the screen has its widgets: it was made, and neither it nor the program has begun to go."""
         return self.is_mounted and self.is_running and self.is_attached
+
+    @cached_property
+    def _settling(self) -> dict[str, Timer]:
+        return {}
+
+    def once_settled(self, what: str, after_s: float, do: Callable[[], object]) -> None:
+        """Do something when it was wished for no more since so long; `what` it is tells it from other wishes."""
+        self.settle(what)
+        self._settling[what] = self.set_timer(after_s, do)
+
+    def settle(self, what: str) -> None:
+        """Forget such a wish."""
+        if what in self._settling:
+            self._settling.pop(what).stop()
 
     async def on_event(self, event: events.Event) -> None:
         """Leave out what comes to a screen that gets no widgets, as the program ends before they were made."""

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from textual import events
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
-from textual.timer import Timer
 from textual.widgets import Input, Static
 
 from silo.core.names import glob_of_regex
@@ -56,7 +55,6 @@ class ElementsScreen(SiloScreen):
         self.table_head = TableHead(self.table)
         self._read_only = read_only
         self._inspector_wanted: bool | None = None
-        self._view_timer: Timer | None = None
 
     def compose(self) -> ComposeResult:
         """Yield status, banner, table and inspector, information, lines to type in, keys."""
@@ -167,9 +165,7 @@ class ElementsScreen(SiloScreen):
 
     def request_view_soon(self) -> None:
         """Request the view when the rows on the screen have settled."""
-        if self._view_timer is not None:
-            self._view_timer.stop()
-        self._view_timer = self.set_timer(DEBOUNCE_S, self.request_view)
+        self.once_settled("view", DEBOUNCE_S, self.request_view)
 
     # -------------------------------------------------------------------------------------------------- moving
 

@@ -5,7 +5,6 @@ import time
 
 import numpy as np
 from textual.app import ComposeResult
-from textual.timer import Timer
 
 from silo.core.quantities.writing import wall_clock
 from silo.errors import RefusedError, SiloError
@@ -56,7 +55,6 @@ class TableScreen(Editing):
         self._top_wanted = False  # then too, while no key says where the cursor is to be
         self._offered = False
         self._kept_version = -1
-        self._keep_timer: Timer | None = None
         self._surveying = False
         self._reset_wanted = False
         self._survey_s = 0.0
@@ -208,9 +206,7 @@ class TableScreen(Editing):
             self.context.offer_edits()
         elif table.version != self._kept_version:
             self._kept_version = table.version
-            if self._keep_timer is not None:
-                self._keep_timer.stop()
-            self._keep_timer = self.set_timer(KEEP_S, self.context.keep_edits)
+            self.once_settled("kept", KEEP_S, self.context.keep_edits)
 
     def settings_changed(self) -> None:
         """Show the columns that are wanted."""

@@ -9,7 +9,6 @@ from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
-from textual.timer import Timer
 from textual.widgets import Input, Static
 
 from silo.errors import ExpressionError, RefusedError, SiloError
@@ -73,7 +72,6 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         self._start = start
         self._problem = problem
         self._title, self._lines, self._values, self._hints = title, lines, values, hints
-        self._timer: Timer | None = None
 
     def compose(self) -> ComposeResult:
         """Yield title, lines to type in, what is said of them."""
@@ -139,9 +137,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
 
     def look_soon(self) -> None:
         """Look at what is typed, once that rests."""
-        if self._timer is not None:
-            self._timer.stop()
-        self._timer = self.set_timer(self.AFTER_S, lambda: run_alone(self, "look", self._look_now))
+        self.once_settled("look", self.AFTER_S, lambda: run_alone(self, "look", self._look_now))
 
     async def _look_now(self) -> None:
         if self.fields:
@@ -157,8 +153,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
 
     def answer(self) -> None:
         """Answer with what was made; why not stands until something is typed."""
-        if self._timer is not None:
-            self._timer.stop()
+        self.settle("look")
         self.workers.cancel_group(self, "look")
         for name, belongs in self.NEEDED.items():
             if not self.fields[name].strip():

@@ -140,9 +140,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
 
     def draw_soon(self) -> None:
         """Draw when what is wanted has settled."""
-        if self._timer is not None:
-            self._timer.stop()
-        self._timer = self.set_timer(DEBOUNCE_S, self._begin)
+        self.once_settled("view", DEBOUNCE_S, self._begin)
 
     def live_changed(self, frame: Frame) -> None:
         """Show what comes: of other views than that over time all is computed anew, now and then."""

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 from textual.app import ComposeResult
-from textual.timer import Timer
 
 from silo.core.quantities.writing import EPOCH_FROM_NS, many, wall_clock
 from silo.errors import SiloError
@@ -64,7 +63,6 @@ class PlotScreen(SiloScreen):
         self.paused_alone = True  # not by a key that took the cursor there too
         self._mending = False
         self._happened = session.happened
-        self._timer: Timer | None = None
         self.status_bar, self.banner = StatusBar(session, read_only=False), Banner(session)
         self.between = BetweenTable()
         self.pause = Pause(session, self.more_is_here)
@@ -113,9 +111,7 @@ class PlotScreen(SiloScreen):
 
     def fill_soon(self) -> None:
         """Request view and history anew, when what is wanted has settled."""
-        if self._timer is not None:
-            self._timer.stop()
-        self._timer = self.set_timer(DEBOUNCE_S, self.request_view)
+        self.once_settled("view", DEBOUNCE_S, self.request_view)
 
     def request_view(self) -> None:
         """Say what is on the screen and fetches its past."""
