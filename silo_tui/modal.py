@@ -96,6 +96,10 @@ class Dialog(ModalScreen[ResultT], Leaving[ResultT]):  # in this order: Textual 
         """Leave with a result; a second time does nothing, where Textual would close what lies below."""
         return super().dismiss(result) if self.is_active else AwaitComplete()
 
+    def action_leave(self) -> None:
+        """Leave; nothing is done."""
+        self.dismiss(None)
+
     def refresh(
         self, *regions: Region, repaint: bool = True, layout: bool = False, recompose: bool = False
     ) -> "Dialog[ResultT]":

@@ -44,8 +44,7 @@ class DeriveDialog(Form[Derived]):
 
     @property
     def _typed(self) -> Derived:
-        fields = {name: typed.strip() for name, typed in self.fields.items()}
-        return Derived(fields["name"], fields["is"], fields["unit"])
+        return Derived(self.fields["name"], self.fields["is"], self.fields["unit"])
 
     async def look(self) -> str:
         """Return what it would be."""

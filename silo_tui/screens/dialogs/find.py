@@ -57,13 +57,13 @@ class ConditionDialog(Form[Search]):
 
     def made(self) -> Search:
         """Return the search; its signals are there. Raises ExpressionError with the place."""
-        typed, table = self.fields["when"].strip(), self._session.table
+        typed, table = self.fields["when"], self._session.table
         bind(typed, table_catalogue(table.elements[: table.own], table.prefix, derived.present(table))).condition()
         return Search(What.CONDITION, condition=typed)
 
     async def look(self) -> str:
         """Return how often it turned true, and when."""
-        if not self.fields["when"].strip():
+        if not self.fields["when"]:
             return CONDITION
         tried = await self._session.turns_true(self.made().condition)
         return "\n".join(tried_lines(tried, self.told_width, 0, "turned true")[:2])

@@ -117,8 +117,8 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
 
     @property
     def fields(self) -> dict[str, str]:
-        """What is typed, by label; nothing of a dialog that was left."""
-        return {str(line.id).removeprefix("form-"): line.value for line in self.query(Input)}
+        """What is typed, by label, without blanks around it; nothing of a dialog that was left."""
+        return {str(line.id).removeprefix("form-"): line.value.strip() for line in self.query(Input)}
 
     @property
     def told_width(self) -> int:
@@ -156,7 +156,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         self.settle("look")
         self.workers.cancel_group(self, "look")
         for name, belongs in self.NEEDED.items():
-            if not self.fields[name].strip():
+            if not self.fields[name]:
                 self.field(name).focus()
                 self.tell(f"'{name}' is empty: {belongs}", "failed")
                 return
@@ -183,10 +183,6 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         blank = line.region.x - self.query_one("#form-told").content_region.x
         first = len(line.value) - len(line.value.lstrip()) - int(line.scroll_offset.x)
         return f"{' ' * max(0, blank + first + error.at)}{'^' * (error.end - error.at)}\n{error.reason}"
-
-    def action_leave(self) -> None:
-        """Leave; nothing is set."""
-        self.dismiss(None)
 
 
 async def taken(

@@ -88,8 +88,7 @@ class LimitsDialog(Form[LimitsWish]):
 
     def made(self) -> LimitsWish:
         """Return what is typed; of another signal than it began with, what is not typed stays as that one has it."""
-        fields = {name: typed.strip() for name, typed in self.fields.items()}
-        shown = fields["signal"]
+        fields, shown = self.fields, self.fields["signal"]
         is_same = shown == self._shown
         name = self._name if is_same and self._name else shown
         before = None if is_same else self._present(shown)
@@ -108,13 +107,13 @@ class LimitsDialog(Form[LimitsWish]):
 
     async def look(self) -> str:
         """Return how often they would have been violated."""
-        if not self.fields["signal"].strip():
+        if not self.fields["signal"]:
             return HELP
         limits = self.made().limits
         if limits is None:
             return TAKES_AWAY
         low, high = (self._inner(limits, places) for places in ((1, 0), (2, 3)))
-        shown = self.fields["signal"].strip()
+        shown = self.fields["signal"]
         tests = [f"{shown} < {low!r}"] if low is not None else []
         tests += [f"{shown} > {high!r}"] if high is not None else []
         if not tests:

@@ -178,10 +178,6 @@ class Question(Dialog[str | None]):
         self.query_one("#about", Static).update(await about(value))
         self.told = value
 
-    def action_leave(self) -> None:
-        """Leave; nothing is done."""
-        self.dismiss(None)
-
     def action_scroll(self, pages: int) -> None:
         """Move a long body."""
         for body in self.query(".dialog-body").results(VerticalScroll):
@@ -253,10 +249,6 @@ class Prompt(Dialog[str | None]):
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Answer with the line."""
         self._take(event.value.strip())
-
-    def action_leave(self) -> None:
-        """Leave; nothing is done."""
-        self.dismiss(None)
 
 
 def diff_text(changes: Sequence[PendingChange], prefix: str = "", cost: Text | None = None) -> Text:

@@ -53,12 +53,9 @@ class RecordDialog(Form[Wish]):
         super().__init__(f"Record on {session.name}, until it is stopped", LINES, values, HINTS, problem, "signals")
         self._session, self._free_bytes = session, free_bytes
 
-    def _value(self, name: str) -> str:
-        return self.fields.get(name, "").strip()
-
     def _patterns(self) -> tuple[str, ...]:
         """Return what is typed as patterns; without any, all is meant. ValueError where nothing matches one."""
-        session, words = self._session, self._value("signals").split()
+        session, words = self._session, self.fields["signals"].split()
         if words in ([], [ALL]):
             return ()
         marked = [name for name, is_marked in zip(session.table.names, session.rows.marked, strict=True) if is_marked]
@@ -72,11 +69,11 @@ class RecordDialog(Form[Wish]):
 
     def made(self) -> Wish:
         """Return what is to be recorded."""
-        split, keep = self._value("split"), self._value("keep")
-        keep = "" if keep == ALL else keep
+        fields, split = self.fields, self.fields["split"]
+        keep = "" if fields["keep"] == ALL else fields["keep"]
         read_split(split)
         read_keep(keep)
-        return Wish(self._value("signals"), self._patterns(), self._value("to"), split, keep, self._value("name"))
+        return Wish(fields["signals"], self._patterns(), fields["to"], split, keep, fields["name"])
 
     async def look(self) -> str:
         """Return how many signals that are, how fast the files grow, and for how long there is room."""

@@ -52,9 +52,9 @@ class TriggerEditor(Form[TriggerOptions]):
     async def look(self) -> str:
         """Return what it would have done."""
         fields = self.fields
-        if not fields["when"].strip():
+        if not fields["when"]:
             return CONDITION
-        unnamed = not fields["name"].strip()  # the condition counts while there is no name yet
+        unnamed = not fields["name"]  # the condition counts while there is no name yet
         made = options_of_fields({**fields, "name": "new"} if unnamed else fields, self._options)
         tried = await self._session.tried(made)
         return "\n".join(

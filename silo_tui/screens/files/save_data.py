@@ -97,7 +97,7 @@ class SaveDialog(Form[list[SavedFile]]):
         types = [kind for kind, one in SAVED.items() if self.query_one(f"#type-{one.name}", CheckLine).value]
         if not types:
             raise ValueError("Choose at least one type.")
-        name = self.fields["name"].strip()
+        name = self.fields["name"]
         return [SavedFile(check_name(name) if name else "", kind, 0) for kind in types]
 
     async def look(self) -> str:
