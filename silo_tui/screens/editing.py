@@ -25,9 +25,6 @@ from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.element_table import ElementTable
 from silo_tui.widgets.inputs import CellEditor
 
-FIELD_KEYS = {
-    Field.DIVIDER: "d", Field.SIZE: "s", Field.BUFFER: "b", Field.ACTION: "p", Field.ENABLED: "t",
-}  # fmt: skip
 FIELDS_BY_COMMAND = {
     "edit_divider": Field.DIVIDER, "edit_size": Field.SIZE, "next_buffer": Field.BUFFER, "next_action": Field.ACTION,
     "toggle": Field.ENABLED,
@@ -74,8 +71,8 @@ class Editing(ElementsScreen):
         elif self._field_chosen:
             self.edit_field(self.table.field)
         elif self._targets_known():
-            count = len(self.session.rows.targets())
-            choices = [Choice(str(int(field)), field.label, key) for field, key in FIELD_KEYS.items()]
+            count, fields = len(self.session.rows.targets()), FIELDS_BY_COMMAND.items()
+            choices = [Choice(str(int(field)), field.label, BY_ID[command].keys) for command, field in fields]
             question = Question(f"Edit what of {many(count, 'element')}?", "", choices)
             ask(self, question, lambda answer: self.edit_field(Field(int(answer))))
 

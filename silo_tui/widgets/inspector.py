@@ -20,7 +20,7 @@ from silo.rpc.published import NOT_LIVE_TEXTS
 from silo_tui.actions import key_of
 from silo_tui.model.drawing import braille
 from silo_tui.model.drawing.columns import ColumnStore, hold_piece
-from silo_tui.model.drawing.plots import signs_of, small_plot
+from silo_tui.model.drawing.plots import signs_of
 from silo_tui.model.samples.live import Reading, entry_text, fill_share
 from silo_tui.model.table.cells import span_words, type_word
 from silo_tui.model.table.fields import Field, phrase_for
@@ -311,5 +311,5 @@ class Inspector(Guarded, Widget):
             title = f"{component_name(name[len(prefix) :]) or 'value'}  {ends}"
             span = text.span(min(columns.count, shown_columns) * columns.column_ns / 1e9)
             pane.append(f"{title}  {span}\n", style=self._color("quiet"))
-            for line in small_plot(piece, scale, max(8, width), height):
+            for line in braille.rasterise(piece.low, piece.high, scale, max(8, width), height, piece.marks):
                 pane.append(line + "\n", style=self._color("plot") if self.session.fresh else self._color("quiet"))

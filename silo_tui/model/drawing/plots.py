@@ -254,15 +254,10 @@ def signs_of(marks: Marks) -> str:
     return " ".join(name for mark, name in names if flags & mark)
 
 
-def small_plot(piece: ColumnPiece, scale: tuple[float, float], width: int, height: int) -> list[str]:
-    """Return the lines of a plot without axes, of what holds between samples already."""
-    return braille.rasterise(piece.low, piece.high, scale, width, height, piece.marks)
-
-
 def trend(piece: ColumnPiece, width: int) -> str:
     """Return a whole signal in one line: it fills its height."""
     found = braille.value_range(piece.low, piece.high)
     scale = (math.nan, math.nan)
     if found is not None:
         scale = (found[0] - 1, found[1] + 1) if braille.is_constant(*found) else found
-    return small_plot(piece, scale, width, 1)[0]
+    return braille.rasterise(piece.low, piece.high, scale, width, 1, piece.marks)[0]

@@ -8,10 +8,10 @@ import math
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
+from silo.core.arrays.columns import MAX_COLUMNS
 from silo_tui.model.drawing import axes, braille
 
 SPANS_S = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0)
-MAX_COLUMNS = 4096
 SECOND_NS = 1_000_000_000
 
 Held: TypeAlias = tuple[int, int]  # the oldest and the newest moment that one can look at

@@ -8,9 +8,9 @@ import numpy as np
 from silo.core.arrays.columns import ColumnPiece
 from silo.core.quantities.writing import duration_text
 from silo_tui.model.drawing.columns import ColumnStore
+from silo_tui.model.drawing.window import SECOND_NS
 from silo_tui.model.samples.recorded import RecordingSource
 
-SECOND_NS = 1_000_000_000
 SIGN = "'"  # behind the letter of its signal
 LONGEST_NS = 30 * 86400 * SECOND_NS
 

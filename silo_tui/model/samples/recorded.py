@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.arrays.columns import Bins, ColumnGrid, Gap, HistoryColumns, grid_of
+from silo.core.arrays.columns import MAX_COLUMNS, Bins, ColumnGrid, Gap, HistoryColumns, grid_of
 from silo.core.arrays.values import newest_values, numbers
 from silo.core.elements import Action, ElementInfo, ElementOptions, LoggedEvent
 from silo.core.recording import RecordedElement, Recording
@@ -23,7 +23,7 @@ from silo.expressions.search import FoundMoments, Looking
 from silo.expressions.span import Between, between
 from silo_tui.model.drawing.columns import Floats, Marks
 from silo_tui.model.drawing.plots import signs_of
-from silo_tui.model.drawing.window import MAX_COLUMNS, SECOND_NS, SPANS_S
+from silo_tui.model.drawing.window import SECOND_NS, SPANS_S
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.samples.searching import found_in
 from silo_tui.model.samples.source import Samples

@@ -26,6 +26,7 @@ from silo.analysis.compute.spectra import (
     peaks_of,
     spectrum_of,
 )
+from silo.core.arrays.columns import MAX_COLUMNS
 from silo.core.arrays.values import as_floats
 from silo.core.quantities.writing import duration, many
 from silo.errors import SiloError
@@ -37,7 +38,7 @@ from silo_tui.model.drawing.big_plot import BigPlot
 from silo_tui.model.drawing.columns import Floats
 from silo_tui.model.drawing.pairs import histogram_of, pair_of
 from silo_tui.model.drawing.plots import Plotted
-from silo_tui.model.drawing.window import MAX_COLUMNS, SECOND_NS
+from silo_tui.model.drawing.window import SECOND_NS
 from silo_tui.model.plots.panels import LETTERS
 from silo_tui.model.samples.source import Samples
 from silo_tui.model.words import text
