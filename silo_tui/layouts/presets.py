@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from silo.conditions.standing import LimitStatus
 from silo_tui.layouts.layout import KeptLayout
+from silo_tui.model.plots.limits import between
 
 NEAR = "near-limit"
 NEAR_SHARE = 0.1  # of the range between two bounds, or of the only one
@@ -47,8 +48,7 @@ def is_near(one: LimitStatus) -> bool:
     known = [bound for bound in one.bounds if bound is not None]
     if one.value is None or not known:
         return False
-    red_low, low, high, red_high = one.bounds
-    low, high = red_low if low is None else low, red_high if high is None else high
+    low, high = between(one.bounds)
     reach = NEAR_SHARE * (high - low if low is not None and high is not None else abs(known[0]))
     return (low is not None and one.value <= low + reach) or (high is not None and one.value >= high - reach)
 

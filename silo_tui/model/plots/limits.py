@@ -16,7 +16,12 @@ WORDS = ("LL", "L", "H", "HH")
 
 def inner(bounds: Mapping[str, Bounds4], name: str) -> tuple[float | None, float | None]:
     """Return the smallest and the largest value of a scalar that is within its limits."""
-    red_low, low, high, red_high = bounds.get(name, NO_BOUNDS)
+    return between(bounds.get(name, NO_BOUNDS))
+
+
+def between(bounds: Bounds4) -> tuple[float | None, float | None]:
+    """Return the bounds that are met first: the yellow ones, or where there is none the red ones."""
+    red_low, low, high, red_high = bounds
     return red_low if low is None else low, red_high if high is None else high
 
 

@@ -13,7 +13,7 @@ from silo_tui.model.drawing.plots import draw, plots_of
 from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
 from silo_tui.model.lists.conditions import NOW, held_axis, tried_lines
 from silo_tui.model.plots.limit_line import BOUNDS, fields_of, limits_of_fields
-from silo_tui.model.plots.limits import lines_of
+from silo_tui.model.plots.limits import between, lines_of
 from silo_tui.screens.dialogs.form import Form, hints_with, taken
 from silo_tui.sessions.live import Session
 
@@ -112,7 +112,7 @@ class LimitsDialog(Form[LimitsWish]):
         limits = self.made().limits
         if limits is None:
             return TAKES_AWAY
-        low, high = (self._inner(limits, places) for places in ((1, 0), (2, 3)))
+        low, high = between(limits.bounds)
         shown = self.fields["signal"]
         tests = [f"{shown} < {low!r}"] if low is not None else []
         tests += [f"{shown} > {high!r}"] if high is not None else []
@@ -147,7 +147,3 @@ class LimitsDialog(Form[LimitsWish]):
         for line in lines_of(limits.bounds, picture.axis, TREND_LINES):
             beside[line.line] += f" {line.mark}"
         return [f"{'':{len(left)}}{row}{marks}" for row, marks in zip(picture.lines, beside, strict=True)]
-
-    @staticmethod
-    def _inner(limits: SignalLimits, places: tuple[int, int]) -> float | None:
-        return next((limits.bounds[place] for place in places if limits.bounds[place] is not None), None)
