@@ -83,14 +83,19 @@ class SaveDialog(Form[list[SavedFile]]):
 
     def on_button_pressed(self, event: Button.Pressed) -> None:
         """Save or leave."""
-        if event.button.id == "save-go" and self._files is None:
-            self._begin()
+        if event.button.id == "save-go":
+            self.answer()
         else:
             self.action_leave()
 
     def answer(self) -> None:
-        """Save when Enter ends the name."""
-        self.action_save()
+        """Save from wherever the focus is; closes when that is done."""
+        if self._files is None:
+            self._begin()
+        else:
+            self.action_leave()
+
+    action_save = answer
 
     def made(self) -> list[SavedFile]:
         """Return the files that are to be. Raises SaveError for a name that can't be one, ValueError without a type."""
@@ -119,13 +124,6 @@ class SaveDialog(Form[list[SavedFile]]):
         """Tick a type, or not."""
         if self._files is None and not self._saving:
             self.query_one(f"#type-{kind}", CheckLine).action_turn()
-
-    def action_save(self) -> None:
-        """Save from wherever the focus is; closes when that is done."""
-        if self._files is None:
-            self._begin()
-        else:
-            self.action_leave()
 
     def action_open(self) -> None:
         """Look into what was saved."""

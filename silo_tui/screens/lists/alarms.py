@@ -61,11 +61,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
 
     @property
     def all(self) -> Sequence[LimitStatus]:
-        return self._found[:MOST_LINES]
-
-    @property
-    def _found(self) -> list[LimitStatus]:
-        return sorted(self.session.limits, key=_is_quiet)
+        return sorted(self.session.limits, key=_is_quiet)[:MOST_LINES]
 
     def key_of(self, one: LimitStatus) -> str:
         return one.name
