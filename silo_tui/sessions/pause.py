@@ -6,7 +6,7 @@
 import asyncio
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from silo.core.arrays.columns import ColumnStore
 from silo.core.elements import BufferType
@@ -17,9 +17,6 @@ from silo_tui.model.words import text
 from silo_tui.sessions.held import HeldSource
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.pinned import Buffers
-
-if TYPE_CHECKING:
-    pass
 
 
 class Pause:

@@ -364,17 +364,14 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
             self._peak = int(answer)
             self._tell_peak()
 
-    def command_next_found(self) -> None:
+    def _find_on(self, step: int) -> None:
         if self.mode == MODES[0]:
-            self.search.command_next_found()
+            self.search.find_on(step)
         else:
-            self._go_to_peak(1)
+            self._go_to_peak(step)
 
-    def command_previous_found(self) -> None:
-        if self.mode == MODES[0]:
-            self.search.command_previous_found()
-        else:
-            self._go_to_peak(-1)
+    command_next_found = partialmethod(_find_on, 1)
+    command_previous_found = partialmethod(_find_on, -1)
 
     def _go_to_peak(self, step: int) -> None:
         if not self._peaks:

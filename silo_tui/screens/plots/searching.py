@@ -99,7 +99,7 @@ class MomentSearch:
     def _find(self, search: Search) -> None:
         run_alone(self.screen, "find", self._search, search, 0)
 
-    def _find_on(self, step: int) -> None:
+    def find_on(self, step: int) -> None:
         """Go on with the search; without one to the highest and lowest number, or the change next to here."""
         self.screen.pause_here()
         if self.screen.found is not None:
@@ -109,8 +109,8 @@ class MomentSearch:
         what = (What.HIGHEST if step > 0 else What.LOWEST) if curve else What.CHANGE
         run_alone(self.screen, "find", self._search, Search(what), 0 if curve else step, keep=False)
 
-    command_next_found = partialmethod(_find_on, 1)
-    command_previous_found = partialmethod(_find_on, -1)
+    command_next_found = partialmethod(find_on, 1)
+    command_previous_found = partialmethod(find_on, -1)
 
     async def _search(self, search: Search, step: int, *, keep: bool = True) -> None:
         await self.screen.pause.settled()
