@@ -149,6 +149,11 @@ class HeldSource:
         """Return whether a moment is pinned."""
         return any(piece.begin_ns <= time_ns <= piece.end_ns for piece in self._pieces)
 
+    def _inside(self, start_ns: int, end_ns: int) -> list[tuple[PinnedSource, int, int]]:
+        """What is pinned of a stretch, by time: each pin with the begin and the end of what it has of it."""
+        found = [(piece, max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns)) for piece in self._pieces]
+        return [(piece, begin, end) for piece, begin, end in found if begin <= end]
+
     def _gaps(self, start_ns: int, end_ns: int) -> list[_Stretch]:
         """What of a stretch is in no pin, but for what is too short for a sample: pins begin and end with one."""
         found, begin = [], start_ns
@@ -235,9 +240,8 @@ class HeldSource:
 
     async def fetch(self, start_ns: int, end_ns: int) -> None:
         """Fetch all samples between two times, as far as they are pinned, the newest first."""
-        for piece in reversed(self._pieces):
-            if piece.begin_ns <= end_ns and start_ns <= piece.end_ns:
-                await piece.fetch(max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns))
+        for piece, begin, end in reversed(self._inside(start_ns, end_ns)):
+            await piece.fetch(begin, end)
 
     def mended(self) -> None:
         """Try again what failed: the link is there."""
@@ -257,9 +261,7 @@ class HeldSource:
     async def samples(self, name: str, start_ns: int, end_ns: int) -> Samples:
         """All samples of an entry from `start_ns` to `end_ns`, both included; where they can't come, those here."""
         parts: list[tuple[int, Samples]] = [
-            (piece.begin_ns, await piece.samples(name, max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns)))
-            for piece in self._pieces
-            if piece.begin_ns <= end_ns and start_ns <= piece.end_ns
+            (begin, await piece.samples(name, begin, end)) for piece, begin, end in self._inside(start_ns, end_ns)
         ]
         gaps = self._buffered(start_ns, end_ns)
         parts += [(gap.begin_ns, await self._buffered_samples(name, gap)) for gap in gaps]
@@ -288,15 +290,14 @@ class HeldSource:
     async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
         """Columns of a stretch of time: of the pins, and of the buffers where these have it alone."""
         gaps = self._buffered(start_ns, end_ns)
-        overlapping = [piece for piece in self._pieces if piece.begin_ns <= end_ns and start_ns <= piece.end_ns]
-        if len(overlapping) == 1 and not gaps:
-            return await overlapping[0].history(names, start_ns, end_ns, column_ns)
+        inside = self._inside(start_ns, end_ns)
+        if len(inside) == 1 and not gaps:
+            return await inside[0][0].history(names, start_ns, end_ns, column_ns)
         store = _room(names, start_ns, end_ns, column_ns)
         for gap in gaps:
             if (past := await self._buffered_columns(names, gap, column_ns)) is not None:
                 store.take(past)
-        for piece in overlapping:
-            begin, end = max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns)
+        for piece, begin, end in inside:
             store.take(await piece.history(names, begin, max(end, begin + 1), column_ns))
         return store.stretch(None)
 
@@ -305,10 +306,8 @@ class HeldSource:
         if len(self._pieces) == 1:
             return self.main.columns(names, start_ns, end_ns, column_ns)
         store = _room(names, start_ns, end_ns, column_ns)
-        for piece in self._pieces:
-            begin, end = max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns)
-            if begin <= end:
-                store.take(piece.columns(names, begin, end, column_ns))
+        for piece, begin, end in self._inside(start_ns, end_ns):
+            store.take(piece.columns(names, begin, end, column_ns))
         return store.stretch(None)
 
     async def readings(self, names: Sequence[str], time_ns: int) -> dict[str, Reading]:
@@ -386,8 +385,7 @@ class HeldSource:
 
     def _has(self, start_ns: int, end_ns: int) -> bool:
         """Whether all samples of a stretch are here."""
-        inside = [piece for piece in self._pieces if piece.begin_ns <= end_ns and start_ns <= piece.end_ns]
-        fetched = all(piece.has(max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns)) for piece in inside)
+        fetched = all(piece.has(begin, end) for piece, begin, end in self._inside(start_ns, end_ns))
         return fetched and not self._gaps(start_ns, end_ns)
 
 

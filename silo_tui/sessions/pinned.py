@@ -32,6 +32,7 @@ from silo.expressions.search import FoundMoments, Looking
 from silo.expressions.span import Between
 from silo_tui.model.drawing.plots import Plotted
 from silo_tui.model.drawing.window import SECOND_NS
+from silo_tui.model.samples.searching import joined
 from silo_tui.model.samples.source import PlotSource, Samples, entry_samples
 from silo_tui.model.words import text
 from silo_tui.sessions.link import Link
@@ -206,9 +207,9 @@ class PinnedSource:
 
     # --------------------------------------------------------------------------------------------------- fetching
 
-    def opened(self, reader: OpenPin, begin_ns: int, end_ns: int, problem: str = "") -> None:
+    def opened(self, reader: OpenPin, begin_ns: int, end_ns: int) -> None:
         """The logger holds this much of it, to be read from there."""
-        self._reader, self.problem = reader, problem
+        self._reader, self.problem = reader, ""
         if not self._slices:
             self.begin_ns, self.end_ns = begin_ns, max(begin_ns + 1, end_ns)
             self._slice_ns = max(1, -(-(self.end_ns - self.begin_ns + 1) // SLICES))
@@ -281,11 +282,9 @@ class PinnedSource:
     def held(self, name: str, start_ns: int, end_ns: int) -> Samples:
         """The samples of an entry from `start_ns` to `end_ns`, both included, that are here."""
         numbers = self._numbers(max(start_ns, self.begin_ns), min(end_ns, self.end_ns))
-        parts = [some[name] for number in numbers if (some := self._slices.get(number)) and name in some]
-        parts = [part for part in parts if len(part[0])] or parts[:1]
-        if not parts:
-            return np.zeros(0, np.int64), np.zeros(0)
-        time_ns, values = (np.concatenate([part[at] for part in parts]) for at in (0, 1))
+        time_ns, values = joined(
+            [some[name] for number in numbers if (some := self._slices.get(number)) and name in some]
+        )
         wanted = (time_ns >= start_ns) & (time_ns <= end_ns)
         return time_ns[wanted], values[wanted]
 
