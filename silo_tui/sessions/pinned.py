@@ -336,7 +336,7 @@ class PinnedSource:
     def _lay_samples(self, grid: ColumnGrid, row: int, name: str, column_ns: int) -> None:
         """Lay samples over a grid; a column without one shows the value that held, until two more would be due."""
         begin_ns, end_ns = grid.first * column_ns, (grid.first + grid.count) * column_ns
-        holds_ns = 2 * self._period_of(name)
+        holds_ns = 2 * self._periods.get(self._element_of.get(name, ""), 0)
         time_ns, values = self.held(name, begin_ns - holds_ns, end_ns - 1)
         if not len(time_ns):
             return
@@ -353,9 +353,6 @@ class PinnedSource:
     @staticmethod
     def _flags(columns: HistoryColumns) -> NDArray[np.bool_]:
         return np.zeros(columns.low.shape, np.bool_) if columns.marks is None else (columns.marks & FLAGS) != 0
-
-    def _period_of(self, entry: str) -> int:
-        return self._periods[self._element_of[entry]] if entry in self._element_of else 0
 
 
 def _ends_of(columns: HistoryColumns, row: int) -> Samples:

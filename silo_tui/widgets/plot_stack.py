@@ -170,16 +170,11 @@ class PlotStack(Guarded, Styled):
 
     def _panel(self, at: int) -> Drawn:
         if at not in self._drawn_panels:
-            height = self.heights()[at - self.first] - title_lines(self.panels[at], self.size.width)
-            self._drawn_panels[at] = self._draw_panel(at, height)
+            panel, ghosts = self.panels[at], self._ghosts(self.panels[at])
+            height = self.heights()[at - self.first] - title_lines(panel, self.size.width)
+            source = PanelSource(self.store, self.window, self.source.period_ns, self.letter, self.bounds, self.level)
+            self._drawn_panels[at] = drawn(source, panel, self.chosen_plot, ghosts, self.plot_width, height)
         return self._drawn_panels[at]
-
-    def _draw_panel(self, at: int, height: int) -> Drawn:
-        panel = self.panels[at]
-        source = PanelSource(
-            self.store, self.window, self.source.period_ns, self.letter, self.bounds, self.level
-        )  # fmt: skip
-        return drawn(source, panel, self.chosen_plot, self._ghosts(panel), self.plot_width, height)
 
     def scale_of_first(self) -> tuple[float, float]:
         """The ends of the axis of the first signal, as values."""
