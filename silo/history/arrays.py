@@ -1,7 +1,6 @@
 """Raw samples on the client's side: rows picked apart into arrays, streams of them, and pins."""
 
 import functools
-import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -26,7 +25,7 @@ from silo.history.requests import (
     StreamOpened,
 )
 from silo.net.keys import ClientId, Root
-from silo.net.sessions import undeclare
+from silo.net.subscribed import Subscribed
 from silo.rpc.foreign import Foreign, understood
 from silo.rpc.leases import Closing
 from silo.segment.picking import Packer, shaped
@@ -160,8 +159,8 @@ class StreamBatch(Mapping[str, SampleArrays]):
         return len(self._parts)
 
 
-@told_class("stream")
-class Stream(Closing):
+@told_class("stream", shared=Subscribed)
+class Stream(Subscribed):
     """All samples of some elements or entries as they come. May be used by any thread; iterate over it, or `read()`.
 
     `missed` counts rows that did not arrive: they were overwritten before they were sent, or this reader was slow.
@@ -170,20 +169,17 @@ class Stream(Closing):
     def __init__(
         self, request: OpenStream, number: int, renew: Callable[[], None], on_close: Callable[["Stream"], None]
     ) -> None:
+        super().__init__(on_close)
         self.request = request
         self.missed = 0
         self.missing: dict[str, str] = {}  # why names have no samples
         self._place = number
         self._renew = renew
-        self._on_close = on_close
-        self._changed = threading.Condition()
         self._frames: deque[bytes] = deque(maxlen=MAX_BACKLOG)
         self._unread: deque[StreamFrame] = deque(maxlen=MAX_BACKLOG)
-        self._subscriber: zenoh.Subscriber[None] | None = None
         self._opened: dict[int, StreamOpened] = {}  # the newest few, by generation
         self._expected: dict[tuple[str, str, int], int] = {}  # by run, name and which of its groups
         self._refused = ""
-        self._closed = False
         self._foreign = Foreign("a frame")
 
     def attach(self, session: zenoh.Session, root: Root, client: ClientId) -> None:
@@ -195,13 +191,9 @@ class Stream(Closing):
             self._subscriber = subscriber
             self._opened = {}
 
-    def detach(self) -> None:
-        """End the subscription; the session may be closed, or go on for others."""
-        with self._changed:
-            subscriber, self._subscriber = self._subscriber, None
-            self._frames.clear()
-            self._unread.clear()
-        undeclare(subscriber)
+    def _forget(self) -> None:
+        self._frames.clear()
+        self._unread.clear()
 
     def accept(self, opened: StreamOpened) -> None:
         """How to read the frames from now on."""
@@ -284,16 +276,6 @@ class Stream(Closing):
     def __iter__(self) -> Iterator[StreamBatch]:
         while (batch := self.read()) is not None:
             yield batch
-
-    def close(self) -> None:
-        """End the stream; closing twice is fine."""
-        with self._changed:
-            self._closed = True
-            subscriber, self._subscriber = self._subscriber, None
-            self._changed.notify_all()
-        if subscriber is not None:
-            subscriber.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
-        self._on_close(self)
 
 
 def _decoded(data: bytes) -> StreamFrame:

@@ -3,7 +3,6 @@
 import asyncio
 import functools
 import math
-import threading
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from dataclasses import dataclass
@@ -17,9 +16,8 @@ from silo.core.arguments import real
 from silo.core.calls import told_class, told_names
 from silo.errors import ConnectionLostError, ElementError
 from silo.net.keys import ClientId, Root, unescape
-from silo.net.sessions import undeclare
+from silo.net.subscribed import Subscribed
 from silo.rpc.foreign import NOT_UNDERSTOOD, Foreign
-from silo.rpc.leases import Closing
 
 POLL_S = 0.01  # batches come 20 times per second
 SILENCE_S = 2.0  # after which an iteration asks why nothing comes
@@ -49,8 +47,8 @@ _OTHER_NAMES = dict.fromkeys(
 
 
 @told_names("a topic", _OTHER_NAMES)
-@told_class("topic")
-class Topic(Closing):
+@told_class("topic", shared=Subscribed)
+class Topic(Subscribed):
     """A subscription. `read()` doesn't wait unless told to; `missed` counts samples that did not arrive.
 
     `for batch in topic:` and `async for batch in topic:` go on until the topic or its client is closed.
@@ -66,13 +64,10 @@ class Topic(Closing):
             on_close: called when it is closed.
             why_silent: tells, when nothing comes for long, why nothing ever will; empty where something may.
         """
+        super().__init__(on_close)
         self.element = element
         self.missed = 0
-        self._on_close = on_close
         self._why_silent = why_silent
-        self._closed = False
-        self._lock = threading.Lock()
-        self._subscriber: zenoh.Subscriber[zenoh.Handler[zenoh.Sample]] | None = None
         self._next = -1
         self._foreign = Foreign("a batch")
 
@@ -86,15 +81,9 @@ class Topic(Closing):
         """
         # 26 s of batches, should the reader pause
         subscriber = session.declare_subscriber(root.topic(self.element), zenoh.handlers.RingChannel(512))
-        with self._lock:
+        with self._changed:
             self._subscriber = subscriber
             self._next = -1
-
-    def detach(self) -> None:
-        """End the subscription; the session may be closed, or go on for others."""
-        with self._lock:
-            subscriber, self._subscriber = self._subscriber, None
-        undeclare(subscriber)
 
     def __repr__(self) -> str:
         state = "closed" if self._closed else "open"
@@ -166,7 +155,7 @@ class Topic(Closing):
 
     def _take(self) -> list[Batch]:
         batches: list[Batch] = []
-        with self._lock:
+        with self._changed:
             while self._subscriber is not None and (sample := self._subscriber.try_recv()) is not None:
                 batch = self._foreign.read(str(sample.key_expr), functools.partial(decode_batch, sample))
                 if batch is None:
@@ -176,15 +165,6 @@ class Topic(Closing):
                 self._next = batch.first + len(batch.time_ns)
                 batches.append(batch)
         return batches
-
-    def close(self) -> None:
-        """End the subscription; closing twice is fine."""
-        with self._lock:
-            subscriber, self._subscriber = self._subscriber, None
-            self._closed = True
-        if subscriber is not None:
-            subscriber.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
-        self._on_close(self)
 
 
 def decode_batch(sample: zenoh.Sample) -> Batch:

@@ -1,7 +1,6 @@
 """The client's end of a view: frames as arrays, merged to one per call, and the arrays of a history."""
 
 import functools
-import threading
 from collections.abc import Callable, Sequence
 
 import msgspec
@@ -14,10 +13,9 @@ from silo.core.recording import alike
 from silo.history.requests import Columns
 from silo.live.requests import OpenView, ViewOpened
 from silo.net.keys import ClientId, Root
-from silo.net.sessions import undeclare
+from silo.net.subscribed import Subscribed
 from silo.rpc.foreign import Foreign, understood
 from silo.rpc.frames import Frame
-from silo.rpc.leases import Closing
 from silo.rpc.published import ViewFrame
 
 LARGEST = 2**63 - 1
@@ -46,19 +44,17 @@ def _marks(data: bytes, shape: tuple[int, int]) -> Marks | None:
     return np.frombuffer(data, np.uint8).reshape(shape) if data else None
 
 
-@told_class("view")
-class View(Closing):
+@told_class("view", shared=Subscribed)
+class View(Subscribed):
     """An open view. `frame()` may be called by any thread and never waits; `close()` ends it."""
 
     def __init__(
         self, request: OpenView, number: int, renew: Callable[[], None], on_close: Callable[["View"], None]
     ) -> None:
+        super().__init__(on_close)
         self.request = request  # its id is that of the present session
         self._place = number
         self._renew = renew
-        self._on_close = on_close
-        self._lock = threading.Lock()
-        self._subscriber: zenoh.Subscriber[zenoh.Handler[zenoh.Sample]] | None = None
         self._opened: ViewOpened | None = None
         self._number = 0
         self._missed = 0
@@ -74,28 +70,24 @@ class View(Closing):
         """Subscribes in a session; the one before is closed already."""
         name = f"{client.id}-{self._place}"
         subscriber = session.declare_subscriber(root.key("view", name), zenoh.handlers.RingChannel(RING))
-        with self._lock:
+        with self._changed:
             self.request = msgspec.structs.replace(self.request, view=name, proof=client.proof)
             self._subscriber = subscriber
             self._number = 0
             self._cut = True
 
-    def detach(self) -> None:
-        """End the subscription; the session may be closed, or go on for others."""
-        with self._lock:
-            subscriber, self._subscriber = self._subscriber, None
-            self._unread = []  # another helper process counts its generations anew
-        undeclare(subscriber)
+    def _forget(self) -> None:
+        self._unread = []  # another helper process counts its generations anew
 
     def accept(self, opened: ViewOpened) -> None:
         """How to read the frames from now on."""
-        with self._lock:
+        with self._changed:
             self._opened = opened
             self.refused = ""
 
     def refuse(self, text: str) -> None:
         """The helper process would not renew the view."""
-        with self._lock:
+        with self._changed:
             self.refused = text
 
     # ------------------------------------------------------------------------------------------------ by the user
@@ -105,7 +97,7 @@ class View(Closing):
 
         Raises ConnectionLostError for frames that can't be understood.
         """
-        with self._lock:
+        with self._changed:
             if self._opened is None or self._subscriber is None:
                 return None
             with understood("frames", "the helper process"):
@@ -163,14 +155,6 @@ class View(Closing):
             since_ns=since_ns,
             missed=self._missed,
         )
-
-    def close(self) -> None:
-        """Ends the view; closing twice is fine."""
-        with self._lock:
-            subscriber, self._subscriber = self._subscriber, None
-        if subscriber is not None:
-            subscriber.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
-        self._on_close(self)
 
 
 def _sound(data: bytes) -> ViewFrame:
