@@ -20,7 +20,7 @@ import msgspec
 import yaml
 
 from silo.errors import ScriptError
-from silo.settings.yaml_nodes import compose, describe, explain, key_name, line_of
+from silo.settings.yaml_nodes import describe, key_name, line_of, read_nodes
 
 NEW = ("missing", "limits", "lost")
 BOUNDS = ("within", "at_most", "at_least")
@@ -57,16 +57,7 @@ class Rule(msgspec.Struct, frozen=True):
 
 def read_rules(path: Path) -> list[Rule]:
     """Return the rules of a file. Raises ScriptError, with file and line of each that makes no sense."""
-    try:
-        text = path.read_text("utf-8")
-        root = compose(text)
-    except OSError as error:
-        raise ScriptError(f"{path}: can't be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
-        raise ScriptError(f"{path}: is no text in UTF-8") from error
-    except yaml.YAMLError as error:
-        line, why = explain(error, text)
-        raise ScriptError(f"{path}:{line}: {why}") from error
+    _, root = read_nodes(path)
     if not isinstance(root, yaml.SequenceNode) or not root.value:
         raise ScriptError(f"{path}: rules are a list, each begins with `-`: `- never: abs(base/roll) > 0.6`")
     read = [_read(node, f"{path}:{line_of(node)}") for node in root.value]

@@ -9,7 +9,7 @@ import yaml
 from silo.core.tuning.parameters import ParameterInfo, ParameterKind, ParameterValue, fitting
 from silo.errors import ElementError, ScriptError
 from silo.files.atomic import atomic_file
-from silo.settings.yaml_nodes import compose, explain, line_of
+from silo.settings.yaml_nodes import line_of, read_nodes
 
 _TRUTH = {"true": True, "on": True, "yes": True, "false": False, "off": False, "no": False}
 
@@ -56,7 +56,7 @@ def read_preset(path: str | os.PathLike[str], infos: Sequence[ParameterInfo]) ->
     file = Path(path)
     found: dict[str, ParameterValue] = {}
     wrong = []
-    for name, value in _pairs(file, _text(file)):
+    for name, value in _pairs(file, read_nodes(file)[1]):
         why = _take(name.value, value, infos, found)
         if why:
             wrong.append(f"{file}:{line_of(name)}: {why}")
@@ -85,10 +85,10 @@ def write_preset(path: str | os.PathLike[str], values: Mapping[str, ParameterVal
     Raises ScriptError where that is no preset, SaveError where the system refuses.
     """
     file = Path(path)
-    text = _text(file) if file.exists() else ""
+    text, root = read_nodes(file) if file.exists() else ("", None)
     left = dict(values)
     places = []
-    for name, value in _pairs(file, text):
+    for name, value in _pairs(file, root):
         known = [one for one in left if one == name.value or one.endswith(f"/{name.value.strip('/')}")]
         if len(known) == 1:
             places.append((value.start_mark.index, value.end_mark.index, _written(left.pop(known[0]))))
@@ -108,21 +108,7 @@ def _written(value: ParameterValue) -> str:
     return str(made).removesuffix("\n").removesuffix("\n...")
 
 
-def _text(file: Path) -> str:
-    try:
-        return file.read_text()
-    except OSError as error:
-        raise ScriptError(f"{file}: can't be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
-        raise ScriptError(f"{file}: is no text in UTF-8") from error
-
-
-def _pairs(file: Path, text: str) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
-    try:
-        root = compose(text)
-    except yaml.YAMLError as error:
-        line, why = explain(error, text)
-        raise ScriptError(f"{file}:{line}: {why}") from error
+def _pairs(file: Path, root: yaml.Node | None) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
     if root is None:
         return []
     pairs = root.value if isinstance(root, yaml.MappingNode) else None

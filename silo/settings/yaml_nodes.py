@@ -3,10 +3,12 @@
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import yaml
 
 from silo.core.yaml_depth import TOO_DEEP, ShallowLoader
+from silo.errors import ScriptError
 from silo.settings.options import shorten
 
 
@@ -40,6 +42,20 @@ def compose(text: str) -> yaml.Node | None:
         return node
     finally:
         loader.dispose()
+
+
+def read_nodes(path: Path) -> tuple[str, yaml.Node | None]:
+    """The text of a YAML file and its root node. Raises ScriptError with the file, and the line of what is no YAML."""
+    try:
+        text = path.read_text("utf-8")
+        return text, compose(text)
+    except OSError as error:
+        raise ScriptError(f"{path}: can't be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise ScriptError(f"{path}: is no text in UTF-8") from error
+    except yaml.YAMLError as error:
+        line, why = explain(error, text)
+        raise ScriptError(f"{path}:{line}: {why}") from error
 
 
 def explain(error: yaml.YAMLError, text: str) -> tuple[int, str]:
