@@ -21,6 +21,7 @@ from silo.core.arguments import shown
 from silo.core.kinds import ARRAY, KINDS, STRUCT, Kind, is_complex, kind_named
 from silo.core.recording import RecordedElement, RecordedEntry
 from silo.errors import SaveError
+from silo.files.texts import unique_names
 
 T = TypeVar("T")
 
@@ -253,7 +254,7 @@ def channels_of(elements: Sequence[RecordedElement]) -> list[Channel]:
     Raises `SaveError` for values that no message can hold (Python objects).
     """
     channels: list[Channel] = []
-    unique = _unique(_topic)
+    unique = unique_names(_topic)
     for index, element in enumerate(elements):
         wires = [_wire_of(entry) for entry in element.entries]
         strings = [i for i, wire in enumerate(wires) if wire.ros == STRING]
@@ -269,7 +270,7 @@ def channels_of(elements: Sequence[RecordedElement]) -> list[Channel]:
 
 def free_topic(name: str, taken: Iterable[str]) -> str:
     """The topic of this name, with a number where another one has it."""
-    unique = _unique(_topic)
+    unique = unique_names(_topic)
     for topic in taken:
         unique(topic)
     return unique(name)
@@ -357,7 +358,7 @@ def _array(element: RecordedElement, kind: Kind, indices: list[int], wire: _Wire
 
 
 def _struct(suffixes: Iterable[str], indices: list[int], wires: list[_Wire]) -> Channel:
-    unique = _unique(_field)
+    unique = unique_names(_field)
     fields: list[tuple[str, str]] = []
     parts: list[FieldPlace] = []
     end = HEADER_END
@@ -389,7 +390,7 @@ def aligned(offset: int, size: int) -> int:
 
 def _constants(kind: str, labels: dict[int, str]) -> Iterable[str]:
     # Foxglove shows the constants of a message as names of its values
-    unique = _unique(lambda label: re.sub("[^A-Z0-9]+", "_", label.upper()).strip("_"))
+    unique = unique_names(lambda label: re.sub("[^A-Z0-9]+", "_", label.upper()).strip("_"))
     for number, label in sorted(labels.items()):
         constant = unique(label)
         if re.fullmatch("[A-Z][A-Z0-9]*(_[A-Z0-9]+)*", constant):
@@ -404,20 +405,6 @@ def _topic(name: str) -> str:
 def _field(suffix: str) -> str:
     name = re.sub("[^a-z0-9]+", "_", suffix.lower()).strip("_")
     return name if name and name[0].isalpha() and name != "header" else f"value_{name}".rstrip("_")
-
-
-def _unique(clean: Callable[[str], str]) -> Callable[[str], str]:
-    taken: set[str] = set()
-
-    def choose(name: str) -> str:
-        base = candidate = clean(name)
-        number = 2
-        while candidate in taken:
-            candidate, number = f"{base}_{number}", number + 1
-        taken.add(candidate)
-        return candidate
-
-    return choose
 
 
 def _digest(*lines: str) -> str:
