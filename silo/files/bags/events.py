@@ -4,7 +4,6 @@ A message stands at its tick: log time and stamp are the tick's, so that it lies
 happened before the first tick that is kept stands at that one, what happened later at the last.
 """
 
-import struct
 from collections.abc import Sequence
 
 import msgspec
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from silo.core.elements import LoggedEvent
 from silo.core.recording import Recording
-from silo.files.bags.message_groups import RECORD_HEAD
+from silo.files.bags.message_groups import MESSAGE_HEAD, RECORD_HEAD
 from silo.files.bags.ros_types import ENCAPSULATION, Channel, MessageType, add_numbers, add_text, free_topic
 from silo.files.mcap.writer import INDEX_OPCODE, MESSAGE_OPCODE, IndexBlock, index_dtype
 
@@ -128,7 +127,7 @@ def event_record(
     """The message record of an event, with log time and stamp `stamp_ns`; published then, too, or at another time."""
     message = log_message(event, logger, stamp_ns)
     times = stamp_ns, stamp_ns if published_ns is None else published_ns
-    head = struct.pack("<BQHIQQ", MESSAGE_OPCODE, RECORD_HEAD - 9 + len(message), channel, number, *times)
+    head = MESSAGE_HEAD.pack(MESSAGE_OPCODE, RECORD_HEAD - 9 + len(message), channel, number, *times)
     return head + message
 
 

@@ -5,6 +5,7 @@ structured array of shape (samples, channels), filled by column, and copied to t
 one indexed store (5 ns per message).
 """
 
+import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,7 +25,8 @@ _HEAD = (
     ("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"), ("log_time", "<u8"),
     ("publish_time", "<u8"),
 )  # fmt: skip
-RECORD_HEAD = 31
+MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # the same, of one
+RECORD_HEAD = MESSAGE_HEAD.size
 _NOT_COUNTED = 9  # opcode and length itself
 _SECOND = 1_000_000_000
 

@@ -20,7 +20,7 @@ RECORD = struct.Struct("<BQ")  # the head of a record: opcode, length
 # ones may unpack to this much whatever they weigh, larger ones to what lz4 can pack at best.
 MOST_ROOM = 64 << 20
 MOST_RATIO = 256
-_MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _BARE_RECORDS = 4096  # more than that, and more than packed bytes, are no records of a writer
 _HEAD = struct.Struct("<QQQII")  # of a chunk: first and last time, size, checksum, length of the compression's name
 
@@ -113,8 +113,8 @@ def walked(chunk: bytes | memoryview, packed: int) -> tuple[dict[int, NDArray[np
         left -= 1
         if not left:
             raise ValueError(f"a chunk is damaged: {packed:,} bytes announce more records than that")
-        if opcode == Opcode.MESSAGE and len(body) >= _MESSAGE.size:
-            channel, _, log_time, _ = _MESSAGE.unpack_from(body)
+        if opcode == Opcode.MESSAGE and len(body) >= MESSAGE.size:
+            channel, _, log_time, _ = MESSAGE.unpack_from(body)
             found.setdefault(channel, []).append((log_time, at))
         elif opcode != Opcode.MESSAGE:
             others.append((opcode, body))

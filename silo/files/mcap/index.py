@@ -135,7 +135,7 @@ def walked_index(data: memoryview) -> Index:
             offsets: list[tuple[int, int]] = []
             at = record.end
             for body in record.index:
-                if len(body) >= _ENTRIES_AT:
+                if len(body) >= ENTRIES_AT:
                     channel, size = _INDEXED.unpack_from(body)
                     counts[channel] = counts.get(channel, 0) + size // INDEX_ENTRY.itemsize
                     offsets.append((channel, at))
@@ -150,7 +150,7 @@ def walked_index(data: memoryview) -> Index:
 
 
 _INDEXED = struct.Struct("<HI")  # of a message index: channel, bytes of its entries
-_ENTRIES_AT = _INDEXED.size
+ENTRIES_AT = _INDEXED.size  # in the body of a message index
 
 
 def record_at(data: memoryview, at: int, opcode: int) -> memoryview:
@@ -170,9 +170,9 @@ def entries_at(data: memoryview, at: int, channel: int) -> NDArray[np.void]:
 
 def entries_in(body: memoryview, channel: int) -> NDArray[np.void]:
     """When the messages of a channel were logged, and where in their chunk they are. Raises ValueError."""
-    if len(body) < _ENTRIES_AT or _INDEXED.unpack_from(body) != (channel, len(body) - _ENTRIES_AT):
+    if len(body) < ENTRIES_AT or _INDEXED.unpack_from(body) != (channel, len(body) - ENTRIES_AT):
         raise ValueError("an index is damaged")
-    return np.frombuffer(body[_ENTRIES_AT:], INDEX_ENTRY)
+    return np.frombuffer(body[ENTRIES_AT:], INDEX_ENTRY)
 
 
 def parsed(kind: Any, body: bytes | memoryview) -> Any:

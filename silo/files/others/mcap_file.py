@@ -18,14 +18,12 @@ from numpy.typing import NDArray
 
 from silo.core.recording import DamageNotes
 from silo.files.bags.index import DAMAGE, told_damage
-from silo.files.mcap.chunks import INDEX_ENTRY, RECORD, records, unpack_chunk, walked
+from silo.files.mcap.chunks import INDEX_ENTRY, MESSAGE, RECORD, records, unpack_chunk, walked
 from silo.files.mcap.index import entries_at, parsed, read_index, record_at
 from silo.files.mcap.writer import MAGIC
 from silo.files.others.topics import Bad, Equal, FileTopic
 
-_HEAD = RECORD
-_MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-_BEGIN = _HEAD.size + _MESSAGE.size  # of what a message holds, from its record on
+_BEGIN = RECORD.size + MESSAGE.size  # of what a message holds, from its record on
 _CACHE_BYTES = 128 << 20
 _SMALL = 512  # bytes of a message: of larger ones, copying one by one is as quick as indices of their bytes
 # of all chunks of a file together: a small file of many chunks may announce terabytes
@@ -121,8 +119,8 @@ class McapFile:
                     continue
                 for inner, record in others:
                     self._learn(inner, record)
-            elif opcode == Opcode.MESSAGE and len(body) >= _MESSAGE.size:
-                channel, _, log_time, _ = _MESSAGE.unpack_from(body)
+            elif opcode == Opcode.MESSAGE and len(body) >= MESSAGE.size:
+                channel, _, log_time, _ = MESSAGE.unpack_from(body)
                 outside.setdefault(channel, []).append((log_time, at))
             elif opcode == Opcode.DATA_END:
                 end = True
@@ -304,8 +302,8 @@ def _right(block: bytes | memoryview, channel: int, entries: Entries) -> NDArray
     inside = entries["offset"] <= room
     every: NDArray[np.void] = np.ndarray((room + 1,), _RECORD, block, 0, (1,))
     found = every[np.where(inside, entries["offset"], 0).astype(np.int64)]
-    left = len(block) - _HEAD.size - np.where(inside, entries["offset"], 0)
-    whole = (found["length"] >= _MESSAGE.size) & (found["length"] <= left)
+    left = len(block) - RECORD.size - np.where(inside, entries["offset"], 0)
+    whole = (found["length"] >= MESSAGE.size) & (found["length"] <= left)
     mine = (found["opcode"] == Opcode.MESSAGE) & (found["channel"] == channel) & (found["time"] == entries["time"])
     return np.asarray(inside & whole & mine)
 
@@ -313,11 +311,11 @@ def _right(block: bytes | memoryview, channel: int, entries: Entries) -> NDArray
 def _contents(block: bytes | memoryview, offsets: NDArray[np.int64]) -> Iterator[Equal]:
     """What the messages whose records begin there hold, those of one size together."""
     data = np.frombuffer(block, np.uint8)
-    heads = data[offsets[:, None] + np.arange(_HEAD.size)]
+    heads = data[offsets[:, None] + np.arange(RECORD.size)]
     lengths = np.ascontiguousarray(heads[:, 1:]).view("<u8")[:, 0].astype(np.int64)
     for length in np.unique(lengths).tolist():
         which = np.flatnonzero(lengths == length)
-        begins, size = offsets[which] + _BEGIN, length - _MESSAGE.size
+        begins, size = offsets[which] + _BEGIN, length - MESSAGE.size
         if size <= _SMALL:
             yield which, data[begins[:, None] + np.arange(size)]
         else:

@@ -14,13 +14,11 @@ from numpy.typing import NDArray
 from silo.core.elements import LoggedEvent
 from silo.core.tuning.parameters import ParameterChange
 from silo.files.bags.events import event_index, event_record
-from silo.files.bags.message_groups import RECORD_HEAD
+from silo.files.bags.message_groups import MESSAGE_HEAD, RECORD_HEAD
 from silo.files.bags.ros_types import CdrReader
 from silo.files.mcap.chunks import INDEX_ENTRY
 from silo.files.mcap.writer import IndexBlock
 from silo.files.parts.metadata import SEQUENCES, row_of
-
-_HEAD = struct.Struct("<BQHIQQ")
 
 
 def event_messages(
@@ -43,7 +41,7 @@ def event_messages(
 def last_number(chunk: bytes, index: memoryview, begin: int) -> int:
     """Return the number of the last event of a chunk of a part that begins with event `begin`."""
     (offset,) = struct.unpack_from("<Q", index, len(index) - INDEX_ENTRY.itemsize + 8)
-    return row_of(_HEAD.unpack_from(chunk, offset)[3], begin)
+    return row_of(MESSAGE_HEAD.unpack_from(chunk, offset)[3], begin)
 
 
 def events_of(chunk: bytes, offsets: NDArray[np.uint64], begin: int, tick: int, run: str) -> list[LoggedEvent]:
@@ -55,7 +53,7 @@ def events_of(chunk: bytes, offsets: NDArray[np.uint64], begin: int, tick: int, 
 
 
 def _event(chunk: bytes, offset: int, begin: int, tick: int, run: str) -> LoggedEvent:
-    _, length, _, sequence, logged_ns, published_ns = _HEAD.unpack_from(chunk, offset)
+    _, length, _, sequence, logged_ns, published_ns = MESSAGE_HEAD.unpack_from(chunk, offset)
     message = CdrReader(chunk[offset + RECORD_HEAD : offset + 9 + length])
     message.numbers("iIB")  # stamp and level
     who, text, change, kind = (message.text() for _ in range(4))

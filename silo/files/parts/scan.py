@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from silo.errors import FileFormatError
 from silo.files.mcap.chunks import INDEX_ENTRY, RECORD, records, unpack_chunk
-from silo.files.mcap.index import IndexedRecord, attachment, indexed_records, parsed
+from silo.files.mcap.index import ENTRIES_AT, IndexedRecord, attachment, indexed_records, parsed
 from silo.files.mcap.writer import MAGIC, Begun, chunk_index
 from silo.files.parts.events import last_number
 from silo.files.parts.metadata import EVENTS_RING, PART_ATTACHMENT, PartFacts, RingFacts, row_of, unpack_part
@@ -24,7 +24,6 @@ SEQUENCE_AT = 11  # in a message record
 _MESSAGE = np.dtype(
     {"names": ["opcode", "channel", "time"], "formats": ["u1", "<u2", "<u8"], "offsets": [0, 9, 15], "itemsize": 23}
 )
-_ENTRIES_AT = 6  # in the body of a message index record
 _IN_CHUNK = (Opcode.SCHEMA, Opcode.CHANNEL)
 
 
@@ -57,7 +56,7 @@ class PartScan:
 
 def first_row(ring: RingFacts, chunk: bytes, index: memoryview) -> int:
     """The row of the first message of a chunk."""
-    (offset,) = struct.unpack_from("<Q", index, _ENTRIES_AT + 8)
+    (offset,) = struct.unpack_from("<Q", index, ENTRIES_AT + 8)
     (sequence,) = struct.unpack_from("<I", chunk, offset + SEQUENCE_AT)
     return row_of(sequence, ring.begin)
 
@@ -66,7 +65,7 @@ def _row_after(ring: RingFacts, chunk: bytes, index: memoryview) -> int:
     """The row after the last one of a chunk, given its first message index."""
     if ring.ring == EVENTS_RING:
         return last_number(chunk, index, ring.begin) + 1
-    return first_row(ring, chunk, index) + (len(index) - _ENTRIES_AT) // INDEX_ENTRY.itemsize
+    return first_row(ring, chunk, index) + (len(index) - ENTRIES_AT) // INDEX_ENTRY.itemsize
 
 
 def scan_part(data: memoryview) -> PartScan:
@@ -172,7 +171,7 @@ def _is_right(chunk: bytes, index: list[memoryview]) -> bool:
 
     All of a ring's channels have as many messages, so that they are looked at at once: 500 take 2 instead of 20 ms.
     """
-    size = len(index[0]) - _ENTRIES_AT
+    size = len(index[0]) - ENTRIES_AT
     if size <= 0 or size % INDEX_ENTRY.itemsize or len({len(one) for one in index}) > 1:
         return False
     body = np.dtype([("channel", "<u2"), ("size", "<u4"), ("entries", INDEX_ENTRY, (size // INDEX_ENTRY.itemsize,))])
