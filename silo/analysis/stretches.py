@@ -22,6 +22,7 @@ from silo.core.recording import (
     alike,
     falls,
     lazy_entry,
+    samples_between,
     stamps_of,
     within,
 )
@@ -76,8 +77,7 @@ def _kept(recording: Recording, kept: NDArray[np.bool_], first_ns: int, last_ns:
 
 def _between(element: RecordedElement, low: int, high: int) -> RecordedElement:
     """The samples of an element that belong to the ticks `low <= tick < high`."""
-    begin = min(max(0, -((element.first - low) // element.divider)), element.count)
-    end = min(max(begin, -((element.first - high) // element.divider)), element.count)
+    begin, end = samples_between(element.first, element.divider, element.count, low, high)
     first = element.first + begin * element.divider - low
     entries = _cut(element, slice(begin, end), end - begin)
     # a stretch from the middle is what a growing buffer would have held

@@ -324,6 +324,15 @@ def stamps_of(recording: Recording, element: RecordedElement) -> NDArray[np.int6
     return recording.time_ns[element.first : stop : element.divider]
 
 
+def samples_between(first: int, divider: int, count: int, begin: int, end: int) -> tuple[int, int]:
+    """Which of `count` samples, at `first` and every `divider`-th tick from there, belong to ticks `begin ... end - 1`.
+
+    As the number of the first and of the one after the last.
+    """
+    low = min(count, max(0, -((first - begin) // divider)))
+    return low, min(count, max(low, -((first - end) // divider)))
+
+
 def common_axis(stamps: Iterable[NDArray[np.int64]]) -> NDArray[np.int64]:
     """All stamps that there are, rising; one that somebody has twice is there twice."""
     parts = list({id(each): each for each in stamps}.values())

@@ -23,6 +23,7 @@ from silo.core.recording import (
     has_own_stamps,
     places_on,
     read_ahead,
+    samples_between,
 )
 from silo.expressions.binding import BoundExpression, Catalogue, Known, bind
 from silo.expressions.evaluation import UNOBSERVABLE, Evaluator, Judged, SourceRows
@@ -60,8 +61,7 @@ class _Ticks:
         if self.own is not None:
             low, high = np.searchsorted(self.own, [begin, end]).tolist()
             return low, high
-        low, high = (min(max(-(-(tick - self.first) // self.divider), 0), self.count) for tick in (begin, end))
-        return low, high
+        return samples_between(self.first, self.divider, self.count, begin, end)
 
     def numbers(self, low: int, high: int) -> NDArray[np.int64]:
         if self.own is not None:

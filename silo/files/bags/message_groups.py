@@ -15,7 +15,7 @@ from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from silo.core.arrays.wide import to_wire
-from silo.core.recording import RecordedElement, Recording
+from silo.core.recording import RecordedElement, Recording, samples_between
 from silo.files.bags.ros_types import Channel, fill_constants, message_dtype
 from silo.files.mcap.writer import INDEX_OPCODE, MESSAGE_OPCODE, IndexBlock, index_dtype
 from silo.files.silo.format import FilledEntry
@@ -136,8 +136,7 @@ class MessageGroup:
 
     def build(self, begin: int, times: NDArray[np.int64]) -> None:
         """Fill the records of the samples that belong to ticks `begin` and following, one per stamp in `times`."""
-        start = min(self.count, max(0, -(-(begin - self.first) // self.divider)))
-        stop = min(self.count, max(start, -(-(begin + len(times) - self.first) // self.divider)))
+        start, stop = samples_between(self.first, self.divider, self.count, begin, begin + len(times))
         offset = self.first + start * self.divider - begin
         self._ticks = slice(offset, offset + (stop - start) * self.divider, self.divider)
         samples = np.arange(start, stop)
@@ -209,9 +208,7 @@ class MessageGroup:
         if not len(self._records):
             return None
         if isinstance(self._ticks, slice):
-            offset = self._ticks.start
-            low = max(0, -(-(start - offset) // self.divider))
-            high = min(len(self._records), max(low, -(-(stop - offset) // self.divider)))
+            low, high = samples_between(self._ticks.start, self.divider, len(self._records), start, stop)
         else:
             low, high = np.searchsorted(self._ticks, (start, stop)).tolist()
         if low >= high:

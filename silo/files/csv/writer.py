@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.recording import Progress, RecordedElement, Recording, silent
+from silo.core.recording import Progress, RecordedElement, Recording, samples_between, silent
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, write_all
 from silo.files.csv.metadata import pack, sidecar_of
@@ -86,8 +86,7 @@ def _columns(recording: Recording, elements: Sequence[RecordedElement]) -> Itera
 def _cells(element: RecordedElement, values: NDArray[Any], start: int, stop: int) -> _Cells:
     """The samples whose ticks are in `start ... stop`."""
     first, divider = element.first, element.divider
-    begin = min(element.count, max(0, -((first - start) // divider)))
-    end = min(element.count, max(begin, -((first - stop) // divider)))
+    begin, end = samples_between(first, divider, element.count, start, stop)
     place = first + begin * divider - start
     samples = values[begin:end]
     if is_masked(samples):

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording, silent
+from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording, samples_between, silent
 from silo.files.bags.ros_types import is_text
 from silo.files.optional_packages import need, whole_file
 from silo.files.tables.facts import NAME, Place, packed, restored, told_of
@@ -128,8 +128,7 @@ def _real(entry: RecordedEntry) -> list[tuple[str, NDArray[Any]]]:
 def _cells(arrow: Any, kind: Any, element: RecordedElement, values: NDArray[Any], window: tuple[int, int]) -> Any:
     """The column's cells of the ticks from `start` to `stop`."""
     start, stop = window
-    low = min(len(values), max(0, -(-(start - element.first) // element.divider)))
-    high = min(len(values), max(low, -(-(stop - element.first) // element.divider)))
+    low, high = samples_between(element.first, element.divider, len(values), start, stop)
     samples, gone = _plain(np.ma.getdata(values[low:high])), np.ma.getmaskarray(values[low:high])
     bytes_first = arrow.binary() if samples.dtype.kind == "S" else kind
     if high - low == stop - start:
