@@ -294,7 +294,7 @@ def lock(descriptor: int) -> bool:
     return True
 
 
-def append_all(descriptor: int, data: bytes) -> None:
+def append_all(descriptor: int, data: bytes | memoryview) -> None:
     """Write bytes where an open file stands, in as many turns as the system takes. Raises OSError."""
     view = memoryview(data)
     while view:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from silo.errors import SaveError, SiloError
-from silo.files.atomic import atomic_file
+from silo.files.atomic import append_all, atomic_file
 
 
 def need(module: str, extra: str, purpose: str) -> Any:
@@ -38,7 +38,5 @@ class WholeFile(io.FileIO):
     def write(self, data: Any, /) -> int:
         """Write all of `data`; raises `OSError`, for a full disk too."""
         view = memoryview(data).cast("B")
-        written = 0
-        while written < len(view):
-            written += super().write(view[written:])
-        return written
+        append_all(self.fileno(), view)
+        return len(view)
