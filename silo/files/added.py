@@ -10,7 +10,7 @@ of others runs there.
 
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from silo.core.recording import Progress, Recording
 from silo.errors import FileFormatError, SaveError, SiloError
-from silo.files.formats import FORMATS, Format
+from silo.files.formats import FORMATS, Format, by_mark
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -36,7 +36,7 @@ class AddedFormats:
     def reader(self, path: Path) -> Callable[[Path], Recording] | None:
         """Return what reads a file, by its ending, else by its first bytes; None where nothing does."""
         readers = [one for one in self.formats if one.reader]
-        found = next((one for one in readers if path.suffix.lower() in one.endings), None) or _by_mark(readers, path)
+        found = next((one for one in readers if path.suffix.lower() in one.endings), None) or by_mark(path, readers)
         return None if found is None else lambda source: _read(found, source)
 
     def writer(self, path: Path) -> Callable[[Recording, Path, Progress | None], None] | None:
@@ -79,15 +79,6 @@ def _checked(point: "EntryPoint") -> Format:
         if own is not None and (found.writer or (own.reader and not found.mark)):
             raise FileFormatError(f"silo has '{ending}' itself")
     return found
-
-
-def _by_mark(formats: Iterable[Format], path: Path) -> Format | None:
-    try:
-        with path.open("rb") as file:
-            start = file.read(32)
-    except OSError:
-        return None
-    return next((one for one in formats if one.mark and start.startswith(one.mark)), None)
 
 
 def _read(added: Format, path: Path) -> Recording:

@@ -225,6 +225,7 @@ FORMATS = (
         mark=b"ULog",
     ),
 )
+MOST_MARK_BYTES = 32
 SQLITE_ENDING = ".db3"  # a file of rosbag2's other storage, which is read and not written
 FOLDER = next(one for one in FORMATS if one.folder)  # what a name without ending becomes
 SAVED = {kind: one for kind in FileType for one in FORMATS if one.saved_as is kind}
@@ -321,7 +322,7 @@ def read_recording(path: "str | os.PathLike[str]", added: Added | None = None) -
         return _as_read(FOLDER.load_reader()(source))
     found = format_of(source) if source.suffix else None
     own = found is not None and found.reader and not found.folder
-    if added is not None and not own and source.suffix != SQLITE_ENDING and _by_mark(source) is None:
+    if added is not None and not own and source.suffix != SQLITE_ENDING and by_mark(source) is None:
         others = added()
         if (read := others.reader(source)) is not None:
             return _as_read(read(source))
@@ -330,10 +331,10 @@ def read_recording(path: "str | os.PathLike[str]", added: Added | None = None) -
     if source.suffix == SQLITE_ENDING:
         found = FOLDER
     elif found is None:
-        found = _by_mark(source)
+        found = by_mark(source)
     elif found.folder:
         # a single file that is called like a bag folder
-        found = _by_mark(source) or found
+        found = by_mark(source) or found
     if found is None or not found.reader:
         ending = source.suffix.lower() or "files without ending"
         raise FileFormatError(f"'{source}': silo doesn't read {ending}, only {readable()}{left_out}")
@@ -431,14 +432,15 @@ def writable() -> str:
     return _list([one.shown for one in FORMATS if one.writer])
 
 
-def _by_mark(path: Path) -> Format | None:
+def by_mark(path: Path, formats: Iterable[Format] = FORMATS) -> Format | None:
+    """The format that the first bytes of a file mean, None where they mean none of these."""
     try:
         with path.open("rb") as file:
-            start = file.read(16)
+            start = file.read(MOST_MARK_BYTES)
     except OSError:
         # the reader will say why
         return None
-    return next((one for one in FORMATS if one.mark and start.startswith(one.mark)), None)
+    return next((one for one in formats if one.mark and start.startswith(one.mark)), None)
 
 
 def _function(text: str) -> Callable[..., Any]:
