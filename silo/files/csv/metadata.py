@@ -161,13 +161,16 @@ def _loaded(
             f"'{entry.name}' was logged as {entry.dtype}, which a value in the table is not; correct that, or remove "
             "the .json beside it to read the table by itself"
         ) from None
-    if len(samples) == count:
+    return spread(values, samples, count)
+
+
+def spread(values: NDArray[Any], places: NDArray[np.intp], count: int) -> NDArray[Any]:
+    """So many values with these at their places, all others missing."""
+    if len(values) == count:
         return values
-    missing = np.ones(count, bool)
-    missing[samples] = False
-    spread = np.zeros(count, values.dtype)
-    spread[samples] = values
-    return masked(spread, missing)
+    dense, missing = np.zeros(count, values.dtype), np.ones(count, bool)
+    dense[places], missing[places] = values, False
+    return masked(dense, missing)
 
 
 def _in_step(places: NDArray[np.intp], facts: CsvElement, ticks: int) -> NDArray[np.intp] | None:

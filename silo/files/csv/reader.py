@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from silo.core.elements import BufferType, Entry
 from silo.core.kinds import regroup
-from silo.core.recording import RecordedElement, Recording, lazy_entry, masked
+from silo.core.recording import RecordedElement, Recording, lazy_entry
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
 from silo.files.csv.cells import DIGITS, QUOTE, Cells, Words, as_numbers, find_cells, unquoted
-from silo.files.csv.metadata import Column, NotThisTableError, restored, sidecar_of, unpack
+from silo.files.csv.metadata import Column, NotThisTableError, restored, sidecar_of, spread, unpack
 from silo.files.silo.format import decode_text, first_stamp
 
 TIME_NS = "time_ns"  # the last column: the first one in whole nanoseconds
@@ -281,12 +281,7 @@ def _stepping(places: NDArray[np.intp], rows: int) -> tuple[int, int, int]:
 
 def _spread(load: Callable[[], NDArray[Any]], places: NDArray[np.intp], count: int) -> NDArray[Any]:
     """The values of a column; of one without a pattern a value for each row, of which some are missing."""
-    values = load()
-    if len(values) == count:
-        return values
-    dense, missing = np.zeros(count, values.dtype), np.ones(count, bool)
-    dense[places], missing[places] = values, False
-    return masked(dense, missing)
+    return spread(load(), places, count)
 
 
 def _recording(
