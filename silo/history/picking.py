@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from silo.core.elements import BufferType
 from silo.history.requests import By, SampledEntry, SampledName
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.layout import ElementSchema, EntrySchema, SegmentSchema
 from silo.segment.picking import STAMPS, moved, words_with
 from silo.segment.rows import Rows, Words, stored_type
@@ -59,9 +60,12 @@ class RowSelection:
         return sum(group.row_bytes for group in self.groups)
 
 
-def unknown_name(names: Sequence[str], now: LoggerSnapshot) -> str | None:
-    """Return the first name that is neither an element nor an entry, None if there is none."""
-    return next((name for name in names if now.element(name) is None and name not in now.entry_places), None)
+def check_known(names: Sequence[str], now: LoggerSnapshot) -> None:
+    """Raise RequestRefusedError for the first name that is neither an element nor an entry."""
+    for name in names:
+        if now.element(name) is None and name not in now.entry_places:
+            text = f"no element or entry is called '{name[:200]}'; they are named like '/log/q' and '/log/q_x'"
+            raise RequestRefusedError(RefusedWhy.NOT_FOUND, text)
 
 
 def pick(

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from silo.core.quantities.writing import duration
-from silo.history.picking import PinnedRows, RingGroup, RowSelection, bounds, pick, unknown_name
+from silo.history.picking import PinnedRows, RingGroup, RowSelection, bounds, check_known, pick
 from silo.history.requests import By, OpenPin, PinOpened
-from silo.history.samples import MAX_NAMES, unknown
+from silo.history.samples import MAX_NAMES
 from silo.net.keys import VIEW_ID
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
@@ -47,9 +47,7 @@ class Pins(Leases[str, _Pin]):
         if known is not None and _same(known.request, request):
             self.renew(request.pin, LEASE_S)
             return known.opened
-        name = unknown_name(request.names, now)
-        if name is not None:
-            raise unknown(name)
+        check_known(request.names, now)
         if self.full(request.pin, request.client):
             text = f"not pinned: {MAX_PINS} pins are open already; close others first"
             raise RequestRefusedError(RefusedWhy.FAILED, text)

@@ -1,6 +1,6 @@
 """Raw samples of any enabled element: rows straight from the buffers, as many as a reply may hold."""
 
-from silo.history.picking import PinnedRows, RingSource, RowSelection, bounds, pick, unknown_name
+from silo.history.picking import PinnedRows, RingSource, RowSelection, bounds, check_known, pick
 from silo.history.requests import GetSamples, SampledRows, SampleRows
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.state.replica import LoggerSnapshot
@@ -27,17 +27,9 @@ def check_samples(request: GetSamples) -> None:
         raise RequestRefusedError(RefusedWhy.INVALID, f"no samples: {problem}")
 
 
-def unknown(name: str) -> RequestRefusedError:
-    """Return what is raised for a name that nothing has."""
-    text = f"no element or entry is called '{name[:200]}'; they are named like '/log/q' and '/log/q_x'"
-    return RequestRefusedError(RefusedWhy.NOT_FOUND, text)
-
-
 def samples(request: GetSamples, now: LoggerSnapshot, source: RingSource | None) -> SampleRows:
     """Return the rows, or as many as may go into a reply, with what to go on with."""
-    name = unknown_name(request.names, now)
-    if name is not None:
-        raise unknown(name)
+    check_known(request.names, now)
     run = source.schema.run if source is not None else ""
     if request.resume and request.run != run:
         text = "no samples: the logger was started anew since the reply before; ask from the beginning"

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from silo.core.recording import alike
 from silo.expressions.search import Finder, Looking
 from silo.expressions.span import HELD_PERIODS, Measuring
-from silo.history.picking import PinnedRows, RingGroup, RingSource, RowSelection, bounds, pick, unknown_name
+from silo.history.picking import PinnedRows, RingGroup, RingSource, RowSelection, bounds, check_known, pick
 from silo.history.requests import By
-from silo.history.samples import unknown
 from silo.history.search_requests import FindMoments, FoundIn, MeasureSpan, MomentsFound, SpanFacts, SpanMeasured
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.layout import SegmentSchema
@@ -159,9 +158,7 @@ def _picked(
     request: FindMoments | MeasureSpan, now: LoggerSnapshot, reader: SegmentReader | None, pins: Sequence[PinnedRows]
 ) -> tuple[str, SearchedRows | None, RowSelection]:
     """Return which run it is about, what is held of it (None for nothing), and where the names stand there."""
-    name = unknown_name(request.names, now)
-    if name is not None:
-        raise unknown(name)
+    check_known(request.names, now)
     run = request.run or (reader.schema.run if reader is not None else "")
     reader = reader if reader is not None and reader.schema.run == run else None
     pins = [pin for pin in pins if pin.schema.run == run]

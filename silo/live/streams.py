@@ -9,9 +9,9 @@ import time
 import msgspec
 import zenoh
 
-from silo.history.picking import RingGroup, pick, unknown_name
+from silo.history.picking import RingGroup, check_known, pick
 from silo.history.requests import OpenStream, SampledRows, StreamFrame, StreamOpened
-from silo.history.samples import MAX_NAMES, unknown
+from silo.history.samples import MAX_NAMES
 from silo.live.feeds import Feed, Feeds, Round
 from silo.net import keys
 from silo.segment.reader import SegmentReader
@@ -111,9 +111,8 @@ class Streams(Feeds[OpenStream, ServedStream]):
         return (old.names, old.period_s) == (new.names, new.period_s)
 
     def _check(self, request: OpenStream, _: list[ServedStream]) -> None:
-        name = None if request.again else unknown_name(request.names, self._replica.now)
-        if name is not None:
-            raise unknown(name)
+        if not request.again:
+            check_known(request.names, self._replica.now)
 
     def _made(self, request: OpenStream, publisher: zenoh.Publisher) -> ServedStream:
         made = ServedStream(request, publisher, time.monotonic())
