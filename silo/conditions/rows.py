@@ -7,7 +7,8 @@ from silo.core.conditions import Derived
 from silo.core.elements import BufferType, ElementInfo
 from silo.expressions.binding import OFF, BoundExpression, Catalogue, Known, ScalarPlace
 from silo.expressions.evaluation import SourceRows
-from silo.segment.layout import ElementSchema, EntrySchema
+from silo.journal.derived_rows import pickers_of
+from silo.segment.layout import ElementSchema
 from silo.segment.picking import RowPicker
 from silo.segment.reader import SegmentReader
 
@@ -34,7 +35,7 @@ class JudgedRows:
         self.catalogue = Catalogue(
             [self._known(one) for one in self._elements], schema.prefix, schema.conditions.derived
         )
-        self._wanted: dict[int, RowPicker[tuple[int, int]]] = {}  # by ring, (element, entry)
+        self._wanted: dict[int, RowPicker[tuple[int, int]]] = {}
         self._cursors: dict[int, int] = {}
         self._silent: set[int] = set()
 
@@ -67,14 +68,7 @@ class JudgedRows:
 
     def want(self, columns: Iterable[ScalarPlace], since: int) -> None:
         """Read these and no others from now on: what was not read before from tick `since` on."""
-        wanted: dict[int, dict[tuple[int, int], EntrySchema]] = {}
-        for column in columns:
-            if column.source != OFF:
-                element = self._elements[column.element]
-                assert isinstance(element, ElementSchema)  # one that is off has no source
-                entry = element.entries_in(column.source)[column.entry]
-                wanted.setdefault(column.source, {})[column.element, column.entry] = entry
-        self._wanted = {ring: RowPicker(entries) for ring, entries in wanted.items()}
+        self._wanted = pickers_of(self._reader.schema, columns)
         self._cursors = {
             ring: self._cursors.get(ring, -(-since // self._reader.schema.rings[ring].divider)) for ring in self._wanted
         }

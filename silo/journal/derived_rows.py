@@ -6,7 +6,7 @@ reads as much of the past as the expression looks back, so that a value doesn't 
 `mean` and `std` may differ in the last bit, as sums are put together from where reading began.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from silo.core.conditions import Derived
 from silo.core.elements import BufferType, ElementInfo
-from silo.expressions.binding import OFF, BoundExpression, Catalogue, Known
+from silo.expressions.binding import OFF, BoundExpression, Catalogue, Known, ScalarPlace
 from silo.expressions.derived_signals import Lookback, bound_derived, info_of, lookback
 from silo.expressions.evaluation import Evaluator, SourceRows
 from silo.segment.layout import STAMP_WORDS, TIME_RING, ElementSchema, EntrySchema, RingSchema, SegmentSchema
@@ -66,24 +66,29 @@ def derived_plan(schema: SegmentSchema, table: Sequence[ElementInfo], derived: S
             continue
         info = info_of(one, bound)
         ring = _ring(len(rings), bound, schema)
-        columns: dict[int, dict[tuple[int, int], EntrySchema]] = {}
-        for column in bound.columns:
-            if column.source != OFF:
-                entry = schema.elements[column.element].entries_in(column.source)[column.entry]
-                columns.setdefault(column.source, {})[column.element, column.entry] = entry
         options = msgspec.structs.replace(
             info.options, buffer=ring.buffer_type, size=max(1, ring.capacity)
         )  # fmt: skip
         entries = tuple(EntrySchema(each, 8 * (STAMP_WORDS + at)) for at, each in enumerate(info.entries))
         rings.append(ring)
         elements.append(ElementSchema(msgspec.structs.replace(info, options=options), ring.ring, entries))
-        pickers = {source: RowPicker(some) for source, some in columns.items()}
+        pickers = pickers_of(schema, bound.columns)
         signals[ring.ring] = DerivedSignal(
             ring.ring, ring.divider, bound, dict(bound.sources), pickers, lookback(bound)
         )
     conditions = msgspec.structs.replace(schema.conditions, derived=tuple(derived))
     made = msgspec.structs.replace(schema, rings=tuple(rings), elements=tuple(elements), conditions=conditions)
     return DerivedPlan(made, signals)
+
+
+def pickers_of(schema: SegmentSchema, columns: Iterable[ScalarPlace]) -> dict[int, RowPicker[tuple[int, int]]]:
+    """What picks the columns of expressions out of rows, by ring, each by (element, entry); none of what is off."""
+    wanted: dict[int, dict[tuple[int, int], EntrySchema]] = {}
+    for column in columns:
+        if column.source != OFF:
+            entry = schema.elements[column.element].entries_in(column.source)[column.entry]
+            wanted.setdefault(column.source, {})[column.element, column.entry] = entry
+    return {ring: RowPicker(entries) for ring, entries in wanted.items()}
 
 
 def _source_ring(element: ElementSchema, schema: SegmentSchema) -> int:
