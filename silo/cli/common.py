@@ -366,10 +366,22 @@ def json_option(command: _Command) -> _Command:
     return click.option("--json", "as_json", is_flag=True, help="JSON, for machines.")(command)
 
 
-def unsaved_options(command: _Command) -> _Command:
-    """Return the options `--save` and `--discard` for data that a start would clear, to be read by `unsaved`."""
-    discard = click.option("--discard", is_flag=True, help="Clear what is in no file.")
-    return click.option("--save", "save_first", is_flag=True, help="Save what is in no file first.")(discard(command))
+def together(*options: Callable[[Any], Any]) -> Callable[[_Command], _Command]:
+    """Return what gives a command these options and arguments, in this order."""
+
+    def decorate(command: _Command) -> _Command:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+# for data that a start would clear, to be read by `unsaved`
+unsaved_options = together(
+    click.option("--save", "save_first", is_flag=True, help="Save what is in no file first."),
+    click.option("--discard", is_flag=True, help="Clear what is in no file."),
+)
 
 
 def unsaved(*, save_first: bool, discard: bool) -> str:

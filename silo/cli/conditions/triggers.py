@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from silo.cli.common import together
 from silo.cli.verbs import Listing, LoggerFirst, verb
 from silo.core.conditions import AROUND_S
 from silo.core.quantities.writing import duration_text, many, share_words
@@ -34,17 +35,14 @@ def trigger() -> None:
     """
 
 
-def _rule_options(command: "click.decorators.FC") -> "click.decorators.FC":
-    for option in (
-        click.option("--holdoff", default="0", metavar="TIME", help="Ignore what follows a fire for so long."),
-        click.option("--persist", default="0", metavar="TIME", help="It must stay true for so long."),
-        click.option("--rearm", default="", metavar="EXPRESSION", help="What must be true before it fires again."),
-        click.option("--edge", default="rising", metavar="EDGE", help="rising, falling, level, enter or leave."),
-        click.option("--post", default=AROUND, show_default=True, metavar="TIME", help="Capture so long after it."),
-        click.option("--pre", default=AROUND, show_default=True, metavar="TIME", help="Capture so long before it."),
-    ):
-        command = option(command)
-    return command
+_rule_options = together(
+    click.option("--pre", default=AROUND, show_default=True, metavar="TIME", help="Capture so long before it."),
+    click.option("--post", default=AROUND, show_default=True, metavar="TIME", help="Capture so long after it."),
+    click.option("--edge", default="rising", metavar="EDGE", help="rising, falling, level, enter or leave."),
+    click.option("--rearm", default="", metavar="EXPRESSION", help="What must be true before it fires again."),
+    click.option("--persist", default="0", metavar="TIME", help="It must stay true for so long."),
+    click.option("--holdoff", default="0", metavar="TIME", help="Ignore what follows a fire for so long."),
+)
 
 
 def _made(name: str, when: str, pre: str, post: str, edge: str, rearm: str, persist: str, holdoff: str,

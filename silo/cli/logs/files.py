@@ -9,15 +9,15 @@ import math
 import os
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 from click.shell_completion import CompletionItem
 
 from silo.cli.codes import EXIT_BLIND, EXIT_FOUND
-from silo.cli.common import LogWord, TypedPath, find_saved, progress, show, show_json, show_rows
+from silo.cli.common import LogWord, TypedPath, find_saved, progress, show, show_json, show_rows, together
 from silo.errors import ElementError, SiloError
 from silo.files.formats import readable, writable
 
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from silo.analysis.plots.curves import CurveSource
     from silo.core.recording import Recording
 
-_Command = TypeVar("_Command", bound=Callable[..., object])
 
 _MOST_CURVES = 20
 
@@ -76,6 +75,16 @@ _CONVERT_HELP = f"""Convert a log to another format, chosen by the ending of OUT
     """
 
 
+window_options = together(
+    click.option("--from", "start", type=float, help="Begin of the window, s from the start of the log."),
+    click.option("--to", "stop", type=float, help="End of the window, s."),
+)
+size_options = together(
+    click.option("--width", type=click.IntRange(30, 1000), help="Columns; that of the terminal if not given."),
+    click.option("--height", type=click.IntRange(8, 1000), help="Rows; those of the terminal if not given."),
+)
+
+
 def _ending_says(_ctx: click.Context | None, _param: click.Parameter | None, value: str | None) -> None:
     if value is not None:
         way = "OUT, a folder without an ending, is a bag" if "bag" in value else f"OUT.{value}"
@@ -91,30 +100,22 @@ class _DataSetKind(click.Choice[str]):
         return super().convert(value, param, ctx)
 
 
-def _of_data_sets(command: _Command) -> _Command:
-    for name, metavar, words in reversed(_MANY_PATTERNS):
-        command = click.option(name, metavar=metavar, multiple=True, help=words)(command)
-    command = click.option("--where", metavar="EXPR", default="", help="Only runs for which it is true at their end.")(
-        command
-    )
-    command = click.option("--how", type=click.Choice(["last", "mean"]), help="Of faster signals; last if not given.")(
-        command
-    )
-    command = click.option("--episodes", type=click.Choice(["runs", "episodes", "captures"]),
-                           help="What an episode is: each IN (runs), or each marked in them.")(command)  # fmt: skip
-    command = click.option("--task", metavar="WORDS", default="", help="What was done.")(command)
-    command = click.option("--robot", metavar="WORD", default="", help="The type of robot.")(command)
-    return click.option("--fps", type=click.IntRange(min=1), help="Frames per second of a data set.")(command)
-
-
 SPARSE = 0.25  # of the cells of a table, below which it is told that most are empty
-
-_MANY_PATTERNS = (
-    ("--state", "PATTERN", "Signals that are observation.state; several times for several."),
-    ("--action", "PATTERN", "Signals that are action."),
-    ("--also", "PATTERN", "Signals that are features of their own."),
-    ("--window", "PATTERN", "Likewise, with all samples since the frame before."),
-)
+_of_data_sets = together(
+    click.option("--fps", type=click.IntRange(min=1), help="Frames per second of a data set."),
+    click.option("--robot", metavar="WORD", default="", help="The type of robot."),
+    click.option("--task", metavar="WORDS", default="", help="What was done."),
+    click.option("--episodes", type=click.Choice(["runs", "episodes", "captures"]),
+                 help="What an episode is: each IN (runs), or each marked in them."),
+    click.option("--how", type=click.Choice(["last", "mean"]), help="Of faster signals; last if not given."),
+    click.option("--where", metavar="EXPR", default="", help="Only runs for which it is true at their end."),
+    click.option("--state", metavar="PATTERN", multiple=True,
+                 help="Signals that are observation.state; several times for several."),
+    click.option("--action", metavar="PATTERN", multiple=True, help="Signals that are action."),
+    click.option("--also", metavar="PATTERN", multiple=True, help="Signals that are features of their own."),
+    click.option("--window", metavar="PATTERN", multiple=True,
+                 help="Likewise, with all samples since the frame before."),
+)  # fmt: skip
 
 
 def _make_data_set(sources: tuple[str, ...], target: Path, force: bool, options: dict[str, Any]) -> None:
@@ -178,8 +179,7 @@ def convert_command(
 @click.command("stats")
 @click.argument("file", type=LogWord(), shell_complete=_complete_file)
 @click.argument("patterns", metavar="[PATTERN]...", nargs=-1, shell_complete=_complete_signal)
-@click.option("--from", "start", type=float, help="Begin of the window, s from the start of the log.")
-@click.option("--to", "stop", type=float, help="End of the window, s.")
+@window_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
 def stats_command(file: str, patterns: tuple[str, ...], start: float | None, stop: float | None, as_json: bool) -> None:
     """Show minimum, maximum, mean, standard deviation and rms of signals.
@@ -200,14 +200,11 @@ def stats_command(file: str, patterns: tuple[str, ...], start: float | None, sto
     _warn(recording)
 
 
-def _meeting_options(command: _Command) -> _Command:
-    command = click.option(
-        "--by",
-        type=click.Choice(["start", "stamps"]),
-        default="start",
-        help="What is the same moment in both: their starts, or (of two files of one run) the time stamps.",
-    )(command)
-    return click.option("--tolerance", type=float, default=0.0, help="Numbers may differ by this much.")(command)
+_meeting_options = together(
+    click.option("--tolerance", type=float, default=0.0, help="Numbers may differ by this much."),
+    click.option("--by", type=click.Choice(["start", "stamps"]), default="start",
+                 help="What is the same moment in both: their starts, or (of two files of one run) the time stamps."),
+)  # fmt: skip
 
 
 @click.command("diff")
@@ -338,11 +335,9 @@ def _compare_many(
 @click.option("-x", "--x", "x_pattern", metavar="PATTERN", help="Draw over this signal instead of time (x-y plot).")
 @click.option("-d", "--derivative", is_flag=True, help="Draw the change per second.")
 @click.option("-s", "--spectrum", is_flag=True, help="Draw the amplitude over the frequency.")
-@click.option("--from", "start", type=float, help="Begin of the window, s from the start of the log.")
-@click.option("--to", "stop", type=float, help="End of the window, s.")
+@window_options
 @click.option("--png", type=TypedPath(path_type=Path, dir_okay=False), help="Write a picture instead (matplotlib).")
-@click.option("--width", type=click.IntRange(30, 1000), help="Columns; that of the terminal if not given.")
-@click.option("--height", type=click.IntRange(8, 1000), help="Rows; those of the terminal if not given.")
+@size_options
 def plot_command(
     file: str,
     patterns: tuple[str, ...],

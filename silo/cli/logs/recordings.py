@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 from click.shell_completion import CompletionItem
 
-from silo.cli.common import TypedPath, complete_logger, connect, progress, show_rows
+from silo.cli.common import TypedPath, complete_logger, connect, find_logger, items, progress, show_rows
 from silo.cli.verbs import verb
 from silo.core.quantities.writing import many, size_text, wall_clock
 from silo.errors import RefusedError, SiloError
@@ -33,7 +33,6 @@ def files() -> None:
 
 
 def _complete_name(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    from silo.cli.common import find_logger
     from silo.fleet.exchange import ask_once
     from silo.recordings.requests import RecordingRequests
     from silo.rpc.declaring import request_of
@@ -44,7 +43,7 @@ def _complete_name(ctx: click.Context, param: click.Parameter, incomplete: str) 
     except (SiloError, click.UsageError):
         return []
     names = [file.name for one in reply.recordings for file in one.files if not one.unfinished]
-    return [CompletionItem(name) for name in names if name.startswith(incomplete)]
+    return items(names, incomplete)
 
 
 def _show_list(found: "Recordings") -> None:

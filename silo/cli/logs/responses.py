@@ -1,36 +1,37 @@
 """`silo bode` and `silo step`: how one signal of a log answers to another."""
 
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from silo.cli.common import LogWord, TypedPath, find_saved, show_json
-from silo.cli.logs.files import _complete_file, _complete_signal, _read, _wants_color, _warn
+from silo.cli.common import LogWord, TypedPath, find_saved, show_json, together
+from silo.cli.logs.files import (
+    _complete_file,
+    _complete_signal,
+    _read,
+    _wants_color,
+    _warn,
+    size_options,
+    window_options,
+)
 
 if TYPE_CHECKING:
     from silo.analysis.log import Log
     from silo.analysis.plots.drawing import Chart
 
-_Command = TypeVar("_Command", bound=Callable[..., object])
 
-
-def _words(command: _Command) -> _Command:
-    for option in (
-        click.option("--json", "as_json", is_flag=True, help="One JSON object, for machines."),
-        click.option("--height", type=click.IntRange(8, 1000), help="Rows; those of the terminal if not given."),
-        click.option("--width", type=click.IntRange(30, 1000), help="Columns; that of the terminal if not given."),
-        click.option("--png", type=TypedPath(path_type=Path, dir_okay=False), help="Write a picture (matplotlib)."),
-        click.option("--to", "stop", type=float, help="End of the window, s."),
-        click.option("--from", "start", type=float, help="Begin of the window, s from the start of the log."),
-        click.argument("output", metavar="OUT", shell_complete=_complete_signal),
-        click.argument("given", metavar="IN", shell_complete=_complete_signal),
-        click.argument("file", type=LogWord(), shell_complete=_complete_file),
-    ):
-        command = option(command)
-    return command
+_words = together(
+    click.argument("file", type=LogWord(), shell_complete=_complete_file),
+    click.argument("given", metavar="IN", shell_complete=_complete_signal),
+    click.argument("output", metavar="OUT", shell_complete=_complete_signal),
+    window_options,
+    click.option("--png", type=TypedPath(path_type=Path, dir_okay=False), help="Write a picture (matplotlib)."),
+    size_options,
+    click.option("--json", "as_json", is_flag=True, help="One JSON object, for machines."),
+)
 
 
 @click.command("bode")

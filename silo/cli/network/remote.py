@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem
 
-from silo.cli.common import TypedPath, json_option, show_json, show_rows
+from silo.cli.common import TypedPath, configuration, items, json_option, show_json, show_rows
 from silo.core.runtime import write_private
 from silo.errors import ConnectionLostError, SiloError
 from silo.net.configuration import LOCAL, NAME, remote_file, remotes
@@ -15,7 +15,7 @@ PORT = 7447
 
 
 def _complete(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    return [CompletionItem(name) for name in remotes() if name.startswith(incomplete)]
+    return items(remotes(), incomplete)
 
 
 @click.group()
@@ -212,7 +212,6 @@ def doctor(name: str) -> None:
       silo remote doctor lab
       silo remote doctor client.json5
     """
-    from silo.cli.common import configuration
     from silo.fleet.examining import examine
     from silo.net.access.probing import LayerError
 

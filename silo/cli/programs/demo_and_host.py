@@ -2,19 +2,17 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import click
 from click.core import ParameterSource
 
-from silo.cli.common import TypedPath, configuration
+from silo.cli.common import TypedPath, configuration, together
 from silo.files.formats import SAVED_NAMES, file_types
 
-_Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
 
-
-def _common(name: str, frequency: float) -> Callable[[_Command], _Command]:
-    options = (
+def _common(name: str, frequency: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    return together(
         click.option("--name", default=name, show_default=True, help="Name of the logger."),
         click.option(
             "--frequency",
@@ -50,13 +48,6 @@ def _common(name: str, frequency: float) -> Callable[[_Command], _Command]:
             help="Save at the end; may be repeated. Ctrl-C saves .silo without it.",
         ),
     )
-
-    def decorate(command: _Command) -> _Command:
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return decorate
 
 
 def before() -> Path | None:
