@@ -34,11 +34,9 @@ Answer = tuple[str, tuple[SavedFile, ...]]
 Job = Callable[[Client], Answer]
 
 
-def outcomes(
-    targets: Sequence[LoggerAddress], job: Job, *, read_only: bool = False, at_once: int = AT_ONCE
-) -> Iterator[Outcome]:
+def outcomes(targets: Sequence[LoggerAddress], job: Job, *, read_only: bool) -> Iterator[Outcome]:
     """Yield one outcome for each logger as it comes. Who stops iterating has no further ones asked."""
-    pool = ThreadPoolExecutor(max(1, min(at_once, len(targets))), "silo-bulk")
+    pool = ThreadPoolExecutor(max(1, min(AT_ONCE, len(targets))), "silo-bulk")
     try:
         asked = [pool.submit(_ask, place, found, job, read_only=read_only) for place, found in enumerate(targets)]
         for done in as_completed(asked):

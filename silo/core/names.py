@@ -47,15 +47,14 @@ class Names:
         """Return what a text means, in the order of the table; nothing for what there isn't."""
         return next((found for found in self._steps(text, scalars, namespaces) if found), [])
 
-    def every(self, text: str, *, scalars: bool = False, namespaces: bool = True) -> list[Found]:
+    def every(self, text: str, *, scalars: bool = False) -> list[Found]:
         """Return what a text means by any of the rules, not by the first alone: what it meant to commands so far."""
         if text.startswith("/"):
-            inside = self._inside((f"{text.rstrip('/')}/",)) if namespaces else []
+            inside = self._inside((f"{text.rstrip('/')}/",))
             whole: list[Found] = [(self.places[text], None)] if text in self.places else []
-            known = [*whole, *inside] or self.find(text, scalars=scalars, namespaces=namespaces)
-            return known or self.find(text.lstrip("/"), scalars=scalars, namespaces=namespaces)
-        steps = self._steps(text, scalars, namespaces, spellings=False)
-        found = {one for some in steps for one in some} or self.find(text, scalars=scalars, namespaces=namespaces)
+            return [*whole, *inside] or self.find(text, scalars=scalars) or self.find(text.lstrip("/"), scalars=scalars)
+        steps = self._steps(text, scalars, namespaces=True, spellings=False)
+        found = {one for some in steps for one in some} or self.find(text, scalars=scalars)
         return sorted(found, key=lambda one: (one[0], -1 if one[1] is None else one[1]))
 
     def whole(self, glob: str) -> list[Found]:

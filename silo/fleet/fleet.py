@@ -163,14 +163,14 @@ class Fleet:
             self._changed.wait_for(lambda: self._now.number != number or self._stop.is_set(), timeout_s)
             return self._now
 
-    def wait_ready(self, timeout_s: float, answers_s: float = 0.5) -> FleetNow:
+    def wait_ready(self, timeout_s: float) -> FleetNow:
         """Return what is known once every way was tried, or after the timeout.
 
-        Those that are there have `answers_s` more to say how they stand.
+        Those that are there have half a second more to say how they stand.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._now.ready or self._stop.is_set(), timeout_s)
-            self._changed.wait_for(lambda: all(one.told for one in self._now.members), answers_s)
+            self._changed.wait_for(lambda: all(one.told for one in self._now.members), 0.5)
             return self._now
 
     def whole(self) -> FleetNow:

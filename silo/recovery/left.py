@@ -146,7 +146,6 @@ def save_reader(
     folder: str | os.PathLike[str],
     types: Sequence[FileType] = (FileType.SILO,),
     progress: Callable[[float], None] | None = None,
-    why: str = DIED,
     events: Sequence[LoggedEvent] | None = None,
     conditions: Conditions | None = None,
 ) -> tuple[list[SavedFile], Holdings]:
@@ -164,7 +163,7 @@ def save_reader(
     schema = reader.schema
     happened = LogOfRun(schema.folder, schema.run) if events is None else events
     files = write_run(
-        recording, folder, schema.logger, types, progress=progress, why=why, events=happened, conditions=conditions,
+        recording, folder, schema.logger, types, progress=progress, why=DIED, events=happened, conditions=conditions,
         damage=missing(reader),
     )  # fmt: skip
     return files, held
