@@ -23,7 +23,7 @@ from silo.core.runtime import list_segments, read_own
 from silo.errors import LogNotFoundError, SegmentError, SiloError
 from silo.files.event_log import event_log_path, loggers_with_events, older_event_log, read_events
 from silo.files.formats import read_recording
-from silo.files.manifest import CaptureEntry, read_captures
+from silo.files.manifest import CaptureEntry, number_of, read_captures
 from silo.files.naming import find_logs
 from silo.files.parts.scan import PartScan, scan_part
 from silo.recorder.orders import CLOSED
@@ -109,8 +109,7 @@ class _Part:
 
     @property
     def number(self) -> int:
-        number = self.path.name.removesuffix(".part").removesuffix(".mcap").rpartition("_")[2]
-        return int(number) if number.isdecimal() else 0
+        return number_of(self.path)
 
     def ticks(self) -> list[Span]:
         """The ticks of which any ring has a row."""
