@@ -15,9 +15,10 @@ import threading
 import time
 import zlib
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import msgspec
@@ -89,7 +90,7 @@ def parts_below(place: int, only: str = "") -> Iterator[FinishedPart]:
     Only folders that have a recorder's list of parts are looked into, and only files that such a list names.
     """
     with os.scandir(place) as entries:
-        names = [entry.name for _, entry in zip(range(100 * MOST_FOLDERS), entries, strict=False)
+        names = [entry.name for entry in islice(entries, 100 * MOST_FOLDERS)
                  if entry.is_dir(follow_symlinks=False) and not entry.name.startswith(".")]  # fmt: skip
     for name in names[:MOST_FOLDERS]:
         with suppress(OSError), opened_folder(place, name) as folder:  # it vanished, or may not be read
@@ -118,10 +119,10 @@ def _parts_of(folder: int, name: str, only: str) -> Iterator[FinishedPart]:
 
 
 def part_summary(place: int, part: FinishedPart) -> FileSummary:
-    """Return from when to when a part goes, of its last bytes. Raises OSError."""
-    with opened_folder(place, part.folder) as folder, opened_file(folder, part.name) as file:
-        begin, end = _times(file, os.fstat(file).st_size)
-    return FileSummary("", f"recording {part.recorder}", begin, end)
+    """Return from when to when a part goes, of its last bytes; nothing of one that vanished, or may not be read."""
+    with suppress(OSError), opened_folder(place, part.folder) as folder, opened_file(folder, part.name) as file:
+        return FileSummary("", f"recording {part.recorder}", *_times(file, os.fstat(file).st_size))
+    return FileSummary()
 
 
 def _times(file: int, size: int) -> tuple[int, int]:
@@ -273,26 +274,21 @@ class RecordingFolder:
 
     def _part_row(self, folder: int, part: FinishedPart) -> SavedRecording:
         key = (f"{part.folder}/{part.name}", part.mark)
-        with self._lock:
-            known = self._known.get(key)
-        if known is None:
-            try:
-                known = part_summary(folder, part)
-            except OSError:
-                known = FileSummary()  # it vanished, or may not be read
-            with self._lock:
-                self._known[key] = known
-        return row_of(part, known)
+        return row_of(part, self._remembered(key, lambda: part_summary(folder, part)) or FileSummary())
 
     def _summary(self, folder: int, name: str, mark: str, until_s: float = 0.0) -> FileSummary | None:
-        key = (name, mark)
+        return self._remembered((name, mark), lambda: read_summary(folder, name), until_s)
+
+    def _remembered(
+        self, key: tuple[str, str], read: Callable[[], FileSummary | None], until_s: float = 0.0
+    ) -> FileSummary | None:
         with self._lock:
             if key in self._known:
                 self._known.move_to_end(key)
                 return self._known[key]
         if until_s and time.monotonic() > until_s:
             raise TimeoutError
-        summary = read_summary(folder, name)
+        summary = read()
         with self._lock:
             self._known[key] = summary
             if len(self._known) > 2 * MAX_LISTED:
@@ -338,9 +334,7 @@ class _File:
 def _found(folder: int) -> list[_File]:
     found = []
     with os.scandir(folder) as entries:
-        for number, entry in enumerate(entries):
-            if number >= MAX_VISITED:
-                break
+        for entry in islice(entries, MAX_VISITED):
             with suppress(OSError):  # it vanished
                 file = _looked_at(folder, entry)
                 found += [file] if file else []
