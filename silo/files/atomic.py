@@ -99,18 +99,12 @@ def claimed(folder: str | os.PathLike[str], what: str, within_s: float) -> Itera
 def _claim(path: Path) -> int | None:
     """The locked file, None where another one has it. Raises OSError."""
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        is_ours = is_at(descriptor, path)
-    except BlockingIOError:
-        is_ours = False
+    if not taken(descriptor):
         end_abandoned_holder(descriptor)
-    except OSError:
-        is_ours = True  # no locks in this file system
-    if not is_ours:
-        os.close(descriptor)
-        return None
-    return descriptor
+    elif is_at(descriptor, path):
+        return descriptor
+    os.close(descriptor)
+    return None
 
 
 @contextmanager
@@ -291,6 +285,15 @@ def lock(descriptor: int) -> bool:
         fcntl.flock(descriptor, fcntl.LOCK_EX)
     except OSError:
         return False
+    return True
+
+
+def taken(descriptor: int) -> bool:
+    """Take the lock of an open file, unless another one has it; True in a file system that knows no locks, too."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        return not isinstance(error, BlockingIOError)
     return True
 
 

@@ -11,7 +11,6 @@ A file that somebody put in the place of one of ours is not ours. Two lists stan
 """
 
 import contextlib
-import fcntl
 import glob
 import os
 import shutil
@@ -27,7 +26,7 @@ from silo.core.conditions import Conditions
 from silo.core.quantities.writing import many, size_text
 from silo.core.runtime import open_own, read_own
 from silo.errors import SaveError
-from silo.files.atomic import append_all, atomic_file, lock, reason
+from silo.files.atomic import append_all, atomic_file, lock, reason, taken
 from silo.files.formats import OPEN_PART_ENDING
 
 MOST_BYTES = 200_000
@@ -558,7 +557,7 @@ def _locked(path: Path, wait_s: float, parent: int) -> int:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
     except OSError as error:
         raise SaveError(f"can't record to '{path.parent}': {reason(error)}; choose another folder") from error
-    while not _taken(descriptor):
+    while not taken(descriptor):
         if time.monotonic() > until_s:
             os.close(descriptor)
             raise SaveError(
@@ -569,13 +568,3 @@ def _locked(path: Path, wait_s: float, parent: int) -> int:
         time.sleep(_RETRY_S)  # a lock gives no sign to those who want a time limit
     note_holder(descriptor, parent)
     return descriptor
-
-
-def _taken(descriptor: int) -> bool:
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:
-        return True  # a file system that knows no locks
-    return True
