@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from silo.analysis.plots.limit_lines import DrawnBound
 from silo.core.arrays.columns import bins_at, reduce
-from silo.errors import SiloError
-from silo.files.optional_packages import whole_file
+from silo.files.optional_packages import need, whole_file
 
 Floats = NDArray[np.float64]
 
@@ -95,13 +94,9 @@ def draw_png(
 
     Raises `SiloError` without matplotlib.
     """
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise SiloError('PNG files need matplotlib: pip install "silo-logger[plot]"') from error
-    figure = Figure(figsize=(width / 100, height / 100), dpi=100, layout="constrained")
-    canvas = FigureCanvasAgg(figure)
+    figures, agg = (need(f"matplotlib.{one}", "plot", "PNG files") for one in ("figure", "backends.backend_agg"))
+    figure = figures.Figure(figsize=(width / 100, height / 100), dpi=100, layout="constrained")
+    canvas = agg.FigureCanvasAgg(figure)
     charts = [chart] if isinstance(chart, Chart) else list(chart)
     for place, one in enumerate(charts, 1):
         draw_axes(one, figure.add_subplot(len(charts), 1, place))
