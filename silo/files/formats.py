@@ -348,16 +348,12 @@ def read_recording(path: "str | os.PathLike[str]", added: Added | None = None) -
 
 
 ROS1_MARK = b"#ROSBAG V"
-_OTHERS = {
-    b"version https://git-lfs": "a pointer of Git LFS, not the file itself; fetch it: `git lfs pull`",
-}
 
 
 def refuse_others(path: Path) -> None:
     """Raise FileFormatError for what people take for a log, by its first bytes, with the way to one."""
-    for mark, words in _OTHERS.items():
-        if starts_with(path, mark):
-            raise FileFormatError(f"'{path}' is {words}")
+    if starts_with(path, b"version https://git-lfs"):
+        raise FileFormatError(f"'{path}' is a pointer of Git LFS, not the file itself; fetch it: `git lfs pull`")
 
 
 def starts_with(path: Path, mark: bytes) -> bool:
