@@ -23,6 +23,7 @@ from silo.core.arguments import real, shown, text
 from silo.core.arrays.values import as_floats
 from silo.core.calls import told, told_class, told_names
 from silo.core.printing import html_table
+from silo.core.quantities.writing import and_more
 from silo.core.recording import RecordedElement, Recording, stamps_of
 from silo.errors import ElementError
 
@@ -149,8 +150,7 @@ class Comparison:
             notes.append(f"the second run is moved by {self.shift_s:.6g} s")
         for which, names in (("first", self.only_a), ("second", self.only_b)):
             if names:
-                more = f" and {len(names) - 5} more" if len(names) > 5 else ""
-                notes.append(f"only in the {which}: {', '.join(names[:5])}{more}")
+                notes.append(f"only in the {which}: {and_more(names, 5)}")
         for words, count in Counter(self.partly.values()).most_common(5):
             which = next(name for name, each in self.partly.items() if each == words)
             notes.append(f"{words}: {which}{f' and {count - 1} more' if count > 1 else ''}")

@@ -18,6 +18,7 @@ from silo.core.arrays.function_units import UnitRule
 from silo.core.conditions import Derived
 from silo.core.elements import Entry
 from silo.core.names import Found, Names, did_you_mean, is_glob, nearest
+from silo.core.quantities.writing import and_more
 from silo.errors import ElementError, ExpressionError
 from silo.expressions.operations import FUNCTIONS
 from silo.expressions.parsing import UNIT, Call, ComparisonChain, Expression, Name, Node, Number, Operation, parse
@@ -269,8 +270,7 @@ class _Binder:
             raise self._error(self._unknown(node, labels or {}), node)
         if len(found) > 1 and not pattern:
             names = [self._catalogue.name(*place) for place in found]
-            more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-            raise self._error(f"'{node.text}' may be {', '.join(names[:3])}{more}: write more of the name", node)
+            raise self._error(f"'{node.text}' may be {and_more(names, 3)}: write more of the name", node)
         columns = []
         for place, entry in found:
             element = self._catalogue.elements[place]
@@ -317,8 +317,7 @@ class _Binder:
         index = rest.removesuffix("]")
         if index.isdecimal() and int(index) < len(names):
             return f"that scalar of it is named '{names[int(index)]}'"
-        shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
-        return f"'{head}' has {shown}"
+        return f"'{head}' has {and_more(names, 4)}"
 
     # ---------------------------------------------------------------------------------------------- operations
 

@@ -12,6 +12,7 @@ from datetime import datetime
 from itertools import islice
 from pathlib import Path
 
+from silo.core.quantities.writing import and_more
 from silo.core.runtime import FOLDER_GONE, is_folder_gone, open_own
 from silo.errors import LogNotFoundError, SaveError
 from silo.files.atomic import lock, reason
@@ -269,5 +270,4 @@ def _what_is_there(folder: Path) -> str:
         below = [place.name for place in _folders(folder) if any(_logs(place))]
         there = f", but there are some in {' and '.join(map(repr, below[:3]))}: say where" if below else ""
         return f" (the folder holds no log{there})"
-    more = f" and {len(newest) - 3} more" if len(newest) > 3 else ""
-    return f"; there are: {', '.join(path.name for path in newest[:3])}{more}"
+    return f"; there are: {and_more([path.name for path in newest], 3)}"

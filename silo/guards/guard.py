@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 from silo.analysis.check import Finding, check
 from silo.analysis.compare import compare
 from silo.analysis.log import Log
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import and_more, many
 from silo.core.recording import Recording
 from silo.errors import ElementError, ScriptError
 from silo.files.atomic import atomic_file
@@ -172,8 +172,7 @@ def _new(rule: Rule, pair: _Pair) -> Iterator[Finding]:
     if "missing" in rule.parts:
         there = {short(run.prefix, one.name) for one in run.elements if one.count}
         gone = [name for one in good.elements if one.count and (name := short(good.prefix, one.name)) not in there]
-        more = f" and {len(gone) - 5} more" if len(gone) > 5 else ""
-        why = f"{many(len(gone), 'element')} of the baseline have no samples: {', '.join(gone[:5])}{more}"
+        why = f"{many(len(gone), 'element')} of the baseline have no samples: {and_more(gone, 5)}"
         yield Finding("nothing is missing", BAD, len(gone), why=why) if gone else Finding("nothing is missing", GOOD)
     if "limits" in rule.parts:
         before = {short(good.prefix, one.what) for one in check(good, good.conditions.limits) if one.violated}

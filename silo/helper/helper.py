@@ -26,7 +26,7 @@ from silo.control.denials import Denials
 from silo.control.server import ControlLock
 from silo.core.conditions import Conditions, Derived
 from silo.core.elements import GOES_ON, STARTED, FileType, State
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import and_more, many
 from silo.core.runtime import runtime_dir
 from silo.errors import ConnectionLostError, SiloError
 from silo.helper.dead_robot import OrphanRecovery, after_crash, log_death, stays_s
@@ -399,8 +399,7 @@ def conditions_text(before: Conditions, now: Conditions) -> str:
     ):
         what = f"{change.name} {change.field}".strip()
         told.append(f"{what} removed" if change.new == NONE and not change.field else f"{what}: {change.new}")
-    more = f" and {len(told) - 3} more" if len(told) > 3 else ""
-    return plain("; ".join(told[:3]) + more, MOST_CHANGE_LETTERS)
+    return plain(and_more(told, 3, "; "), MOST_CHANGE_LETTERS)
 
 
 def _changed(before: LoggerSnapshot, now: LoggerSnapshot) -> int:
@@ -414,8 +413,7 @@ def derived_text(before: Sequence[Derived], now: Sequence[Derived]) -> str:
     old, new = {one.name: one for one in before}, {one.name: one for one in now}
     told = [f"{one.name} = {one.expression}" for one in new.values() if one != old.get(one.name)]
     told += [f"{name} is derived no more" for name in old if name not in new]
-    more = f" and {len(told) - 3} more" if len(told) > 3 else ""
-    return plain("; ".join(told[:3]) + more)
+    return plain(and_more(told, 3, "; "))
 
 
 def open_link(descriptor: int, runs: int, changes: int | None) -> RobotLink:

@@ -19,7 +19,7 @@ import numpy as np
 
 from silo.core.conditions import Conditions
 from silo.core.elements import RecorderState
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import and_more, many
 from silo.errors import SaveError, SegmentError, SiloError
 from silo.files.atomic import reason
 from silo.files.event_log import newest_number
@@ -360,9 +360,8 @@ class Recorder:
         if not layout.elements:
             self._tell_clients(f"nothing of this run is recorded: no element matches {' '.join(self._order.patterns)}")
         elif names := ending(layout):
-            shown = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
             self._tell_clients(
-                f"{len(names)} elements come to an end when their buffers are full ({shown}), those that "
+                f"{len(names)} elements come to an end when their buffers are full ({and_more(names, 5)}), those that "
                 "grow when there is no memory: set buffer=looping to record them without end"
             )
         self._happening = EventTail(drain.reader, since)

@@ -22,7 +22,7 @@ from msgspec.structs import asdict
 
 from silo.core.elements import BufferType, RecorderState
 from silo.core.names import matching
-from silo.core.quantities.writing import size_text
+from silo.core.quantities.writing import and_more, size_text
 from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
 from silo.errors import SegmentError
 from silo.files.manifest import RecordedTotals, size_of_parts
@@ -187,9 +187,8 @@ class EndlessRecordings:
         ]
         if not short:
             return ""
-        shown = ", ".join(short[:5]) + (f" and {len(short) - 5} more" if len(short) > 5 else "")
         return (
-            f"{len(short)} of the elements are recorded only until their buffers are full ({shown}), "
+            f"{len(short)} of the elements are recorded only until their buffers are full ({and_more(short, 5)}), "
             "those that grow until there is no memory: set buffer=looping, or action=both, to record them without end"
         )
 

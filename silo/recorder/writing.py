@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from silo.core.conditions import Conditions
 from silo.core.elements import LoggedEvent, RecorderState
-from silo.core.quantities.writing import duration, size_text
+from silo.core.quantities.writing import and_more, duration, size_text
 from silo.core.recording import RecordedElement
 from silo.core.runtime import disk_room, sync
 from silo.errors import SiloError
@@ -138,14 +138,13 @@ class OpenPart:
         """Write in place which rows are missing."""
         names = [element.info.name for element in self.layout.elements if element.watch_ring == ring]
         divider = self.layout.schema.rings[ring].divider
-        more = f" and {len(names) - _NAMES_TOLD} more" if len(names) > _NAMES_TOLD else ""
         self._mcap.add_metadata(
             LOST_METADATA,
             {
                 "first_tick": str(begin * divider),
                 "last_tick": str((end - 1) * divider),
                 "samples_of_each": str(end - begin),
-                "elements": ", ".join(names[:_NAMES_TOLD]) + more,
+                "elements": and_more(names, _NAMES_TOLD),
                 "why": why,
             },
         )

@@ -17,6 +17,7 @@ import numpy as np
 
 from silo.core.conditions import Conditions
 from silo.core.elements import STARTED, FileType, LoggedEvent, SavedFile
+from silo.core.quantities.writing import and_more
 from silo.core.runtime import is_at, open_own
 from silo.errors import StateError
 from silo.journal.holdings import Holdings, recording_holdings
@@ -200,8 +201,7 @@ def _damage(reader: SegmentReader, ring: int) -> str:
     if not wrong:
         return ""
     names = [element.info.name for element in reader.schema.elements if element.ring == ring]
-    shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-    what = shown if ring else "the time stamps"
+    what = and_more(names, 3) if ring else "the time stamps"
     return (
         f"{wrong} of {count} rows of {what} are damaged, the first at tick {first}, the last at {last}: "
         "what stands there in the file is not what was logged"

@@ -21,6 +21,7 @@ import yaml
 from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import ElementInfo, ElementOptions
 from silo.core.names import nearest
+from silo.core.quantities.writing import and_more
 from silo.errors import SaveError, ScriptError
 from silo.settings.options import IN_SCRIPT, OptionValue
 from silo.settings.script_conditions import format_conditions, kinds_of, merged
@@ -288,7 +289,4 @@ def _kept(path: Path) -> tuple[list[UnknownKey], Conditions]:
 
 def kept_text(kept: Sequence[str]) -> str:
     """What a save says of the keys that it kept; empty if there were none."""
-    if not kept:
-        return ""
-    more = f" and {len(kept) - 5} more" if len(kept) > 5 else ""
-    return f"; kept what silo doesn't know: {', '.join(kept[:5])}{more}"
+    return f"; kept what silo doesn't know: {and_more(kept, 5)}" if kept else ""

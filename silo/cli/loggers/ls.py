@@ -17,7 +17,7 @@ from silo.cli.common import (
     tell_unreachable,
 )
 from silo.core.printing import printable
-from silo.core.quantities.writing import duration_text, many, size_text
+from silo.core.quantities.writing import and_more, duration_text, many, size_text
 from silo.errors import ConnectionLostError
 from silo.net.configuration import LOCAL
 
@@ -112,12 +112,7 @@ def _reasons(answers: "list[Member]") -> list[str]:
         if status and status.reason and status.state.value != "running":
             of_its_own = status.state.value == "dead"
             names.setdefault(f"{answer.found.label}\0" * of_its_own + status.reason, []).append(answer.found.label)
-    return [f"{_several(labels)}: {reason.rpartition(chr(0))[2]}" for reason, labels in names.items()]
-
-
-def _several(labels: list[str]) -> str:
-    more = f" and {len(labels) - MOST_NAMED} more" if len(labels) > MOST_NAMED else ""
-    return f"{', '.join(labels[:MOST_NAMED])}{more}"
+    return [f"{and_more(labels, MOST_NAMED)}: {reason.rpartition(chr(0))[2]}" for reason, labels in names.items()]
 
 
 # columns that are shown where one of the loggers has something in them, of the others a word for nothing

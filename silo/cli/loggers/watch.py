@@ -20,7 +20,7 @@ from silo.cli.common import (
 from silo.cli.edits import of_entries, select
 from silo.core.elements import State
 from silo.core.printing import printable
-from silo.core.quantities.writing import many, wall_clock
+from silo.core.quantities.writing import and_more, many, wall_clock
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo.rpc.published import NOT_LIVE_TEXTS
 
@@ -131,8 +131,7 @@ def _watch(client: "Client", patterns: Sequence[str], rate: float, count: int | 
         raise ElementError(f"{blind[0].name} {blind[0].description}: nothing to watch")
     if not chosen:
         raise ElementError(
-            f"{silent[0]}{f' and {len(silent) - 1} more' if len(silent) > 1 else ''}: off; "
-            "`silo set PATTERN on` switches it on, while the logger is stopped"
+            f"{and_more(silent, 1)}: off; `silo set PATTERN on` switches it on, while the logger is stopped"
         )
     if not patterns:
         silent, blind, chosen = [], [], _first(chosen, as_json)

@@ -1,6 +1,7 @@
 """Sizes, times and counts as they are told, one way everywhere."""
 
 import time
+from collections.abc import Sequence
 
 EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
 
@@ -50,6 +51,11 @@ def share_words(some: int, total: int) -> str:
 def many(count: int, noun: str) -> str:
     """Return `1 element`, `3 elements`."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def and_more(words: Sequence[str], most: int, sign: str = ", ") -> str:
+    """Return the first of several, and how many more there are: `q, dq and 3 more`."""
+    return sign.join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")
 
 
 def idle_words(idle_s: float) -> str:

@@ -17,6 +17,7 @@ import yaml
 from numpy.typing import NDArray
 
 from silo.core.elements import BufferType, Entry
+from silo.core.quantities.writing import and_more
 from silo.core.recording import DamageNotes, RecordedElement, Recording, common_axis, lazy_entry
 from silo.core.yaml_depth import ShallowLoader
 from silo.errors import FileFormatError, LogNotFoundError
@@ -116,9 +117,7 @@ def _told(unknown: Sequence[str], left: Sequence[str]) -> Iterator[str]:
         yield "; ".join(parts)
 
 
-def _some(words: Sequence[str]) -> str:
-    more = f" and {len(words) - _MOST_TOLD} more" if len(words) > _MOST_TOLD else ""
-    return ", ".join(words[:_MOST_TOLD]) + more
+_some = partial(and_more, most=_MOST_TOLD)
 
 
 # --------------------------------------------------------------------------------------------------------------- files

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from silo.core.elements import BufferType, Entry
 from silo.core.kinds import SCALAR, regroup
+from silo.core.quantities.writing import and_more
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
@@ -308,10 +309,7 @@ def _tell_what_is_cut(header: Header, columns: Sequence[_Stored], missing: int) 
 
 
 def _and_lost(names: Sequence[str]) -> str:
-    if not names:
-        return ""
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return f"; lost: {', '.join(names[:_NAMED])}{more}"
+    return f"; lost: {and_more(names, _NAMED)}" if names else ""
 
 
 def _may_be_time(first: _Stored, second: _Stored) -> bool:
