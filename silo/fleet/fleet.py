@@ -31,6 +31,7 @@ from silo.net.found import LoggerAddress
 from silo.net.sessions import SessionLease, borrowed, undeclare
 from silo.rpc.declaring import Ask
 from silo.rpc.foreign import NOT_UNDERSTOOD
+from silo.rpc.leases import Closing
 from silo.rpc.published import Summary
 from silo.rpc.refusals import checked
 from silo.state.requests import GetSummary, Hello, HelloReply, SummaryReply
@@ -128,7 +129,7 @@ def asked_all(config: str = "", pattern: str = "", answer_s: float = 1.0) -> Fle
     )
 
 
-class Fleet:
+class Fleet(Closing):
     """Knows all loggers that a user can reach, and follows them until it is closed. A context manager."""
 
     def __init__(self, config: str = "", plan: FleetQuestion = FOLLOWING) -> None:
@@ -210,12 +211,6 @@ class Fleet:
         if self._thread is not None:
             self._thread.join()
         self._end_ways()
-
-    def __enter__(self) -> "Fleet":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     # --------------------------------------------------------------------------------------------- the ways there are
 
