@@ -53,39 +53,64 @@ def suffixes(value, **chosen):
 # ------------------------------------------------------------------------------------------------------- suffixes
 
 
-def test_a_scalar_array_has_no_suffix():
-    assert suffixes(np.zeros(())) == [""]
+STRUCTURE = np.dtype([("pos", "f8", (3,)), ("id", "i4"), ("inner", [("a", "?"), ("m", "f4", (2, 2))])])
+SUFFIXES = {
+    "a scalar array has none": (np.zeros(()), "", [""]),
+    "an array of one item has none": (np.zeros(1), "", [""]),
+    **{
+        f"a vector of three {dtype} is x y z": (np.zeros(3, dtype), "", "_x _y _z")
+        for dtype in ("f8", "f4", "i4", "u1")
+    },
+    **{
+        f"three {dtype}, no numbers, are counted": (np.zeros(3, dtype), "", "_0 _1 _2")
+        for dtype in ("?", "S4", "M8[ns]")
+    },
+    "two are counted": (np.zeros(2), "", "_0 _1"),
+    "four are counted": (np.zeros(4), "", "_0 _1 _2 _3"),
+    "five are counted": (np.zeros(5), "", "_0 _1 _2 _3 _4"),
+    "kind array counts three numbers too": (np.zeros(3), "array", "_0 _1 _2"),
+    "a matrix is counted by rows and columns": (np.zeros((2, 3)), "", "_0_0 _0_1 _0_2 _1_0 _1_1 _1_2"),
+    "a dimension of size one has none": (np.zeros((1, 2, 1)), "", "_0 _1"),
+    "a quaternion": (np.zeros(4), "quaternion", "_x _y _z _w"),
+    "an angle axis": (np.zeros(4), "angle_axis", "_angle _x _y _z"),
+    "a pose is position and orientation": (
+        np.zeros(7),
+        "pose",
+        "_position_x _position_y _position_z _orientation_x _orientation_y _orientation_z _orientation_w",
+    ),
+    "a twist is linear and angular": (
+        np.zeros(6),
+        "twist",
+        "_linear_x _linear_y _linear_z _angular_x _angular_y _angular_z",
+    ),
+    "a vector at a position names both frames": (
+        np.zeros(6),
+        silo.types.vector_at_position("odom", "base"),
+        [f"_{part}_frame_{axis}" for part in ("vector_in_odom", "at_position_in_base") for axis in "xyz"],
+    ),
+    "a list of quaternions has the kind in its last dimension": (
+        np.zeros((2, 4)),
+        "quaternion",
+        "_0_x _0_y _0_z _0_w _1_x _1_y _1_z _1_w",
+    ),
+    "components are called by the names that are given": (
+        np.zeros((2, 2)),
+        "components(FL_hip, knee)",
+        "_0_FL_hip _0_knee _1_FL_hip _1_knee",
+    ),
+    "a complex number is real and imag": (np.zeros((), complex), "", "_real _imag"),
+    "a structured array has its fields": (
+        np.zeros((), STRUCTURE),
+        "",
+        "_pos_x _pos_y _pos_z _id _inner_a _inner_m_0_0 _inner_m_0_1 _inner_m_1_0 _inner_m_1_1",
+    ),
+    "an array of structures is counted first": (np.zeros(2, [("a", "f8"), ("b", "f8")]), "", "_0_a _0_b _1_a _1_b"),
+}
 
 
-def test_an_array_of_one_item_has_no_suffix():
-    assert suffixes(np.zeros(1)) == [""]
-
-
-@pytest.mark.parametrize("dtype", ["f8", "f4", "i4", "u1"])
-def test_a_vector_of_three_numbers_is_x_y_z(dtype):
-    assert suffixes(np.zeros(3, dtype)) == ["_x", "_y", "_z"]
-
-
-@pytest.mark.parametrize("dtype", ["?", "S4", "M8[ns]"])
-def test_three_items_that_are_no_numbers_are_counted(dtype):
-    assert suffixes(np.zeros(3, dtype)) == ["_0", "_1", "_2"]
-
-
-@pytest.mark.parametrize("size", [2, 4, 5])
-def test_other_vectors_are_counted(size):
-    assert suffixes(np.zeros(size)) == [f"_{i}" for i in range(size)]
-
-
-def test_kind_array_counts_three_numbers_too():
-    assert suffixes(np.zeros(3), kind="array") == ["_0", "_1", "_2"]
-
-
-def test_a_matrix_is_counted_by_rows_and_columns():
-    assert suffixes(np.zeros((2, 3))) == ["_0_0", "_0_1", "_0_2", "_1_0", "_1_1", "_1_2"]
-
-
-def test_a_dimension_of_size_one_has_no_suffix():
-    assert suffixes(np.zeros((1, 2, 1))) == ["_0", "_1"]
+@pytest.mark.parametrize(("value", "kind", "expected"), SUFFIXES.values(), ids=SUFFIXES)
+def test_the_entries_of_an_array_are_named_by_its_shape_type_and_kind(value, kind, expected):
+    assert suffixes(value, kind=kind) == (expected.split() if isinstance(expected, str) else expected)
 
 
 def test_a_transposed_matrix_keeps_its_rows_and_columns():
@@ -95,86 +120,40 @@ def test_a_transposed_matrix_keeps_its_rows_and_columns():
     assert offsets["_1_0"] == 8
 
 
-def test_a_quaternion_is_x_y_z_w():
-    assert suffixes(np.zeros(4), kind="quaternion") == ["_x", "_y", "_z", "_w"]
-
-
 def test_a_quaternion_with_w_first_in_memory_keeps_its_order():
     (part,) = parts_of(np.zeros(4), kind="quaternion_wxyz")
     scalars = part.scalars(strides_of(part.source))
     assert [(scalar.suffix, scalar.offset) for scalar in scalars] == [("_w", 0), ("_x", 8), ("_y", 16), ("_z", 24)]
 
 
-def test_an_angle_axis_is_angle_x_y_z():
-    assert suffixes(np.zeros(4), kind="angle_axis") == ["_angle", "_x", "_y", "_z"]
+REFUSED = {
+    "no quaternion": (np.zeros(3), "quaternion", r"element '/x': kind .* has \d values in its last dimension"),
+    "no pose": (np.zeros((7, 2)), "pose", r"element '/x': kind .* has \d values in its last dimension"),
+    "no twist": (np.zeros(()), "twist", r"element '/x': kind .* has \d values in its last dimension"),
+    "no vector": (np.zeros(2), "vector", r"element '/x': kind .* has \d values in its last dimension"),
+    "no kind": (np.zeros(4), "quat", r"unknown kind 'quat'; there are quaternion, .*vector_at_position"),
+    "a name of two words": (np.zeros(2), "components(a b)", r"unknown kind .* components\(NAME, NAME, ...\)"),
+    "no names": (np.zeros(2), "components()", r"unknown kind .* components\(NAME, NAME, ...\)"),
+    "names of digits": (np.zeros(2), "components(0, 1)", r"unknown kind .* components\(NAME, NAME, ...\)"),
+    "equal names": (np.zeros(2), "components(a, a)", "2 of its values are named"),
+    "millions of values": (np.zeros((1001, 1000)), "", "more than 1000000 values; log a part of it"),
+    "two values of one name": (
+        {"a": {"b": np.zeros(1)}, "a_b": np.zeros(1)},
+        "",
+        r"2 of its values are named '\.\.\._a_b' all alike",
+    ),
+    "a line break in a name": ({"a\nb": np.zeros(1)}, "", "control character"),
+}
 
 
-def test_a_pose_is_position_and_orientation():
-    expected = [f"_position_{axis}" for axis in "xyz"] + [f"_orientation_{axis}" for axis in "xyzw"]
-    assert suffixes(np.zeros(7), kind="pose") == expected
-
-
-def test_a_twist_is_linear_and_angular():
-    assert suffixes(np.zeros(6), kind="twist") == [
-        f"_{part}_{axis}" for part in ("linear", "angular") for axis in "xyz"
-    ]
-
-
-def test_a_vector_at_a_position_names_both_frames():
-    assert suffixes(np.zeros(6), kind=silo.types.vector_at_position("odom", "base")) == [
-        *[f"_vector_in_odom_frame_{axis}" for axis in "xyz"],
-        *[f"_at_position_in_base_frame_{axis}" for axis in "xyz"],
-    ]
-
-
-def test_components_are_called_by_the_names_that_are_given():
-    kind = "components(FL_hip, knee)"
-    assert suffixes(np.zeros((2, 2)), kind=kind) == ["_0_FL_hip", "_0_knee", "_1_FL_hip", "_1_knee"]
-    for wrong in ("components(a b)", "components()", "components(0, 1)"):
-        with pytest.raises(ElementError, match=r"unknown kind .* components\(NAME, NAME, ...\)"):
-            parts_of(np.zeros(2), kind=wrong)
-    with pytest.raises(ElementError, match="2 of its values are named"):
-        parts_of(np.zeros(2), kind="components(a, a)")
-
-
-def test_a_list_of_quaternions_has_the_kind_in_its_last_dimension():
-    assert suffixes(np.zeros((2, 4)), kind="quaternion")[3:5] == ["_0_w", "_1_x"]
-
-
-@pytest.mark.parametrize(("kind", "shape"), [("quaternion", (3,)), ("pose", (7, 2)), ("twist", ()), ("vector", (2,))])
-def test_a_kind_that_does_not_fit_the_shape_is_refused(kind, shape):
-    with pytest.raises(ElementError, match=r"element '/x': kind .* has \d values in its last dimension"):
-        parts_of(np.zeros(shape), kind=kind)
-
-
-def test_an_unknown_kind_is_refused_with_those_that_there_are():
-    with pytest.raises(ElementError, match=r"unknown kind 'quat'; there are quaternion, .*vector_at_position"):
-        parts_of(np.zeros(4), kind="quat")
-
-
-def test_a_complex_number_is_real_and_imag():
-    assert suffixes(np.zeros((), complex)) == ["_real", "_imag"]
-
-
-def test_a_structured_array_has_its_fields_as_suffixes():
-    dtype = np.dtype([("pos", "f8", (3,)), ("id", "i4"), ("inner", [("a", "?"), ("m", "f4", (2, 2))])])
-    assert suffixes(np.zeros((), dtype)) == [
-        *["_pos_x", "_pos_y", "_pos_z", "_id", "_inner_a"],
-        *["_inner_m_0_0", "_inner_m_0_1", "_inner_m_1_0", "_inner_m_1_1"],
-    ]
-
-
-def test_an_array_of_structures_is_counted_first():
-    assert suffixes(np.zeros(2, [("a", "f8"), ("b", "f8")])) == ["_0_a", "_0_b", "_1_a", "_1_b"]
+@pytest.mark.parametrize(("value", "kind", "words"), REFUSED.values(), ids=REFUSED)
+def test_what_can_not_be_named_is_refused_with_what_is_wrong(value, kind, words):
+    with pytest.raises(ElementError, match=words):
+        parts_of(value, kind=kind)
 
 
 def test_an_entry_has_the_type_of_the_file_whatever_the_byte_order_in_memory():
     assert entries(np.zeros(1, ">f8"))[0].dtype == "<f8"
-
-
-def test_an_array_of_millions_of_values_is_refused():
-    with pytest.raises(ElementError, match="more than 1000000 values; log a part of it"):
-        parts_of(np.zeros((1001, 1000)))
 
 
 @pytest.mark.parametrize(
@@ -216,14 +195,10 @@ def test_flags_are_logged_as_their_bits():
     assert part.labels == {1: "HOT", 2: "STALL"}
 
 
-def test_labels_name_the_values_of_an_integer_array():
-    (entry,) = entries(np.zeros(1, np.uint8), labels={1: "on"})
-    assert entry.labels == {1: "on"}
-
-
-def test_a_float_has_no_labels():
-    (entry,) = entries(np.zeros(1), labels={1: "on"})
-    assert entry.labels is None
+@pytest.mark.parametrize(("dtype", "labels"), [("u1", {1: "on"}), ("f8", None)])
+def test_labels_name_the_values_of_integers_alone(dtype, labels):
+    (entry,) = entries(np.zeros(1, dtype), labels={1: "on"})
+    assert entry.labels == labels
 
 
 def test_labels_of_an_enumeration_of_strings_are_refused(new_logger):
@@ -253,54 +228,62 @@ class Wheel:
     orientation: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(4), metadata={"kind": "quaternion"})
 
 
-def test_a_registered_type_has_its_fields_as_suffixes():
-    assert suffixes(Circle()) == ["_diameter", "_center_0", "_center_1", "_area"]
+class Disc(Circle):
+    pass
 
 
-def test_a_subclass_is_logged_like_its_base():
-    class Disc(Circle):
-        pass
+class Arm:
+    """Of a dotted field."""
 
-    assert suffixes(Disc()) == suffixes(Circle())
-
-
-def test_a_dataclass_needs_no_registration():
-    expected = ["_speed", "_name", *[f"_orientation_{axis}" for axis in "xyzw"]]
-    assert suffixes(Wheel())[4:] == expected
+    def __init__(self):
+        self.wheel = Circle()
 
 
-def test_a_registered_type_nests_in_dataclasses():
-    assert suffixes(Wheel())[:2] == ["_rim_diameter", "_rim_center_0"]
+class Body:
+    """Of a kind for a field."""
+
+    def __init__(self):
+        self.q = np.zeros(4)
 
 
-def test_a_registered_type_is_found_behind_an_attribute():
-    assert suffixes(Holder(arm=Holder(wheel=Circle())), attr="arm.wheel")[0] == "_diameter"
+silo.register(Arm, "wheel.diameter")
+silo.register(Body, "q", kinds={"q": "quaternion"})
+CIRCLE = "_diameter _center_0 _center_1 _area"
+POINT = collections.namedtuple("point", "left right")
+TYPES = {
+    "a registered type has its fields": (Circle(), None, CIRCLE),
+    "a subclass is logged like its base": (Disc(), None, CIRCLE),
+    "a dataclass needs no registration and a registered type nests in it": (
+        Wheel(),
+        None,
+        "_rim_diameter _rim_center_0 _rim_center_1 _rim_area _speed _name"
+        " _orientation_x _orientation_y _orientation_z _orientation_w",
+    ),
+    "one is found behind an attribute": (Holder(arm=Holder(wheel=Circle())), "arm.wheel", CIRCLE),
+    "a list of them is counted": (
+        [Circle(), Circle()],
+        None,
+        "_0_diameter _0_center_0 _0_center_1 _0_area _1_diameter _1_center_0 _1_center_1 _1_area",
+    ),
+    "a dict has its keys": (
+        {"left": Circle(), 7: Circle()},
+        None,
+        "_left_diameter _left_center_0 _left_center_1 _left_area _7_diameter _7_center_0 _7_center_1 _7_area",
+    ),
+    "a named tuple has its fields": (
+        Holder(p=POINT(Circle(), Circle())),
+        "p",
+        "_left_diameter _left_center_0 _left_center_1 _left_area _right_diameter _right_center_0 _right_center_1"
+        " _right_area",
+    ),
+    "a dotted field is named with underscores": (Arm(), None, "_wheel_diameter"),
+    "kinds of registered fields are declared": (Body(), None, "_q_x _q_y _q_z _q_w"),
+}
 
 
-def test_a_list_of_registered_types_is_counted():
-    assert suffixes([Circle(), Circle()])[4] == "_1_diameter"
-
-
-def test_a_dict_has_its_keys_as_suffixes():
-    assert suffixes({"left": Circle(), 7: Circle()})[::4] == ["_left_diameter", "_7_diameter"]
-
-
-def test_a_dotted_field_is_named_with_underscores():
-    class Arm:
-        def __init__(self):
-            self.wheel = Circle()
-
-    silo.register(Arm, "wheel.diameter")
-    assert suffixes(Arm()) == ["_wheel_diameter"]
-
-
-def test_kinds_of_registered_fields_are_declared():
-    class Body:
-        def __init__(self):
-            self.q = np.zeros(4)
-
-    silo.register(Body, "q", kinds={"q": "quaternion"})
-    assert suffixes(Body()) == ["_q_x", "_q_y", "_q_z", "_q_w"]
+@pytest.mark.parametrize(("value", "attr", "expected"), TYPES.values(), ids=TYPES)
+def test_the_entries_of_a_type_are_its_fields(value, attr, expected):
+    assert suffixes(value, attr=attr) == expected.split()
 
 
 def test_registering_nothing_is_refused():
@@ -314,21 +297,6 @@ def test_a_path_that_is_no_attribute_is_refused(path):
         parts_of(Holder(a=1.0), attr=path)
 
 
-def test_two_values_of_one_name_are_refused():
-    with pytest.raises(ElementError, match=r"2 of its values are named '\.\.\._a_b' all alike"):
-        parts_of({"a": {"b": np.zeros(1)}, "a_b": np.zeros(1)})
-
-
-def test_a_key_with_a_line_break_is_refused():
-    with pytest.raises(ElementError, match="control character"):
-        parts_of({"a\nb": np.zeros(1)})
-
-
 def test_an_attribute_that_is_not_there_is_named():
     with pytest.raises(SourceError, match=r"/x: reading \.speed failed \(AttributeError"):
         parts_of(Holder(), attr="speed")
-
-
-def test_a_named_tuple_has_its_fields_as_suffixes():
-    point = collections.namedtuple("point", "left right")
-    assert suffixes(Holder(p=point(Circle(), Circle())), attr="p")[0] == "_left_diameter"
