@@ -43,45 +43,31 @@ def plan(*elements, frequency=100, max_time=10, tiers=3):
 # --------------------------------------------------------------------------------------------------- time buffer
 
 
-def test_the_time_buffer_is_looping_when_every_enabled_element_is():
-    assert time_buffer([options(size=5), options(size=9)], 100, 10) == TimeBuffer(LOOPING, 9)
-
-
-def test_a_looping_time_buffer_spans_the_longest_element_in_ticks():
-    assert time_buffer([options(size=10, divider=7), options(size=60)], 100, 10).size == 70
-
-
-def test_the_time_buffer_is_fixed_when_every_enabled_element_is():
-    assert time_buffer([options(FIXED, 5, divider=3), options(FIXED, 9)], 100, 10) == TimeBuffer(FIXED, 15)
-
-
-def test_with_mixed_types_the_time_buffer_is_fixed_and_as_long_as_max_time():
-    assert time_buffer([options(FIXED), options(LOOPING)], 200, 10) == TimeBuffer(FIXED, 2000)
-
-
-def test_with_a_growing_element_and_a_max_time_the_time_buffer_is_fixed():
-    assert time_buffer([options(GROWING)], 200, 3) == TimeBuffer(FIXED, 600)
-
-
-def test_without_max_time_the_time_buffer_grows_from_ten_seconds():
-    assert time_buffer([options(GROWING)], 200, 0) == TimeBuffer(GROWING, 2000)
-
-
-def test_mixed_types_without_max_time_grow():
-    assert time_buffer([options(FIXED), options(LOOPING)], 200, 0).buffer_type is GROWING
-
-
-def test_disabled_elements_have_no_say_in_the_time_buffer():
-    assert time_buffer([options(LOOPING, 8), options(FIXED, 99, enabled=False)], 100, 10) == TimeBuffer(LOOPING, 8)
-
-
-def test_published_elements_have_a_say_in_the_time_buffer():
-    chosen = [options(LOOPING, 8), options(FIXED, 9, action=Action.PUBLISH)]
-    assert time_buffer(chosen, 100, 10).buffer_type is FIXED
-
-
-def test_an_empty_table_has_a_time_buffer():
-    assert time_buffer([], 100, 10) == TimeBuffer(FIXED, 1000)
+@pytest.mark.parametrize(
+    ("elements", "frequency", "max_time", "made"),
+    [
+        pytest.param([options(size=5), options(size=9)], 100, 10, (LOOPING, 9), id="all loop"),
+        pytest.param([options(size=10, divider=7), options(size=60)], 100, 10, (LOOPING, 70), id="longest in ticks"),
+        pytest.param([options(FIXED, 5, divider=3), options(FIXED, 9)], 100, 10, (FIXED, 15), id="all are fixed"),
+        pytest.param([options(FIXED), options(LOOPING)], 200, 10, (FIXED, 2000), id="mixed: as long as max time"),
+        pytest.param([options(GROWING)], 200, 3, (FIXED, 600), id="growing, with a max time"),
+        pytest.param([options(GROWING)], 200, 0, (GROWING, 2000), id="without max time it grows from ten seconds"),
+        pytest.param([options(FIXED), options(LOOPING)], 200, 0, (GROWING, 2000), id="mixed, without max time"),
+        pytest.param(
+            [options(LOOPING, 8), options(FIXED, 99, enabled=False)], 100, 10, (LOOPING, 8), id="off has no say"
+        ),
+        pytest.param(
+            [options(LOOPING, 8), options(FIXED, 9, action=Action.PUBLISH)],
+            100,
+            10,
+            (FIXED, 1000),
+            id="published has one",
+        ),
+        pytest.param([], 100, 10, (FIXED, 1000), id="an empty table has one"),
+    ],
+)
+def test_the_time_buffer_follows_the_elements_that_are_on(elements, frequency, max_time, made):
+    assert time_buffer(elements, frequency, max_time) == TimeBuffer(*made)
 
 
 # ------------------------------------------------------------------------------------------- names and sizes
