@@ -212,42 +212,30 @@ def standing(screen, case):
     return " ".join(word for row in rows for word in case.lines.split() if word in row)
 
 
-def of_each(cases):
-    return pytest.mark.parametrize("case", cases, ids=[case.scope for case in cases])
-
-
 @pytest.mark.slow
-class TestOnTheScreen:
-    @of_each(CASES)
-    async def test_a_filter_leaves_some_lines_and_esc_brings_the_others_back(self, case, listed, opened):
-        async with opened(listed) as screen:
-            await at_list(screen, case)
-            typed, left = case.filtered
-            await screen.do("list_filter")
-            await screen.shows("Esc clears it")
-            await screen.enter(typed)
-            assert "Esc clears it" not in screen.text
-            assert standing(screen, case) == left
-            assert f"/{typed}: {len(left.split())} of {len(case.lines.split())}" in screen.text
-            await screen.press("escape")
-            assert (standing(screen, case), screen.app.screen.scope) == (case.lines, case.scope)
+@pytest.mark.parametrize("case", CASES, ids=[case.scope for case in CASES])
+async def test_a_list_is_filtered_and_ordered_and_keys_are_about_nothing_that_is_not_seen(case, listed, opened):
+    async with opened(listed) as screen:
+        await at_list(screen, case)
+        typed, left = case.filtered
+        await screen.do("list_filter")
+        await screen.shows("Esc clears it")
+        await screen.enter(typed)
+        assert "Esc clears it" not in screen.text
+        assert standing(screen, case) == left
+        assert f"/{typed}: {len(left.split())} of {len(case.lines.split())}" in screen.text
+        await screen.press("escape")
+        assert (standing(screen, case), screen.app.screen.scope) == (case.lines, case.scope)
 
-    @of_each(CASES)
-    async def test_a_letter_orders_and_the_same_again_turns_round(self, case, listed, opened):
-        async with opened(listed) as screen:
-            await at_list(screen, case)
-            for letter, lines in case.ordered:
-                await screen.do("list_order", letter)
-                assert standing(screen, case) == lines, letter
+        for letter, lines in case.ordered:
+            await screen.do("list_order", letter)
+            assert standing(screen, case) == lines, letter
 
-    @of_each([case for case in CASES if case.about])
-    async def test_where_what_is_marked_is_filtered_out_a_key_is_about_nothing(self, case, listed, opened):
-        async with opened(listed) as screen:
-            await at_list(screen, case)
-            await screen.do("list_mark", "list_filter")
-            await screen.enter(case.lines.split()[-1])
-            for command in case.about:
-                await screen.do(command)
-                assert "the filter leaves out what is marked" in screen.text, command
-            assert not screen.app.screen.is_modal
-            assert not listed.calls
+        marked, *_, seen = case.ordered[-1][1].split()
+        await screen.do("list_top", "list_mark", "list_filter")
+        await screen.enter(seen)
+        for command in case.about:
+            await screen.do(command)
+            assert "the filter leaves out what is marked" in screen.text, (command, marked)
+        assert not screen.app.screen.is_modal
+        assert not listed.calls

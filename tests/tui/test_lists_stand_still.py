@@ -70,38 +70,37 @@ def test_each_list_whose_lines_come_and_go_has_its_case():
     assert {kind.scope for kind in LISTS} == set(marked) - {"settings", "file_events"}
 
 
-@pytest.fixture(params=LISTS, ids=lambda kind: kind.scope)
-def kind(request):
-    return request.param
-
-
-async def test_new_lines_never_move_what_is_under_the_cursor(kind, fake, opened, monkeypatch):
-    make, line, _ = LISTS[kind]
-    there = list(range(100, 200, 2))
-    monkeypatch.setattr(kind, "all", property(lambda self: [line(at) for at in there]))
+async def test_new_lines_never_move_what_is_under_the_cursor(fake, opened, monkeypatch):
     async with opened(fake) as screen:
-        shown = make(screen.session)
-        screen.app.push_screen(shown)
-        await screen.until(lambda: shown.is_there and len(shown.shown) == 50, "the lines")
-        for order in shown.orders:
-            shown._by(order.name)
-            shown.move(20)
-            await screen.pilot.pause()
-            key, row = shown.chosen_key, shown.lines.highlighted - shown.lines.scroll_offset.y
-            for new in ([90, 92], [300, 302], [121, 141, 161]):
-                there[:] = sorted({*there, *new})
-                shown.show()
+        for kind, (make, line, _) in LISTS.items():
+            there = list(range(100, 200, 2))
+            monkeypatch.setattr(kind, "all", property(lambda self, line=line, there=there: [line(at) for at in there]))
+            shown = make(screen.session)
+            screen.app.push_screen(shown)
+            await screen.until(lambda shown=shown: shown.is_there and len(shown.shown) == 50, "the lines")
+            for order in shown.orders:
+                shown._by(order.name)
+                shown.move(20)
                 await screen.pilot.pause()
-                assert (shown.chosen_key, shown.lines.highlighted - shown.lines.scroll_offset.y) == (key, row), order
-            there[:] = range(100, 200, 2)
-            shown.show()
+                key, row = shown.chosen_key, shown.lines.highlighted - shown.lines.scroll_offset.y
+                for new in ([90, 92], [300, 302], [121, 141, 161]):
+                    there[:] = sorted({*there, *new})
+                    shown.show()
+                    await screen.pilot.pause()
+                    now = shown.chosen_key, shown.lines.highlighted - shown.lines.scroll_offset.y
+                    assert now == (key, row), (kind, order)
+                there[:] = range(100, 200, 2)
+                shown.show()
+            await screen.leave()
 
 
-async def test_keys_typed_before_a_list_is_there_move_in_it_and_not_below(kind, fake, opened, monkeypatch):
-    _, line, keys = LISTS[kind]
-    monkeypatch.setattr(kind, "all", property(lambda self: [line(at) for at in range(100, 150)]))
+async def test_keys_typed_before_a_list_is_there_move_in_it_and_not_below(fake, opened, monkeypatch):
     async with opened(fake) as screen:
-        burst(screen, f"{keys} down down")
-        await screen.until(lambda: type(screen.app.screen) is kind and screen.app.gate.free, "the list")
-        await screen.until(lambda: screen.app.screen.lines.highlighted == 2, "its third line")
-        assert screen.session.rows.position == 0
+        for kind, (_, line, keys) in LISTS.items():
+            monkeypatch.setattr(kind, "all", property(lambda self, line=line: [line(at) for at in range(100, 150)]))
+            burst(screen, f"{keys} down down")
+            await screen.until(lambda kind=kind: type(screen.app.screen) is kind and screen.app.gate.free, "the list")
+            await screen.until(lambda: screen.app.screen.lines.highlighted == 2, f"the third line of {kind}")
+            assert screen.session.rows.position == 0, kind
+            await screen.do("go_home")
+            await screen.until(lambda: screen.app.screen.scope == "table", "the table")
