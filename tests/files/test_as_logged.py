@@ -74,13 +74,18 @@ def packed(source):
     return source
 
 
-@pytest.mark.parametrize("one", FULL, ids=lambda one: one.name)
-@pytest.mark.parametrize("name", SOURCES)
-def test_what_was_logged_comes_back_as_it_was_written(name, one, log, tmp_path):
-    path = tmp_path / f"x{one.ending}"
+@pytest.fixture(scope="module", params=FULL, ids=lambda one: one.name)
+def written(request, log, tmp_path_factory):
+    """The log as a file of each format has it."""
+    path = tmp_path_factory.mktemp("written") / f"x{request.param.ending}"
     writer_for(path)(log, path, None)
+    return open_log(path)
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_what_was_logged_comes_back_as_it_was_written(name, written):
     source = packed(SOURCES[name])
-    values = open_log(path)[name].values
+    values = written[name].values
     assert values.shape == (3, *source.shape)
     if source.dtype.names:
         assert values.dtype.names == source.dtype.names
