@@ -95,7 +95,6 @@ CALLS = {
     "the original's bufferType": (lambda log: log.add(Z, "z", bufferType=1), "did you mean 'buffer'?"),
     "a short word of set": (lambda log: log.add(Z, "z", buf="looping"), "did you mean 'buffer'?"),
     "a word of now and the one of before": (lambda log: log.add(Z, "z", size=9, buffer_size=9), "did you mean 'size'?"),
-    "a decimation": (lambda log: log.add(Z, "z", decimation=5), "did you mean 'divider'?: write divider=2"),
     "a rate": (lambda log: log.add(Z, "z", rate=50), 'write divider=2 (every second tick) or divider="50Hz"'),
     "units": (lambda log: log.add(Z, "z", units="m"), "did you mean 'unit'?"),
     "a type": (lambda log: log.add(Z, "z", type="pose"), "did you mean 'kind'?"),
@@ -209,10 +208,6 @@ TABLE = {
 }
 DATA = {
     "a row that there isn't": (lambda log: log.elements["zz"], "no element 'zz'; did you mean '/log/z'?"),
-    "the values of an element": (lambda log: log["z"].values, "silo.Log(log.snapshot())['/log/z'].values are all"),
-    "the value of an element": (lambda log: log["z"].value, "an element has no 'value': it is .newest"),
-    "the divider of an element": (lambda log: log["z"].divider, "it is .options.divider; log.set('/log/z', ...)"),
-    "the items of a logger": (lambda log: log.items(), "[(name, log[name]) for name in log]"),
     "save a number": (lambda log: log.save(5), "unknown file type 5; there are"),
     "save None": (lambda log: log.save(None), "unknown file type None"),
     "save a wrong word": (lambda log: log.save(["cvs"]), "did you mean 'csv'?"),
@@ -326,11 +321,7 @@ SIGNALS = {
     "rotate by a number": (lambda log, x, z: z.rotate(5), "a quaternion must be a signal"),
     "an order of a number": (lambda log, x, z: z.quaternion(5), "order of Euler angles must be a text"),
     "a signal as an attribute": (lambda log, x, z: log.z, "a log has no 'z': the signal is log['z']"),
-    "several names": (lambda log, x, z: log[["x", "z"]], "[log[name] for name in ['x', 'z']] are several"),
     "a pattern for a name": (lambda log, x, z: log["*"], "log.glob('*') are all signals that match"),
-    "the mean of a log": (lambda log, x, z: log.mean(), "log['/log/x'].mean()"),
-    "the head of a log": (lambda log, x, z: log.head(), "log.to_pandas().head()"),
-    "a rate by name": (lambda log, x, z: x.resample(hz=10), "no argument 'hz', did you mean 'times'?"),
     "counted from text": (lambda log, x, z: x.counted_from("a"), "start (in nanoseconds"),
 }
 
@@ -600,7 +591,6 @@ def test_the_path_of_one_file_and_the_row_of_one_name_are_asked_for_as_one_would
     saved = logged.save("csv")
     assert saved.path == saved[0].path
     assert saved.size_bytes == saved[0].size_bytes
-    told(lambda: logged.save(["csv", "silo"]).path, "2 files were saved: [file.path for file in saved] has it of each")
     assert logged.elements["z"] is logged.elements["/log/z"]
     assert logged.elements["z"].name == "/log/z"
     assert [info.name for info in logged.elements[:1]] == ["/log/z"]
