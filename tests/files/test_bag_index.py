@@ -5,8 +5,7 @@ import pytest
 from mcap.opcode import Opcode
 
 import silo
-from silo.core.elements import BufferType, Entry
-from silo.core.recording import RecordedElement, RecordedEntry, Recording, read_whole
+from silo.core.recording import Recording, read_whole
 from silo.errors import FileFormatError
 from silo.files.bag_reader import open_bag, read_bag
 from silo.files.bags import channels
@@ -15,25 +14,17 @@ from silo.files.bags.index import ALONE, BagElements
 from silo.files.bags.writer import write_bag
 from silo.files.formats import read_recording
 from silo.files.mcap.index import read_index, record_at
+from tests.stand_ins.saved import element
 
 TICKS = 3000
 NAMES = [f"/log/{name}" for name in ("position", "mode", "text", "slow", "force", "gain")]
-
-
-def element(name, columns, shape=(), divider=1):
-    suffixes = ("_x", "_y", "_z") if shape else ("",)
-    entries = tuple(
-        RecordedEntry(name + suffix, Entry(suffix, column.dtype.str), column)
-        for suffix, column in zip(suffixes, columns, strict=True)
-    )
-    return RecordedElement(name, "m", "array" if shape else "scalar", shape, divider, BufferType.GROWING, 0, entries)
 
 
 @pytest.fixture(scope="module")
 def recording():
     noise = np.random.default_rng(3)
     elements = [
-        element(NAMES[0], list(noise.random((3, TICKS))), (3,)),
+        element(NAMES[0], list(noise.random((3, TICKS))), suffixes=("_x", "_y", "_z"), kind="array"),
         element(NAMES[1], [noise.integers(0, 9, TICKS, dtype="i1")]),
         element(NAMES[2], [np.array([b"stand", b"walk", b""] * (TICKS // 3), "S5")]),
         element(NAMES[3], [noise.random(TICKS // 10)], divider=10),

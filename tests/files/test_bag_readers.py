@@ -16,11 +16,12 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
-from silo.core.elements import BufferType, Entry, FileType, Stretch
-from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.elements import FileType, Stretch
+from silo.core.recording import Recording
 from silo.files import write
 from silo.files.bags import writer
 from silo.files.bags.writer import write_bag
+from tests.stand_ins.saved import element
 
 TICKS = 40
 START = 1_700_000_000_999_999_999
@@ -28,15 +29,8 @@ STEP = 2_500_001
 MODES = {0: "stand", 1: "walk fast", -1: "off"}
 PACKAGE = "signal_logger_msgs/msg/"
 POSE = [f"_position_{a}" for a in "xyz"] + [f"_orientation_{a}" for a in "xyzw"]
+CELLS = [f"_{row}_{column}" for row in range(2) for column in range(3)]
 TWIST = [f"_{part}_{a}" for part in ("linear", "angular") for a in "xyz"]
-
-
-def element(name, columns, suffixes=("",), kind="scalar", shape=(), divider=1, first=0, labels=None):
-    entries = tuple(
-        RecordedEntry(name + suffix, Entry(suffix, column.dtype.str, labels), column)
-        for suffix, column in zip(suffixes, columns, strict=True)
-    )
-    return RecordedElement(name, "Nm", kind, shape, divider, BufferType.FIXED, first, entries)
 
 
 def ramps(count, dtype="<f8", samples=TICKS):
@@ -56,19 +50,20 @@ def robot() -> Recording:
         element("/log/text", [np.array([b"stand", b"", "Ω".encode(), b"go"] * 10, dtype="S5")]),
         element("/log/raw", [np.array([b"\xff\x00\x01", b""] * 20, dtype="S3")]),
         element("/log/mode", [np.array([0, 1, -1, 0] * 10, dtype="i1")], labels=MODES),
-        element("/log/vector", ramps(3), ("_x", "_y", "_z"), "vector", (3,)),
-        element("/log/quaternion", ramps(4, "<f4"), ("_x", "_y", "_z", "_w"), "quaternion", (4,)),
-        element("/log/pose", ramps(7), POSE, "pose", (7,)),
-        element("/log/twist", ramps(6), TWIST, "twist", (6,)),
-        element("/log/joints", ramps(12), [f"_{i}" for i in range(12)], "vector", (12,)),
-        element("/log/matrix", ramps(6, "<f4"), [f"_{r}_{c}" for r in range(2) for c in range(3)], "matrix", (2, 3)),
-        element("/log/angle_axis", ramps(4), ("_angle", "_x", "_y", "_z"), "angle_axis", (4,)),
+        element("/log/vector", ramps(3), suffixes=("_x", "_y", "_z"), kind="vector", shape=(3,)),
+        element("/log/quaternion", ramps(4, "<f4"), suffixes=("_x", "_y", "_z", "_w"), kind="quaternion", shape=(4,)),
+        element("/log/pose", ramps(7), suffixes=POSE, kind="pose", shape=(7,)),
+        element("/log/twist", ramps(6), suffixes=TWIST, kind="twist", shape=(6,)),
+        element("/log/joints", ramps(12), suffixes=[f"_{i}" for i in range(12)], kind="vector", shape=(12,)),
+        element("/log/matrix", ramps(6, "<f4"), suffixes=CELLS, kind="matrix", shape=(2, 3)),
+        element("/log/angle_axis", ramps(4), suffixes=("_angle", "_x", "_y", "_z"), kind="angle_axis", shape=(4,)),
         element("/log/complex", ramps(1, "<c16")),
         element(
             "/log/foot",
             [*ramps(1), np.arange(TICKS) % 2 == 0, np.array([b"LF"] * TICKS), *ramps(1, "<i2")],
-            ("_force", "_contact", "_name", "_0"),
-            "struct",
+            suffixes=("_force", "_contact", "_name", "_0"),
+            kind="struct",
+            shape=(),
         ),
         element("/log/slow", ramps(1, samples=4), divider=10, first=5),
         element("/log/early", ramps(1, samples=3)),

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import Writer
 
-from silo.core.elements import BufferType, Entry
-from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.recording import Recording
 from silo.errors import FileFormatError, LogNotFoundError, SaveError
 from silo.files.bag_reader import read_bag
 from silo.files.bags import writer as bag
@@ -19,17 +18,9 @@ from silo.files.bags.ros_types import channels_of
 from silo.files.bags.writer import write_bag
 from silo.files.mcap import writer as mcap_write
 from tests.examples import examples
+from tests.stand_ins.saved import element
 
 ALL_TYPES = ("<f8", ">f8", "<f4", "<f2", "<c8", "<c16", "|i1", "<i2", ">i4", "<i8", "|u1", "<u8", "|V5", "<f16", "|S3")
-
-
-def element(name, values, *, kind="scalar", suffixes=("",), shape=(), divider=1, first=0, labels=None):
-    columns = [values] if len(suffixes) == 1 else values
-    entries = tuple(
-        RecordedEntry(name + suffix, Entry(suffix, column.dtype.str, labels), column)
-        for suffix, column in zip(suffixes, columns, strict=True)
-    )
-    return RecordedElement(name, "-", kind, shape, divider, BufferType.LOOPING, first, entries)
 
 
 def recording(*elements, ticks=50, time_ns=None):
@@ -124,7 +115,7 @@ def test_a_recording_without_samples_is_a_valid_bag(name, tmp_path):
 
 def test_topics_with_names_that_ros_forbids_stay_apart():
     names = ["/log/a b", "/log/a_b", "/log/1st", "/log/ü", ""]
-    topics = [c.topic for c in channels_of([element(name, np.zeros(1)) for name in names])]
+    topics = [c.topic for c in channels_of([element(name, np.zeros(1), prefix="") for name in names])]
     assert topics == ["/log/a_b", "/log/a_b_2", "/log/_1st", "/log/_", "/unnamed"]
 
 

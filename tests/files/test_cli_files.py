@@ -14,20 +14,15 @@ from click.testing import CliRunner
 from silo.cli.group import cli
 from silo.cli.logs.files import convert_command, diff_command, plot_command, print_file_info, stats_command
 from silo.cli.verbs import Listing
-from silo.core.elements import BufferType, Entry, LoggedEvent
-from silo.core.recording import RecordedElement, RecordedEntry, Recording, with_events
+from silo.core.elements import LoggedEvent
+from silo.core.recording import Recording, with_events
 from silo.errors import LogNotFoundError
 from silo.files.bags.writer import write_bag
 from silo.files.silo.writer import write_silo
-from tests.stand_ins.saved import cut_in_two
+from tests.stand_ins.saved import cut_in_two, element
 
 COMMANDS = [convert_command, diff_command, plot_command, stats_command]
 TICKS = 100
-
-
-def element(name, values, unit="-", labels=None, divider=1, lost=0):
-    entry = RecordedEntry(name, Entry("", values.dtype.str, labels), values)
-    return RecordedElement(name, unit, "scalar", (), divider, BufferType.LOOPING, 0, (entry,), lost=lost)
 
 
 def recording(*more, x=None):

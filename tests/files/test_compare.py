@@ -13,16 +13,11 @@ import silo
 from silo.analysis import compare as comparing
 from silo.analysis.compare import differences
 from silo.cli.group import cli
-from silo.core.elements import BufferType, Entry
-from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.recording import Recording
 from silo.errors import ElementError
+from tests.stand_ins.saved import element
 
 COUNT = 20
-
-
-def element(name, values, unit="Nm", kind="scalar"):
-    entries = (RecordedEntry(name, Entry("", values.dtype.str), values),)
-    return RecordedElement(name, unit, kind, (), 1, BufferType.LOOPING, 0, entries)
 
 
 def recorded(elements, start_ns=10**18, jitter=0):

@@ -16,14 +16,14 @@ from click.testing import CliRunner
 
 import silo
 from silo.cli.group import cli
-from silo.core.elements import BufferType, Entry
-from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.recording import Recording
 from silo.errors import FileFormatError, LogNotFoundError, SaveError, SiloError
 from silo.files.atomic import sweep_parts
 from silo.files.bags.writer import write_bag
 from silo.files.convert import convert
 from silo.files.formats import format_of, read_recording, writer_for
 from silo.files.silo.writer import write_silo
+from tests.stand_ins import saved
 
 TICKS = 20
 TIMES = 1_700_000_000_000_000_001 + 2_500_001 * np.arange(TICKS, dtype=np.int64)
@@ -31,12 +31,8 @@ ENDINGS = [".silo", ".csv", ".mcap", ".rosbag2", ".bag", "", ".parquet", ".mat",
 FOREIGN = [".parquet", ".mat", ".npz", ".h5"]
 
 
-def element(name, columns, suffixes=("",), kind="scalar", shape=(), divider=1, first=0, labels=None):
-    entries = tuple(
-        RecordedEntry(name + suffix, Entry(suffix, column.dtype.str, labels), column)
-        for suffix, column in zip(suffixes, columns, strict=True)
-    )
-    return RecordedElement(name, "Nm", kind, shape, divider, BufferType.LOOPING, first, entries, "what it is")
+def element(name, columns, **more):
+    return saved.element(name, columns, "Nm", description="what it is", prefix="", **more)
 
 
 NAN_FIRST = np.array([np.nan, *range(1, TICKS)])
@@ -57,11 +53,17 @@ def log() -> Recording:
         element("/log/mode", [MODE], labels={0: "stand", 1: "walk"}),
         element("/log/text", [np.array([b"a", "Ω".encode(), b"", b"long one"] * 5)]),
         element("/log/on", [MODE == 1]),
-        element("/log/v", [np.arange(TICKS) * 1.0 + i for i in range(3)], ("_x", "_y", "_z"), "vector", (3,)),
+        element("/log/v", [np.arange(TICKS) * 1.0 + i for i in range(3)], suffixes=("_x", "_y", "_z")),
         element(
-            "/log/m", [np.full(TICKS, i, "<i4") for i in range(4)], ("_0_0", "_0_1", "_1_0", "_1_1"), "matrix", (2, 2)
+            "/log/m",
+            [np.full(TICKS, i, "<i4") for i in range(4)],
+            suffixes=("_0_0", "_0_1", "_1_0", "_1_1"),
+            kind="matrix",
+            shape=(2, 2),
         ),
-        element("/log/foot", [np.arange(TICKS) * 1.0, MODE == 0], ("_force", "_contact"), "struct"),
+        element(
+            "/log/foot", [np.arange(TICKS) * 1.0, MODE == 0], suffixes=("_force", "_contact"), kind="struct", shape=()
+        ),
         element("/log/z", [np.arange(TICKS) * 1j]),
         element("/log/long", [np.arange(TICKS, dtype=np.longdouble)]),
         element("/log/half", [np.arange(TICKS, dtype=np.float16)]),

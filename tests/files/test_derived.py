@@ -8,19 +8,14 @@ import pytest
 import silo
 from silo.analysis.log import Log
 from silo.core.conditions import Conditions, Derived
-from silo.core.elements import BufferType, Entry
-from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.elements import BufferType
+from silo.core.recording import Recording
 from silo.expressions.derived_samples import with_derived
 from silo.files import write
 from silo.files.convert import convert
 from silo.files.formats import read_recording
 from tests.files.test_silo_round_trip import mini_reader, original_stamps
-
-
-def element(name, values, divider=1, first=0):
-    values = np.asarray(values)
-    entry = RecordedEntry(f"/log/{name}", Entry("", values.dtype.str), values)
-    return RecordedElement(f"/log/{name}", "m", "scalar", (), divider, BufferType.GROWING, first, (entry,))
+from tests.stand_ins.saved import element
 
 
 def recording(*elements, derived=(), ticks=12):
@@ -73,13 +68,10 @@ def test_signals_of_different_rates_are_told_at_their_common_ticks(logged):
 
 
 def test_the_readers_of_the_original_get_their_values_and_time_stamps(tmp_path):
-    def looping(name, values, divider, first):
-        return dataclasses.replace(element(name, values, divider, first), buffer_type=BufferType.LOOPING)
-
     made = recording(
-        looping("x", np.arange(8.0), 1, 4),
-        looping("third", np.arange(3.0), 3, 3),
-        element("short", np.arange(9.0)),  # of a buffer that keeps its first samples
+        element("x", np.arange(8.0), first=4),
+        element("third", np.arange(3.0), divider=3, first=3),
+        element("short", np.arange(9.0), buffer_type=BufferType.GROWING),  # of a buffer that keeps its first samples
         derived=(("sum", "x + third"), ("brief", "x + short"), ("double", "2 * short")),
     )
     write(made, tmp_path, "robot", ["silo"], "run")
@@ -134,6 +126,6 @@ def test_a_logger_saves_what_was_derived_while_it_ran(tmp_path, runtime_folder, 
 )
 def test_a_product_has_the_unit_of_its_factors(expression, unit):
     units = {"x": "m", "y": "s", "k": "-"}
-    elements = [dataclasses.replace(element(name, np.arange(12.0)), unit=of) for name, of in units.items()]
+    elements = [element(name, np.arange(12.0), of) for name, of in units.items()]
     made = with_derived(recording(*elements, derived=(("made", expression),))).elements[-1]
     assert (made.name, made.unit) == ("/log/made", unit)

@@ -7,19 +7,9 @@ from silo.analysis.plots.charts import ChartSpec, make_chart
 from silo.analysis.plots.drawing import draw_axes, draw_text
 from silo.cli.main import run
 from silo.core.conditions import Conditions, Derived, SignalLimits
-from silo.core.elements import BufferType, Entry
-from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.recording import Recording
 from silo.files import write
-
-
-def element(name, *columns, unit="Nm"):
-    many = len(columns) > 1
-    entries = tuple(
-        RecordedEntry(f"/log/{name}_{at}" if many else f"/log/{name}", Entry(f"_{at}" if many else "", "<f8"), column)
-        for at, column in enumerate(columns)
-    )
-    kind, shape = ("array", (len(columns),)) if many else ("scalar", ())
-    return RecordedElement(f"/log/{name}", unit, kind, shape, 1, BufferType.GROWING, 0, entries)
+from tests.stand_ins.saved import element
 
 
 @pytest.fixture
@@ -33,7 +23,7 @@ def logged():
             SignalLimits("speed", (None, None, None, 9000.0)),
         ),
     )
-    made = [element("joints/tau", wave, wave / 2), element("speed", np.full(200, 2.0), unit="rad/s")]
+    made = [element("joints/tau", [wave, wave / 2], "Nm"), element("speed", np.full(200, 2.0), "rad/s")]
     return Recording("r", 10**18 + np.arange(200) * 10**6, 200, made, frequency_hz=1000.0, conditions=conditions)
 
 

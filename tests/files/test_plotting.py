@@ -17,22 +17,14 @@ from silo.analysis.plots.charts import ChartSpec, make_chart
 from silo.analysis.plots.curves import pick
 from silo.analysis.plots.drawing import Chart, Curve, draw_png, draw_text, nice_ticks, thin_out, tick_texts
 from silo.analysis.plots.showing import _has_screen
-from silo.core.elements import BufferType, Entry
-from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.recording import Recording
 from silo.errors import ElementError, SiloError
 from tests.examples import examples
+from tests.stand_ins.saved import element
 
 TICKS = 400
 SECONDS = np.arange(TICKS) / 100
 ESCAPE = re.compile("\x1b\\[[0-9;]*m")
-
-
-def element(name, columns, suffixes=("",), unit="-", kind="scalar", divider=1, first=0, labels=None):
-    entries = tuple(
-        RecordedEntry(name + suffix, Entry(suffix, column.dtype.str, labels), column)
-        for suffix, column in zip(suffixes, columns, strict=True)
-    )
-    return RecordedElement(name, unit, kind, (), divider, BufferType.FIXED, first, entries)
 
 
 @pytest.fixture
@@ -44,7 +36,7 @@ def log() -> Recording:
         element("/log/LF/position", [SECONDS**2], unit="rad"),
         element("/log/mode", [mode], labels={0: "STAND", 1: "WALK", 2: "TROT", 3: "FALL"}),
         element("/log/text", [np.array([b"on", b"off"] * 200)]),
-        element("/log/base", [np.cos(SECONDS), np.sin(SECONDS)], ("_x", "_y"), unit="m", kind="vector"),
+        element("/log/base", [np.cos(SECONDS), np.sin(SECONDS)], "m", suffixes=("_x", "_y")),
         element("/log/slow", [np.arange(4.0)], unit="degC", divider=100, first=50),
         element("/log/x", [SECONDS]),
         element("/log/gap", [np.where(SECONDS > 2, np.nan, 1.0)]),

@@ -13,26 +13,14 @@ from silo.analysis.plots.curves import pick
 from silo.cli.codes import EXIT_BLIND, EXIT_FAILED, EXIT_FOUND
 from silo.cli.main import run
 from silo.core.conditions import Conditions, Derived, SignalLimits
-from silo.core.elements import BufferType, Entry
-from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.recording import Recording
 from silo.errors import ExpressionError
 from silo.expressions.over_recordings import BATCH_TICKS
 from silo.files import write
 from silo.files.convert import convert
 from silo.files.formats import read_recording
 from silo.settings.script import read_script, write_script
-
-
-def element(name, values, divider=1, first=0, unit="-", labels=None):
-    values = np.asarray(values)
-    columns = values.reshape(len(values), -1)
-    suffixes = [""] if values.ndim == 1 else [f"_{at}" for at in range(columns.shape[1])]
-    entries = tuple(
-        RecordedEntry(f"/log/{name}{suffix}", Entry(suffix, columns.dtype.str, labels), columns[:, at])
-        for at, suffix in enumerate(suffixes)
-    )
-    kind, shape = ("scalar", ()) if values.ndim == 1 else ("array", (columns.shape[1],))
-    return RecordedElement(f"/log/{name}", unit, kind, shape, divider, BufferType.GROWING, first, entries)
+from tests.stand_ins.saved import element
 
 
 def recording(*elements, ticks=10, conditions=None):
@@ -44,8 +32,8 @@ def recording(*elements, ticks=10, conditions=None):
 def log():
     tau = np.arange(20.0).reshape(10, 2)
     return Log(recording(
-        element("joints/tau", tau, unit="Nm"),
-        element("joints/qd", np.full((10, 2), 2.0), unit="rad/s"),
+        element("joints/tau", list(tau.T), "Nm", kind="array"),
+        element("joints/qd", [np.full(10, 2.0)] * 2, "rad/s", kind="array"),
         element("mode", np.array([0, 1, 1, 0, 0], np.int32), divider=2, labels={0: "STAND", 1: "WALK"}),
         element("late", np.arange(4.0), first=6),
         conditions=Conditions(
@@ -117,7 +105,9 @@ class TestCheck:
     def spiky(self):
         values = np.zeros((1000, 2))
         values[500, 1] = 99.0
-        return recording(element("x", values, unit="A"), element("on", np.ones(500), divider=2), ticks=1000)
+        return recording(
+            element("x", list(values.T), "A", kind="array"), element("on", np.ones(500), divider=2), ticks=1000
+        )
 
     def test_one_sample_in_a_run_is_found_with_its_peak_and_time(self, spiky):
         quiet, found = check(spiky, [SignalLimits("x", (None, None, 10, 50))])

@@ -10,14 +10,25 @@ from tests.stand_ins.fake_signals import START_NS
 SECOND = 10**9
 
 
-def element(name, values, unit="-", divider=1, suffixes=("",), labels=None, **more):
-    columns = values if len(suffixes) > 1 else [values]
+def element(
+    name, values, unit="-", *, suffixes=(), kind="", shape=None, labels=None, divider=1, first=0,
+    buffer_type=BufferType.LOOPING, prefix="/log/", **more,
+):  # fmt: skip
+    """An element as a file has it: of one column of samples, or of several, which are a vector if nothing else is said.
+
+    `name` is behind the prefix, or the whole one where it begins with a slash.
+    """
+    name = name if name.startswith("/") else prefix + name
+    columns = [np.asarray(one) for one in (values if len(values) and np.ndim(values[0]) else [values])]
+    several = len(columns) > 1
+    suffixes = suffixes or ([f"_{at}" for at in range(len(columns))] if several else [""])
     entries = tuple(
-        RecordedEntry(f"/log/{name}{suffix}", Entry(suffix, column.dtype.str, labels), column)
+        RecordedEntry(name + suffix, Entry(suffix, column.dtype.str, labels), column)
         for suffix, column in zip(suffixes, columns, strict=True)
     )
-    kind, shape = ("vector", (len(suffixes),)) if len(suffixes) > 1 else ("scalar", ())
-    return RecordedElement(f"/log/{name}", unit, kind, shape, divider, BufferType.LOOPING, 0, entries, **more)
+    shape = (len(columns),) * several if shape is None else shape
+    kind = kind or ("vector" if several else "scalar")
+    return RecordedElement(name, unit, kind, shape, divider, buffer_type, first, entries, **more)
 
 
 def twenty_seconds(seconds=0, number=1):

@@ -3,27 +3,16 @@
 import numpy as np
 import pytest
 
-from silo.core.elements import BufferType, Entry
-from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.recording import Recording
 from silo.files.silo.writer import write_silo
 from silo.live.quantities import FROZEN, LOST, NOT_FINITE, SLOW
 from silo_tui.model.table import file_facts
 from silo_tui.model.table.file_facts import FileFacts
+from tests.stand_ins.saved import element
 
 STEP_NS = 10_000_000
 TICKS = 1000
 TIMES = np.arange(TICKS, dtype=np.int64) * STEP_NS + 10**18
-
-
-def element(name, *columns, divider=1, first=0, lost=0, labels=None):
-    suffixes = [""] if len(columns) == 1 else [f"_{at}" for at in range(len(columns))]
-    entries = tuple(
-        RecordedEntry(f"/log/{name}{suffix}", Entry(suffix, column.dtype.str, labels), column)
-        for suffix, column in zip(suffixes, columns, strict=True)
-    )
-    shape = (len(columns),) if len(columns) > 1 else ()
-    kind = "vector" if shape else "scalar"
-    return RecordedElement(f"/log/{name}", "Nm", kind, shape, divider, BufferType.LOOPING, first, entries, lost=lost)
 
 
 def recording(*elements, frequency_hz=100.0):
@@ -63,7 +52,7 @@ def test_statistics_that_no_number_can_say_are_unknown_and_not_zero():
 
 
 def test_a_vector_is_told_by_its_norm_and_each_of_its_entries():
-    facts = facts_of(element("force", 3 * RAMP, -4 * RAMP))
+    facts = facts_of(element("force", [3 * RAMP, -4 * RAMP], "Nm"))
     assert told(facts, "force", "value") == 5 * (TICKS - 1)
     assert told(facts, "force", "max") == 5 * (TICKS - 1)
     assert told(facts, "force_1", "min") == -4 * (TICKS - 1)
@@ -89,7 +78,7 @@ def test_the_last_change_is_found_up_to_the_moment_however_it_is_read(monkeypatc
 
 def test_a_vector_changed_when_any_of_its_entries_did():
     angle = np.linspace(0, 6, TICKS)
-    facts = facts_of(element("turning", np.cos(angle), np.sin(angle)))  # its norm is 1 all the time
+    facts = facts_of(element("turning", [np.cos(angle), np.sin(angle)]))  # its norm is 1 all the time
     assert told(facts, "turning", "changed") == 0
 
 
@@ -137,7 +126,7 @@ def path(tmp_path):
     spike[400] = 90.0
     elements = (
         element("a/low", RAMP * 0 - 70.0), element("b/ramp", RAMP / 10), element("c/spike", spike),
-        element("d/vector", RAMP * 0.03, RAMP * 0.04),
+        element("d/vector", [RAMP * 0.03, RAMP * 0.04]),
     )  # fmt: skip
     write_silo(recording(*elements), found)
     return found

@@ -11,20 +11,14 @@ from silo.analysis.log import Log
 from silo.core.arrays.columns import Gap, NonFinite, holes_of
 from silo.core.arrays.values import newest_values
 from silo.core.conditions import CaptureFacts, Conditions
-from silo.core.elements import BufferType, Entry
-from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.recording import Recording
 from silo_tui.model.samples.recorded import RecordingSource
 from silo_tui.sessions.recorded import FileSession
 from tests.examples import examples
+from tests.stand_ins.saved import element
 
 START_NS = 1_790_000_000_123_456_789
 STEP_NS = 2_500_000
-
-
-def element(name, values, divider=1, first=0, labels=None, lost=0):
-    values = np.asarray(values)
-    entry = RecordedEntry(f"/log/{name}", Entry("", values.dtype.str, labels), values)
-    return RecordedElement(f"/log/{name}", "-", "scalar", (), divider, BufferType.LOOPING, first, (entry,), lost=lost)
 
 
 def source(*elements, ticks=1000, times=None):
@@ -47,7 +41,7 @@ def columns(of, name="/log/a", column_ns=50_000_000):
 def test_a_column_holds_the_extremes_of_its_samples(data, count, divider, column_ns):
     numbers = st.floats(allow_nan=True, allow_infinity=True, width=64)
     values = np.array(data.draw(st.lists(numbers, min_size=count, max_size=count)))
-    of = source(element("a", values, divider), ticks=(count - 1) * divider + 1)
+    of = source(element("a", values, divider=divider), ticks=(count - 1) * divider + 1)
     past = columns(of, column_ns=column_ns)
     places = (of.recording.time_ns[::divider][:count] // column_ns) - past.first
     low, high = np.full(past.low.shape[1], np.nan), np.full(past.low.shape[1], np.nan)
@@ -214,7 +208,7 @@ def test_an_element_without_samples_is_empty():
 @settings(max_examples=examples(40))
 def test_the_samples_between_two_times_are_those_with_their_own_stamps(divider, first, begin, count):
     values = np.arange(30, dtype=np.int16)
-    of = source(element("a", values, divider, first * divider), ticks=240)
+    of = source(element("a", values, divider=divider, first=first * divider), ticks=240)
     start_ns, end_ns = (START_NS + STEP_NS * at for at in (begin, begin + count))
     time_ns, found = asyncio.run(of.samples("/log/a", start_ns, end_ns))
     stamps = of.recording.time_ns[first * divider :: divider][:30]
