@@ -251,25 +251,27 @@ async def control_flow(context: Context, words: Sequence[str]) -> None:
     }
     if not words:
         await session.refresh_status()
-        told = people_words(session.status, session.identity, session.own_name)
-        if not session.may_edit:
-            context.say(told)
-        elif answer := await _ask_for_control(context, told):
-            context.say(await session.control(jobs[answer]))
-    elif words[0] not in jobs:
+        words = await _ask_for_control(context)
+    if not words:
+        return
+    if words[0] not in jobs:
         hint = did_you_mean(nearest(words[0], jobs), CONTROL_WORDS)
         raise RefusedError(f"control: there is no {words[0]!r}{hint}")
-    elif len(words) != (2 if words[0] == "give" else 1):
+    if len(words) != (2 if words[0] == "give" else 1):
         raise RefusedError(f"control: {CONTROL_WORDS}")
-    elif context.may_write("Control"):
+    if context.may_write("Control"):
         done = await session.connection.call(jobs[words[0]])
         await session.refresh_status()
         context.say(done)
 
 
-async def _ask_for_control(context: Context, told: str) -> str | None:
-    """Tell who has control, and ask what becomes of it: a job, None for nothing."""
+async def _ask_for_control(context: Context) -> Sequence[str]:
+    """Tell who has control, and ask what becomes of it: the word for it, none for nothing."""
     session = context.session
+    told = people_words(session.status, session.identity, session.own_name)
+    if not session.may_edit:
+        context.say(told)
+        return ()
     if session.has_control:
         choices = [Choice("", "Keep it"), Choice("release", "Release it: whoever may change it can", "r")]
     elif session.status.control is None:
@@ -277,7 +279,8 @@ async def _ask_for_control(context: Context, told: str) -> str | None:
     else:
         choices = [Choice("", "Leave it there"), Choice("force", "Take it: who has it is told", "F")]
     body = f"{told}\n\n:control give NAME hands it over."
-    return await context.app.push_screen_wait(Question(f"Control of {session.name}", body, choices))
+    answer = await context.app.push_screen_wait(Question(f"Control of {session.name}", body, choices))
+    return (answer,) if answer else ()
 
 
 async def open_view(context: Context, name: str) -> None:

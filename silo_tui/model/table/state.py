@@ -297,7 +297,7 @@ class TableState:
         """Have one undo step in the place of those before: to want back what the logger had before it was applied."""
         self._forget_history()
         known = [(edit, row) for edit in applied if (row := self.row(edit.name)) is not None]
-        known = [(edit, row) for edit, row in known if self._server[edit.field, row] == edit.new]
+        known = [(edit, row) for edit, row in known if self.server[edit.field, row] == edit.new]
         if not known:
             return
         rows: Rows = np.unique([row for _, row in known])
