@@ -303,7 +303,7 @@ async def test_nothing_that_changes_a_logger_is_offered(path, on_file, size):
         for word in ("Edit", "Apply", "Start", "Save", "On/Off", "Loggers"):
             assert word not in screen.text.splitlines()[-1]
         await screen.press("question_mark")
-        await screen.shows("silo help of the file")
+        await screen.shows("silo help of the table of a file")
         for word in ("pending", "buffer size", "start or stop", "script"):
             assert word not in screen.text
 

@@ -83,7 +83,7 @@ async def test_rows_don_t_move_within_three_seconds_of_a_key_and_the_cursor_stay
         top = screen.app.screen
         await screen.until(lambda: table.facts.of("value", len(table))[order[-1]] == len(order) - 1)
         assert list(rows.shown) == order
-        top._key_s -= 10
+        top._typed_s -= 10
         await screen.until(lambda: list(rows.shown) == order[::-1], "the new order")
         assert rows.row == element
 

@@ -170,7 +170,7 @@ def test_the_end_says_what_was_saved(demo: Logger, tmp_path: Path) -> None:
     farewell(demo, (FileType.SILO,), said.append)
     demo.close()
     (file,) = tmp_path.glob("demo_*.silo")
-    assert said[0] == "logger 'demo' ended; 1 tick saved:"
+    assert said[0] == "logger 'demo' ended after 1 tick; what its buffers held is saved:"
     assert str(file) in said[1]
 
 
@@ -192,7 +192,7 @@ def test_what_a_signal_cut_short_is_saved_and_it_is_said_where(demo: Logger, tmp
     farewell(demo, (), said.append, cut_short=True)
     demo.close()
     (file,) = tmp_path.glob("demo_*.silo")
-    assert said[0] == "logger 'demo' ended; 1 tick saved:"
+    assert said[0] == "logger 'demo' ended after 1 tick; what its buffers held is saved:"
     assert str(file) in said[1]
 
 

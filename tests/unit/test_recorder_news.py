@@ -44,6 +44,7 @@ def test_a_recording_that_failed_stands_where_it_failed_not_where_something_was_
     server._events = SimpleNamespace(publish=lambda kind, text, *, by, run, tick: published.append((run, tick)))
     server._held = SimpleNamespace(changed=lambda: None)
     server._store = lambda: None
+    server._recorders, server._replica = {}, SimpleNamespace(recorders=1)
     recorder = SimpleNamespace(
         report=last, again_s=0.0, runs=deque(), reported=threading.Event(), ended=threading.Event(),
         order=SimpleNamespace(name="walk"), kept=SimpleNamespace(by="ann"),
@@ -52,3 +53,4 @@ def test_a_recording_that_failed_stands_where_it_failed_not_where_something_was_
     server._over(recorder, "the disk is full", failed=True)
     assert published == [place]
     assert recorder.report.state is RecorderState.FAILED
+    assert server._replica.recorders == 0
