@@ -458,13 +458,17 @@ async def test_a_picture_that_is_called_png_is_written_as_svg_and_the_large_plot
         assert not (tmp_path / "p2.png").exists()
 
 
-@pytest.mark.parametrize("size", [(80, 24), (160, 24), (160, 50)])
-async def test_a_long_difference_leaves_the_choices_on_a_small_screen(fake, opened, monkeypatch, size):
+async def test_a_long_difference_leaves_the_choices_on_a_small_screen(fake, opened, monkeypatch):
     monkeypatch.setattr(flows, "_held", lambda context: "1 426 433 samples of up to 13 min 27 s")  # wraps its choice
-    async with opened(fake.run(), size=size) as screen:
-        await screen.press("*", "d", "5", "enter", "a")
-        await screen.shows("Keep them pending")
-        await screen.shows("Discard all edits")
+    async with opened(fake.run()) as screen:
+        await screen.press("*", "d", "5", "enter")
+        for size in ((80, 24), (160, 24), (160, 50)):
+            await screen.pilot.resize_terminal(*size)
+            await screen.press("a")
+            await screen.shows("Keep them pending")
+            await screen.shows("Discard all edits")
+            await screen.press("escape")
+            await screen.until(lambda: not screen.app.screen.is_modal, f"the table, as it was before, at {size}")
 
 
 async def test_what_was_said_last_is_read_whole_on_a_small_screen(fake, opened):

@@ -205,19 +205,25 @@ async def test_without_a_link_no_dialog_opens(fake, opened):
             assert not screen.app.screen.is_modal
 
 
-@pytest.mark.parametrize("to", ["", "m", "E", "A", "T", "F"])
-async def test_r_tries_the_link_now_and_the_head_says_since_when_and_what_it_was(fake, opened, to):
+async def test_r_tries_the_link_now_and_the_head_says_since_when_and_what_it_was(fake, opened):
     async with opened(fake.run()) as screen:
-        await screen.press(*to)
-        fake.cut()
-        await screen.shows("~ NO LINK")
-        screen.session.lost_since -= 3 * 3600
-        await screen.shows("~ NO LINK 3 h, was RUNNING")
-        await screen.shows("r tries now")
-        await screen.shows(" r Try now")
-        await screen.press("r")
-        await screen.shows("trying now")
-        assert fake.calls[-1] == ("try_now",)
+        scopes = {"": "table", "m": "monitor", "E": "events", "A": "alarms", "T": "triggers", "F": "recordings"}
+        for to, scope in scopes.items():
+            await screen.press(*to)
+            await screen.until(lambda scope=scope: screen.app.screen.scope == scope, scope)
+            fake.cut()
+            await screen.shows("~ NO LINK")
+            screen.session.lost_since -= 3 * 3600
+            await screen.shows("~ NO LINK 3 h, was RUNNING")
+            await screen.shows("r tries now")
+            await screen.shows(" r Try now")
+            await screen.press("r")
+            await screen.shows("trying now")
+            assert fake.calls.pop() == ("try_now",)
+            fake.mend()
+            await screen.until(lambda: screen.session.connected and "NO LINK" not in screen.text, "the link")
+            await screen.press("escape")
+            await screen.until(lambda: screen.app.screen.scope == "table", "the table")
 
 
 async def test_after_an_apply_fill_counts_against_the_buffers_of_the_recording(fake, opened):
