@@ -4,15 +4,11 @@ import asyncio
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from silo.core.tuning.parameters import ParameterInfo, ParameterValue, value_text
 from silo.errors import ElementError, RefusedError
 from silo_tui.model.lists.parameters import stepped, why_fixed
 from silo_tui.sessions.link import Link
-
-if TYPE_CHECKING:
-    from silo.client.client import Client
 
 MOST_STEPS_BACK = 100
 
@@ -142,13 +138,9 @@ class Knobs:
         self.asked[name] = stepped(info, self.asked.get(name, info.value), steps)
 
     async def _set(self, link: Link, values: Mapping[str, ParameterValue]) -> str:
-        told = await link.call(lambda client: _set_by(client, values))
+        told = await link.call(lambda client: client.parameters.set(values).text)
         await self.refresh(link)
         now = [self.known[name] for name in values if name in self.known]
         first = [f"{one.name.rpartition('/')[2]} {value_text(one.value, one.unit)}" for one in now]
         more = f" and {len(first) - 3} more" if len(first) > 3 else ""
         return f"{', '.join(first[:3])}{more}: {told}"
-
-
-def _set_by(client: "Client", values: Mapping[str, ParameterValue]) -> str:
-    return client.parameters.set(values).text

@@ -1,7 +1,7 @@
 """Derived signals from the terminal: the lines that make or change one, and the question before one is forgotten."""
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Sequence
+from typing import ClassVar
 
 from silo.core.conditions import Derived
 from silo.core.quantities.writing import many
@@ -10,9 +10,6 @@ from silo_tui.model.table import derived
 from silo_tui.screens.dialogs.form import NUMBER, Form, hints_with, taken
 from silo_tui.screens.dialogs.questions import confirmed
 from silo_tui.sessions.live import Session
-
-if TYPE_CHECKING:
-    from silo.client.client import Client
 
 LINES = (("name",), ("is",), ("unit",))
 HINTS = {"name": "e.g. power", "unit": "else as it follows", "is": "e.g. {0} * {1}"}
@@ -60,7 +57,7 @@ async def ask_derived(context: Context, session: Session, one: Derived, *, is_wh
         return DeriveDialog(session, made or one, is_new=is_new, problem=problem)
 
     async def send(made: Derived) -> None:
-        said = await context.link.call(_deriving(made))
+        said = await context.link.call(lambda client: client.derive(made.name, made.expression, made.unit))
         await session.reload()
         row = session.table.row(derived.named(session.table, made.name).name)
         if row is not None and not session.rows.move_to_row(row):
@@ -68,10 +65,6 @@ async def ask_derived(context: Context, session: Session, one: Derived, *, is_wh
         context.say(said)
 
     await taken(context, form, send, one if is_whole else None)
-
-
-def _deriving(made: Derived) -> "Callable[[Client], str]":
-    return lambda client: client.derive(made.name, made.expression, made.unit)
 
 
 async def forget(context: Context, session: Session, rows: Sequence[int]) -> None:

@@ -150,11 +150,11 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
         job = partial(self.knobs.set, self.context.link, values)
         run_aside(self, "setting", self._tell, job, self._way_on())
 
-    def command_undo(self) -> None:
-        run_aside(self, "setting", self._tell, partial(self.knobs.undo, self.context.link))
+    def _undo(self, *, again: bool) -> None:
+        run_aside(self, "setting", self._tell, partial(self.knobs.undo, self.context.link, again=again))
 
-    def command_redo(self) -> None:
-        run_aside(self, "setting", self._tell, partial(self.knobs.undo, self.context.link, again=True))
+    command_undo = partialmethod(_undo, again=False)
+    command_redo = partialmethod(_undo, again=True)
 
     def command_default_parameter(self) -> None:
         targets = self.targets()
