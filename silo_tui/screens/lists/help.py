@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from textwrap import wrap
 from typing import ClassVar
 
 from rich.cells import cell_len, set_cell_size
@@ -184,21 +185,11 @@ def _lines(entry: HelpLine, key_room: int, room: int, *, is_chosen: bool) -> lis
         head = [Text(set_cell_size(left, min(cell_len(left), room)), style=style)]
     else:
         head = [Text(left, style=style).append(" " * (key_room - cell_len(left)))]
-    rest = _wrapped(entry.right, room - key_room - 1)
+    width = max(1, room - key_room - 1)
+    rest = [line[:width] for line in wrap(entry.right, width, break_long_words=False, break_on_hyphens=False)]
     if cell_len(left) <= key_room and rest:
         head[0].append(f" {rest.pop(0)}", style="not bold not reverse")
     return head + [Text(" " * (key_room + 1) + words) for words in rest]
-
-
-def _wrapped(words: str, room: int) -> list[str]:
-    lines = [""]
-    for word in words.split():
-        joined = f"{lines[-1]} {word}".strip()
-        if lines[-1] and cell_len(joined) > room:
-            lines.append(word)
-        else:
-            lines[-1] = joined
-    return [set_cell_size(line, min(cell_len(line), room)) for line in lines]
 
 
 class HelpScreen(Dialog[None]):
