@@ -225,13 +225,14 @@ class RowList:
         return chosen - 2 if chosen >= 2 else None
 
     def _move_to_branch(self, path: str) -> bool:
-        for number, branch in enumerate(self.tree.branches):
-            if branch.path == path:
-                found = np.flatnonzero(self.tree.lines == -1 - number)
-                if len(found):
-                    self.position = int(found[0])
-                return bool(len(found))
-        return False
+        numbers = (number for number, branch in enumerate(self.tree.branches) if branch.path == path)
+        return any(self._move_to_line(-1 - number) for number in numbers)
+
+    def _move_to_line(self, line: int) -> bool:
+        found = np.flatnonzero(self.tree.lines == line)
+        if len(found):
+            self.position = int(found[0])
+        return bool(len(found))
 
     # ------------------------------------------------------------------------------------------------ the cursor
 
@@ -262,15 +263,10 @@ class RowList:
 
     def move_to_row(self, row: int) -> bool:
         """Put the cursor on an element; False when the filter hides it. Branches that hide it are unfolded."""
-        found = np.flatnonzero(self.tree.lines == row)
-        if not len(found) and (self.shown == row).any():
-            closed = {branch.path for branch in self.tree.branches if (branch.rows == row).any()}
-            self.folded -= closed
+        if not (self.tree.lines == row).any() and (self.shown == row).any():
+            self.folded -= {branch.path for branch in self.tree.branches if (branch.rows == row).any()}
             self._lay_lines()
-            found = np.flatnonzero(self.tree.lines == row)
-        if len(found):
-            self.position = int(found[0])
-        return bool(len(found))
+        return self._move_to_line(row)
 
     # --------------------------------------------------------------------------------------------------- marks
 
@@ -392,15 +388,10 @@ class RowList:
         if path is not None and self._move_to_branch(path):
             return
         if line is not None and row is not None:
-            found = np.flatnonzero(self.tree.lines == line)
-            found = found if len(found) else np.flatnonzero(self.tree.lines == row)
-            if len(found):
-                self.position = int(found[0])
+            if self._move_to_line(line) or self._move_to_line(row):
                 return
             for number in reversed(range(len(self.tree.branches))):  # the innermost that is folded over it
-                at = np.flatnonzero(self.tree.lines == -1 - number)
-                if len(at) and (self.tree.branches[number].rows == row).any():
-                    self.position = int(at[0])
+                if (self.tree.branches[number].rows == row).any() and self._move_to_line(-1 - number):
                     return
         elif row is not None and self.move_to_row(row):
             return

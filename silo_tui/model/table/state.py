@@ -314,12 +314,8 @@ class TableState:
     # ------------------------------------------------------------------------------------------------ inside
 
     def _carry_over(self, names: list[str], server: Ints) -> None:
-        old_rows, new_rows = [], []
-        for new_row, name in enumerate(names):
-            old_row = self._row_of.get(name)
-            if old_row is not None:
-                old_rows.append(old_row)
-                new_rows.append(new_row)
+        new_rows = [row for row, name in enumerate(names) if name in self._row_of]
+        old_rows = [self._row_of[names[row]] for row in new_rows]
         edited: Mask = np.zeros(server.shape, np.bool_)
         wanted, based_on = server.copy(), server.copy()
         edited[:, new_rows] = self._edited[:, old_rows]
