@@ -279,7 +279,7 @@ async def _ask_for_control(context: Context) -> Sequence[str]:
     else:
         choices = [Choice("", "Leave it there"), Choice("force", "Take it: who has it is told", "F")]
     body = f"{told}\n\n:control give NAME hands it over."
-    answer = await context.app.push_screen_wait(Question(f"Control of {session.name}", body, choices))
+    answer = await context.app.push_screen_wait(Question(f"Who controls {session.name}?", body, choices))
     return (answer,) if answer else ()
 
 
