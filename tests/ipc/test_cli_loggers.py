@@ -21,6 +21,7 @@ from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import Action, BufferType
 from silo.errors import RefusedError
+from tests.stand_ins.ticking import turning
 from tests.waiting import DEADLINE_S, wait_until
 
 pytestmark = pytest.mark.slow
@@ -67,20 +68,8 @@ def served(runtime: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         mode = log.array("mode", dtype="u1", labels={0: "IDLE", 1: "MOVE"}, action=Action.SAVE_AND_PUBLISH)
         mode[...] = 1
         log.add(np.array(b"hello", "S16"), "text", action=Action.SAVE_AND_PUBLISH)
-        end = threading.Event()
-
-        def tick() -> None:
-            while not end.wait(0.005):
-                log.collect()
-
-        thread = threading.Thread(target=tick)
-        with log, log.serve():
-            thread.start()
-            try:
-                yield log
-            finally:
-                end.set()
-                thread.join()
+        with log, log.serve(), turning(log.collect, 0.005):
+            yield log
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 
 import pytest
 
@@ -13,6 +12,7 @@ from silo.parameters import excited as excited_module
 from silo.parameters.excited import GONE
 from silo.parameters.requests import ParameterRequests
 from silo.rpc.published import EventKind
+from tests.stand_ins.ticking import turning
 from tests.waiting import wait_until
 
 LONG = {"amplitude": 2.0, "duration": 600, "low_hz": 0.05, "high_hz": 5}
@@ -29,17 +29,8 @@ def excited(bench, monkeypatch):
     logger.stop()
     logger.input("tau", min=-5, max=5, unit="Nm")
     logger.start()
-    ended = threading.Event()
-
-    def turn():
-        while not ended.wait(0.001):
-            bench.ticks(1)
-
-    thread = threading.Thread(target=turn)
-    thread.start()
-    yield logger
-    ended.set()
-    thread.join()
+    with turning(lambda: bench.ticks(1)):
+        yield logger
 
 
 def begun(logger):

@@ -28,6 +28,7 @@ from silo.core.elements import Edit, ElementOptions, State
 from silo.fleet.exchange import client_name
 from tests import chromium
 from tests.ipc.conftest import Bench
+from tests.stand_ins.ticking import turning
 from tests.waiting import DEADLINE_S, wait_until
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("websockets") is None, reason="needs silo-logger[foxglove]")
@@ -327,12 +328,8 @@ class TestParameters:
         viewer = look(to=one)
         wait_until(lambda: len(one.server._parameters) == 4)
         logger.start()
-        ended = threading.Event()
-        turning = threading.Thread(target=lambda: [logger.collect() for _ in iter(lambda: ended.wait(0.001), True)])
-        turning.start()
-        yield viewer, logger
-        ended.set()
-        turning.join()
+        with turning(logger.collect):
+            yield viewer, logger
 
     def test_they_are_read_set_together_and_whoever_subscribes_hears_of_each_change(self, tuned, look):
         viewer, logger = tuned

@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import threading
 from pathlib import Path
 
 import pytest
@@ -12,6 +11,7 @@ from silo.client.client import Client
 from silo.core.tuning.parameters import Excitation, Wave
 from silo.errors import RefusedError
 from silo.parameters import excited as excited_module
+from tests.stand_ins.ticking import turning
 from tests.thin_net import free_port
 from tests.waiting import wait_until
 
@@ -95,14 +95,6 @@ def robot(runtime, tmp_path, monkeypatch):
             logger.input(f"tau_{kind}", -5, 5, writable=writable)
         logger.start()
         logger.serve(config=tmp_path / "server.json5")
-        ended = threading.Event()
-
-        def turn() -> None:
-            while not ended.wait(0.001):
-                logger.collect()
-
-        thread = threading.Thread(target=turn)
-        thread.start()
 
         def elsewhere(user: str, password: str) -> Client:
             path = tmp_path / f"{user}.json5"
@@ -112,7 +104,7 @@ def robot(runtime, tmp_path, monkeypatch):
             )
             return Client.connect("far", config=str(path))
 
-        with contextlib.ExitStack() as opened:
+        with turning(logger.collect), contextlib.ExitStack() as opened:
             reached = {
                 "operator on the robot": Client.connect("far"),
                 "operator elsewhere": elsewhere("engineer", "change"),
@@ -123,8 +115,6 @@ def robot(runtime, tmp_path, monkeypatch):
             for client in reached.values():
                 opened.enter_context(client)
             yield logger, reached
-        ended.set()
-        thread.join()
 
 
 def test_each_role_may_do_what_the_table_says_and_is_told_why_it_may_not(robot):

@@ -15,6 +15,7 @@ from silo.parameters.requests import ParameterRequests
 from silo.rpc.declaring import request_of
 from silo.rpc.published import EventKind
 from tests.ipc.conftest import Heard
+from tests.stand_ins.ticking import turning
 from tests.waiting import wait_until
 
 
@@ -26,17 +27,8 @@ def tuned(bench):
     logger.parameter("kp", 40.0, min=0, max=200, group="legs")
     logger.parameter("kd", 1.0, group="legs", check=lambda kd: kd < 100)
     logger.start()
-    ended = threading.Event()
-
-    def turn():
-        while not ended.wait(0.001):
-            logger.collect()
-
-    thread = threading.Thread(target=turn)
-    thread.start()
-    yield logger
-    ended.set()
-    thread.join()
+    with turning(logger.collect):
+        yield logger
 
 
 def test_a_client_sets_some_and_is_told_the_tick_from_which_they_hold(tuned, client):

@@ -7,7 +7,6 @@ import signal
 import struct
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,6 +24,7 @@ from silo.client.client import Client
 from silo.core.elements import Edit, ElementOptions, State
 from silo.history.arrays import SampleArrays
 from tests.ipc.conftest import Bench
+from tests.stand_ins.ticking import turning
 from tests.waiting import DEADLINE_S, wait_until
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("xxhash") is None, reason="needs silo-logger[ros2]")
@@ -380,9 +380,6 @@ class TestParameters:
         logger.start()
         join(control=True)
         wait_until(lambda: sum("rcl_interfaces::srv" in token for token in tokens(other)) == 6)
-        ended = threading.Event()
-        turning = threading.Thread(target=lambda: [logger.collect() for _ in iter(lambda: ended.wait(0.001), True)])
-        turning.start()
         known = ros(Stores.ROS2_JAZZY)
 
         def ask(service: str, *values: object) -> object:
@@ -402,9 +399,8 @@ class TestParameters:
             one = known.types["rcl_interfaces/msg/ParameterValue"](*fields)
             return known.types["rcl_interfaces/msg/Parameter"](name, one)
 
-        yield ask, parameter, logger
-        ended.set()
-        turning.join()
+        with turning(logger.collect):
+            yield ask, parameter, logger
 
     @pytest.mark.parametrize("distribution", WITH_HASHES)
     def test_types_and_hashes_are_those_of_the_distribution(self, distribution):

@@ -8,27 +8,19 @@ import pytest
 
 import silo
 from silo.errors import ElementError
+from tests.stand_ins.ticking import turning
 from tests.waiting import wait_until
 
 
 @pytest.fixture
-def turning(bench):
+def running(bench):
     """A loop of its own, as a robot has it."""
     bench.logger.start()
-    end = threading.Event()
-
-    def turn():
-        while not end.wait(0.002):
-            bench.ticks(1)
-
-    thread = threading.Thread(target=turn)
-    thread.start()
-    yield bench
-    end.set()
-    thread.join()
+    with turning(lambda: bench.ticks(1), 0.002):
+        yield bench
 
 
-def test_a_loop_over_a_topic_gets_each_sample_once(turning, client):
+def test_a_loop_over_a_topic_gets_each_sample_once(running, client):
     firsts, values = [], []
     with client.topic("x") as topic:
         for batch in topic:
@@ -47,7 +39,7 @@ def test_a_loop_ends_when_its_topic_is_closed(bench, client):
     closing.join()
 
 
-def test_a_read_with_a_timeout_waits_for_the_first_batch(turning, client):
+def test_a_read_with_a_timeout_waits_for_the_first_batch(running, client):
     with client.topic("x") as topic:
         assert len(topic.read(timeout_s=30.0)) > 0
 
@@ -57,7 +49,7 @@ def test_a_read_with_a_timeout_ends_empty_where_nothing_comes(bench, client):
         assert topic.read(timeout_s=0.01) == []
 
 
-def test_asyncio_reads_topics_while_other_tasks_go_on(turning, client):
+def test_asyncio_reads_topics_while_other_tasks_go_on(running, client):
     async def main():
         with client.topic("x") as topic:
             async for batch in topic:

@@ -1,6 +1,8 @@
 """The least that a loop needs: a robot with attributes, some ticks, and what was logged of them."""
 
+import contextlib
 import logging
+import threading
 
 
 class Robot:
@@ -13,6 +15,24 @@ class Robot:
 def collect(logger, ticks):
     for _ in range(ticks):
         logger.collect()
+
+
+@contextlib.contextmanager
+def turning(turn, every_s=0.001):
+    """A loop in a thread of its own, as a robot has it: it turns until the block ends."""
+    ended = threading.Event()
+
+    def loop():
+        while not ended.wait(every_s):
+            turn()
+
+    thread = threading.Thread(target=loop)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 def values(logger, name="/log/x"):

@@ -15,6 +15,7 @@ from silo.core.recording import Recording
 from silo.errors import ElementError, SaveError, SegmentError, StateError
 from silo.journal.holdings import segment_holdings
 from silo.logger.current_run import MOST_CUT_OFF, MOST_ELEMENTS, CurrentRun
+from tests.stand_ins.ticking import turning
 from tests.waiting import wait_until
 
 
@@ -57,17 +58,14 @@ def held(logger):
 @pytest.mark.parametrize("kept", [False, True])
 def test_a_loop_that_is_cut_again_and_again_has_every_tick_once(new_logger, tmp_path, options, kept):
     logger = new_logger(frequency=1000, **options)
-    loop, ended = Loop(logger, kept), threading.Event()
-    thread = threading.Thread(target=lambda: [loop.turn() for _ in iter(lambda: ended.wait(0.0005), True)])
-    thread.start()
-    for cut in range(3 * MOST_CUT_OFF + 5):
-        ticks = loop.ticks
-        wait_until(lambda ticks=ticks: loop.ticks > ticks + 2)
-        if len(logger._present.cut_off) == MOST_CUT_OFF:
-            logger.save()
-        assert logger.set("x", divider=2 + cut % 2, cut=True) == 1
-    ended.set()
-    thread.join()
+    loop = Loop(logger, kept)
+    with turning(loop.turn, 0.0005):
+        for cut in range(3 * MOST_CUT_OFF + 5):
+            ticks = loop.ticks
+            wait_until(lambda ticks=ticks: loop.ticks > ticks + 2)
+            if len(logger._present.cut_off) == MOST_CUT_OFF:
+                logger.save()
+            assert logger.set("x", divider=2 + cut % 2, cut=True) == 1
     assert logger.ticks == loop.ticks
     logger.save()
     assert not logger.has_unsaved
