@@ -7,6 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from silo.cli.main import run
+from silo.cli.group import cli
 from silo.cli.programs import config as command
 from silo.settings.script import read_script
 
@@ -20,7 +21,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_every_example_is_listed_with_a_line_that_says_what_it_is():
-    listed = json.loads(CliRunner().invoke(command.config, ["ls", "--json"]).output)
+    listed = json.loads(CliRunner().invoke(cli, ["config", "ls", "--json"]).output)
     assert [one["name"] for one in listed] == sorted(path.name for path in EXAMPLES.iterdir())
     assert all(len(one["summary"]) > 30 for one in listed)
 

@@ -5,7 +5,7 @@ import pytest
 from click.testing import CliRunner
 
 import silo
-from silo.cli.logs.files import stats_command
+from silo.cli.group import cli
 
 STEP = 10**7
 START = 10**18
@@ -76,7 +76,7 @@ def test_a_table_has_each_sample_in_its_row(log):
 
 
 def test_the_shell_tells_of_it(path):
-    result = CliRunner().invoke(stats_command, [str(path)])
+    result = CliRunner().invoke(cli, ["stats", str(path)])
     assert result.exit_code == 0
     assert "the clock stepped back once" in result.output
 

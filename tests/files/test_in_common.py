@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 import silo
 from silo.analysis.compare import differences
-from silo.cli.logs.files import diff_command
+from silo.cli.group import cli
 from silo.errors import LogWarning
 
 
@@ -119,7 +119,7 @@ def test_both_meet_on_the_stamps_when_asked(tmp_path):
     later = ramp(tmp_path, 50, "b", start_ns=10**18 + 10**8, first=10)  # the same run, saved 10 ticks later
     assert silo.compare(a, later)
     assert not silo.compare(a, later, by="stamps").rows
-    result = CliRunner().invoke(diff_command, [str(tmp_path / "a.silo"), str(tmp_path / "b.silo"), "--by", "stamps"])
+    result = CliRunner().invoke(cli, ["diff", str(tmp_path / "a.silo"), str(tmp_path / "b.silo"), "--by", "stamps"])
     assert result.exit_code == 0
     assert "equal over the time that both have: 2 signals" in result.output
     assert "compared from 0.1 to 0.49 s" in result.output
