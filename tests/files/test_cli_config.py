@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from silo.cli.main import run
 from silo.cli.group import cli
+from silo.cli.main import run
 from silo.cli.programs import config as command
 from silo.settings.script import read_script
 
