@@ -20,7 +20,7 @@ from silo_tui.model.samples.live import Reading
 from silo_tui.model.samples.searching import found_in, joined, reading_of
 from silo_tui.model.samples.source import PlotSource, Samples
 from silo_tui.model.words import text
-from silo_tui.sessions.pinned import Buffers, OpenPin, PinnedSource
+from silo_tui.sessions.pinned import Buffers, LinkPin, PinnedSource
 
 MOST_PIECES = 12  # a helper process has 64 pins for all its clients
 NAMES_AT_ONCE = 64  # that a helper process looks through
@@ -53,7 +53,7 @@ class HeldSource:
         self._live = live
         self._plots = tuple(plots)
         self._buffers = buffers
-        self._pins: list[OpenPin] = []
+        self._pins: list[LinkPin] = []
         self._oldest_ns = 0  # in the buffers, as they said last
         self._closed = False
         self._lost = False  # whether they are of another run by now
@@ -213,7 +213,7 @@ class HeldSource:
         self._forget_farthest(piece)
         return pin.text
 
-    def _take(self, pin: OpenPin) -> None:
+    def _take(self, pin: LinkPin) -> None:
         self._pins.append(pin)
         if self._closed:
             self.close()  # it came when nobody looks any more
@@ -327,7 +327,7 @@ class HeldSource:
     # ------------------------------------------------------------------------------------------------------ searching
 
     @property
-    def _of_one_run(self) -> tuple[str, list[OpenPin]]:
+    def _of_one_run(self) -> tuple[str, list[LinkPin]]:
         """The run that was held, and the pins of it."""
         run = next((pin.run for pin in self._pins if pin.run), "")
         return run, [pin for pin in self._pins if pin.run == run]

@@ -46,7 +46,7 @@ SLICES = 32  # the span is fetched in so many pieces
 QUICK_S = 10.0  # what isn't looked at is fetched too where all of it comes within that time
 
 
-class OpenPin:
+class LinkPin:
     """A pin that is open in a helper process, which may fall silent: then what is asked of it raises a SiloError."""
 
     def __init__(self, link: Link, pin: "Pin") -> None:
@@ -88,18 +88,18 @@ class Buffers:
         """Whether somebody answers."""
         return self._session.connected
 
-    async def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> OpenPin:
+    async def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> LinkPin:
         """Pin what they hold from one time to another."""
         link = self._session.connection
         pinned = asyncio.ensure_future(link.read(lambda client: client.pin(names, start_ns, end_ns)))
         try:
-            return OpenPin(link, await asyncio.shield(pinned))
+            return LinkPin(link, await asyncio.shield(pinned))
         except asyncio.CancelledError:
             pinned.add_done_callback(_let_go)  # whoever asked is gone, the answer still comes
             raise
 
     async def find(
-        self, looking: Mapping[str, Looking], around_ns: int, most: int, end_ns: int, pins: Sequence[OpenPin]
+        self, looking: Mapping[str, Looking], around_ns: int, most: int, end_ns: int, pins: Sequence[LinkPin]
     ) -> dict[str, FoundMoments]:
         """Look for moments in them and in these pins."""
         one = next(iter(looking.values()))
@@ -112,7 +112,7 @@ class Buffers:
         )  # fmt: skip
 
     async def measure(
-        self, names: Sequence[str], a_ns: int, b_ns: int, pins: Sequence[OpenPin], run: str
+        self, names: Sequence[str], a_ns: int, b_ns: int, pins: Sequence[LinkPin], run: str
     ) -> dict[str, Between]:
         """Measure entries between two moments in them and in these pins."""
         held = [each.pin for each in pins]
@@ -140,7 +140,7 @@ class PinnedSource:
         self._element_of = {plotted.name: plotted.element.name for plotted in plots}
         self._elements = {plotted.element.name: plotted.element for plotted in plots}
         self._periods = {name: live.period_ns(name) for name in self._elements}
-        self._reader: OpenPin | None = None
+        self._reader: LinkPin | None = None
         self._shown = _copy_of(shown)
         self._coarse: HistoryColumns | None = None
         self._slice_ns = max(1, -(-(self.end_ns - self.begin_ns) // SLICES))
@@ -154,7 +154,7 @@ class PinnedSource:
         """Return the element of that name, as it was."""
         return self._elements.get(name) or self._live.element(name)
 
-    def reads(self, reader: OpenPin) -> bool:
+    def reads(self, reader: LinkPin) -> bool:
         """Return whether it is fetched from there."""
         return self._reader is reader
 
@@ -207,7 +207,7 @@ class PinnedSource:
 
     # --------------------------------------------------------------------------------------------------- fetching
 
-    def opened(self, reader: OpenPin, begin_ns: int, end_ns: int) -> None:
+    def opened(self, reader: LinkPin, begin_ns: int, end_ns: int) -> None:
         """The logger holds this much of it, to be read from there."""
         self._reader, self.problem = reader, ""
         if not self._slices:

@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import msgspec
@@ -30,6 +30,7 @@ from silo.files.manifest import read_written
 from silo.recorder.process import stored
 from silo.segment.held_runs import held_runs, recorders_path
 from tests.ipc.conftest import end_helper
+from tests.stand_ins.ticking import turning
 from tests.waiting import answered, freeze, wait_until
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("cold_children")]
@@ -204,23 +205,14 @@ def test_a_logger_that_is_closed_while_its_helper_process_is_down_is_recorded_to
     assert not recorders_path("bot", bench.logger.options.id).exists()
 
 
-@contextlib.contextmanager
-def killed_each_time(helper_pid: int) -> Iterator[None]:
+def killed_each_time(helper_pid: int) -> AbstractContextManager[None]:
     """No recorder of this helper process comes to anything."""
-    over = threading.Event()
 
     def kill() -> None:
-        while not over.wait(0.01):
-            with contextlib.suppress(psutil.NoSuchProcess):
-                kill_recorders(helper_pid)
+        with contextlib.suppress(psutil.NoSuchProcess):
+            kill_recorders(helper_pid)
 
-    thread = threading.Thread(target=kill)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
+    return turning(kill, 0.01)
 
 
 def test_what_a_recorder_lacks_that_dies_each_time_it_is_to_end_is_completed_later(

@@ -17,7 +17,7 @@ from silo_tui.model.drawing.plots import Plotted
 from silo_tui.model.lists.happened import gone_words, words
 from silo_tui.model.plots.panels import CurveKind, kind_of
 from silo_tui.model.plots.time_axis import MOMENTS
-from silo_tui.model.samples.find import WORDS, Search, What, parse_crossing
+from silo_tui.model.samples.find import Search, What, parse_crossing
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.words import text
 from silo_tui.model.words.names import fitted_among
@@ -143,7 +143,7 @@ class MomentSearch:
             return
         if place is None:
             which = "only one" if found.total == 1 else f"{'last' if step > 0 else 'first'} of {found.total}"
-            peaks = f"; {key_of('find')} {What.PEAK.value} finds each peak" if words == WORDS[What.HIGHEST] else ""
+            peaks = f"; {key_of('find')} {What.PEAK.value} finds each peak" if found.search.what is What.HIGHEST else ""
             self.screen.say(f"{words}: that is the {which}{peaks}")
             return
         moment = found.moments[place]
