@@ -45,7 +45,7 @@ def seen(logger):
 
 def test_the_status_and_info_name_it_while_the_loop_turns(stale, caplog, capsys):
     assert list(seen(stale)) == ["/log/q"]
-    (warning,) = [one for one in warnings_of(caplog) if ALONE in one]
+    (warning,) = wait_until(lambda: [one for one in warnings_of(caplog) if ALONE in one])  # the status is told first
     assert warning.startswith("/log/q: ")
     assert "never changed" not in warning
     assert run(["info", "arm"]) == 0
