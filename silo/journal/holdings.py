@@ -28,7 +28,7 @@ class Holdings:
     Most of the elements hold `most_s` or less: of what is kept for good, or seldom sampled, the oldest is far older.
 
     `ticks` counts those since start, or since the cut where it goes on another run, whether anything of them is still
-    held or not.
+    held or not. `published` more elements are logged without being saved.
     """
 
     ticks: int
@@ -37,6 +37,7 @@ class Holdings:
     seconds: float
     since: str = "start"
     most_s: float = 0.0
+    published: int = 0
 
     @property
     def text(self) -> str:
@@ -45,6 +46,7 @@ class Holdings:
         if not self.samples:
             return f"no sample, of {ticks} since {self.since}"
         held = f"{many(self.samples, 'sample')} of {many(self.elements, 'element')}"
+        held += f" ({self.published} more only published)" if self.published else ""
         most = f" (most of them {duration(self.most_s)} or less)" if 0 < 2 * self.most_s < self.seconds else ""
         return f"{held} over {duration(self.seconds)}{most}, of {ticks} since {self.since}"
 
@@ -87,7 +89,8 @@ def segment_holdings(reader: SegmentReader | JournalReader, kept: list[RetainedA
     ends = [(span[0] * one.divider, span[-1] * one.divider, one.count) for span, one in held]
     seconds, most_s = _lengths(ends, lambda tick: _stamp(reader, tick))
     elements, samples = sum(one.count for _, one in held), sum(len(span) * one.count for span, one in held)
-    return Holdings(ticks, elements, samples, seconds, since, most_s)
+    published = len(schema.elements) - sum(one.count for one in alike)
+    return Holdings(ticks, elements, samples, seconds, since, most_s, published)
 
 
 def _lengths(ends: list[tuple[int, int, int]], stamp_of: Callable[[int], int]) -> tuple[float, float]:
