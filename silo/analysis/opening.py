@@ -18,7 +18,6 @@ from silo.analysis.stretches import joined
 from silo.core.arguments import path as file_path
 from silo.core.arguments import shown, switch, whole
 from silo.core.calls import told
-from silo.core.elements import Stretch
 from silo.core.recording import Recording, has_own_stamps
 from silo.errors import ElementError, LogNotFoundError
 from silo.files.added import added_formats
@@ -88,9 +87,8 @@ def open_log(
         from silo.files.others.recording import stamped_by_header
 
         recording = stamped_by_header(recording)
-    stretch = recording.stretch
-    if stretch is not None and stretch.part and not switch("alone", alone):
-        recording = _whole_run(path, recording, stretch)
+    if not switch("alone", alone):
+        recording = whole_run(path, recording)
     for warning in recording.warnings:
         warn_outside(f"{path}: {warning}")
     return Log(recording, os.fspath(path))
@@ -131,8 +129,14 @@ def _of_files(logs: Sequence[Log]) -> Log:
     return Log(joined([log.recording for log in logs]), logs[0].path)
 
 
-def _whole_run(path: Path, recording: Recording, stretch: Stretch) -> Recording:
-    """The run that was cut of which a recording is a stretch: with those that lie beside it."""
+def whole_run(path: Path, recording: Recording) -> Recording:
+    """Return all stretches as one where a recording, read from `path`, is one of a run that was cut; else itself.
+
+    The others are looked for beside it. Raises FileFormatError where one of them can't be read.
+    """
+    stretch = recording.stretch
+    if stretch is None or not stretch.part:
+        return recording
     found = {stretch.part: recording}
     named = path.is_dir() or path.suffix in LOG_ENDINGS  # those that are found by a folder; of others the same ending
     beside = find_logs(path.parent) if named else path.parent.glob(f"*{path.suffix}")

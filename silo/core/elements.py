@@ -234,7 +234,8 @@ class Stretch(msgspec.Struct, frozen=True, omit_defaults=True):
     @property
     def alone(self) -> str:
         """What to tell who reads the file of one part; empty for all of a run."""
-        return f"{self.text}, alone: in Python silo.open_log reads all parts as one" if self.part else ""
+        words = "alone: `silo stats --whole` (plot, check, convert, too) and silo.open_log read all parts as one"
+        return f"{self.text}, {words}" if self.part else ""
 
 
 STARTED = "started"

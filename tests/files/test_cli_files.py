@@ -12,7 +12,16 @@ from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 
 from silo.cli.group import cli
-from silo.cli.logs.files import convert_command, diff_command, plot_command, print_file_info, stats_command
+from silo.cli.logs.check import check_command
+from silo.cli.logs.files import (
+    compare_command,
+    convert_command,
+    diff_command,
+    plot_command,
+    print_file_info,
+    stats_command,
+)
+from silo.cli.logs.responses import step
 from silo.cli.verbs import Listing
 from silo.core.elements import LoggedEvent
 from silo.core.recording import Recording, with_events
@@ -290,15 +299,27 @@ def test_a_data_set_is_made_of_several_logs(tmp_path, new_logger):
 
 
 @pytest.mark.parametrize(
-    "words", [(stats_command, "logs"), (convert_command, "logs", "out.csv"), (plot_command, "logs", "q")]
+    ("words", "part", "whole"),
+    [
+        ((stats_command, "logs"), "q_0      5   10   18", "q_0      15    0   18"),
+        ((convert_command, "logs", "out.mat"), "10 ticks", "20 ticks"),
+        ((convert_command, "logs", "out.csv", "--rate", "1"), "1 ticks", "1 ticks"),
+        ((plot_command, "logs", "q"), "q_0  10 ... 18", "q_0  0 ... 18"),
+        ((diff_command, "logs", "logs"), "10 ticks", "20 ticks"),
+        ((compare_command, "logs", "logs"), "2 are alike", "2 are alike"),
+        ((step, "logs", "q_0", "q_1"), "from 10 to", "from 0 to"),
+        ((check_command, "logs", "--never", "q_0 > 90", "--always", "q_0 > 3"), "nothing violated", "1 of 2 violated"),
+    ],
 )
-def test_who_reads_one_part_of_a_run_that_was_cut_is_told(tmp_path, monkeypatch, words):
+def test_one_part_of_a_run_that_was_cut_or_all_as_one_are_read(tmp_path, monkeypatch, words, part, whole):
     monkeypatch.chdir(tmp_path)
     cut_in_two(tmp_path / "logs")
     done = run(*words)
-    assert done.exit_code == 0
+    assert (done.exit_code, part in done.stdout) == (0, True), done.output
     assert "warning: part 2 of run" in done.stderr
-    assert "silo.open_log reads all parts" in done.stderr
+    assert "silo.open_log read all parts" in done.stderr
+    done = run(*words, "--whole", *(["--force"] if words[0] is convert_command else []))
+    assert (whole in done.stdout, "warning" in done.stderr) == (True, False), done.output
 
 
 def test_a_list_has_heads_rows_and_what_is_odd_or_says_that_it_is_empty(capsys):

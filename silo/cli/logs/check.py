@@ -8,6 +8,7 @@ import click
 
 from silo.cli.codes import EXIT_BLIND, EXIT_FOUND
 from silo.cli.common import LogWord, TypedPath, find_saved, show_json, show_rows
+from silo.cli.logs.files import _read, _warn, whole_option
 
 if TYPE_CHECKING:
     from silo.analysis.check import Finding
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 @click.option("--always", multiple=True, metavar="EXPRESSION", help="Must be false at no tick.")
 @click.option("--rules", metavar="FILE", type=TypedPath(path_type=Path), help="A YAML file of rules for whole runs.")
 @click.option("--against", metavar="BASELINE", help="A run that was good: nothing may be newly missing, broken, lost.")
+@whole_option
 @click.option("--junit", "report", metavar="FILE", type=TypedPath(path_type=Path), help="Write a report for CI.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
 def check_command(
@@ -33,6 +35,7 @@ def check_command(
     always: tuple[str, ...],
     rules: Path | None,
     against: str | None,
+    whole: bool,
     report: Path | None,
     as_json: bool,
 ) -> int:
@@ -51,13 +54,11 @@ def check_command(
       5  nothing could be judged     1  the file or an expression can't be read
     """
     from silo.analysis.check import check
-    from silo.files.added import added_formats
-    from silo.files.formats import read_recording
     from silo.guards.guard import guard, junit
     from silo.guards.rules import read_rules
 
-    recording = read_recording(find_saved(file), added_formats)
-    baseline = None if against is None else read_recording(find_saved(against), added_formats)
+    recording = _read(find_saved(file), whole)
+    baseline = None if against is None else _read(find_saved(against), whole)
     held = [] if rules is None else read_rules(rules)
     asked = [*recording.conditions.limits, *(_limits(text, when) for text in limits)]
     if baseline is not None:  # what it broke, too, is nothing new
@@ -70,8 +71,7 @@ def check_command(
     if report is not None:
         junit(report, file, found)
     _show(found, as_json=as_json)
-    for warning in recording.warnings:
-        click.echo(f"warning: {warning}", err=True)
+    _warn(recording)
     if any(one.violated for one in found):
         return EXIT_FOUND
     return EXIT_BLIND if all(one.worst == "UNOBSERVABLE" for one in found) else 0

@@ -79,6 +79,7 @@ window_options = together(
     click.option("--from", "start", type=float, help="Begin of the window, s from the start of the log."),
     click.option("--to", "stop", type=float, help="End of the window, s."),
 )
+whole_option = click.option("--whole", is_flag=True, help="Of a run that was cut all parts beside it, as one.")
 size_options = together(
     click.option("--width", type=click.IntRange(30, 1000), help="Columns; that of the terminal if not given."),
     click.option("--height", type=click.IntRange(8, 1000), help="Rows; those of the terminal if not given."),
@@ -147,14 +148,23 @@ def _make_data_set(sources: tuple[str, ...], target: Path, force: bool, options:
               help="Make a data set of all IN, in the folder OUT.")  # fmt: skip
 @_of_data_sets
 @click.option("--rate", type=click.FloatRange(min=0, min_open=True), metavar="HZ", help="All signals at this rate.")
+@whole_option
 @click.option("-t", "--type", "--format", hidden=True, is_eager=True, expose_value=False, callback=_ending_says)
 def convert_command(
-    sources: tuple[str, ...], target: Path, force: bool, rate: float | None, kind: str | None, **options: Any
+    sources: tuple[str, ...],
+    target: Path,
+    force: bool,
+    rate: float | None,
+    whole: bool,
+    kind: str | None,
+    **options: Any,
 ) -> None:
     """Convert a log; the help is `_CONVERT_HELP`."""
     if kind is not None:
         if rate is not None:
             raise click.UsageError("a data set has frames: write --fps instead of --rate")
+        if whole:
+            raise click.UsageError("a data set takes what each IN holds: leave out --whole")
         _make_data_set(sources, target, force, options | {"to": kind})
         return
     from silo.files.convert import convert
@@ -165,8 +175,13 @@ def convert_command(
         what = given or f"more than one IN ({len(sources)})"
         raise click.UsageError(f"{what} is for data sets: add --to lerobot or --to episodes")
     path = find_saved(sources[0])
+
+    def change(read: "Recording") -> "Recording":
+        read = _whole(path, read) if whole else read
+        return read if rate is None else _at_rate(read, rate)
+
     with progress(f"{target.name}") as tell:
-        recording = convert(path, target, tell, force, lambda read: read if rate is None else _at_rate(read, rate))
+        recording = convert(path, target, tell, force, change)
     _warn(recording)
     click.echo(f"{target}  {size_of(target)} bytes, {recording.entry_count} signals, {len(recording.time_ns)} ticks")
     cells = recording.entry_count * len(recording.time_ns)
@@ -180,8 +195,11 @@ def convert_command(
 @click.argument("file", type=LogWord(), shell_complete=_complete_file)
 @click.argument("patterns", metavar="[PATTERN]...", nargs=-1, shell_complete=_complete_signal)
 @window_options
+@whole_option
 @click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
-def stats_command(file: str, patterns: tuple[str, ...], start: float | None, stop: float | None, as_json: bool) -> None:
+def stats_command(
+    file: str, patterns: tuple[str, ...], start: float | None, stop: float | None, whole: bool, as_json: bool
+) -> None:
     """Show minimum, maximum, mean, standard deviation and rms of signals.
 
     \b
@@ -192,7 +210,7 @@ def stats_command(file: str, patterns: tuple[str, ...], start: float | None, sto
     from silo.analysis.plots.curves import pick, pick_all
     from silo.analysis.reports import format_statistics, statistics
 
-    recording = _read(find_saved(file))
+    recording = _read(find_saved(file), whole)
     signals = pick(recording, patterns) if patterns else pick_all(recording)
     # one after the other: a window copies the signal
     rows = [statistics(signal) for signal in _windowed(recording, signals, start, stop)]
@@ -204,6 +222,7 @@ _meeting_options = together(
     click.option("--tolerance", type=float, default=0.0, help="Numbers may differ by this much."),
     click.option("--by", type=click.Choice(["start", "stamps"]), default="start",
                  help="What is the same moment in both: their starts, or (of two files of one run) the time stamps."),
+    whole_option,
 )  # fmt: skip
 
 
@@ -212,7 +231,9 @@ _meeting_options = together(
 @click.argument("second", type=LogWord(), metavar="B", shell_complete=_complete_file)
 @_meeting_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
-def diff_command(first: str, second: str, tolerance: float, by: Literal["start", "stamps"], as_json: bool) -> None:
+def diff_command(
+    first: str, second: str, tolerance: float, by: Literal["start", "stamps"], whole: bool, as_json: bool
+) -> None:
     """Show how two logs differ: elements, units, dividers, and values at the time that both have.
 
     The same values differ as for silo.compare. The formats may differ. Exit code 0 if the logs are equal, 4 if they
@@ -225,7 +246,7 @@ def diff_command(first: str, second: str, tolerance: float, by: Literal["start",
     """
     from silo.analysis.compare import differences
 
-    a, b = _read(find_saved(first)), _read(find_saved(second))
+    a, b = (_read(find_saved(one), whole) for one in (first, second))
     found = differences(a, b, tolerance, by)
     equal = not any(one.differs for one in found)
     if as_json:
@@ -257,6 +278,7 @@ def compare_command(
     words: tuple[str, ...],
     tolerance: float,
     by: Literal["start", "stamps"],
+    whole: bool,
     event: str | None,
     signal: str,
     episode: str,
@@ -285,7 +307,7 @@ def compare_command(
         return
     if not 1 <= len(words) <= 2:
         raise click.UsageError("name two runs, silo compare A B [PATTERN], or many: silo compare A..B [PATTERN]")
-    recordings = [_read(find_saved(one)) for one in (first, words[0])]
+    recordings = [_read(find_saved(one), whole) for one in (first, words[0])]
     a, b = map(Log, recordings)
     found = compare(a, b, *words[1:], **options)
     show([row.facts for row in found.rows], as_json, lambda: str(found))
@@ -336,6 +358,7 @@ def _compare_many(
 @click.option("-d", "--derivative", is_flag=True, help="Draw the change per second.")
 @click.option("-s", "--spectrum", is_flag=True, help="Draw the amplitude over the frequency.")
 @window_options
+@whole_option
 @click.option("--png", type=TypedPath(path_type=Path, dir_okay=False), help="Write a picture instead (matplotlib).")
 @size_options
 def plot_command(
@@ -347,6 +370,7 @@ def plot_command(
     spectrum: bool,
     start: float | None,
     stop: float | None,
+    whole: bool,
     png: Path | None,
     width: int | None,
     height: int | None,
@@ -372,7 +396,7 @@ def plot_command(
     if x_pattern and (derivative or spectrum):
         raise click.UsageError("--x draws values over values: leave out --derivative and --spectrum")
     path = find_saved(file)
-    recording = _read(path)
+    recording = _read(path, whole)
     transform = "derivative" if derivative else "spectrum" if spectrum else ""
     spec = ChartSpec(patterns, right, x_pattern, transform, start, stop, _MOST_CURVES)
     chart, left_out = make_chart(recording, spec, title=path.name)
@@ -394,14 +418,21 @@ def _at_rate(recording: "Recording", rate: float) -> "Recording":
     return Log(recording).resample(rate).recording
 
 
-def _read(path: Path) -> "Recording":
+def _read(path: Path, whole: bool = False) -> "Recording":
     from silo.core.recording import keep_quiet
     from silo.files.added import added_formats
     from silo.files.formats import read_recording
 
     recording = read_recording(path, added_formats)
+    recording = _whole(path, recording) if whole else recording
     keep_quiet(recording)  # `_warn` comes last
     return recording
+
+
+def _whole(path: Path, recording: "Recording") -> "Recording":
+    from silo.analysis.opening import whole_run
+
+    return whole_run(path, recording)
 
 
 def _windowed(

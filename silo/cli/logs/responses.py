@@ -15,6 +15,7 @@ from silo.cli.logs.files import (
     _wants_color,
     _warn,
     size_options,
+    whole_option,
     window_options,
 )
 
@@ -28,6 +29,7 @@ _words = together(
     click.argument("given", metavar="IN", shell_complete=_complete_signal),
     click.argument("output", metavar="OUT", shell_complete=_complete_signal),
     window_options,
+    whole_option,
     click.option("--png", type=TypedPath(path_type=Path, dir_okay=False), help="Write a picture (matplotlib)."),
     size_options,
     click.option("--json", "as_json", is_flag=True, help="One JSON object, for machines."),
@@ -38,7 +40,14 @@ _words = together(
 @_words
 @click.option("--segment", type=float, metavar="S", help="How long a window is; a third of it all if not given.")
 def bode(
-    file: str, given: str, output: str, start: float | None, stop: float | None, segment: float | None, **shown: Any
+    file: str,
+    given: str,
+    output: str,
+    start: float | None,
+    stop: float | None,
+    whole: bool,
+    segment: float | None,
+    **shown: Any,
 ) -> None:
     """Draw the transfer function from one signal to another: magnitude, phase, coherence.
 
@@ -52,7 +61,7 @@ def bode(
     """
     from silo.analysis.plots.responses import bode_charts
 
-    log, title = _opened(file, given, output)
+    log, title = _opened(file, given, output, whole)
     found = log.bode(given, output, start, stop, segment_s=segment)
     _show(found, bode_charts(found, title), **shown)
     _warn(log.recording)
@@ -60,7 +69,9 @@ def bode(
 
 @click.command("step")
 @_words
-def step(file: str, given: str, output: str, start: float | None, stop: float | None, **shown: Any) -> None:
+def step(
+    file: str, given: str, output: str, start: float | None, stop: float | None, whole: bool, **shown: Any
+) -> None:
     """Draw how one signal answers to the largest step of another, with rise time and overshoot.
 
     Without a window it is that of the last step by which IN was excited (`silo excite`), else of the whole log.
@@ -72,7 +83,7 @@ def step(file: str, given: str, output: str, start: float | None, stop: float | 
     """
     from silo.analysis.plots.responses import step_chart, step_words
 
-    log, title = _opened(file, given, output)
+    log, title = _opened(file, given, output, whole)
     found = log.step(given, output, start, stop)
     unit = log[output].unit
     words = step_words(found, log[given].unit, unit)
@@ -80,11 +91,11 @@ def step(file: str, given: str, output: str, start: float | None, stop: float | 
     _warn(log.recording)
 
 
-def _opened(file: str, given: str, output: str) -> "tuple[Log, str]":
+def _opened(file: str, given: str, output: str, whole: bool) -> "tuple[Log, str]":
     from silo.analysis.log import Log
 
     path = find_saved(file)
-    return Log(_read(path), str(path)), f"{path.name}: {given} to {output}"
+    return Log(_read(path, whole), str(path)), f"{path.name}: {given} to {output}"
 
 
 def _show(
