@@ -15,6 +15,7 @@ from silo_tui.model.lists.conditions import (
     options_of_fields,
     tried_lines,
     trigger_row,
+    waits_for,
 )
 from silo_tui.model.plots.limit_line import fields_of as fields_of_limits
 from silo_tui.model.plots.limit_line import limits_of_fields
@@ -102,6 +103,29 @@ class TestWords:
     def test_what_makes_no_sense_is_said(self, field, typed, says):
         with pytest.raises((ValueError, Exception), match=says):
             options_of_fields({**fields_of(FALL.options), field: typed}, FALL.options)
+
+    @pytest.mark.parametrize(
+        ("word", "value", "persistence", "hysteresis", "says"),
+        [
+            ("HH", 20.5, 9, 1, ""),
+            ("HH", 15.0, 9, 0, "less far beyond now: the alarm ends after 9 samples in a row"),
+            ("HH", 3.0, 9, 0, "within its limits now: the alarm ends after 9 samples in a row"),
+            ("H", 9.5, 1, 1, "within its limits now: the alarm ends 1 inside of them"),
+            ("HH", 18.0, 4, 2, "less far beyond now: the alarm ends 2 inside of them after 4 samples in a row"),
+            ("LL", -25.0, 9, 0, ""),
+            ("LL", 12.0, 9, 0, "beyond its limits now: an alarm after 9 samples in a row"),
+            ("L", -10.0, 2, 0, "within its limits now: the alarm ends after 2 samples in a row"),
+            ("OK", -20.5, 9, 0, "beyond its limits now: an alarm after 9 samples in a row"),
+            ("OK", 10.0, 9, 0, ""),
+            ("OK", None, 9, 0, ""),
+            ("==", 30.0, 9, 0, ""),
+            ("HH", 3.0, 1, 0, ""),
+        ],
+    )
+    def test_an_alarm_that_waits_for_samples_says_for_which(self, word, value, persistence, hysteresis, says):
+        bounds = (-20.0, -10.0, 10.0, 20.0)
+        one = LimitStatus("/x", "/x", LimitWord(word), value=value, bounds=bounds, persistence=persistence)
+        assert waits_for(replace(one, hysteresis=hysteresis)) == says
 
     @pytest.mark.parametrize(
         ("alarms", "says"), [(1, "1 was over, seen by nobody │ 1 limit"), (2, "2 were over, seen by nobody │ 2 limits")]

@@ -18,6 +18,9 @@ UNNAMED = "it stands in names of files"  # what a trigger has a name for
 MOST_PLOTS = 6  # of what a condition is about, at once
 NAME, WHEN = 10, 20  # cells of a trigger's name, and those that its condition keeps
 LOUD = (TriggerWord.FIRING,)
+_SIDES = {
+    LimitWord.RED_LOW: -2, LimitWord.YELLOW_LOW: -1, LimitWord.OK: 0, LimitWord.YELLOW_HIGH: 1, LimitWord.RED_HIGH: 2,
+}  # fmt: skip
 CAUTION = (TriggerWord.HOLDOFF, TriggerWord.BLIND, TriggerWord.OTHER)
 
 
@@ -109,6 +112,24 @@ def limit_row(one: LimitStatus, short: str, width: int, now_ns: int | None = Non
         f"  {one.word.value:<2} {short:<{room}} {words.get(one.value, ''):>9} {limit:>8} "
         f"{words.get(one.worst, ''):>9} {since:>8} {count or '':>5}  {seen}"
     )
+
+
+def waits_for(one: LimitStatus) -> str:
+    """Return what an alarm waits for whose newest value is in another range than it says; empty where it is in that."""
+    waits = one.persistence > 1 or one.hysteresis
+    if one.value is None or one.word not in _SIDES or not waits:
+        return ""
+    given = zip(one.bounds, (-1, -1, 1, 1), strict=True)
+    now = sum(side for bound, side in given if bound is not None and (one.value - bound) * side > 0)
+    said = _SIDES[one.word]
+    if now == said:
+        return ""
+    row = f"after {one.persistence} samples in a row" if one.persistence > 1 else ""
+    if abs(now) > abs(said) or now * said < 0:
+        return f"beyond its limits now: an alarm {row}".rstrip()
+    inside = f"{text.short(one.hysteresis)} inside of them" if one.hysteresis else ""
+    where = "less far beyond" if now else "within its limits"
+    return f"{where} now: the alarm ends {' '.join(filter(None, [inside, row]))}"
 
 
 def alarms_words(found: Sequence[LimitStatus]) -> str:

@@ -9,7 +9,7 @@ from rich.text import Text
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.errors import RefusedError
 from silo_tui.actions import key_of
-from silo_tui.model.lists.conditions import IN_SPACE, alarms_words, limit_head, limit_row, signal_width
+from silo_tui.model.lists.conditions import IN_SPACE, alarms_words, limit_head, limit_row, signal_width, waits_for
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.table.facts import MEANINGS
 from silo_tui.model.words.names import fitting_names_below
@@ -92,7 +92,9 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         if one.why:
             return f"{one.name} is blind: {one.why}"
         count, meaning = len(self.session.limits), MEANINGS.get(one.word.value, "")
-        if one.word is LimitWord.OK:
+        if waits := waits_for(one):
+            meaning = ", ".join(filter(None, [meaning, waits]))
+        elif one.word is LimitWord.OK:
             meaning = f"{_kept(one)}{' again' if one.violated else ''}"
         unseen = "seen by nobody yet" if one.seen == "NEW" else ""
         if one.alarm and one.since_seen:
