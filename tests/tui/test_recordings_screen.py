@@ -286,9 +286,10 @@ async def test_home_leads_from_a_file_to_its_table_and_from_there_to_that_of_the
 
 async def test_a_capture_that_is_nowhere_any_more_is_told(opened, fake, captured):
     captured.unlink()
+    fake.trigger_statuses = [msgspec.structs.replace(fake.trigger_statuses[0], fires=18)]
     async with opened(fake) as screen:
         await screen.do("triggers")
-        await screen.shows("last capture")
+        await screen.shows("18 fires in 3 captures, the last: ")
         await screen.press("enter")
         await screen.until(lambda: "F lists what is there" in " ".join(screen.text.split()), "where it isn't")
         assert screen.app.screen.scope == "triggers"

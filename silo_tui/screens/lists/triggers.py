@@ -91,7 +91,10 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         if one.state is TriggerWord.WAITING:
             return f"{name} waits for the logger to run"
         if one.files:
-            return f"last capture: {Path(one.files[0]).name}"
+            joined = (
+                f"{one.fires} fires in {many(one.captures, 'capture')}, the last" if one.fires > one.captures else ""
+            )
+            return f"{joined or 'last capture'}: {Path(one.files[0]).name}"
         return f"{name}: {one.options.when}"
 
     def going_on(self) -> Sequence[str]:
