@@ -43,7 +43,10 @@ class RecordedStack(PlotStack):
         return f"{words}  mean {text.compact(facts.mean)}"
 
     def _axis_word(self, share: float) -> str:
-        store = self.store
-        at = (store.end - self.columns * (1 - share)) * store.column_ns - self._file.source.begin_ns
+        store, source, width_ns = self.store, self._file.source, self.columns * self.store.column_ns
+        end_ns = store.end * store.column_ns
+        if store.empty:  # nothing is read yet
+            end_ns, width_ns = self.window.paused_end_ns or source.end_ns, self.window.span_ns
+        at = end_ns - width_ns * (1 - share) - source.begin_ns
         digits = max(0, min(9, 2 - int(np.floor(np.log10(self.window.span_s / 4)))))
         return f"{at / 1e9 + 0.0:.{digits}f} s"

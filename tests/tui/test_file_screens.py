@@ -12,6 +12,7 @@ from silo.core.recording import Failures, RecordedElement, RecordedEntry, Record
 from silo.files.silo.writer import write_silo
 from silo_tui.actions import BY_ID, FILE_SCOPES, commands_for
 from silo_tui.app import SiloApp
+from silo_tui.model.samples.recorded import RecordingSource
 from silo_tui.model.table.fields import Field
 from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.screens.plots.detail import FileDetailScreen
@@ -180,6 +181,24 @@ async def test_the_cursor_reads_the_value_that_held(path, on_file):
             await screen.press("right")
         await screen.until(lambda: 5 < to(screen) < 10, f"walking {to(screen)}")
         await screen.shows("= walk")
+
+
+async def test_before_its_curves_are_read_a_plot_has_its_times(path, on_file, monkeypatch):
+    read = asyncio.Event()
+    history = RecordingSource.history
+
+    async def late(source, *asked):
+        await read.wait()
+        return await history(source, *asked)
+
+    monkeypatch.setattr(RecordingSource, "history", late)
+    async with on_file(path) as screen:
+        await screen.enter("/torque", "m")
+        await screen.shows("= -")
+        await screen.shows("20.00 s")
+        assert "-1790000000" not in screen.text
+        read.set()
+        await screen.curves()
 
 
 async def test_the_cursor_reads_texts(path, on_file):
@@ -417,7 +436,7 @@ async def test_a_part_of_a_run_that_was_cut_is_opened_beside_the_others_and_says
     cut_in_two(tmp_path)
     async with on_file(next(tmp_path.glob("*part1.silo"))) as screen:
         await screen.shows("part 1 of run")
-        await screen.shows("in Python silo.open_log reads all")
+        await screen.shows("silo.open_log read all parts")
         assert screen.session.report.ticks == 10
 
 
