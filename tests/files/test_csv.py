@@ -183,6 +183,22 @@ def test_a_table_of_another_tool_is_read(tmp_path):
     assert label == [b"on", b"off", b"", b"x"]
 
 
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("time_s,x\n0,1\n1,2\n", {"x": [1, 2]}),
+        ("time,x\n0,1\n1,2", {"x": [1, 2]}),
+        ("time\n0\n1", {}),
+        ("time,x,y\n0,1,5\n1,2,", {"x": [1, 2], "y": [5]}),  # its last cell is empty, and no end of a line follows
+    ],
+)
+def test_a_small_table_is_read_to_its_last_line(tmp_path, text, expected):
+    (tmp_path / "x.csv").write_text(text)
+    recording = read_csv(tmp_path / "x.csv")
+    assert {element.name: element.entries[0].values.tolist() for element in recording.elements} == expected
+    assert (recording.time_ns.tolist(), recording.warnings) == ([0, 10**9], ())
+
+
 def test_dates_in_the_first_column_are_times(tmp_path):
     (tmp_path / "x.csv").write_text("date,x\n2023-11-14 22:13:20.5,1\n2023-11-14 22:13:21,2\n")
     assert read_csv(tmp_path / "x.csv").time_ns.tolist() == [1_700_000_000_500_000_000, 1_700_000_001_000_000_000]
