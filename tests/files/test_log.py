@@ -285,6 +285,14 @@ class TestFrames:
         np.testing.assert_allclose(axis.quaternion().values, expected, atol=1e-12)
         np.testing.assert_allclose(matrix.quaternion().values, expected, atol=1e-12)
 
+    def test_the_axis_of_an_angle_has_any_direction_and_length_and_one_without_length_turns_nothing(self):
+        axes = [*0.5 * np.eye(3), np.zeros(3)]
+        turned = signal([[np.pi / 2, *axis] for axis in axes], kind="angle_axis").quaternion()
+        half = np.sqrt(0.5)
+        np.testing.assert_allclose(
+            turned.values, [[half, 0, 0, half], [0, half, 0, half], [0, 0, half, half], [0, 0, 0, 1]], atol=1e-12
+        )
+
     def test_what_is_no_rotation_becomes_nan_alone(self):
         broken = signal([[0, 0, 0, 1.0], [0, 0, 0, 0], [np.nan, 0, 0, 1]])
         assert np.isnan(broken.euler().values).all(axis=1).tolist() == [False, True, True]
