@@ -16,6 +16,7 @@ from rosbags.highlevel import AnyReader
 
 from silo.core.elements import LoggedEvent
 from silo.core.recording import Recording, stamped, with_events
+from silo.files.bags.ros_types import MessageType
 from silo.files.bags.writer import write_bag
 from silo.files.convert import convert
 from silo.files.formats import FORMATS, read_recording, writer_for
@@ -133,13 +134,17 @@ def test_bags_have_them_as_log_messages_for_rosbags(walk, tmp_path):
     assert [(at, m.level, m.name, m.msg, m.function, m.line) for at, m in found] == MESSAGES
 
 
-def test_the_type_of_the_messages_is_that_of_ros():
+def test_the_types_of_the_messages_are_those_of_ros():
     from rosbags.typesys import Stores, get_typestore
 
+    from silo.bridges.ros2.standard import JOINT_STATE, STRING_TYPE
     from silo.files.bags.events import LOG_TYPE
 
     store = get_typestore(Stores.ROS2_HUMBLE)
-    assert store.hash_rihs01("rcl_interfaces/msg/Log") == LOG_TYPE.type_hash
+    layout = ("std_msgs/MultiArrayLayout", "layout")
+    arrays = [MessageType("std_msgs/msg/Float64MultiArray", (layout, ("float64[]", "data")))]
+    for one in (LOG_TYPE, STRING_TYPE, JOINT_STATE, *arrays):
+        assert store.hash_rihs01(one.name) == one.type_hash
 
 
 def test_an_element_called_events_keeps_its_topic(recorded, plan, tmp_path):
