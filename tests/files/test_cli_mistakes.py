@@ -153,6 +153,20 @@ def test_wrong_words_are_told_of(words, outcome):
     outcome(*words)
 
 
+@pytest.mark.parametrize(
+    ("line", "way"),
+    [
+        ("script load robot x.yaml --dry-run --all", "--dry-run shows what one logger would change; leave out --all"),
+        ("compare good.silo..mixed/one.mcap", "A..B are runs of one folder"),
+        ("compare good.silo..good.silo x y", "behind them stands one PATTERN at most"),
+    ],
+)
+def test_words_that_do_not_go_together_are_refused_with_what_does(outcome, line, way):
+    code, said = outcome(*line.split())
+    assert code == 2
+    assert way in " ".join(said.split())
+
+
 def silo_in_a_shell(line, folder, **more):
     environment = {**os.environ, "PYTHONPATH": str(Path(silo.__file__).parents[1]), **more}
     program = f"'{sys.executable}' -c 'from silo.cli.main import main; main()'"
