@@ -71,6 +71,13 @@ def test_the_terminal_has_a_line_and_its_words(logged):
     assert "\x1b[31m──\x1b[0m red high 30" in colored
 
 
+def test_a_chart_is_as_large_as_asked_whatever_the_terminal(logged, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "60")
+    monkeypatch.setenv("LINES", "20")
+    lines = draw_text(make_chart(logged, ChartSpec(["tau_0"]))[0], 150, 50, color=False).splitlines()
+    assert (len(lines), max(map(len, lines))) == (50, 150)
+
+
 def test_a_picture_has_them_too(logged):
     figure = pytest.importorskip("matplotlib.figure").Figure()
     axes = figure.add_subplot()
