@@ -1,5 +1,7 @@
 """`log.value`: what has no memory of its own is logged by its name."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -54,6 +56,19 @@ def test_a_number_is_logged_tick_by_tick_and_holds_until_the_next(new_logger):
         log.collect()
     assert logged(log, "cost") == [3.0, 4.5, 4.5, 2.0]
     assert log["cost"].unit == "J"
+
+
+@pytest.mark.parametrize(
+    ("value", "dtype"),
+    [(3, "f8"), (Fraction(7, 2), "f8"), (2**70, "f8"), (True, "?"), (np.float32(2), "f4"), (np.uint8(9), "u1")],
+)
+def test_a_number_of_python_is_a_double_and_one_of_numpy_keeps_its_type(value, dtype, new_logger):
+    log = new_logger()
+    log.value("x", value)
+    log.start()
+    log.collect()
+    found = silo.Log(log.snapshot())["x"].values
+    assert (found.tolist(), found.dtype) == ([float(value)], np.dtype(dtype))
 
 
 @pytest.mark.parametrize("value", [Tensor([1, 2]), ByDlpack([1.0, 2.0]), np.array([1.0, 2.0]), [1.0, 2.0]])
