@@ -69,6 +69,20 @@ def test_a_large_m_is_a_million_and_nothing_is_told(caplog):
     assert not caplog.records
 
 
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("1MB", (10**6, 0.0)), ("1000TB", (10**15, 0.0)), ("1s", (0, 1.0)), ("31d", (0, 31 * 86400.0)), ("", (0, 0.0))],
+)
+def test_the_least_and_the_most_of_a_part_are_taken(text, expected):
+    assert read_split(text) == expected
+
+
+@pytest.mark.parametrize("text", ["0.99MB", "1001TB", "999ms", "31.01d"])
+def test_what_is_beyond_them_is_refused(text):
+    with pytest.raises(ElementError, match="a size from 1MB or a time from 1s to 31d"):
+        read_split(text)
+
+
 @pytest.mark.parametrize("text", ["10x", "10parsec", "s", "", "1e", "--3", "10 m m", "٣s"])
 def test_other_words_are_refused_by_all(text):
     for door in DOORS.values():
