@@ -1,6 +1,7 @@
 """Derived signals in files: columns like any other, with their definitions, computed once."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -65,6 +66,18 @@ def test_signals_of_different_rates_are_told_at_their_common_ticks(logged):
     slow = found["/log/slow"]
     assert (slow.first, slow.divider) == (6, 1)
     assert slow.entries[0].values.tolist() == [(at - 6) // 2 - at // 3 for at in range(6, 12)]
+
+
+def test_where_one_of_its_signals_ended_nothing_is_told():
+    found = with_derived(
+        recording(
+            element("x", np.arange(12.0)),
+            element("short", np.arange(5.0), buffer_type=BufferType.FIXED),
+            derived=(("sum", "x + short"), ("either", "x > 3 or short > 2")),
+        )
+    )
+    assert repr(columns(found)["/log/sum"]) == repr([0.0, 2.0, 4.0, 6.0, 8.0, *[math.nan] * 7])
+    assert repr(columns(found)["/log/either"]) == repr([0.0, 0.0, 0.0, 1.0, 1.0, *[math.nan] * 7])
 
 
 def test_the_readers_of_the_original_get_their_values_and_time_stamps(tmp_path):
