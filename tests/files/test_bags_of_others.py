@@ -18,6 +18,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 import silo
 from silo.cli.group import cli
 from silo.files.others import mcap_file
+from silo.files.others.message_types import message_type
 from tests.pages import carry_out
 
 START = 1_700_000_000 * 10**9
@@ -147,6 +148,26 @@ def mcap_no_index():
 @pytest.fixture(scope="module", params=MAKERS)
 def log(request, tmp_path_factory):
     return opened(MAKERS[request.param](tmp_path_factory.mktemp("bags")))
+
+
+@pytest.mark.parametrize(
+    ("definition", "labels"),
+    [
+        ("uint8 A=0\nuint8 B=1\nuint8 x", [{0: "A", 1: "B"}]),
+        ("int8 A=-1\nint8 x", [{-1: "A"}]),
+        ("uint8 A=1\nuint8 x\nint8 y", [{1: "A"}, {}]),
+        ("uint8 A=0\nuint8 x\nuint8 y", [{}, {}]),  # whose they are isn't said
+        ("uint8 X_ON=1\nuint8 A=2\nuint8 x\nuint8 y", [{1: "ON"}, {}]),
+        ("int16 X_A=3\nint16 Y=4\nint16 x", [{3: "A"}]),
+        ("uint8 A=0\nuint8 B=0\nuint8 x", [{}]),  # which of them it is isn't known
+        ("float32 A=1.0\nfloat32 x", [{}]),
+        ("bool A=true\nbool x", [{}]),
+        ("int32 A=-1\nuint8 x", [{}]),
+    ],
+)
+def test_constants_are_labels_of_the_field_that_they_are_of(definition, labels):
+    fields = message_type("p/msg/M", definition, "ros2msg").fields
+    assert [dict(node.labels) for _, node in fields] == labels
 
 
 @pytest.fixture(scope="module")
