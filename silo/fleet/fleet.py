@@ -361,7 +361,7 @@ class FleetLink:
     """A thread with one session: to the logger `found` of this computer, or to the configuration `name`."""
 
     def __init__(
-        self, name: str, found: LoggerAddress | None, told: "Fleet", plan: FleetQuestion, *, patient: bool = True
+        self, name: str, found: LoggerAddress | None, told: "Fleet", plan: FleetQuestion, *, patient: bool
     ) -> None:
         """Who is `patient` leaves a remote alone for a while that didn't answer."""
         self._name, self._found, self._told, self._plan, self._patient = name, found, told, plan, patient
