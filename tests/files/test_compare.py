@@ -12,6 +12,7 @@ from click.testing import CliRunner
 import silo
 from silo.analysis import compare as comparing
 from silo.analysis.compare import differences
+from silo.analysis.reports import table
 from silo.cli.group import cli
 from silo.core.recording import Recording
 from silo.errors import ElementError
@@ -222,3 +223,16 @@ def test_gaps_are_measured_over_their_finite_numbers():
     np.testing.assert_allclose(mean, [-1 / 3, -2, np.nan])
     np.testing.assert_allclose(most, [4, 5, np.nan])
     np.testing.assert_allclose(comparing._of_finite(rows[:1]), [[np.sqrt(25 / 3)], [-1 / 3], [4]])
+
+
+@pytest.mark.parametrize(
+    ("width", "lines"),
+    [
+        (80, ["name                     n", "/log/a_rather_long_one  12", "x                        3"]),
+        (20, ["name               n", "…rather_long_one  12", "x                  3"]),
+        (9, ["name           n", "…er_long_one  12", "x              3"]),  # of a name twelve places stay
+    ],
+)
+def test_in_a_narrow_table_names_keep_their_ends_and_columns_without_a_word_are_left_out(width, lines):
+    rows = [["/log/a_rather_long_one", "12", "-"], ["x", "3", ""]]
+    assert table(["name", "n", "note"], rows, width, "lrl") == lines
