@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import silo
+from silo.client.client import Client
 from silo.core.elements import Edit
 from silo.logger.null import NullLogger
 
@@ -252,6 +253,14 @@ MADE = {
     "add to nothing misspelt": (lambda: NullLogger("a").add(Z, "z", dividr=2), "did you mean 'divider'?"),
     "nothing made misspelt": (lambda: NullLogger("a", freq=2), "did you mean 'frequency'?"),
     "open nothing": (silo.open_log, "silo.open_log() needs which"),
+    "too much for a client": (
+        lambda: object.__new__(Client).acknowledge([], "me", 3),
+        "client.acknowledge() takes 2 arguments by place (names, who), got 3; nothing was done",
+    ),
+    "too little for a client": (
+        lambda: object.__new__(Client).arm_trigger(),
+        "client.arm_trigger() needs name: write client.arm_trigger(name, armed=...)",
+    ),
     "register nothing": (silo.register, "silo.register() needs cls"),
     "one frame": (lambda: silo.types.vector_at_position("a"), "needs position_frame"),
     "a method of a logger": (lambda: silo.set("x", divider=2), "has no attribute 'set'; write silo.get_logger().set"),
