@@ -158,6 +158,9 @@ def test_an_index_is_answered_with_the_name_that_is_there(text, says):
 
 def test_a_name_of_other_letters_stands_in_backticks():
     assert bind("`odd-name` > 3", CATALOGUE).columns[0].element == 9
+    assert parse("`x`").root.text == parse("x").root.text
+    for text in ("`odd-name", "`` > `", "``"):
+        assert refusal(text).reason == "a name in backticks ends with a backtick"
 
 
 def test_labels_are_numbers_beside_their_signal():
