@@ -14,9 +14,11 @@ import silo
 from silo.core.elements import BufferType
 from silo.core.recording import Failures, failures_text
 from silo.errors import SourceError
+from silo.live.newest import NewestValues
 from silo.loop.generated_code import SlowReads
 from silo.loop.scratch import fitting
 from silo.segment.failures import BLOCK_WORDS, read_failures, record_failure
+from silo.segment.reader import SegmentReader
 
 
 class Mode(enum.Enum):
@@ -211,6 +213,9 @@ def test_the_last_value_is_that_of_the_row_before_in_every_buffer(new_logger, ki
     failed = 7 if kind is BufferType.FIXED else 15  # a logger of fixed buffers stops by itself when they are full
     assert element.failures.count == failed
     assert logger._present.failures == {"/log/x": failed}
+    reader = SegmentReader(logger._present.path)
+    seen = {one.info.name: one for one in reader.schema.elements}
+    assert NewestValues(reader, [None, seen["/log/x"]], [1, 1]).failed() == {1: failed}  # as a screen has it
 
 
 def test_a_value_that_failed_from_the_first_tick_is_zero_and_counted(new_logger):
