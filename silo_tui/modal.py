@@ -78,7 +78,17 @@ class Leaving(Guarded, Screen[ResultT]):
 
 
 class Choices(Guarded, OptionList):
-    """The choices of a dialog, which have the focus."""
+    """The choices of a dialog, which have the focus. Above the first is none: the last may be what loses most."""
+
+    def action_cursor_up(self) -> None:
+        """Go to the choice above."""
+        if self.highlighted:
+            super().action_cursor_up()
+
+    def action_cursor_down(self) -> None:
+        """Go to the choice below."""
+        if self.highlighted is None or self.highlighted < self.option_count - 1:
+            super().action_cursor_down()
 
 
 class Dialog(ModalScreen[ResultT], Leaving[ResultT]):  # in this order: Textual finds styles by the first base

@@ -467,6 +467,11 @@ async def test_a_long_difference_leaves_the_choices_on_a_small_screen(fake, open
             await screen.press("a")
             await screen.shows("Keep them pending")
             await screen.shows("Discard all edits")
+            options, body = screen.app.screen.query_one(Choices), screen.app.screen.query_one(".dialog-body")
+            await screen.press("pagedown")
+            await screen.until(lambda body=body: body.scroll_y > 0 or body.max_scroll_y == 0, f"its end at {size}")
+            await screen.press("up", "k")
+            assert options.highlighted == 0
             await screen.press("escape")
             await screen.until(lambda: not screen.app.screen.is_modal, f"the table, as it was before, at {size}")
 

@@ -55,8 +55,8 @@ class Question(Dialog[str | None]):
 
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
         Binding("escape,q", "leave", "Back", show=False),
-        Binding("pagedown,ctrl+d", "scroll(1)", show=False),
-        Binding("pageup,ctrl+u", "scroll(-1)", show=False),
+        Binding("pagedown,ctrl+d", "scroll(1)", show=False, priority=True),  # the choices would take them for theirs
+        Binding("pageup,ctrl+u", "scroll(-1)", show=False, priority=True),
         Binding("j", "move(1)", show=False),
         Binding("k", "move(-1)", show=False),
     ]
@@ -179,9 +179,13 @@ class Question(Dialog[str | None]):
         self.told = value
 
     def action_scroll(self, pages: int) -> None:
-        """Move a long body."""
-        for body in self.query(".dialog-body").results(VerticalScroll):
+        """Move a long body; where there is none, choices that have no room."""
+        bodies = [body for body in self.query(".dialog-body").results(VerticalScroll) if body.max_scroll_y > 0]
+        for body in bodies:
             body.scroll_relative(y=pages * max(1, body.size.height - 1), animate=False)
+        options = self.query_one(OptionList)
+        if not bodies and options.max_scroll_y > 0:
+            (options.action_page_down if pages > 0 else options.action_page_up)()
 
     def action_move(self, step: int) -> None:
         """Go to another choice."""
