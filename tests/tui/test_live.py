@@ -7,6 +7,7 @@ import pytest
 
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo.core.quantities.writing import duration_text
+from silo_tui.model.lists.conditions import ago
 from silo_tui.model.samples.live import Reading, entry_text, value_text
 from silo_tui.model.words import text
 
@@ -65,7 +66,9 @@ def test_durations(seconds, shown):
     assert duration_text(seconds) == shown
 
 
-@pytest.mark.parametrize(("seconds", "shown"), [(2e-5, "20 us"), (0.002, "2 ms"), (10, "10 s"), (300, "5 min")])
+@pytest.mark.parametrize(
+    ("seconds", "shown"), [(2e-5, "20 us"), (0.002, "2 ms"), (10, "10 s"), (300, "5 min"), (7200, "2 h")]
+)
 def test_spans(seconds, shown):
     assert text.span(seconds) == shown
 
@@ -76,3 +79,48 @@ def test_numbers_beside_each_other_keep_the_digits_in_which_they_differ():
     assert text.told_apart(1.0, 1.0) == ("1", "1")
     assert [text.short(value) for value in (0.000012345, 1234567.0, -12.5)] == ["1.234e-5", "1.235e6", "-12.5"]
     assert [text.span(value, 2) for value in (0.9996, 119.6, 0.0123, 2e-4)] == ["1 s", "2 min", "12 ms", "200 us"]
+
+
+@pytest.mark.parametrize(
+    ("smallest", "largest", "width", "words"),
+    [
+        (999_999.5, 1_000_000.5, 9, ["999999.50", "1000000.5"]), (-0.25, 0.75, 8, ["-0.250", "0.750"]),
+        (-1e-15, 1.0, 8, ["0.000", "1.000"]), (0.0, 90.0, 8, ["0.00", "90.00"]),
+        (1e-9, 2e-9, 8, ["1.000e-9", "2.000e-9"]), (1.0, 1.5, 8, ["1.0000", "1.5000"]),
+        (0.0, 1.0, 8, ["0.000", "1.000"]), (-1e-4, 20.0, 8, ["0.00", "20.00"]), (3.0, 3.0, 8, ["3.0000", "3.0000"]),
+    ],
+)  # fmt: skip
+def test_numbers_of_a_signal_have_the_decimals_in_which_they_differ(smallest, largest, width, words):
+    decimals = text.decimals_between(smallest, largest)
+    assert [text.number(value, width, decimals=decimals) for value in (smallest, largest)] == words
+
+
+@pytest.mark.parametrize(("kind", "words"), [("vector", "0.00 -0.93  3.50"), ("pose", "2e-8 -0.93  3.50")])
+def test_an_entry_that_is_nothing_beside_the_others_is_a_zero_where_their_unit_is_one(kind, words):
+    entries = tuple(Entry(suffix, "<f8") for suffix in ("_x", "_y", "_z"))
+    element = ElementInfo("/log/a", "m", kind, (3,), entries, ElementOptions())
+    reading = Reading(np.array([2e-8, -0.93, 3.5]), {}, 1, 0, 0)
+    assert value_text(element, reading, 17) == words
+
+
+def test_large_numbers_keep_the_digits_that_differ():
+    assert [text.number(value, 8) for value in (999_999.5, 1_000_001.5)] == ["999999.5", "1000002"]
+    assert [text.number(value, 11) for value in (999_999.5, 1_000_000.5)] == ["999999.50", "1000000.50"]
+    assert text.number(2**63 - 1, 19, integer=True) == "9223372036854775807"
+    assert text.axis_ends(999_999.4, 1_000_000.6) == ("999999.4", "1000000.6", "")
+
+
+@pytest.mark.parametrize(
+    ("write", "told"),
+    [
+        (text.short_span, {99.9: "99s", 100: "1m", 5999: "99m", 6000: "1h", 359_999: "99h", 360_000: "4d",
+                           518_400: "6d"}),
+        (ago, {-1: "0.0 s", 9.9: "9.9 s", 10: "10 s", 59: "59 s", 60: "1 min", 3540: "59 min", 3600: "1 h",
+               79_200: "22 h", 86_400: "1 d", 2_592_000: "30 d"}),
+        (text.compact, {999.0: "999", 1000.0: "1000", 9999.0: "9999", 1e4: "10k"}),
+        (text.brief, {0.0: "0.00", 0.0049: "5e-3", 0.005: "0.01", 9.5: "9.50", 10: "10.0", 100: "100", 1e5: "100k"}),
+        (lambda count: text.plural_count(count, "tick"), {0: "0 ticks", 1: "1 tick", 12345: "12 345 ticks"}),
+    ],
+)  # fmt: skip
+def test_where_one_unit_ends_the_next_begins(write, told):
+    assert {value: write(value) for value in told} == told

@@ -8,8 +8,6 @@ import pytest
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo.live.quantities import FROZEN, NOT_FINITE, SLOW
-from silo_tui.model.samples.live import Reading, value_text
-from silo_tui.model.words import text
 from silo_tui.terminal.thinness import STEPS
 from tests.stand_ins.fake_signals import scalar, vector
 
@@ -351,19 +349,6 @@ async def test_samples_that_are_no_numbers_are_told_of_the_row_under_the_cursor(
         await screen.shows("12 samples nan or inf, left out of min to std")
 
 
-@pytest.mark.parametrize(
-    ("smallest", "largest", "width", "words"),
-    [
-        (999_999.5, 1_000_000.5, 9, ["999999.50", "1000000.5"]), (-0.25, 0.75, 8, ["-0.250", "0.750"]),
-        (-1e-15, 1.0, 8, ["0.000", "1.000"]), (0.0, 90.0, 8, ["0.00", "90.00"]),
-        (1e-9, 2e-9, 8, ["1.000e-9", "2.000e-9"]),
-    ],
-)  # fmt: skip
-def test_numbers_of_a_signal_have_the_decimals_in_which_they_differ(smallest, largest, width, words):
-    decimals = text.decimals_between(smallest, largest)
-    assert [text.number(value, width, decimals=decimals) for value in (smallest, largest)] == words
-
-
 async def test_value_and_statistics_of_a_row_have_decimals_alike(fake, opened):
     fake.run()
     fake.facts = {"value": {TORQUE: 11.125}, "max": {TORQUE: 31.5}, "min": {TORQUE: 1.78e-15}, "mean": {TORQUE: 2.5}}
@@ -401,21 +386,6 @@ async def test_what_names_don_t_need_shows_entries_of_vectors(size, entries, new
     async with opened(fake.run(), size=size) as screen:
         await screen.until(lambda: len(re.findall(r"-?\d\.\d\d\b", row_with(screen, "/base/twist"))) == entries)
         assert "…" not in row_with(screen, "/base/twist")
-
-
-@pytest.mark.parametrize(("kind", "words"), [("vector", "0.00 -0.93  3.50"), ("pose", "2e-8 -0.93  3.50")])
-def test_an_entry_that_is_nothing_beside_the_others_is_a_zero_where_their_unit_is_one(kind, words):
-    entries = tuple(Entry(suffix, "<f8") for suffix in ("_x", "_y", "_z"))
-    element = ElementInfo("/log/a", "m", kind, (3,), entries, ElementOptions())
-    reading = Reading(np.array([2e-8, -0.93, 3.5]), {}, 1, 0, 0)
-    assert value_text(element, reading, 17) == words
-
-
-def test_large_numbers_keep_the_digits_that_differ():
-    assert [text.number(value, 8) for value in (999_999.5, 1_000_001.5)] == ["999999.5", "1000002"]
-    assert [text.number(value, 11) for value in (999_999.5, 1_000_000.5)] == ["999999.50", "1000000.50"]
-    assert text.number(2**63 - 1, 19, integer=True) == "9223372036854775807"
-    assert text.axis_ends(999_999.4, 1_000_000.6) == ("999999.4", "1000000.6", "")
 
 
 async def test_a_unit_that_has_no_room_is_seen_to_be_cut(new_fake, opened):

@@ -1,5 +1,9 @@
 """The list of recordings as rows of text: names, dates, widths, filter."""
 
+from datetime import datetime
+
+import pytest
+
 from silo.core.elements import FileType
 from silo.recordings.requests import RecordingFile, SavedRecording
 from silo_tui.model.lists import recordings as rows
@@ -52,6 +56,26 @@ def test_rows_have_the_width_of_the_screen_and_the_titles_stand_over_them():
 def test_a_recording_of_an_own_clock_is_dated_by_its_file():
     assert rows.begun_ns(one(begun_ns=5)) == BEGIN
     assert rows.begun_ns(one(begun_ns=BEGIN + 7)) == BEGIN + 7
+
+
+def test_a_date_has_a_year_where_it_is_of_another_one():
+    when = datetime.fromtimestamp(BEGIN / 1e9)
+    assert rows.begun_text(BEGIN, BEGIN / 1e9 + 40 * 86400) == f"{when:%d %b %H:%M}"
+    assert rows.begun_text(BEGIN, BEGIN / 1e9 + 366 * 86400) == f"{when:%Y-%m-%d}"
+
+
+@pytest.mark.parametrize(
+    ("more", "why"),
+    [
+        ({"why": "saved by hand", "logger": "robot"}, "by hand"), ({"why": "by hand"}, "by hand"),
+        ({"logger": ""}, "of another program"), ({"unread": True}, "not looked into yet"),
+        ({"why": "by hand", "unfinished": True}, "not finished yet"),
+    ],
+)  # fmt: skip
+def test_a_row_says_why_there_is_a_recording_or_whose_it_is(more, why):
+    assert rows.row(one(**more), "robot", 160).startswith(
+        f"{'robot':<{rows.row(one(), 'robot', 160).index('of another')}}{why} "
+    )
 
 
 def test_a_filter_takes_words_in_any_order_either_and_not():

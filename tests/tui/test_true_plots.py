@@ -237,6 +237,7 @@ def test_a_trend_shows_nan_and_inf_too():
     [
         (0, "0"), (12_500, "12.5k"), (-3.2e6, "-3.2M"), (1e-300, "1e-300"), (2.5e-4, "250e-6"), (999_999, "1M"),
         (4.6e18, "4.6e18"), (0.125, "0.125"), (999.6, "1k"), (1e15, "1e15"), (-1e-6, "-1e-6"), (1.7e308, "170e306"),
+        (12_345, "12.3k"),
     ],
 )  # fmt: skip
 def test_engineering_notation(value, shown):
@@ -252,6 +253,18 @@ def test_ends_of_an_axis_fit_and_differ(one, other):
     words = text.axis_ends(bottom, top)
     assert words[0] != words[1]
     assert max(map(len, words[:2])) <= 9
+
+
+@pytest.mark.parametrize(
+    ("ends", "words"),
+    [
+        ((0.0, 2e6), ("0", "2M", "")),
+        ((999_999.4, 1_000_000.6), ("999999.4", "1000000.6", "")),
+        ((-3.5, 2.25, 10**18), ("+0.5", "+6.25", "999999999999999996")),  # from the whole number below
+    ],
+)
+def test_ends_of_an_axis_are_as_short_as_their_distance_lets_them(ends, words):
+    assert text.axis_ends(*ends) == words
 
 
 @pytest.mark.parametrize(

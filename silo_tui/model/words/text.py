@@ -47,8 +47,7 @@ def _fitting(value: float, width: int, most: int = 4) -> str:
     """Write in engineering notation, with as many decimals as fit, at most `most`; else in the shortest one."""
     mantissa, power = _parts(value)
     texts = [f"{mantissa:.{digits}f}e{power}" for digits in range(most, -1, -1)]
-    texts += [_short_power(f"{value:.{digits}e}") for digits in (2, 1, 0)]
-    return next((text for text in texts if len(text) <= width), texts[-1])
+    return next((text for text in texts if len(text) <= width), _short_power(f"{value:.0e}"))
 
 
 def _parts(value: float) -> tuple[float, int]:
