@@ -18,6 +18,9 @@ FINE = Summary(
 )  # fmt: skip
 
 
+UNKNOWN = Member(LoggerAddress("x", 0, "", ""))
+
+
 def member(name: str = "anymal", host: str = "rob3", *, here: bool = True, since_s: float = 0.0, **told) -> Member:
     found = LoggerAddress(name, 0, "", "", "lab", host, id="aaaa000001")
     return Member(found, msgspec.structs.replace(FINE, **told), here, since_s=since_s, seen_s=since_s)
@@ -65,6 +68,42 @@ def test_a_line_says_state_time_rate_losses_disk_alarms_and_who_is_there() -> No
     words = shown(member(alarm="HH", alarms=3, lost=12)).split()
     assert words == ["rob3/anymal", "●", "RUNNING", "05:30", "400.0", "12", "84%", "HH", "3", "now", "ann@desk"]
     assert "84% 40 GB" in shown(member(), width=160)
+
+
+def test_there_is_a_rate_of_what_runs_alone_and_the_room_that_is_left_where_lines_are_wide() -> None:
+    assert "400.0" not in shown(member(state=State.STOPPED))
+    assert ["GB" in shown(member(), width=width) for width in (109, 110)] == [False, True]
+
+
+def test_a_total_says_how_many_are_in_which_state_as_far_as_it_is_known() -> None:
+    lines = [line(member("a")), line(member("b")), line(member("c", state=State.STOPPED)), line(UNKNOWN)]
+    assert fleet.total(lines) == "4 loggers: 2 running, 1 stopped"
+    assert fleet.total(lines[3:]) == "1 logger"
+
+
+@pytest.mark.parametrize(
+    ("one", "unsaved", "says"),
+    [
+        (member(), True, ["118 024 ticks, not saved"]),
+        (member(saved=True), False, []),
+        (member(ticks=0), False, []),
+        (member(state=State.STOPPED, reason="by ann"), True, ["by ann"]),
+        (member(here=False), True, ["silent since ", "118 024 ticks, not saved"]),
+    ],
+)
+def test_below_the_list_stands_what_its_columns_do_not_say(one, unsaved, says) -> None:
+    assert fleet.is_unsaved(line(one)) is unsaved
+    words = fleet.details(line(one)).split(" │ ")
+    told = [word for word in words if word not in ("rob3/anymal: lab", "40 GB of 256 GB free")]
+    assert len(words) == len(told) + 2
+    assert all(word.startswith(begin) for word, begin in zip(told, says, strict=True))
+
+
+def test_the_fastest_stands_first_and_what_is_gone_or_unknown_has_no_rate() -> None:
+    found = [member("gone", here=False), member("slow", measured_hz=100.0), UNKNOWN, member("fast")]
+    by_rate = next(order for order in fleet.ORDERS if order.name == "rate")
+    names = [one.member.found.name for one in arranged(map(line, found), by_rate, turned=False)]
+    assert names[:2] == ["fast", "slow"]
 
 
 def test_what_was_denied_stands_in_the_line_and_below() -> None:

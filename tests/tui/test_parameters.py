@@ -6,10 +6,20 @@ from textual.widgets import Input
 
 from silo.core.elements import LoggedEvent
 from silo.core.tuning.asked import read_excitation
-from silo.core.tuning.parameters import ParameterChange, ParameterInfo, ParameterKind
+from silo.core.tuning.parameters import ParameterChange, ParameterInfo, ParameterKind, Writable
 from silo.errors import ElementError
 from silo_tui.keymap import in_menu
-from silo_tui.model.lists.parameters import BAR, history, range_bar, stepped, why_fixed
+from silo_tui.model.lists.parameters import (
+    BAR,
+    DEFAULT,
+    about,
+    differences,
+    history,
+    range_bar,
+    row,
+    stepped,
+    why_fixed,
+)
 from silo_tui.screens.plots.monitor import MonitorScreen
 from tests.stand_ins.fake_parameters import PARAMETERS
 
@@ -42,11 +52,44 @@ def test_what_has_no_steps_says_what_to_do_instead():
         (HEIGHT, "[─────●────]"),
         (replace(HEIGHT, value=0.54), "[─────|───●]"),
         (NAME, "   2 of 3   "),
+        (replace(NAME, value="gallop"), "   0 of 3   "),  # none of its words
         (FREE, " " * BAR),
+        (replace(HEIGHT, maximum=None), " " * BAR),
+        (replace(HEIGHT, minimum=0.54), " " * BAR),
     ],
 )
 def test_a_bar_shows_where_in_its_range_a_value_stands(info, shown):
     assert range_bar(info) == shown
+
+
+@pytest.mark.parametrize(
+    ("info", "beside", "begun", "shown"),
+    [
+        (HEIGHT, 0.48, 0.48, "   name          0.48 m [─────●────]      0.48  ann"),
+        (HEIGHT, 0.5, 0.4, "*  name          0.48 m [─────●────] ≠     0.5  ann"),
+        (NAME, None, None, "   name            trot    2 of 3            -  ann"),
+        (NAME, "x" * 20, None, f"   name            trot    2 of 3    ≠{'x' * (DEFAULT - 2)}…  ann"),
+    ],
+)
+def test_a_line_says_what_a_value_was_and_what_it_differs_from(info, beside, begun, shown):
+    assert row(info, "name", beside, begun, "ann") == shown
+
+
+@pytest.mark.parametrize(
+    ("info", "says"),
+    [
+        (HEIGHT, "above ground │ 0.4 to 0.54 in steps of 0.005 m │ set on the robot alone"),
+        (replace(HEIGHT, writable=Writable.ANYWHERE), "above ground │ 0.4 to 0.54 in steps of 0.005 m"),
+    ],
+)
+def test_below_the_list_stands_where_one_is_set(info, says):
+    assert about(info, locked=False) == says
+
+
+def test_a_question_names_the_values_that_are_other_ones_now():
+    infos, short = [HEIGHT, NAME], {HEIGHT.name: "height", NAME.name: "name"}
+    values = {HEIGHT.name: 0.5, NAME.name: "trot", "/log/gone": 1.0}
+    assert differences(infos, values, short) == {HEIGHT.name: ("height: 0.48 -> 0.5 m", 0.5)}
 
 
 def test_who_changed_what_since_the_start_is_told_by_the_events_of_the_newest_run():
