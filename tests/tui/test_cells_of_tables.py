@@ -1,0 +1,234 @@
+"""What stands in the cells of the table of elements, and in which style: without a screen."""
+
+import numpy as np
+import pytest
+
+from silo.analysis.reports import ElementReport
+from silo.core.elements import BufferType, ElementInfo, ElementOptions, Entry, Table
+from silo.live.quantities import FROZEN, NOT_FINITE
+from silo.rpc.published import NotLive
+from silo_tui.model.samples.live import LiveValues, Reading
+from silo_tui.model.table import cells
+from silo_tui.model.table.cells import Sight
+from silo_tui.model.table.facts import Facts
+from silo_tui.model.table.fields import Field
+from silo_tui.model.table.state import TableState
+from tests.stand_ins.fake_signals import scalar, vector
+
+ELEMENTS = [
+    scalar("/t", "Nm"), vector("/v", "m/s"), vector("/p", "-", kind="pose"), scalar("/n", dtype="<i4"),
+    scalar("/gait", dtype="<i4", labels={0: "stand", 1: "walk"}), scalar("/on", dtype="|b1"),
+    scalar("/off", enabled=False), scalar("/fixed", buffer=BufferType.FIXED),
+    ElementInfo("/m", "-", "vector", (2,), (Entry("_x", "<f8"), Entry("_n", "<i4")), ElementOptions()),
+    scalar("/derived", "-"),
+]  # fmt: skip
+ROW = {element.name: row for row, element in enumerate(ELEMENTS)}
+OF_V = (3.0, 0.0, 4.0)
+NAN = float("nan")
+
+
+def read(*values, held=1, lost=0, **more):
+    return Reading(np.array(values), {}, held, lost, 0, **more)
+
+
+def sight_of(name, reading=None, chosen=0, facts=None, signs=0, **more):
+    """What cells of one row are drawn from: `facts` are those of names on the screen."""
+    table, live = TableState(), LiveValues()
+    table.load(Table(1, ELEMENTS[:-1], ELEMENTS[-1:]))
+    quantities = {"signs": np.where(np.arange(len(ELEMENTS)) == ROW[name], float(signs), 0.0)}
+    table.facts = Facts(quantities, details=facts or {})
+    if reading is not None:
+        live.readings[name] = reading
+    return Sight(table, live, lambda row: chosen, lambda row: "▁▂", **more)
+
+
+@pytest.mark.parametrize(
+    ("name", "reading", "more", "cell"),
+    [
+        ("/t", read(1.5), {}, ("1.5000", "value")),
+        ("/t", read(1.5), {"fresh": False}, ("1.5000", "stale")),
+        ("/t", read(1.5), {"running": False}, ("1.5000", "stale")),
+        ("/t", read(1.5), {"fresh": False, "at_s": 2.0}, ("1.5000", "value")),  # a moment of a file
+        ("/t", read(NAN, held=0), {"at_s": 2.0}, ("-", "quiet")),
+        ("/t", None, {}, ("…", "quiet")),
+        ("/t", read(1.5, held=0), {}, ("…", "quiet")),
+        ("/t", None, {"fresh": False}, ("-", "quiet")),
+        ("/t", None, {"running": False}, ("-", "quiet")),
+        ("/off", read(1.5), {}, ("off", "quiet")),
+        ("/t", read(1.5, why=NotLive.FULL), {}, ("buffer full", "quiet")),
+        ("/t", read(1.5, why=NotLive.FULL), {"running": False}, ("1.5000", "stale")),
+        ("/t", read(1.5), {"facts": {"/t": {"value": 2.5}}}, ("2.5000", "value")),  # of the statistics' moment
+        ("/t", read(1.5), {"facts": {"/t": {"min": 0.0, "max": 90.0}}}, ("1.50", "value")),
+        ("/t", read(123.4567), {"digits_fewer": 5}, ("123.46", "value")),
+        ("/v", read(*OF_V), {"width": 17}, ("3.00  0.00  4.00", "value")),
+        ("/v", read(*OF_V), {"facts": {"/v_z": {"value": 5.0}}, "width": 17}, ("3.00  0.00  5.00", "value")),
+        ("/v", read(*OF_V), {"chosen": 1}, ("norm 5.0000", "value")),
+        ("/v", read(*OF_V), {"chosen": 2, "facts": {"/v_x": {"value": 6.0}}}, ("x 6.0000", "value")),
+        ("/v", read(*OF_V), {"chosen": 4}, ("z 4.0000", "value")),
+        ("/v", read(*OF_V), {"chosen": 4, "facts": {"/v_z": {"value": 6.0}}}, ("z 6.0000", "value")),
+    ],
+)  # fmt: skip
+def test_a_value_or_why_there_is_none(name, reading, more, cell):
+    width = more.pop("width", 11)
+    assert cells.value(sight_of(name, reading, **more), ROW[name], width) == cell
+
+
+@pytest.mark.parametrize(
+    ("reading", "more", "cell"),
+    [
+        (read(*OF_V), {}, ("4.0000", "value")),
+        (read(*OF_V), {"facts": {"/v_z": {"value": 6.0, "min": 0.0, "max": 90.0}}}, ("6.00", "value")),
+        (None, {}, ("…", "quiet")),
+    ],
+)
+def test_an_entry_on_a_line_of_its_own_has_no_name_before_it(reading, more, cell):
+    assert cells.entry_value(sight_of("/v", reading, **more), ROW["/v"], 2, 11) == cell
+
+
+@pytest.mark.parametrize(
+    ("name", "reading", "cell"),
+    [
+        ("/t", read(1.0, held=2000), ("50%", "quiet")),
+        ("/t", read(1.0, held=2000, size=2500), ("80%", "quiet")),  # the recording's buffer
+        ("/t", read(1.0, held=2000, size=0), ("", "")),
+        ("/t", None, ("", "")),
+        ("/off", read(1.0, held=2000), ("", "")),
+        ("/t", read(1.0, held=4000), ("100%", "quiet")),  # it rolls
+        ("/fixed", read(1.0, held=4000), ("100%", "full")),
+        ("/fixed", read(1.0, held=3990), ("100%", "quiet")),
+        ("/t", read(1.0, held=2000, lost=1), ("50%", "lost")),
+        ("/t", read(1.0, held=2000, failed=1), ("50%", "lost")),
+    ],
+)
+def test_how_full_a_buffer_is(name, reading, cell):
+    assert cells.fill(sight_of(name, reading), ROW[name], 4) == cell
+
+
+@pytest.mark.parametrize(
+    ("name", "title", "told", "more", "cell"),
+    [
+        ("/t", "mean", {"/t": {"mean": 2.5}}, {}, "2.5000"),
+        ("/t", "mean", {}, {}, ""),
+        ("/t", "mean", {"/t": {"mean": 2.5, "min": 0.0, "max": 90.0}}, {}, "2.50"),
+        ("/n", "min", {"/n": {"min": 5.0}}, {}, "5"),
+        ("/n", "mean", {"/n": {"mean": 5.5}}, {}, "5.5000"),
+        ("/gait", "max", {"/gait": {"max": 1.0}}, {}, "walk"),
+        ("/gait", "max", {"/gait": {"max": 0.5}}, {}, "-"),
+        ("/gait", "mean", {"/gait": {"mean": 1.0}}, {}, "-"),  # between two labels is nothing
+        ("/on", "min", {"/on": {"min": 0.0}}, {}, "false"),
+        ("/on", "mean", {"/on": {"mean": 0.25}}, {}, "0.2500"),
+        ("/v", "min", {"/v": {"least": -2.0}}, {}, "-2.0000"),
+        ("/v", "max", {"/v": {"least": 0.0, "most": 90.0}}, {}, "90.00"),
+        ("/v", "mean", {"/v": {"mean": 3.0}}, {}, ""),
+        ("/p", "min", {"/p": {"least": -2.0}}, {}, ""),  # of several units
+        ("/v", "mean", {"/v": {"mean": 3.0}}, {"chosen": 1}, "3.0000"),
+        ("/v", "mean", {"/v_x": {"mean": 4.0}}, {"chosen": 2}, "4.0000"),
+        ("/m", "min", {"/m_x": {"min": 4.0}}, {"chosen": 2}, "4.0000"),
+        ("/m", "min", {"/m_n": {"min": 4.0}}, {"chosen": 3}, "4"),
+        ("/m", "min", {"/m": {"least": 4.0}}, {}, "4.0000"),
+    ],
+)
+def test_a_statistic_reads_as_its_signal_does(name, title, told, more, cell):
+    assert cells.statistic(sight_of(name, facts=told, **more), ROW[name], 8, title) == (cell, "quiet")
+
+
+@pytest.mark.parametrize(
+    ("since_s", "width", "more", "head"),
+    [
+        (55, 8, {}, "mean 45s"), (55, 7, {}, "mean"), (0, 8, {}, "mean"), (100, 8, {}, "mean"),
+        (55, 8, {"at_s": 1.0}, "mean"),
+    ],
+)  # fmt: skip
+def test_the_head_says_over_how_long_statistics_are_where_it_has_room(since_s, width, more, head):
+    sight = sight_of("/t", **more)
+    sight.table.facts = Facts({}, since_s * 10**9, 100 * 10**9)
+    assert cells.statistic_head(sight, "mean", width) == head
+
+
+@pytest.mark.parametrize(
+    ("name", "reading", "more", "cell"),
+    [
+        ("/t", read(1.0), {"signs": NOT_FINITE | FROZEN}, ("NN", "lost")),
+        ("/t", read(1.0), {"signs": FROZEN}, ("==", "caution")),
+        ("/t", read(1.0), {}, ("", "")),
+        ("/t", read(1.0), {"signs": NOT_FINITE, "fresh": False}, ("~~", "quiet")),
+        ("/t", None, {"signs": NOT_FINITE, "fresh": False}, ("NN", "lost")),
+        ("/off", read(1.0), {"signs": NOT_FINITE}, ("", "")),
+    ],
+)
+def test_the_worst_sign_stands_alone(name, reading, more, cell):
+    assert cells.sign(sight_of(name, reading, **more), ROW[name], 2) == cell
+
+
+@pytest.mark.parametrize(
+    ("draw", "quantity", "told"),
+    [
+        (cells.share, "share", {NAN: ("", "quiet"), 0.5: ("50%", "caution"), 0.95: ("95%", "quiet")}),
+        (cells.rate, "rate", {NAN: ("", "quiet"), 99.5: ("99.5", "quiet")}),
+        (cells.time("jitter"), "jitter", {NAN: ("", "quiet"), 0.00154: ("1.5 ms", "quiet")}),
+    ],
+)
+def test_what_is_measured_of_an_element_or_nothing_where_it_is_not_known(draw, quantity, told):
+    for value, cell in told.items():
+        assert draw(sight_of("/t", facts={"/t": {quantity: value}}), ROW["/t"], 8) == cell
+
+
+def test_a_stretch_of_time_is_of_the_entry_that_is_shown_where_it_is_known():
+    draw, facts = cells.time("changed"), {"/v": {"changed": 5.0}, "/v_x": {"changed": 2.0}}
+    shown = [draw(sight_of("/v", chosen=chosen, facts=facts), ROW["/v"], 8)[0] for chosen in (0, 2, 3)]
+    assert shown == ["5 s", "2 s", "5 s"]
+
+
+@pytest.mark.parametrize(
+    ("draw", "name", "width", "shown"),
+    [
+        (cells.unit, "/t", 5, "Nm"), (cells.unit, "/n", 5, ""), (cells.unit, "/v", 2, "m…"),
+        (cells.option(Field.ENABLED), "/t", 3, "[x]"), (cells.option(Field.ENABLED), "/derived", 3, "[x]"),
+        (cells.option(Field.BUFFER), "/fixed", 4, "fix"), (cells.option(Field.BUFFER), "/derived", 4, "-"),
+        (cells.number(Field.SIZE), "/t", 4, "4000"), (cells.number(Field.SIZE), "/t", 3, "4e3"),
+        (cells.number(Field.SIZE), "/derived", 4, "-"), (cells.number(Field.DIVIDER), "/derived", 4, "1"),
+    ],
+)  # fmt: skip
+def test_settings_and_what_a_derived_signal_has_none_of(draw, name, width, shown):
+    assert draw(sight_of(name), ROW[name], width)[0] == shown
+
+
+def test_a_branch_has_the_worst_sign_below_it_and_of_how_many():
+    rows = np.array([ROW["/t"], ROW["/v"]])
+    assert cells.branch_sign(sight_of("/t", signs=NOT_FINITE), rows) == ("NN 1 of 2", "lost")
+    assert cells.branch_sign(sight_of("/t"), rows) == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("more", "style"), [({}, "trend"), ({"fresh": False}, "stale"), ({"fresh": False, "at_s": 1.0}, "trend")]
+)
+def test_a_trend_that_goes_on_no_more_is_dim(more, style):
+    assert cells.trend(sight_of("/t", **more), 0, 10) == ("▁▂", style)
+
+
+def report(type_="float64", samples=100, start_s=1.0, end_s=51.14, lost=0):
+    return ElementReport("/t", "Nm", type_, "scalar", 1, "rolling", samples, start_s, end_s, 400.0, lost)
+
+
+@pytest.mark.parametrize(
+    ("draw", "of", "width", "cell"),
+    [
+        (cells.samples, report(samples=9_999_999), 7, ("9999999", "quiet")),
+        (cells.samples, report(samples=10_000_000), 7, ("10M", "quiet")),
+        (cells.span, report(), 6, ("50.14", "quiet")),
+        (cells.span, report(), 16, ("1 … 51.14", "quiet")),
+        (cells.span, report(start_s=None, end_s=None), 6, ("-", "quiet")),
+        (cells.span, report(start_s=1.234567, end_s=1.234589), 20, ("1.23457 … 1.23459", "quiet")),
+        (cells.type_cell, report("float64[7]"), 10, ("f64[7]", "quiet")),
+        (cells.type_cell, report("datetime64[ns]"), 10, ("date64[ns]", "quiet")),
+        (cells.lost, report(), 5, ("0", "quiet")),
+        (cells.lost, report(lost=3), 5, ("3", "conflict")),
+    ],
+)
+def test_what_a_file_tells_of_an_element(draw, of, width, cell):
+    assert draw(sight_of("/t", reports={"/t": of}), ROW["/t"], width) == cell
+
+
+@pytest.mark.parametrize(("name", "words"), [("/gait", "enum[7]"), ("/n", "i32[7]"), ("/m", "i32[7]")])
+def test_what_has_labels_is_an_enumeration(name, words):
+    assert cells.type_cell(sight_of(name, reports={name: report("int32[7]")}), ROW[name], 10) == (words, "quiet")
