@@ -19,7 +19,7 @@ ELEMENTS = [
     scalar("/t", "Nm"), vector("/v", "m/s"), vector("/p", "-", kind="pose"), scalar("/n", dtype="<i4"),
     scalar("/gait", dtype="<i4", labels={0: "stand", 1: "walk"}), scalar("/on", dtype="|b1"),
     scalar("/off", enabled=False), scalar("/fixed", buffer=BufferType.FIXED),
-    ElementInfo("/m", "-", "vector", (2,), (Entry("_x", "<f8"), Entry("_n", "<i4")), ElementOptions()),
+    ElementInfo("/m", "-", "vector", (2,), (Entry("_n", "<i4"), Entry("_x", "<f8")), ElementOptions()),
     scalar("/derived", "-"),
 ]  # fmt: skip
 ROW = {element.name: row for row, element in enumerate(ELEMENTS)}
@@ -123,9 +123,9 @@ def test_how_full_a_buffer_is(name, reading, cell):
         ("/p", "min", {"/p": {"least": -2.0}}, {}, ""),  # of several units
         ("/v", "mean", {"/v": {"mean": 3.0}}, {"chosen": 1}, "3.0000"),
         ("/v", "mean", {"/v_x": {"mean": 4.0}}, {"chosen": 2}, "4.0000"),
-        ("/m", "min", {"/m_x": {"min": 4.0}}, {"chosen": 2}, "4.0000"),
-        ("/m", "min", {"/m_n": {"min": 4.0}}, {"chosen": 3}, "4"),
-        ("/m", "min", {"/m": {"least": 4.0}}, {}, "4.0000"),
+        ("/m", "min", {"/m_n": {"min": 4.0}}, {"chosen": 2}, "4"),
+        ("/m", "min", {"/m_x": {"min": 4.0}}, {"chosen": 3}, "4.0000"),
+        ("/m", "min", {"/m": {"least": 4.0}}, {}, "4"),
     ],
 )
 def test_a_statistic_reads_as_its_signal_does(name, title, told, more, cell):

@@ -125,6 +125,13 @@ def test_a_wave_is_a_wave_at_every_size(scale):
     assert drawn.lines[-1].strip(), drawn.lines
 
 
+@pytest.mark.parametrize("scale", [1e-300, 1.0, 1e300, 1.7e308])
+def test_the_newest_value_is_marked_where_the_curve_ends(scale):
+    values = scale * np.array([-1.0, 1.0, 0.6, 0.6])
+    drawn = picture_of(range(0, 40, 10), values)
+    assert drawn.newest == 4 * HEIGHT - 1 - braille.row_of(values[-1:], drawn.scale, 4 * HEIGHT)[0]
+
+
 @pytest.mark.parametrize("start", [2**62, 2**53, -(2**63), 2**63 - 100])
 def test_a_counter_far_from_zero_rises(start):
     counts = np.array([start + number for number in range(COLUMNS)], "i8")

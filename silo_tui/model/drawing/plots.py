@@ -201,7 +201,7 @@ def _picture(window: PlotWindow, piece: ColumnPiece, axis: Axis, width: int, hei
         cursor_signs = signs_of(piece.marks[here])
     lit = braille.curve(axis.places(piece.low), axis.places(piece.high), axis.scale, width, height)
     newest = np.flatnonzero(~np.isnan(piece.low))[-1:]
-    middle = (piece.low[newest] + piece.high[newest]) / 2  # its upper end is where the curve was, not where it is
+    middle = piece.low[newest] / 2 + piece.high[newest] / 2  # its upper end is where the curve was, not where it is
     row = int(axis.rows(middle, 4 * height)[0]) if len(newest) else None
     return Picture(
         piece,
