@@ -4,14 +4,19 @@ import os
 
 import msgspec
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from silo.core.elements import Action, BufferType, ElementInfo, ElementOptions, Entry, Table
+from silo_tui.model.table.changes import cost_of, groups_of
 from silo_tui.model.table.fields import Field, values_of
 from silo_tui.model.table.state import TableState
+from silo_tui.sessions import kept
 from silo_tui.sessions.kept import lives
+
+TORQUE = "/log/legs/LF/HAA/torque"
 
 COUNT = 4
 option_values = {
@@ -319,3 +324,70 @@ def test_a_process_of_another_user_lives(monkeypatch):
     monkeypatch.setattr("os.kill", forbidden)
     assert lives(os.getpid() + 1)
     assert not lives(os.getpid()), "ours has just begun with its logger"
+
+
+def test_kept_edits_whose_ground_changed_meanwhile_are_conflicts(robot):
+    table = TableState()
+    table.load(Table(1, robot))
+    assert (
+        table.take_up(
+            [kept.KeptEdit("/log/base/orientation", int(Field.DIVIDER), 3, 7), kept.KeptEdit("/gone", 1, 1, 2)]
+        )
+        == 1
+    )
+    assert int(table.conflicts.sum()) == 1
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b'{"time_s": 1, "edits": [["x"]]}', b"\xff\xfe"])
+def test_kept_edits_that_can_t_be_read_are_none(tmp_path, content):
+    path = tmp_path / "x.json"
+    path.write_bytes(content)
+    assert kept.read(path) is None
+
+
+class Change:
+    def __init__(self, name, old="1", new="5"):
+        self.name, self.field, self.old, self.new = name, "divider", old, new
+
+
+def test_groups_keep_names_of_other_depth_or_end_apart_and_begin_with_the_largest():
+    changes = [Change(f"/log/{leg}/{joint}/q") for leg in ("LF", "RF") for joint in ("HAA", "KFE")]
+    changes += [Change("/log/LF/q"), Change("/log/base/tau")]
+    groups = groups_of(changes, "/log")
+    assert [(group.count, group.pattern) for group in groups] == [(4, "/*/*/q"), (1, "/LF/q"), (1, "/base/tau")]
+
+
+def test_a_branch_that_changes_alike_is_one_line():
+    battery = [
+        Change(f"/log/battery/{name}") for name in ("voltage", "current", "power", "charge", "state", "t1", "t2")
+    ]
+    apart = [Change("/log/base/tau"), Change("/log/base/q")]
+    groups = groups_of(battery + apart, "/log")
+    assert [(group.count, group.pattern) for group in groups] == [(7, "/battery/*"), (1, "/base/q"), (1, "/base/tau")]
+    legs = [Change(f"/log/legs/{leg}/{name}") for leg in ("LF", "RF") for name in "abcd"]
+    assert [(group.count, group.pattern) for group in groups_of(legs, "/log")] == [(8, "/legs/*/*")]
+
+
+def test_how_long_is_held_is_told_of_what_is_edited(robot):
+    table = TableState()
+    table.load(Table(1, robot))
+    assert cost_of(table.elements, table.values, 400.0).shortest != TORQUE
+    table.edit([table.row(TORQUE)], Field.DIVIDER, 20)
+    now, after = (cost_of(table.elements, values, 400.0, {TORQUE}) for values in (table.server, table.values))
+    assert (now.shortest, after.shortest) == (TORQUE, TORQUE)
+    assert after.shortest_s == 20 * now.shortest_s == after.longest_s
+    table.edit([table.row(TORQUE)], Field.BUFFER, int(BufferType.GROWING))  # which holds all there is
+    assert cost_of(table.elements, table.values, 400.0, {TORQUE}).shortest == ""
+
+
+def test_the_cost_of_a_table_counts_what_is_on(robot):
+    table = TableState()
+    table.load(Table(1, robot))
+    row = table.row(TORQUE)
+    values = table.values.copy()
+    values[Field.ENABLED] = 0
+    values[:, row] = [1, 2, 0, 0, 400]
+    cost = cost_of(table.elements, values, 400.0)
+    assert (cost.disk_bytes_s, cost.topic_bytes_s, cost.shortest_s, cost.shortest) == (1600.0, 1600.0, 2.0, TORQUE)
+    assert cost.memory_bytes == 400 * 8 + 400 * 16
+    assert cost_of(table.elements, np.zeros_like(values), 400.0).shortest == ""
