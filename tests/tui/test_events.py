@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from silo.conditions.standing import TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
@@ -15,6 +16,7 @@ from silo_tui.app import SiloApp
 from silo_tui.model.lists.happened import (
     MOST,
     columns_of,
+    csv_text,
     gone_words,
     in_plots,
     in_time,
@@ -47,6 +49,19 @@ def test_a_line_is_never_wider_than_the_screen():
         assert len(line(event(), "x" * 300, width, "bot")) <= width
     assert line(event(), '"push 3"', 80, "bot").endswith("me@desk")
     assert line(event(who=""), "push", 80, "bot").endswith("bot")
+
+
+def test_a_table_of_events_has_their_time_in_full():
+    late, start = event(at_ns=1_790_000_000_000_000_007), replace(event("started", "", SECOND, who=""), tick=-1)
+    rows = csv_text([late, start]).splitlines()
+    assert rows[1] == "2026-09-21T14:13:20.000000007Z,1790000000000000007,5,marker,push 3,me@desk silo-tui 1,r"
+    assert rows[2] == "1970-01-01T00:00:01.000000000Z,1000000000,,started,,,r"
+
+
+@pytest.mark.parametrize(("room", "told"), [(24, "one that is cut in its m"), (23, "one that is cut in its…")])
+def test_what_has_no_room_in_its_line_is_cut(room, told):
+    head = line(event(), "", 80, "bot").index("M") + 2
+    assert line(event(), "one that is cut in its m", head + room + len("me@desk") + 4, "bot")[head:].startswith(told)
 
 
 def test_control_characters_stay_off_the_screen():

@@ -130,7 +130,13 @@ def test_marks_survive_a_filter_and_are_counted_as_hidden(rows):
     rows.set_filter("torque")
     rows.mark_shown()
     rows.set_filter("velocity")
+    assert (rows.marked_count, rows.hidden_marked, rows.hidden_targets) == (12, 12, 12)
+    rows.toggle_mark()
+    assert (rows.marked_count, rows.hidden_marked) == (13, 12)
+    rows.toggle_mark()
     assert (rows.marked_count, rows.hidden_marked) == (12, 12)
+    rows.begin_range()  # which is about what is shown
+    assert rows.hidden_targets == 0
 
 
 def test_marking_all_twice_unmarks(rows):

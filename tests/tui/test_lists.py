@@ -16,7 +16,7 @@ SHOWN = ["a", "b", "c", "d"]
 @pytest.mark.parametrize(
     ("asked", "found"),
     [("", True), ("fall", True), ("FALL roll", True), ("slip|roll", True), ("-slip", True), ("-roll", False),
-     ("slip", False), ("-", False)],
+     ("slip", False), ("-", False), ("-6", False), ("-7", True)],
 )  # fmt: skip
 def test_a_line_passes_that_has_all_words(asked, found):
     assert passes("ARMED fall abs(base/roll) > 0.6", asked) == found
@@ -37,6 +37,20 @@ def test_marking_all_again_unmarks_them_and_leaves_what_is_hidden():
     assert marks.keys == {*SHOWN, "hidden"}
     marks.toggle_all(SHOWN)
     assert marks.keys == {"hidden"}
+    alone = Marks()
+    alone.toggle_all(SHOWN)
+    alone.toggle_all(SHOWN)
+    assert not alone.keys
+
+
+def test_esc_says_whether_there_was_a_mark_or_a_range():
+    marks = Marks()
+    assert not marks.clear()
+    marks.toggle("a")
+    assert marks.clear()
+    marks.range_to("a", SHOWN)
+    assert marks.clear()
+    assert not marks.clear()
 
 
 @pytest.mark.parametrize(("begin", "end"), [("b", "d"), ("d", "b")])

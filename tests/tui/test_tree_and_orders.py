@@ -11,6 +11,7 @@ from silo_tui.model.table.facts import Facts
 from silo_tui.model.table.rows import RowList
 from silo_tui.model.table.state import TableState
 from silo_tui.model.table.tree import entry_of, row_of, tree_of
+from tests.stand_ins.fake_signals import vector
 
 
 @pytest.fixture
@@ -81,13 +82,42 @@ def test_a_vector_unfolds_into_its_entries_in_list_and_tree(rows):
     rows.fold()
     at = rows.position
     assert words(rows)[at : at + 4] == ["acceleration", "_x", "_y", "_z"]
+    assert len(words(rows)) == len(rows.table) + 3
     rows.move_to(at + 2)
     assert (rows.entry, rows.table.names[rows.row]) == (1, "/log/imu/acceleration")
     assert len(rows.shown) == len(rows.table)
     rows.order_by("tree")
     assert rows.entry == 1
+    assert [rows.tree.depth(rows.position + step) for step in (-3, -2, -1, 0, 1, 2)] == [0, 1, 2, 2, 2, 1]
     rows.fold()
     assert (rows.entry, "_x" in words(rows)) == (None, False)
+
+
+def test_a_vector_is_shown_by_its_norm_then_entry_by_entry_then_whole_again(rows):
+    def shown():
+        return rows.next_component(), rows.component(rows.row)
+
+    rows.move_to_row(rows.table.row("/log/imu/acceleration"))
+    assert (rows.component(rows.row), [shown() for _ in range(5)]) == (
+        0,
+        [
+            ("the norm of its 3 entries alone", 1), ("entry x alone, 1 of 3", 2), ("entry y alone, 2 of 3", 3),
+            ("entry z alone, 3 of 3", 4), ("its entries side by side", 0),
+        ],
+    )  # fmt: skip
+    rows.move_to_row(rows.table.row("/log/imu/temperature"))
+    assert shown() == ("it has one value only", 0)
+
+
+def test_what_has_entries_of_several_units_has_no_norm_whatever_is_asked_for():
+    table = TableState()
+    table.load(Table(1, [vector("/log/pose", "-", kind="pose"), vector("/log/push", "N", "xy")]))
+    rows = RowList(table)
+    rows.refresh()
+    assert (rows.next_component(), rows.component(0)) == ("entry x alone, 1 of 3", 2)
+    rows.next_component(), rows.next_component(), rows.next_component()
+    rows.order_by("value")  # of a vector by its norm
+    assert [rows.component(row) for row in range(2)] == [0, 1]
 
 
 def test_going_to_an_element_unfolds_what_hides_it(rows):
