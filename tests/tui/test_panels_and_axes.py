@@ -2,6 +2,7 @@
 
 import math
 import re
+import unicodedata
 from itertools import pairwise
 
 import numpy as np
@@ -165,6 +166,26 @@ def test_octants_are_256_different_characters_and_those_of_unicode_16_are_230(st
     assert chr(found[0b10101010]) == "▐"
     assert found[0b00000100] == 0x1CD00  # BLOCK OCTANT-3, the first of them
     assert found[0b11111110] == 0x1CDE5  # BLOCK OCTANT-2345678, the last
+
+
+def test_characters_from_before_the_octants_show_the_dots_of_their_names(style):
+    """`QUADRANT UPPER LEFT AND LOWER RIGHT`, `LOWER THREE QUARTERS BLOCK`."""
+    style("octants")
+    known = 0
+    for pattern in range(256):
+        lit = np.array([pattern >> place & 1 for place in range(8)], bool).reshape(4, 2)
+        name = unicodedata.name(chr(dots.cells(lit)[0, 0]), "")
+        parts = name.removeprefix("QUADRANT ").removesuffix(" BLOCK").split(" AND ")
+        if name and not name.startswith("BLOCK OCTANT") and {"UPPER", "LOWER", "LEFT", "RIGHT"} & set(parts[0].split()):
+            drawn = np.zeros((4, 2), bool)
+            for words in map(str.split, parts):
+                high = 1 if "ONE" in words else 3 if "THREE" in words else 2
+                rows = np.s_[:high] if "UPPER" in words else np.s_[4 - high :] if "LOWER" in words else np.s_[:]
+                columns = np.s_[:1] if "LEFT" in words else np.s_[1:] if "RIGHT" in words else np.s_[:]
+                drawn[rows, columns] = True
+            assert (lit == drawn).all(), name
+            known += 1
+    assert known >= 18
 
 
 def test_blocks_are_two_dots_high(style):
