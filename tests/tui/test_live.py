@@ -1,6 +1,7 @@
 """How newest values read in a cell."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,16 @@ import pytest
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo.core.quantities.writing import duration_text
 from silo_tui.model.lists.conditions import ago
-from silo_tui.model.samples.live import Reading, entry_text, value_text
+from silo_tui.model.samples.live import (
+    LiveValues,
+    Reading,
+    component_text,
+    entry_text,
+    fill_share,
+    has_norm,
+    offset_text,
+    value_text,
+)
 from silo_tui.model.words import text
 
 
@@ -19,7 +29,9 @@ from silo_tui.model.words import text
         ("<f8", 2.5e-6, None, "2.5000e-6"), ("<f8", float("nan"), None, "nan"), ("<f8", float("-inf"), None, "-inf"),
         ("<i4", -42.0, None, "-42"), ("|b1", 1.0, None, "true"), ("|S8", float("nan"), "hello", "hello"),
         ("|S80", float("nan"), "a much longer text", "a much lon…"), ("<i8", 2.0**40, None, "1099511627776"[:13]),
-        ("<M8[ms]", 1_790_000_000_123.0, None, "14:13:20.1…"),
+        ("<M8[ms]", 1_790_000_000_123.0, None, "14:13:20.1…"), ("|S8", float("nan"), None, ""),
+        ("<i4", float("nan"), None, "-"), ("<u8", 2.0**64, None, "18.44674e18"),
+        ("<i8", 2.0**53, "12345", "12345"),
     ],
 )  # fmt: skip
 def test_a_value_reads_as_its_type_wants(dtype, value, word, shown):
@@ -40,6 +52,84 @@ def test_a_vector_reads_as_a_list_cut_where_it_must():
     element = ElementInfo("/v", "m", "vector", (3,), tuple(Entry(f"_{c}", "<f8") for c in "xyz"), ElementOptions())
     reading = Reading(np.array([1.0, -2.5, 0.001]), {}, 1, 0, 0)
     assert (value_text(element, reading, 20), value_text(element, reading, 8)) == ("1.00 -2.50  0.00", "1.00 …")
+
+
+def test_each_element_of_a_frame_gets_its_own_values_and_words():
+    newest = np.array([1.0, 2.0, np.nan, np.nan, 5.0])
+    frame = SimpleNamespace(
+        elements=("/v", "/word", "/off", "/t"), newest=newest, texts={2: "one", 3: "off"}, time_ns=7,
+        unpublished={"/off"}, held=[1, 2, 3, 4], lost=[0, 5, 0, 0], sizes={1: 100}, failed={3: 6}, not_live={},
+    )  # fmt: skip
+    live = LiveValues()
+    live.take(frame, [2, 1, 1, 1])
+    found = live.readings
+    assert [found[name].newest.tolist() for name in ("/v", "/t")] == [[1.0, 2.0], [5.0]]
+    assert [found[name].texts for name in frame.elements] == [{}, {0: "one"}, {}, {}]
+    assert [(one.held, one.lost, one.size, one.failed) for one in found.values()] == [
+        (1, 0, None, 0), (2, 5, 100, 0), (3, 0, None, 0), (4, 0, None, 6),
+    ]  # fmt: skip
+    assert live.time_ns == found["/v"].time_ns == 7
+
+
+@pytest.mark.parametrize(
+    ("dtype", "offset", "base", "shown"),
+    [
+        ("<f8", 1.5, 0, "1.5000"), ("<i8", 3.0, 2**60, str(2**60 + 3)), ("<i8", -3.0, 2**60, str(2**60 - 3)),
+        ("<i8", 2.0**53, 2**60, "1.161929e18"), ("<M8[s]", 5.0, 1_790_000_000, "14:13:25.00…"),
+        ("<M8[s]", float("nan"), 1_790_000_000, "-"),
+    ],
+)  # fmt: skip
+def test_an_offset_from_a_base_reads_as_the_value_that_it_stands_for(dtype, offset, base, shown):
+    assert offset_text(Entry("", dtype), offset, base, 12 if dtype[1] == "M" else 11) == shown
+
+
+@pytest.mark.parametrize(
+    ("chosen", "width", "named", "shown"),
+    [
+        (1, 11, True, "norm 5.0000"), (1, 5, True, "norm 5.0000"), (2, 11, True, "x 3.0000"), (4, 8, True, "z 4.0000"),
+        (4, 7, True, "4.0000"), (4, 11, False, "4.0000"),
+    ],
+)  # fmt: skip
+def test_a_part_of_a_vector_has_its_name_before_it_where_there_is_room(chosen, width, named, shown):
+    element = ElementInfo("/v", "m", "vector", (3,), tuple(Entry(f"_{c}", "<f8") for c in "xyz"), ElementOptions())
+    reading = Reading(np.array([3.0, 0.0, 4.0]), {}, 1, 0, 0)
+    assert component_text(element, reading, chosen, width, named=named) == shown
+
+
+NUMBER, WORD = Entry("_x", "<f8"), Entry("_s", "|S8")
+
+
+@pytest.mark.parametrize(
+    ("kind", "entries", "norm"),
+    [
+        ("vector", [NUMBER, NUMBER], True), ("vector", [NUMBER], False), ("vector", [NUMBER, WORD], False),
+        ("vector", [NUMBER, Entry("_g", "<i4", {0: "a"})], False), ("pose", [NUMBER, NUMBER], False),
+        ("vector_at_position", [NUMBER, NUMBER], False), ("array", [Entry("_1", "|b1"), NUMBER], True),
+    ],
+)  # fmt: skip
+def test_there_is_a_norm_of_numbers_of_one_unit(kind, entries, norm):
+    assert has_norm(ElementInfo("/v", "m", kind, (len(entries),), tuple(entries), ElementOptions())) is norm
+
+
+def test_entries_of_all_kinds_stand_side_by_side():
+    entries = (NUMBER, WORD, Entry("_n", "<i8"), Entry("_g", "<i4", {2: "trotting along"}), Entry("_b", "|b1"))
+    element = ElementInfo("/s", "-", "struct", (5,), entries, ElementOptions())
+    reading = Reading(np.array([1.0, np.nan, 2.0**53, 2.0, 1.0]), {1: "hello", 2: str(2**53)}, 1, 0, 0)
+    assert value_text(element, reading, 40) == "1.00 hello 9.007e15 trottin… true"
+    assert value_text(element, None, 40) == "…"
+
+
+def test_another_value_is_taken_where_a_float_can_tell_it():
+    reading = Reading(np.array([1.0, np.nan]), {1: "hello"}, 1, 0, 0)
+    assert reading.with_value(0, 2.0).newest[0] == 2.0
+    assert reading.newest[0] == 1.0
+    for position, value in ((0, np.nan), (1, 2.0), (2, 2.0)):
+        assert reading.with_value(position, value) is reading
+
+
+@pytest.mark.parametrize(("held", "size", "share"), [(5, 10, 0.5), (20, 10, 1.0), (1, 1, 1.0), (5, 0, 0.0)])
+def test_a_buffer_is_full_at_most(held, size, share):
+    assert fill_share(held, size) == share
 
 
 @pytest.mark.parametrize("width", range(5, 40))

@@ -6,6 +6,9 @@ import sys
 import pytest
 from textual import events
 
+from silo.core.elements import FileType
+from silo.errors import ElementError
+from silo_tui.model.words import command_line, paths
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.sessions.demo import Demo
 
@@ -30,6 +33,67 @@ def test_what_is_typed_into_a_question_may_lose_something_unless_it_is_known_not
     question = Question("Stop?", "", choices, begin)
     assert question.may_lose(events.Key(key, key if len(key) == 1 else None)) is may
     assert question.may_lose(events.MouseDown(None, 0, 0, 0, 0, 1, False, False, False)) is question.loses
+
+
+@pytest.mark.parametrize(
+    ("typed", "read_as"),
+    [
+        ([], ([FileType.SILO], "")), (["walk"], ([FileType.SILO], "walk")), (["csv", "walk"], ([FileType.CSV], "walk")),
+        (["walk", "csv", "bag"], ([FileType.CSV, FileType.BAG], "walk")),
+    ],
+)  # fmt: skip
+def test_what_to_save_is_typed_in_any_order(typed, read_as):
+    assert command_line.read_save(typed) == read_as
+
+
+@pytest.mark.parametrize(
+    ("line", "lines"),
+    [
+        (":sa", ["save", "sand"]), (":save", []), ("save ", ["save bag", "save both"]), ("save bag", []),
+        (":save csv b", ["save csv bag", "save csv both"]), (":save c b", ["save c bag", "save c both"]),
+        (":save x", []), (":", ["save", "sand", "stop"]),
+    ],
+)  # fmt: skip
+def test_a_line_is_completed_by_words_and_then_by_what_they_are_about(line, lines):
+    assert command_line.complete(line, ["save", "sand", "stop"], ["bag", "both"]) == lines
+
+
+def test_a_command_is_split_as_a_shell_does():
+    spelled = command_line.read(": note 'two words' more")
+    assert (spelled.word, spelled.first, spelled.rest) == ("note", "two words", "two words more")
+    assert command_line.read("stop").first == ""
+
+
+def test_two_names_of_one_save_are_refused():
+    with pytest.raises(ValueError, match="one name is enough, got 'walk' and 'run'"):
+        command_line.read_save(["walk", "run"])
+
+
+@pytest.mark.parametrize("line", ["", ":", " : ", ":say 'x"])
+def test_a_line_without_a_command_or_with_an_open_quote_is_refused(line):
+    with pytest.raises(ValueError, match=r"empty command|No closing quotation"):
+        command_line.read(line)
+
+
+def test_a_path_of_a_log_is_completed_by_logs_and_folders(tmp_path, monkeypatch):
+    for name in ("walk.silo", "wave.csv", "notes.txt", ".hidden.silo"):
+        (tmp_path / name).touch()
+    for name in ("week", "bag.silo.d", ".git"):
+        (tmp_path / name).mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert command_line.logs("") == ["walk.silo", "wave.csv", "bag.silo.d/", "week/"]
+    assert command_line.logs("wa") == ["walk.silo", "wave.csv"]
+    assert command_line.logs(".") == [".hidden.silo", ".git/"]
+    assert command_line.logs(f"{tmp_path}/we") == [f"{tmp_path}/week/"]
+    assert command_line.logs("none/x") == []
+
+
+def test_a_file_as_it_is_typed_gets_an_ending_where_it_has_none(tmp_path):
+    assert paths.typed_file("the view", f"{tmp_path}/a", ".yaml") == tmp_path / "a.yaml"
+    assert paths.typed_file("the view", f"{tmp_path}/a.yml", ".yaml") == tmp_path / "a.yml"
+    for folder in (f"{tmp_path}", f"{tmp_path}/new/", f"{tmp_path}/..", "/"):
+        with pytest.raises(ElementError, match=r"the view must be a file, .* is a folder; write .*name.yaml"):
+            paths.typed_file("the view", folder, ".yaml")
 
 
 @pytest.mark.slow
