@@ -16,6 +16,7 @@ from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import LogWarning
 from silo_tui.model.drawing import big_plot
 from silo_tui.model.drawing.pairs import histogram_of, pair_of
+from silo_tui.model.drawing.plot_styles import BLANK
 
 HZ = 400
 PERIOD_NS = 2_500_000
@@ -227,6 +228,27 @@ def test_whole_numbers_have_a_step_each():
 
 
 @pytest.mark.parametrize(
+    ("values", "first", "step"),
+    [
+        ([0.5, 0.5], 0.475, 0.05), ([2.0**60] * 3, 0.95 * 2.0**60, 0.1 * 2.0**60), ([0.0, 5e-324], -0.5, 1.0),
+        ([-1.7e308, 1.7e308], -1.785e308, 1.7e307),
+    ],
+)  # fmt: skip
+def test_what_has_no_steps_between_its_ends_is_one_bar(values, first, step):
+    found = histogram_of(np.array(values), 40)
+    assert found.counts.tolist() == [len(values)]
+    assert (found.first, found.step) == (pytest.approx(first), pytest.approx(step))
+
+
+def test_a_bar_is_as_high_as_its_count_and_where_nothing_is_there_is_none():
+    plot = big_plot.of_histogram(histogram_of(np.array([0.0, 0.0, 1.0, 3.0]), 40), (8, 5))
+    assert [line.replace(BLANK, " ")[::2] for line in plot.lines][-1] == "⣿⣿ ⣿"
+    assert [(plot.owners[:, cell] == 0).sum() for cell in (0, 2, 4, 6)] == [5, 3, 0, 3]
+    assert (plot.left[0], plot.left[4]) == ("2.0", "0.0")
+    assert [plot.below[0], plot.below[-1]] == ["-0.5", "3.5"]
+
+
+@pytest.mark.parametrize(
     ("width", "cell", "hz", "amplitude"),
     [
         (4, 0, 0.5, 0.0), (4, 1, 1.0, 5.0), (4, 2, 2.5, 9.0), (4, 3, 3.5, 4.0),  # the strongest line of the cell
@@ -248,6 +270,17 @@ def test_a_cursor_reads_the_highest_peak_that_is_drawn_in_its_cell():
 def test_no_amplitude_is_written_in_db():
     assert big_plot.level_words(0.0, "dB", "m") == "-inf dB"
     assert big_plot.level_words(10.0, "dB", "m") == "20.0 dB"
+
+
+@pytest.mark.parametrize(
+    ("way", "shown"), [("linear", [0.0, 1e-9, 100.0]), ("log", [-4.0, -4.0, 2.0]), ("dB", [-80.0, -80.0, 40.0])]
+)
+def test_what_is_far_below_the_largest_amplitude_stands_at_the_least(way, shown):
+    assert big_plot.levels(np.array([0.0, 1e-9, 100.0]), way) == pytest.approx(shown)
+
+
+def test_without_any_amplitude_there_is_a_flat_line():
+    assert big_plot.levels(np.zeros(3), "log").tolist() == big_plot.levels(np.zeros(3), "dB").tolist() == [0.0] * 3
 
 
 @pytest.mark.parametrize(("way", "lowest"), [("linear", 0.0), ("dB", 50.0)])

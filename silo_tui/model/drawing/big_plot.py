@@ -16,8 +16,7 @@ from silo_tui.model.drawing.plots import NOBODY, Owners
 from silo_tui.model.words import text
 
 TRAIL = "·∙•●"  # by age, the newest last
-DECADES = 6
-RANGE_DB = 120.0
+DECADES = 6  # that are shown, and 20 dB each
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ def levels(amplitudes: Floats, way: str) -> Floats:
     if way == "linear":
         return amplitudes
     top = float(amplitudes.max(initial=0.0))
-    floor = top * 10.0**-DECADES if way == "log" else top * 10.0 ** (-RANGE_DB / 20)
+    floor = top * 10.0**-DECADES
     with np.errstate(divide="ignore"):
         logs = np.log10(np.maximum(amplitudes, floor)) if top else np.zeros(len(amplitudes))
     return logs if way == "log" else 20 * logs
@@ -168,8 +167,7 @@ def of_histogram(histogram: Histogram, size: tuple[int, int]) -> BigPlot:
     """Return how often which value comes, as bars from the bottom."""
     width, height = size
     columns = 2 * width
-    places = np.minimum(np.arange(columns) * len(histogram.counts) // columns, len(histogram.counts) - 1)
-    heights = histogram.counts[places].astype(np.float64)
+    heights = histogram.counts[np.arange(columns) * len(histogram.counts) // columns].astype(np.float64)
     scale = axes.round_scale(0.0, float(max(1, heights.max())), height)
     high = np.where(heights > 0, heights, np.nan)
     cells, owners = _over_one_another([braille.curve(np.where(heights > 0, 0.0, np.nan), high, scale, width, height)])
