@@ -42,6 +42,8 @@ def test_a_value_reads_as_its_type_wants(dtype, value, word, shown):
 def test_an_enumeration_reads_as_its_label():
     entry = Entry("", "<i4", {2: "trot"})
     assert [entry_text(entry, value, None, 11) for value in (2.0, 7.0)] == ["trot", "7?"]
+    element = ElementInfo("/v", "-", "scalar", (), (entry,), ElementOptions())
+    assert value_text(element, Reading(np.array([np.nan]), {0: "2"}, 1, 0, 0), 11) == "trot"
 
 
 def test_escape_sequences_in_a_logged_string_don_t_reach_the_terminal():
@@ -86,13 +88,13 @@ def test_an_offset_from_a_base_reads_as_the_value_that_it_stands_for(dtype, offs
 @pytest.mark.parametrize(
     ("chosen", "width", "named", "shown"),
     [
-        (1, 11, True, "norm 5.0000"), (1, 5, True, "norm 5.0000"), (2, 11, True, "x 3.0000"), (4, 8, True, "z 4.0000"),
-        (4, 7, True, "4.0000"), (4, 11, False, "4.0000"),
+        (1, 13, True, "norm 98765.43"), (1, 5, True, "norm 98765"), (2, 11, True, "x 3.0000"), (4, 8, True, "z 4.0000"),
+        (4, 7, True, "4.0000"), (4, 11, False, "4.0000"), (3, 9, True, "y 98765.4"), (3, 11, False, "98765.43"),
     ],
 )  # fmt: skip
 def test_a_part_of_a_vector_has_its_name_before_it_where_there_is_room(chosen, width, named, shown):
     element = ElementInfo("/v", "m", "vector", (3,), tuple(Entry(f"_{c}", "<f8") for c in "xyz"), ElementOptions())
-    reading = Reading(np.array([3.0, 0.0, 4.0]), {}, 1, 0, 0)
+    reading = Reading(np.array([3.0, 98765.4321, 4.0]), {}, 1, 0, 0)
     assert component_text(element, reading, chosen, width, named=named) == shown
 
 
