@@ -11,7 +11,7 @@ from silo.conditions.standing import LimitStatus, LimitWord
 from silo_tui.model.drawing import braille
 from silo_tui.model.drawing.log_axis import axis_of, scale_of, words_of
 from silo_tui.model.drawing.plots import Axis
-from silo_tui.model.plots.limits import inner, lines_of
+from silo_tui.model.plots.limits import inner, level_line, lines_of
 
 HEIGHT = 12
 TORQUE = "/log/legs/LF/HAA/torque"
@@ -39,8 +39,14 @@ def test_a_limit_stands_in_the_cell_of_its_value_or_is_told_at_the_border_that_i
             assert one.line == (4 * HEIGHT - 1 - row) // 4
 
 
-def test_without_a_scale_there_are_no_lines():
-    assert lines_of((1.0, 2.0, 3.0, 4.0), Axis((math.nan, math.nan)), HEIGHT) == []
+@pytest.mark.parametrize("scale", [(math.nan, math.nan), (2.0, 2.0)])
+def test_without_a_scale_there_are_no_lines(scale):
+    assert lines_of((1.0, 2.0, 3.0, 4.0), Axis(scale), HEIGHT) == level_line(2.0, Axis(scale), HEIGHT) == []
+
+
+def test_a_level_that_is_waited_for_has_a_line_of_its_own():
+    told = [(one.line, one.mark) for level in (10.0, 0.0, 11.0, -1.0) for one in level_line(level, Axis((0, 10)), 12)]
+    assert told == [(0, "level"), (11, "level"), (0, "level▲"), (11, "level▼")]
 
 
 def test_inside_is_within_the_yellow_limits_or_the_red_ones_where_there_is_no_other():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from silo_tui.model.plots.scope import (
+    SPANS,
     Mode,
     Scope,
     axis_word,
@@ -44,7 +45,10 @@ class TestModel:
 
     def test_the_span_fits_the_rate(self):
         assert fitting_span(MS) == 0.2
-        assert other_span(0.2, closer=True) < 0.2 < other_span(0.2, closer=False)
+        at = SPANS.index(0.2)
+        assert [other_span(0.2, closer=closer) for closer in (True, False)] == [SPANS[at - 1], SPANS[at + 1]]
+        assert other_span(SPANS[0], closer=True) == SPANS[0]
+        assert other_span(SPANS[-1], closer=False) == SPANS[-1]
 
     def test_halfway_has_no_more_digits_than_it_needs(self):
         assert halfway(0.0, 40.123456) == 20.0
@@ -54,9 +58,15 @@ class TestModel:
         assert newest_of([1, 5, 9], 4) == (9, 1)
         assert newest_of([1], 4) == (None, 0)
 
+    def test_settings_are_read_as_words(self):
+        assert Scope(20.0).words == "↑ rising through 20   pre 40%"
+        assert Scope(-3.5, -1, pre=0.1).words == "↓ falling through -3.5   pre 10%"
+
     def test_settings_are_typed_in_words(self):
         assert parse_settings("falling -3.5 pre 10% single", Scope(1.0)) == Scope(-3.5, -1, Mode.SINGLE, 0.1)
-        for wrong in ("fast", "pre 200", "nan"):
+        assert parse_settings("rising, auto pre 0", Scope(1.0, -1)) == Scope(1.0, mode=Mode.AUTO, pre=0.0)
+        assert parse_settings("pre 100", Scope(1.0)).pre == 1.0
+        for wrong in ("fast", "pre 200", "pre -1", "nan", "pre"):
             with pytest.raises(ValueError, match=r"."):
                 parse_settings(wrong, Scope(1.0))
 
