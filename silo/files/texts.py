@@ -13,7 +13,7 @@ def presentable(recording: Recording) -> Recording:
     """The recording with all texts in proper Unicode, lone surrogates escaped: mostly it is the same object."""
     made = plain_texts(recording)
     parts = {
-        "warnings": tuple(map(plain_text, recording.warnings)),
+        "warnings": tuple(map(plain_text, recording.warnings)) or (),  # the default itself, see `log_facts`
         "elements": [_element(element) for element in recording.elements],
         "events": tuple(map(plain_texts, recording.events)),
     }
