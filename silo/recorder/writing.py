@@ -468,7 +468,9 @@ class Writing:
         self._ledger.end(part.final.name, size, run, {**self._next_rows}, part.rows, part.samples)
         self.totals.part = ""
         if size:
-            self.news.append(News(Report, finished=f"{part.final}{why and f', and goes on in the next part: {why}'}"))
+            self.news.append(
+                News(Report, finished=f"{why and f'a part, it goes on in the next ({why}): '}{part.final}")
+            )
         self._count()
 
     @property

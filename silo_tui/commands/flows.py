@@ -353,8 +353,9 @@ async def save_script(context: Context, path: str | None = None) -> None:
     session = context.session
     if path is None:
         fields, _ = session.table.pending_count
-        folder, _, current = session.status.script.rpartition("/")
-        body = f"in {folder or 'the folder of its scripts'}, on the robot"
+        current = session.status.script.rpartition("/")[2]
+        scripts = await context.link.read(lambda client: client.scripts())
+        body = f"in {scripts.folder}, on the robot"
         if fields:
             body += f"\n{many(fields, 'pending edit')} will not be in it: apply them first."
         prompt = Prompt("Save the table as a script", body, current, "name.yaml", label="name")

@@ -275,7 +275,7 @@ async def _ask_for_control(context: Context) -> Sequence[str]:
     if session.has_control:
         choices = [Choice("", "Keep it"), Choice("release", "Release it: whoever may change it can", "r")]
     elif session.status.control is None:
-        choices = [Choice("", "Leave it to all"), Choice("take", "Take it: nobody else changes anything", "t")]
+        choices = [Choice("", "Leave it to all"), Choice("take", "Take it: no other user changes anything", "t")]
     else:
         choices = [Choice("", "Leave it there"), Choice("force", "Take it: who has it is told", "F")]
     body = f"{told}\n\n:control give NAME hands it over."

@@ -239,7 +239,7 @@ def test_other_limits_begin_another_part(robot, tmp_path, truth) -> None:
     direct.finish()
     told = [each for news in direct.writing.news if (each := news(RecorderState.RECORDING).finished)]
     names = [str(path) for path in parts(tmp_path)]
-    assert told == [f"{names[0]}, and goes on in the next part: limits or triggers changed", names[1]]
+    assert told == [f"a part, it goes on in the next (limits or triggers changed): {names[0]}", names[1]]
     one, two = (read_bag(path) for path in parts(tmp_path))
     assert [len(found.conditions.limits) for found in (one, two)] == [0, 1]
     assert [truth.span(one), truth.span(two)] == [(0, 50), (50, 100)]

@@ -94,6 +94,11 @@ def test_numbers_of_the_first_screen_are_found_whatever_they_are_now(words, left
     assert any(each.startswith(left) for each in found)
 
 
+def test_what_menus_call_it_is_found():
+    found = [line.right for line in entries("table", everywhere=True) if line.holds(["overlay"])]
+    assert any(each.startswith("lay it over the live plots") for each in found)
+
+
 def test_every_column_of_the_tables_is_explained():
     told = " ".join(line.left for line in entries("table", everywhere=False) if line.group == "Columns")
     assert all(column.title in told for column in COLUMNS if column.title != "!")

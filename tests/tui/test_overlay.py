@@ -148,3 +148,19 @@ async def test_O_lays_a_run_over_the_plots_and_lifts_it_again(opened, fake, tmp_
         await screen.shows("lifted")
         await screen.press("escape")
         await screen.until(lambda: stack.ghost is None, "no ghost")
+
+
+@pytest.mark.slow
+async def test_a_run_that_has_nothing_here_says_where_it_has_and_where_here_is(opened, fake, tmp_path):
+    fake.logs = tmp_path / "logs"
+    write(saved(seconds=30), fake.logs, "robot", ["silo"], "old_walk", why="saved by ann")
+    async with opened(fake.run(120.0), size=(100, 30)) as screen:
+        await screen.press("/")
+        await screen.enter("base/position", "m")
+        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "plots")
+        await screen.do("recordings")
+        await screen.shows("old_walk")
+        await screen.do("overlay_recording")
+        await screen.shows("lies over the plots")
+        await screen.press("escape")
+        await screen.shows("' old_walk: 00:00 to 00:29 after its start, here is 02:")

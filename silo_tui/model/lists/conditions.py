@@ -161,6 +161,8 @@ def head_words(
         )
     seen = "" if any(one.alarm for one in over) else " seen"
     alarm = (f"{many(len(over), 'alarm')} {worst.value}{seen}", f"{worst.value} {len(over)}") if worst else ("", "")
+    if missed := 0 if over else sum(one.alarm for one in limits):  # short ones, too: the table may never show them
+        alarm = (f"{many(missed, 'alarm')} unseen", f"{missed} unseen")
     return alarm, worst in (LimitWord.RED_HIGH, LimitWord.RED_LOW), watching
 
 

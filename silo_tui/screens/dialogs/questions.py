@@ -183,7 +183,7 @@ class Question(Dialog[str | None]):
         bodies = [body for body in self.query(".dialog-body").results(VerticalScroll) if body.max_scroll_y > 0]
         for body in bodies:
             body.scroll_relative(y=pages * max(1, body.size.height - 1), animate=False)
-        options = self.query_one(OptionList)
+        options = cast(Any, self.query_one(OptionList))
         if not bodies and options.max_scroll_y > 0:
             (options.action_page_down if pages > 0 else options.action_page_up)()
 

@@ -76,16 +76,17 @@ WORDS = (
 
 @dataclass(frozen=True)
 class HelpLine:
-    """A line of help; `command` is what Enter does, where it can be done on the screen below."""
+    """A line of help; `command` is what Enter does, if the screen below has it, `label` its word in menus."""
 
     left: str
     right: str
     group: str
     command: str = ""
+    label: str = ""
 
     def holds(self, words: Sequence[str]) -> bool:
         """Return whether all of these words are in it; of numbers, which change, any."""
-        own = _NUMBER.sub("0", f"{self.left} {self.right} {self.group} {self.command}".casefold())
+        own = _NUMBER.sub("0", f"{self.left} {self.right} {self.group} {self.command} {self.label}".casefold())
         return all(_NUMBER.sub("0", word) in own for word in words)
 
 
@@ -101,7 +102,10 @@ def entries(scope: str, *, everywhere: bool) -> list[HelpLine]:
     for group in sorted(dict.fromkeys(command.group for command in commands), key=LAST_GROUPS.count):
         members = [command for command in commands if command.group == group and command.keys]
         there = {command.id for command in here}
-        found += [HelpLine(each.key_text, each.help, group, each.id if each.id in there else "") for each in members]
+        found += [
+            HelpLine(each.key_text, each.help, group, each.id if each.id in there else "", each.label)
+            for each in members
+        ]
     on_file = scope in FILE_SCOPES
     if everywhere or scope in ("table", "file"):
         signs = FILE_SIGNS if on_file else (*SIGNS, *MEANINGS.items())

@@ -10,7 +10,7 @@ from functools import cached_property
 
 from textual.app import ComposeResult
 
-from silo.core.quantities.writing import EPOCH_FROM_NS, many, wall_clock
+from silo.core.quantities.writing import EPOCH_FROM_NS, duration_text, many, wall_clock
 from silo.errors import SiloError
 from silo.expressions.span import Between
 from silo.rpc.frames import Frame
@@ -280,7 +280,9 @@ class PlotScreen(SiloScreen):
         ghost, overlay = self.stack.ghost, self.session.overlay
         if ghost is None or overlay is None or any(self.stack.has_ghost(panel) for panel in self.stack.panels):
             return ""
-        return f": {overlay.extent([plotted.element.name for plotted in self.stack.plots])}"
+        extent = overlay.extent([plotted.element.name for plotted in self.stack.plots])
+        here = duration_text((self.end_ns - self.session.status.run_began_ns) / SECOND_NS)
+        return f": {extent}, here is {here}"
 
     # ------------------------------------------------------------------------------------------------- the window
 
