@@ -262,6 +262,8 @@ def diff_text(changes: Sequence[PendingChange], prefix: str = "", cost: Text | N
     """
     lines = groups_text(changes, prefix, end=MAX_GROUPS if cost is None else LARGEST)
     if cost is not None:
+        if rest := sum(group.count for group in groups_of(changes, prefix)[LARGEST:]):
+            lines.append(f"and {rest} more, behind what all of it costs:\n", style="dim")
         lines.append_text(cost).append_text(groups_text(changes, prefix, LARGEST))
     for change in [change for change in changes if change.theirs is not None][:MAX_LINES]:
         lines.append(f"! {change.name}: {change.field} is {change.theirs} now, by somebody else\n", style="bold")
