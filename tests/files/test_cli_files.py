@@ -322,6 +322,14 @@ def test_one_part_of_a_run_that_was_cut_or_all_as_one_are_read(tmp_path, monkeyp
     assert (whole in done.stdout, "warning" in done.stderr) == (True, False), done.output
 
 
+def test_of_a_baseline_too_is_told_what_is_read_and_many_runs_are_not_joined(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    cut_in_two(tmp_path / "logs")
+    assert run(check_command, "logs", "--against", "logs").stderr.count("warning: part 2 of run") == 2
+    refused = run(compare_command, "logs..logs", "--whole")
+    assert (refused.exit_code, "leave out --whole" in refused.stderr) == (2, True)
+
+
 def test_a_list_has_heads_rows_and_what_is_odd_or_says_that_it_is_empty(capsys):
     show = Listing(("NAME", "N"), lambda one: one, "none here", right=(1,), below=lambda one: one[0] * (one[1] == "7"))
     show([("a", "10"), ("bc", "7")])

@@ -71,7 +71,8 @@ def check_command(
     if report is not None:
         junit(report, file, found)
     _show(found, as_json=as_json)
-    _warn(recording)
+    for one in filter(None, (recording, baseline)):
+        _warn(one)
     if any(one.violated for one in found):
         return EXIT_FOUND
     return EXIT_BLIND if all(one.worst == "UNOBSERVABLE" for one in found) else 0

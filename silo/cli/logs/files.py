@@ -303,6 +303,8 @@ def compare_command(
     options: dict[str, Any] = {"signal": signal, "tolerance": tolerance, "by": by, "episode": episode}
     options["event"] = None if event is None else lambda log: log.eval(event)
     if ".." in first and not Path(first).exists():
+        if whole:
+            raise click.UsageError("the runs A..B are compared file by file: leave out --whole")
         _compare_many(first, words, options, png, as_json)
         return
     if not 1 <= len(words) <= 2:
