@@ -182,7 +182,7 @@ def generate(
         "scratch": plan.scratch.words.data.cast("B"),
     }
     names.objects |= {"clock": clock, "clock_failed": clock_failed, "NOTHING": NOTHING, "StateError": StateError}
-    names.objects |= {"on_stop": on_stop, "copyto": np.copyto}
+    names.objects |= {"on_stop": on_stop, "copyto": np.copyto, "shape": np.shape}
     names.objects |= {
         "forget": _forget,
         "after_end": after_end,
@@ -376,10 +376,14 @@ class _Writer:
         kind, size_bytes = slot.view.dtype.kind, slot.view.dtype.itemsize
         if kind in "SU":
             return [alone]
-        store = f"copyto({self._names.give('v', slot.view)}, {self._expression(slot, called)}"
+        value, shape = self._expression(slot, called), slot.view.shape
+        store = f"copyto({self._names.give('v', slot.view)}, x"
+        # a value of another shape is spread over the whole by NumPy, if it can be: [7.0] to three of them
+        other = f"len(x) != {shape[0]}" if len(shape) == 1 else f"shape(x) != {shape}"
+        lines = [f"x = {value}", f"if {other}: {alone}"]
         if kind in "iub" or (kind in "fc" and size_bytes < 8):
-            return [f"try: {store}, 'safe')", "except TypeError:", f"    {alone}"]
-        return [f"{store})"]
+            return [*lines, "else:", f"    try: {store}, 'safe')", f"    except TypeError: {alone}"]
+        return [*lines, f"else: {store})"]
 
     @staticmethod
     def _shared_calls(slots: list[Slot]) -> dict[int, tuple[str, object]]:

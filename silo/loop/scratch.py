@@ -56,7 +56,10 @@ class Slot:
     def try_store(self) -> bool:
         """Read and store this one source; False where that failed: the view is then what it was, or zero."""
         try:
-            self.view[...] = fitting(self._value(), self.view.dtype)
+            value = self._value()
+            if self.view.shape and np.shape(value) != self.view.shape:  # one value alone is what it is in any shape
+                raise TypeError(f"shape {np.shape(value)} now, {self.view.shape} when it was added")
+            self.view[...] = fitting(value, self.view.dtype)
         except Exception as error:  # noqa: BLE001  # whatever a user's attribute or function raises
             self._say(error)
             return False
@@ -80,7 +83,12 @@ class Slot:
         value = self.source.read()
         if value is None:
             raise TypeError("the value is None")
-        return value if self.source.convert is None else self.source.convert(value)
+        if self.source.convert is None:
+            return value
+        try:
+            return self.source.convert(value)
+        except (KeyError, AttributeError) as error:
+            raise TypeError(f"{value!r} ({type(value).__name__}) is none of what it was when it was added") from error
 
     def _say(self, error: Exception) -> None:
         if self.said:
