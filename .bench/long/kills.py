@@ -52,6 +52,7 @@ from truth import (
 )
 
 from silo.journal.format import journals_of
+from silo.net.session import SOCKET_SUFFIX, owner_is_gone
 from silo.recovery.journals import find_stale_journals
 from silo.segment.reader import SegmentReader
 
@@ -156,6 +157,9 @@ def perform(kill: Kill) -> Outcome:
             robot = subprocess.Popen(command, env=environment, stdout=said, stderr=subprocess.STDOUT, text=True)
         try:
             helpers = _strike(kill, robot, page)
+            if not helpers:  # a process that was killed keeps what it holds until its last thread has ended
+                sockets = [*(folder / "run").glob(f"*{SOCKET_SUFFIX}")]
+                wait_until(lambda: all(map(owner_is_gone, sockets)), SETTLE_S, 0.001)
         finally:
             robot.kill()
             robot.wait()
