@@ -15,6 +15,7 @@ from pathlib import Path
 
 from silo.core.conditions import Conditions
 from silo.core.elements import ElementInfo, LoggerOptions, Storage
+from silo.core.quantities.writing import many
 from silo.errors import NoRoomError, StateError, UnsavedError
 from silo.journal.format import remove_journals
 from silo.journal.holdings import segment_holdings
@@ -48,6 +49,7 @@ class CurrentRun:
         self.cut_off: list[Run] = []  # stretches before the present one, until they are saved
         self._ticks_before, self._lost_before, self._failed_before = 0, Counter[str](), Counter[str]()
         self._held: list[Path] = []  # runs before this one that somebody still has to read
+        self._told_of_drop = False
         self.saved_before = ""  # where the run before this one was saved, if that was done at the start of this one
         self._wanted: Callable[[Run], bool] = lambda _: False
         self._lost_at_end: dict[str, int] = {}
@@ -311,7 +313,18 @@ class CurrentRun:
         if unsaved not in ("clear", "save", "refuse"):
             raise StateError(f"unsaved must be 'clear', 'save' or 'refuse', got {unsaved!r}; nothing was changed")
         self.saved_before = ""
-        if not self.has_unsaved or unsaved == "clear":
+        if not self.has_unsaved:
+            return
+        if unsaved == "clear":
+            if not self._told_of_drop:
+                self._told_of_drop = True  # a program that learns from run to run hears it once
+                what = many(self.unsaved_ticks, "tick")
+                log.warning(
+                    "%s: %s of the last run, in no file, dropped by this start: save() before it, or "
+                    'start(unsaved="save"), keeps them (said once)',
+                    options.name,
+                    what,
+                )
             return
         if unsaved == "save":
             self._save(options, conditions)

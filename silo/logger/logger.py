@@ -24,6 +24,7 @@ from silo.logger.arguments.options import (
     serving_group,
     warn_if_not_durable,
     warn_of_end,
+    warn_of_folder,
 )
 from silo.logger.arguments.other_names import LoggerNames, no_attribute_of
 from silo.logger.conditions import LoggerConditions
@@ -301,6 +302,7 @@ class Logger(LoggerNames):
             self._ignored = 0
             self._life.running = True
             warn_of_end(self.options, self._table.infos)
+            warn_of_folder(self.options)
             self._set_mark(run.mark)
             self._set_collect(self._collect_of(run))
             self._life.tell()

@@ -303,7 +303,8 @@ class ScriptedTable:
         """Log what has no memory that stays: a number, a tensor, a result. Once per tick, or now and then.
 
         `log.value("cost", cost)`: the first call registers the element, each writes its value, which holds until the
-        next. Numbers are float64; arrays and tensors (of NumPy, torch, JAX ..., also on a GPU) keep type and shape.
+        next. A run logs what was registered when it began: call it before `start()`, too. Numbers are float64; arrays
+        and tensors (of NumPy, torch, JAX ..., also on a GPU) keep type and shape.
 
         Args:
             name: its name after prefix and group.

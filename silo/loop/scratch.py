@@ -56,10 +56,7 @@ class Slot:
     def try_store(self) -> bool:
         """Read and store this one source; False where that failed: the view is then what it was, or zero."""
         try:
-            value = self._value()
-            if self.view.shape and np.shape(value) != self.view.shape:  # one value alone is what it is in any shape
-                raise TypeError(f"shape {np.shape(value)} now, {self.view.shape} when it was added")
-            self.view[...] = fitting(value, self.view.dtype)
+            self.view[...] = fitting(self._value(), self.view.dtype, self.view.shape)
         except Exception as error:  # noqa: BLE001  # whatever a user's attribute or function raises
             self._say(error)
             return False
@@ -104,12 +101,14 @@ class Slot:
         )
 
 
-def fitting(value: Any, dtype: np.dtype[Any]) -> Any:
-    """The value, if storing it as `dtype` keeps what it says; TypeError or OverflowError otherwise.
+def fitting(value: Any, dtype: np.dtype[Any], shape: tuple[int, ...] = ()) -> Any:
+    """The value, if storing it as `dtype` and `shape` keeps what it says; TypeError or OverflowError otherwise.
 
-    NumPy by itself cuts 0.5 to 0 and 300 to 44, and writes None as the text `None`.
+    NumPy by itself cuts 0.5 to 0 and 300 to 44, writes None as the text `None`, and spreads one value over all.
     """
     given = np.asarray(value)
+    if shape and given.shape != shape:  # one value alone is what it is in any shape
+        raise TypeError(f"shape {given.shape} now, {shape} when it was added")
     if dtype.kind == "f" and given.dtype.kind == "O":
         return float(value)  # integers of any size, Decimal, Fraction
     if dtype.kind in "iu":

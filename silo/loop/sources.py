@@ -8,6 +8,7 @@ import ctypes
 import datetime
 import enum
 import itertools
+import logging
 import math
 import mmap
 import operator
@@ -23,6 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.errors import SourceError
+
+log = logging.getLogger("silo")
 
 DEFAULT_STRING_BYTES = 64
 COUNTED_AT_ONCE = 500  # references, 0.2 ms: so long may a control loop have to wait for the interpreter
@@ -289,6 +292,8 @@ def express(
         )
     _check_fits(value, made, name, string_bytes)
     dtype, shape, convert, labels = made
+    if convert is encode_text:
+        convert = _fitting_text(name, dtype.itemsize)
     return ValuePath(root, steps, dtype, shape, convert, labels)
 
 
@@ -346,6 +351,27 @@ as_bool = {False: False, True: True}.__getitem__
 def encode_text(value: str) -> bytes:
     """A string as bytes; the store cuts it at the element's length."""
     return value.encode("utf-8", "replace")
+
+
+def _fitting_text(name: str, size_bytes: int) -> Callable[[str], bytes]:
+    """`encode_text` that says once that a text is cut, as its first value told how long it may be."""
+    told = False
+
+    def encode(value: str) -> bytes:
+        nonlocal told
+        text = value.encode("utf-8", "replace")
+        if len(text) > size_bytes and not told:
+            told = True
+            log.warning(
+                "%s: a text of %d bytes is cut to %d: give string_bytes=%d or more where it is added",
+                name,
+                len(text),
+                size_bytes,
+                len(text),
+            )
+        return text
+
+    return encode
 
 
 def as_utc(value: datetime.datetime | datetime.date) -> np.datetime64:

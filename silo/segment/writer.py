@@ -5,6 +5,7 @@ Only `start()` and the chunk allocation do system calls; the stores of a tick ar
 
 import contextlib
 import errno
+import logging
 import mmap
 import os
 import resource
@@ -47,7 +48,9 @@ from silo.segment.layout import (
 )
 from silo.segment.marks import MARKS_BYTES, SLOTS, Mark, marker, no_mark
 from silo.segment.parameter_changes import AREA_BYTES, ChangeRecord
-from silo.segment.reasons import LostWhy, StopReason
+from silo.segment.reasons import LOST_TEXTS, LostWhy, StopReason
+
+log = logging.getLogger("silo")
 
 CHUNK_BYTES = 1 << 20
 SPARE_CHUNKS = 4096  # words of the directory for time stamps past the memory limit: 268 million ticks
@@ -126,6 +129,8 @@ class Segment:
         self._allocating = threading.RLock()
         self._wanted = threading.Event()
         self._ended = False
+        self._grows = True
+        self._untold: LostWhy | None = None  # why it doesn't, until that was said
         self._counted: tuple[int, int] | None = None  # ticks and lost rows of a deleted segment
         self._failed: dict[str, int] | None = None  # and its failures
         self._body = _encoded(self.schema, elements_json)
@@ -298,6 +303,7 @@ class Segment:
                         return
                     if ring not in self._next and (chunk := self._append_within_limit(ring)):
                         self._next[ring] = chunk
+            self._tell_of_end()
             self._wanted.wait()
             self._wanted.clear()
 
@@ -319,6 +325,19 @@ class Segment:
         """Remember why a ring can't grow; the loop counts the rows that it doesn't keep for it."""
         if not self._counted:
             self.words[self.ring_control(ring) + RingControl.LOST_WHY] = why
+            if self._grows:
+                self._grows, self._untold = False, why
+
+    def _tell_of_end(self) -> None:
+        """Say once that a ring can't grow, in the thread for which nothing waits."""
+        why, self._untold = self._untold, None
+        if why is not None:
+            log.warning(
+                "%s: %s: what its growing buffers have no room for is dropped from here on; save() and start() anew, "
+                "or record() to a disk while it runs",
+                self.schema.logger,
+                LOST_TEXTS[why],
+            )
 
     def growth_ended(self) -> StopReason:
         """Why the time ring, and with it the logger, can't go on."""

@@ -65,9 +65,17 @@ def test_a_numpy_string_attribute_has_room_too(logged):
     assert logged(robot, lambda: setattr(robot, "x", np.str_("walking")), attr="x") == [[b"a", b"walking"]]
 
 
-def test_a_string_is_cut_at_its_room(logged):
+def test_a_string_is_cut_at_its_room_and_that_is_told(logged, caplog):
     robot = Robot(x="")
     assert logged(robot, lambda: setattr(robot, "x", "walking"), attr="x", string_bytes=4) == [[b"", b"walk"]]
+    (warning,) = caplog.messages
+    assert warning.startswith("/log/x: a text of 7 bytes is cut to 4: give string_bytes=7 or more")
+
+
+def test_a_string_that_fills_its_room_is_not_cut(logged, caplog):
+    robot = Robot(x="")
+    assert logged(robot, lambda: setattr(robot, "x", "walk"), attr="x", string_bytes=4) == [[b"", b"walk"]]
+    assert caplog.messages == []
 
 
 def test_an_enumeration_attribute_is_logged_as_its_number(logged):

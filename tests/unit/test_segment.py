@@ -198,7 +198,7 @@ def test_the_folder_is_made_for_this_user_alone(tmp_path, monkeypatch):
 # ----------------------------------------------------------------------------------------------- the memory limit
 
 
-def test_at_the_memory_limit_a_growing_buffer_keeps_what_it_has_and_counts_the_rest(new_logger):
+def test_at_the_memory_limit_a_growing_buffer_keeps_what_it_has_and_counts_the_rest(new_logger, caplog, until):
     logger = new_logger(max_time=0, memory_limit_mb=4)
     x = logger.array("x", 300, np.int64, buffer=GROWING, size=1)
     logger.start()
@@ -210,6 +210,10 @@ def test_at_the_memory_limit_a_growing_buffer_keeps_what_it_has_and_counts_the_r
     assert element.entries[-1].values.tolist() == list(range(element.count))
     assert element.lost == 5000 - element.count > 0
     assert "samples could not be kept: the memory limit was reached" in logger.snapshot().warnings[0]
+    until(lambda: caplog.messages)
+    assert [message.partition(": what")[0] for message in caplog.messages] == [
+        "test: the memory limit was reached (memory_limit_mb)"
+    ]
 
 
 def test_at_the_memory_limit_looping_buffers_go_on(new_logger):

@@ -35,8 +35,8 @@ def test_so_are_those_after_a_stop_and_after_the_end(new_logger, caplog):
         "test: collect() logs nothing while it stands still (stopped on request): start() begins a new run"
     ]
     assert (logger._ignored, logger.ticks) == (3, 1)
-    caplog.clear()
     logger.start()
+    caplog.clear()
     assert logger._ignored == 0
     logger.close()
     collect(logger, 2)
@@ -206,6 +206,8 @@ def test_what_can_not_be_saved_at_the_end_stays_for_recover(tmp_path, capsys, mo
     [
         (("looping", "fixed", "growing"), 10.0, True),
         (("looping", "growing"), 10.0, True),
+        (("growing",), 10.0, True),
+        (("fixed", "growing"), 10.0, True),
         (("fixed", "fixed"), 10.0, False),
         (("looping", "looping"), 10.0, False),
         (("looping", "growing"), 0, False),
@@ -220,6 +222,45 @@ def test_a_run_that_ends_by_itself_by_default_says_so_at_its_start(new_logger, c
     assert [warning.partition(", as not all")[0] for warning in warnings_of(caplog)] == (
         ["test: logging stops by itself after 10 s (max_time)"] if told else []
     )
+
+
+def test_a_start_that_drops_what_is_in_no_file_says_so_once(new_logger, caplog):
+    logger = new_logger()
+    kept = logger.array("x")
+    for _ in range(3):
+        logger.restart()
+        collect(logger, 2)
+    (warning,) = warnings_of(caplog)
+    assert kept.shape == ()
+    assert warning.startswith("test: 2 ticks of the last run, in no file, dropped by this start: save() before it, or ")
+    logger.save()
+    other = new_logger("other")
+    other.array("x")
+    other.start()
+    collect(other, 1)
+    other.save()
+    other.restart()
+    assert len(warnings_of(caplog)) == 1
+
+
+@pytest.mark.parametrize("kind", ["a file", "a folder below a file", "closed", "there", "yet to be made"])
+def test_a_folder_in_which_nothing_can_be_saved_is_told_of_at_the_start(
+    new_logger, caplog, tmp_path, kind, monkeypatch
+):
+    file = tmp_path / "file"
+    file.write_text("")
+    folder = {"a file": file, "a folder below a file": file / "logs"}.get(kind, tmp_path / "a" / "b")
+    if kind == "there":
+        folder.mkdir(parents=True)
+    if kind == "closed":  # root may write anywhere
+        monkeypatch.setattr("silo.logger.arguments.options.os.access", lambda *_: False)
+    logger = new_logger(folder=folder)
+    kept = logger.array("x")
+    logger.start()
+    assert kept.shape == ()
+    told = {"closed": f"{tmp_path} can't be written to"}.get(kind, f"{file} is no folder")
+    says = [f"test: saves to {folder} will fail: {told}; save(folder=...) saves elsewhere"]
+    assert warnings_of(caplog) == ([] if kind in ("there", "yet to be made") else says)
 
 
 # ------------------------------------------------------------------------------------------ wrong turns

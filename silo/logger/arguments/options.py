@@ -257,12 +257,22 @@ def warn_if_not_durable(options: LoggerOptions, *, served: bool) -> None:
         )
 
 
+def warn_of_folder(options: LoggerOptions) -> None:
+    """Say at a start where nothing can be saved, rather than when it is to be."""
+    folder = Path(options.folder)
+    there = next(path for path in (folder, *folder.parents) if path.exists())
+    if there.is_dir() and os.access(there, os.W_OK | os.X_OK):
+        return
+    why = f"{there} can't be written to" if there.is_dir() else f"{there} is no folder"
+    log.warning("%s: saves to %s will fail: %s; save(folder=...) saves elsewhere", options.name, folder, why)
+
+
 def warn_of_end(options: LoggerOptions, table: Iterable[ElementInfo]) -> None:
-    """Say when a run ends by itself that would go on, were all its buffers looping and `max_time` not there."""
+    """Say when a run ends by itself that would go on, were all its buffers looping or growing, without `max_time`."""
     infos = [info for info in table if info.options.enabled]
     kinds = {info.options.buffer for info in infos}
     limit_s = options.max_time_s
-    if limit_s != DEFAULT_MAX_TIME_S or BufferType.LOOPING not in kinds or len(kinds) == 1:
+    if limit_s != DEFAULT_MAX_TIME_S or kinds in ({BufferType.LOOPING}, {BufferType.FIXED}, set()):
         return
     ending = [info.name for info in infos if info.options.buffer is not BufferType.LOOPING]
     log.warning(
