@@ -121,6 +121,7 @@ def failures_text(failures: Failures) -> str:
 
 NEVER_CHANGED = ", and it never changed during the run"
 KEPT_ALIKE = ", and all its samples that are kept are the same"
+NEWEST_ALIKE = ", and its newest {} samples are the same"
 
 
 def unheld_text(tick: int, same: str = "") -> str:

@@ -4,7 +4,8 @@ Looked for beside the loop: at each start, stop and save, and once a second wher
 What is found is told once, and stands in the segment, from where files, the status and the event log have it.
 
 A function that returned leaves its arrays behind as well, and some are constants; so an array is told of at the start,
-or after ticks went by without it and it stayed what it was, or at the end if it never changed.
+or after ticks went by without it and it stayed what it was, or at the end if it never changed, or stood still for far
+longer than before.
 """
 
 import itertools
@@ -15,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from silo.core.elements import ElementInfo
-from silo.core.recording import KEPT_ALIKE, NEVER_CHANGED, unheld_text
+from silo.core.recording import KEPT_ALIKE, NEVER_CHANGED, NEWEST_ALIKE, unheld_text
 from silo.loop.plan import Element
 from silo.loop.sources import HeldArrays, Reference
 from silo.segment.layout import ElementSchema
@@ -27,6 +28,7 @@ logger = logging.getLogger("silo")
 
 TICKS_WITHOUT = 2  # that go by until an array is told of: at least one whole turn of the loop
 MOST_TOLD = 10  # by name, at once
+LEAST_ALIKE = 10  # samples at the end
 
 
 @dataclass
@@ -113,7 +115,7 @@ class Unheld:
             else:
                 fresh.append(at)
         if fresh and not during:
-            found += [at for at in fresh if _is_constant(reader(), self._element(at))]
+            found += [at for at in fresh if _same(reader(), self._element(at))]
         self._tell(found, lambda one: _same(reader(), one))
 
     def _bytes(self, at: int) -> bytes:
@@ -138,10 +140,30 @@ class Unheld:
 
 
 def _same(reader: SegmentReader, one: ElementSchema) -> str:
-    """That all samples of an element are the same, in words; empty where they are not."""
-    if not _is_constant(reader, one):
-        return ""
-    return KEPT_ALIKE if reader.rows(one.ring, 0, 1).first else NEVER_CHANGED
+    """That all samples of an element are the same, or the newest as never before, in words; empty otherwise."""
+    if _is_constant(reader, one):
+        return KEPT_ALIKE if reader.rows(one.ring, 0, 1).first else NEVER_CHANGED
+    alike = _newest_alike(reader, one)
+    return NEWEST_ALIKE.format(alike) if alike else ""
+
+
+def _newest_alike(reader: SegmentReader, one: ElementSchema) -> int:
+    """How many of an element's newest samples are the same, if that is far more than ever before; 0 otherwise.
+
+    An array that a function leaves behind changed until then, by and large as it always did.
+    """
+    if reader.head(one.ring) < LEAST_ALIKE:
+        return 0
+    picker = RowPicker(dict(enumerate(one.entries)))
+    rows = reader.rows(one.ring, 0, None, picker.words)
+    bits = np.hstack(
+        [np.ascontiguousarray(some).view(np.uint8).reshape(len(rows), -1) for _, some in picker.columns(rows)]
+    )
+    changed = np.flatnonzero((bits[1:] != bits[:-1]).any(axis=1)) + 1  # rows that differ from the one before
+    if not len(changed):
+        return 0
+    alike, longest = len(bits) - int(changed[-1]), int(np.diff(changed, prepend=0).max())
+    return alike if alike >= max(LEAST_ALIKE, 3 * longest) else 0
 
 
 def _is_constant(reader: SegmentReader, one: ElementSchema) -> bool:

@@ -31,6 +31,20 @@ def test_an_array_that_is_assigned_anew_in_the_loop_is_told_of_at_the_end(new_lo
     assert warning.startswith(f"/log/q: {ALONE} (seen at tick 4), and it never changed during the run")
 
 
+@pytest.mark.parametrize(("still", "told"), [(9, False), (11, False), (12, True), (40, True)])
+def test_one_that_changed_and_was_assigned_anew_then_is_told_of_at_the_end(new_logger, caplog, still, told):
+    robot, logger = Robot(q=np.zeros(3)), new_logger()
+    logger.add(robot.q, "q")
+    logger.start()
+    for tick in range(20):  # changes at every fourth tick, the last time at 16
+        robot.q[0] = tick // 4
+        logger.collect()
+    turned(logger, robot, still - 4)
+    logger.stop()
+    says = f"/log/q: {ALONE} (seen at tick {15 + still}), and its newest {still} samples are the same"
+    assert [warning.partition(": right")[0] for warning in warnings_of(caplog)] == [says] * told
+
+
 def test_so_is_one_of_silos_own_memory(new_logger, caplog):
     robot, logger = Robot(), new_logger()
     robot.q, robot.kept = logger.array("q", 3), logger.array("kept", 3)
