@@ -14,6 +14,7 @@ from typing import Any, ClassVar, cast
 from textual import events
 from textual.app import App
 
+from silo.core.elements import SavedFile
 from silo.core.quantities.writing import wall_clock
 from silo.errors import RefusedError, SiloError
 from silo.net.access.senders import read_only_words
@@ -22,6 +23,7 @@ from silo_tui.actions import BY_ID, Command, key_of, key_that_retries, typed_on,
 from silo_tui.gate import Holding
 from silo_tui.modal import Leaving, run_alone
 from silo_tui.model.words.command_line import BY_KEY, Spelled
+from silo_tui.model.words.text import saved_words
 from silo_tui.sessions import kept
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
@@ -75,6 +77,7 @@ class Context:
         self.has_demo: Callable[[], bool] = lambda: False  # whether the robot is one that ends with the app
         self.came_back: Callable[[], None] = lambda: None  # catches up with the logger behind a file
         self._flow_running = False
+        self._saved_first = ""  # by a step of the flow that runs
         self.told: deque[Message] = deque(maxlen=MOST_TOLD)  # all that was said, the newest last
         self.tour: Tour | None = None
         self._unread: list[Message] = []  # news of the robot since a key was pressed
@@ -221,7 +224,11 @@ class Context:
     def say(self, words: str) -> None:
         """Show the result of something on the screen below any dialog."""
         if (screen := self.upper_screen) is not None:
-            screen.say(words)
+            screen.say("; ".join(filter(None, [words, self._saved_first])))
+
+    def saved_first(self, files: Sequence[SavedFile]) -> None:
+        """Have the end of the flow that runs tell what it saved on its way, too."""
+        self._saved_first = saved_words(files)
 
     def shown(self, words: str) -> str:
         """Return words with the names of signals as the table has them."""
@@ -304,7 +311,7 @@ class Context:
         except (SiloError, OSError) as error:
             self.fail(str(error))
         finally:
-            self._flow_running = False
+            self._flow_running, self._saved_first = False, ""
             self.table_changed()
             self.status_changed()
 

@@ -141,8 +141,10 @@ async def _stop_and_save(context: Context) -> bool:
 async def _save_all(context: Context) -> bool:
     from silo_tui.screens.files.save_data import SaveDialog
 
-    files = await context.app.push_screen_wait(SaveDialog(context, at_once=True, go_on=True))
-    return bool(files)
+    if not (files := await context.app.push_screen_wait(SaveDialog(context, at_once=True, go_on=True))):
+        return False
+    context.saved_first(files)
+    return True
 
 
 async def apply(context: Context) -> None:
@@ -238,7 +240,7 @@ async def _carry_out(context: Context, *, around: bool, cut: bool, unsaved: Unsa
     context.say(
         f"applied to {many(applied.changed, 'element')}"
         + (", logging again" if around else ", it goes on" if cut else "")
-        + (f"; {key_of('undo')} wants back what was" if session.table.can_undo else "")
+        + (f"; {key_of('undo')} takes it back, as edits to apply" if session.table.can_undo else "")
     )
     _warn(context, applied)
     return True

@@ -275,7 +275,9 @@ class Session:
             found = await self.connection.read(lambda client: client.events(since, FIRST_EVENTS))
         except RefusedError:
             return
-        self.happened = newest([*self.happened, *found])
+        known = {one.number for one in self.happened}  # what came meanwhile, or was read by who asked beside us
+        more = [one for one in found if one.number not in known]
+        self.happened = newest(sorted([*self.happened, *more], key=lambda one: one.number))
 
     async def turns_true(self, condition: str) -> "TriggerTried":
         """Return when a condition turned true in all that is held. Raises a SiloError where that can't be told."""

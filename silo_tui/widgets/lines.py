@@ -35,13 +35,14 @@ class Lines(Guarded, ScrollView, can_focus=True):
         super().__init__(id=id)
         self.count = 0
         self.highlighted: int | None = None
+        self.stays_at_top = False  # whether the first line is seen, whatever comes above that of the cursor
         self._line: Callable[[int], Text] = lambda place: Text()
         self._painted: dict[int, Text] = {}
 
     def show(self, count: int, line: Callable[[int], Text], highlighted: int | None) -> None:
         """Show so many lines, made by `line` where they are seen, the cursor on one of them.
 
-        The cursor stays on its row of the screen, wherever in the list its line stands now.
+        The cursor stays on its row of the screen, wherever in the list its line stands now, or the list at its top.
         """
         before, self.highlighted, self._line = self.highlighted, highlighted, line
         if count != self.count:
@@ -49,7 +50,8 @@ class Lines(Guarded, ScrollView, can_focus=True):
             self.virtual_size = Size(0, count)
             self.refresh()
         if before is not None and highlighted is not None and highlighted != before and self.size.height:
-            top = max(0, min(self.scroll_offset.y + highlighted - before, count - self.size.height))
+            moved_by = 0 if self.stays_at_top else highlighted - before
+            top = max(0, min(self.scroll_offset.y + moved_by, count - self.size.height))
             self.scroll_to(y=top, animate=False, force=True, immediate=True)
         top, painted = self.scroll_offset.y, self._painted
         self._painted = {}

@@ -150,10 +150,11 @@ class TestWords:
     )  # fmt: skip
     def test_a_test_tells_of_what_holds_without_ever_turning_true(self, fake, held, blind, says):
         tried = replace(fake.try_trigger(FALL.options), fires=0, held=held, blind=blind)
-        first = tried_lines(tried, 60, 20, "would have been violated", "beyond")[0]
         said, _, blind_words = says.partition("; ")
-        told = f"{said} in the last 60 s (all that is held), from its begin on: would have been violated 0 ×"
-        assert first == told + (f"; {blind_words}" if blind_words else "")
+        for lasts, counted in (("", "would have been violated 0 ×"), ("one violation", "one violation")):
+            first = tried_lines(tried, 60, 20, "would have been violated", "beyond", lasts=lasts)[0]
+            told = f"{said} in the last 60 s (all that is held), from its begin on: {counted}"
+            assert first == told + (f"; {blind_words}" if blind_words else "")
 
 
 async def done(screen):

@@ -221,9 +221,7 @@ async def test_enter_goes_there_in_the_plots(running, opened):
         assert screen.app.screen.window.at_ns == running.happened[1].at_ns
 
 
-@pytest.mark.parametrize(("read_s", "there"), [(1e6, "push 3"), (0.0, "push 4")])
-async def test_enter_as_another_event_comes_goes_to_the_one_that_was_read(running, opened, monkeypatch, read_s, there):
-    monkeypatch.setattr("silo_tui.screens.lists.events.READ_S", read_s)
+async def test_what_happens_meanwhile_stands_above_the_event_under_the_cursor(running, opened):
     running.happen("marker", "push 3", running.now_ns - SECOND)
     async with opened(running) as screen:
         await screen.plot("m")
@@ -231,8 +229,24 @@ async def test_enter_as_another_event_comes_goes_to_the_one_that_was_read(runnin
         await screen.shows('M "push 3"')
         running.happen("marker", "push 4", running.now_ns)
         await screen.shows('M "push 4"')
+        await screen.shows("5 events, follows")
+        lines = [each for each in screen.text.splitlines()[1:] if " M " in each]
+        assert ("push 4" in lines[0], lines[1][0], "push 3" in lines[1]) == (True, ">", True)
         await screen.press("enter")
-        await screen.shows(f'"{there}" at')
+        await screen.shows('"push 3" at')
+
+
+async def test_an_event_that_others_push_off_the_screen_leaves_the_cursor_to_the_newest(running, opened):
+    async with opened(running, size=(80, 24)) as screen:
+        await screen.do("events")
+        await screen.shows("3 events, follows")
+        for number in range(30):
+            running.happen("marker", f"push {number}", running.now_ns)
+        await screen.shows("33 events, follows")
+        await screen.until(lambda: screen.app.screen.lines.scroll_offset.y == 0)
+        assert int(screen.app.screen.chosen.text.split()[1]) >= 10
+        assert screen.app.screen.lines.highlighted < screen.app.screen.lines.size.height
+        assert '"push 29"' in screen.text
 
 
 @pytest.mark.parametrize(

@@ -54,7 +54,7 @@ async def test_applying_around_a_stop_says_what_would_be_dropped_and_saves_it_wh
         assert fake.ticks == 4800  # of which buffers of 4000 samples hold 10 s
         await screen.shows(f"Drop {held} samples of up to 10 s: stop, apply, start again")
         await screen.press("s")
-        await screen.shows("logging again")
+        await screen.shows("logging again; u takes it back, as edits to apply; saved: /home/ann/logs/")
         assert [call[0] for call in fake.calls] == ["stop", "save", "apply", "start"]
 
 

@@ -89,6 +89,19 @@ async def test_news_of_before_a_start_that_arrive_after_its_answer_stop_nothing(
         assert not session.running
 
 
+async def test_events_that_two_ask_for_stand_there_once_in_their_order(fake, opened, monkeypatch):
+    fake.run()
+    async with opened(fake) as screen:
+        session = screen.app.context.session
+        monkeypatch.setattr(fake, "publish", lambda *_, **__: None)
+        for number in range(3):
+            fake.happen("marker", f"push {number}", fake.now_ns)
+        asked = asyncio.gather(session.learn_events(), session.learn_events())
+        session._note(Event(1, fake.now_ns, EventKind.MARKER, "push 0", "", logged=1))
+        await asked
+        assert [(one.number, one.text) for one in session.happened] == [(each + 1, f"push {each}") for each in range(3)]
+
+
 def test_ends_of_columns_stand_within_their_column_in_the_order_of_the_curve():
     low, high = np.array([[1.0, 2.0, np.nan, 0.0]]), np.array([[3.0, 2.0, np.nan, 1.0]])
     marks = np.array([[0, NonFinite.NAN, NonFinite.POS_INF, 0]], np.uint8)

@@ -220,9 +220,12 @@ def held_axis(tried: TriggerTried, width: int) -> tuple[str, int]:
 
 
 def tried_lines(
-    tried: TriggerTried, width: int, keep: int, verb: str = "would have fired", holds: str = "true"
+    tried: TriggerTried, width: int, keep: int, verb: str = "would have fired", holds: str = "true", *, lasts: str = ""
 ) -> list[str]:
-    """Return what a test found: how often, for how much of what is held, where in it, and how large a capture is."""
+    """Return what a test found: how often, for how much of what is held, where in it, and how large a capture is.
+
+    `lasts`: what is said instead of how often where it holds from the begin on, and began nowhere.
+    """
     if tried.why:
         return [f"blind: {tried.why}"]
     held_s = (tried.end_ns - tried.begin_ns) / 1e9
@@ -230,7 +233,7 @@ def tried_lines(
     share = share_words(tried.held, tried.judged - tried.blind) if tried.held else ""
     last = f"in the last {text.short(held_s, 3)} s (all that is held)"
     if share and not tried.fires:  # it holds already, so that it begins to hold nowhere
-        first = f"{holds} {share} {last}, from its begin on: {verb} 0 ×{blind}"
+        first = f"{holds} {share} {last}, from its begin on: {lasts or f'{verb} 0 ×'}{blind}"
     else:
         first = f"{verb} {tried.fires} × {last}{f'; {holds} {share}' if share else ''}{blind}"
     left, room = held_axis(tried, width)

@@ -1,8 +1,11 @@
 """Numbers, times, sizes and names as short text that fits a column."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import PurePosixPath
+
+from silo.core.elements import SavedFile
+from silo.core.quantities.writing import size_text
 
 SUFFIXES = "kMGT"
 BRIEF = 5  # cells of a number among others
@@ -193,3 +196,8 @@ def cut(words: str, width: int) -> str:
 def file_name(path: str) -> str:
     """Return the last part of a path on the robot."""
     return PurePosixPath(path).name
+
+
+def saved_words(files: Sequence[SavedFile]) -> str:
+    """Return what a save wrote, in words."""
+    return f"saved: {', '.join(f'{one.path} ({size_text(one.size_bytes)})' for one in files)}"

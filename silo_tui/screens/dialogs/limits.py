@@ -122,7 +122,8 @@ class LimitsDialog(Form[LimitsWish]):
         wanted = TriggerOptions("new", f"({when}) and ({limits.when})" if limits.when else when)
         tried = await self._session.tried(wanted)
         width = self.told_width - MARKS + len(NOW)
-        told = tried_lines(tried, width, 0, "would have been violated", "beyond")[:2]
+        lasts = "one violation, begun before that"
+        told = tried_lines(tried, width, 0, "would have been violated", "beyond", lasts=lasts)[:2]
         return "\n".join([*told, *await self._trend(limits, shown, tried, width)])
 
     async def _trend(self, limits: SignalLimits, shown: str, tried: TriggerTried, whole: int) -> list[str]:

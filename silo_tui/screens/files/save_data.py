@@ -182,7 +182,7 @@ class SaveDialog(Form[list[SavedFile]]):
     def _tell(self, event: Event | None) -> None:
         """Say on the screen below how a save ended."""
         if event is not None and event.kind is EventKind.SAVED:
-            self.context.say(f"saved: {', '.join(f'{one.path} ({size_text(one.size_bytes)})' for one in event.files)}")
+            self.context.say(text.saved_words(event.files))
         elif event is not None and event.kind is EventKind.SAVE_FAILED:
             self.context.fail(f"not saved: {event.text}")
         else:

@@ -3,7 +3,6 @@
 
 import asyncio
 import re
-import time
 from collections.abc import Sequence
 
 from rich.text import Text
@@ -23,11 +22,9 @@ from silo_tui.screens.plots.monitor import FileMonitorScreen, MonitorScreen
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.lines import Lines
 
-READ_S = 0.7  # a row that has stood under the cursor for less has been read by nobody who types a key
-
 
 class EventsScreen(LoggerList[LoggedEvent]):
-    """A list of lines that follows the newest one until one moves in it."""
+    """A list of lines that shows the newest ones until one moves in it."""
 
     scope = "events"
     orders = ORDERS
@@ -39,8 +36,6 @@ class EventsScreen(LoggerList[LoggedEvent]):
         self._following = True
         self._known: Sequence[LoggedEvent] = ()
         self._all: Sequence[LoggedEvent] = ()  # as they are shown
-        self._before: LoggedEvent | None = None  # what was under the cursor until another one came
-        self._came_s = 0.0
 
     def status_changed(self) -> None:
         """Follow state and link, and take in what happened since."""
@@ -53,12 +48,9 @@ class EventsScreen(LoggerList[LoggedEvent]):
         return self._all
 
     def show(self) -> None:
-        before, has_news = self.chosen, self.session.happened is not self._known
         self._known = self.session.happened
         self._all = in_time(self._known)
         super().show()
-        if has_news and before is not None and self.chosen_key != self.key_of(before):
-            self._before, self._came_s = before, time.monotonic()
 
     def key_of(self, one: LoggedEvent) -> str:
         return f"{one.run} {one.number} {one.time_ns} {one.kind} {one.text}"
@@ -86,12 +78,15 @@ class EventsScreen(LoggerList[LoggedEvent]):
         return [told, f"{count}, {follows}" if self.all else "nothing happened yet"]
 
     def follow(self, known: str, place: int | None) -> int | None:
-        return (0 if self.shown else None) if self._following else super().follow(known, place)
+        """Stay with its event, above which others come; from the end of the screen go to the newest."""
+        at = super().follow(known, place)
+        self.lines.stays_at_top = self._following
+        return 0 if self._following and at is not None and at >= self.lines.size.height > 0 else at
 
     # --------------------------------------------------------------------------------------------------- commands
 
     def move(self, place: int) -> None:
-        self._following, self._before = False, None
+        self._following = False
         super().move(place)
 
     def on_lines_cursor_moved(self, event: Lines.CursorMoved) -> None:
@@ -144,8 +139,6 @@ class EventsScreen(LoggerList[LoggedEvent]):
         event = self.here()
         if event is None:
             return
-        if self._before is not None and time.monotonic() - self._came_s < READ_S:
-            event = self._before
         if not event.at_ns or event.tick < 0:
             self.say("this happened before the first tick: no place in the plots")
             return
