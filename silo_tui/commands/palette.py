@@ -12,6 +12,8 @@ from silo_tui.actions import COMMANDS, FILE_SCOPES, commands_for, commands_like,
 from silo_tui.context import SiloScreen
 from silo_tui.keymap import counts, where
 
+BY_WORDS = 0.5  # of the score of a name: who types one means what is called so
+
 
 class CommandProvider(Provider):
     """Feeds the palette from the list of commands."""
@@ -25,7 +27,7 @@ class CommandProvider(Provider):
         """Return what matches."""
         matcher = self.matcher(query)
         for title, words, do in (*self._offers(), *self._of_large_plots(), *self._of_others()):
-            score = max(matcher.match(title), matcher.match(words))
+            score = max(matcher.match(title), BY_WORDS * matcher.match(words))
             if score > 0:
                 yield Hit(score, matcher.highlight(title), do, help=words)
 
@@ -50,7 +52,7 @@ class CommandProvider(Provider):
                 yield f":{typed.usage.lstrip(':') or word}", words, partial(screen.begin_command, word)
 
     def _of_large_plots(self) -> Iterator[tuple[str, str, Callable[[], None]]]:
-        """Yield what there is in large plots alone, as spectra: chosen elsewhere, it leads one step there."""
+        """Yield what there is in large plots alone, as spectra: plots show it, elsewhere it leads there."""
         screen = self.screen
         if not isinstance(screen, SiloScreen):
             return
@@ -64,7 +66,9 @@ class CommandProvider(Provider):
                 continue
             steps = f"large plot, {command.key_text}"
             note = f"{command.label}: {command.key_text}, once one plot is large"
-            yield f"{command.label}  ({steps})", command.help, partial(self._lead, screen, way, note)
+            then = command.id if way == "detail" and command.id != "mode" else ""  # which goes from one to the next
+            lead = partial(self._lead, screen, way, note, then)
+            yield f"{command.label}  ({steps})", command.help, lead
 
     def _of_others(self) -> Iterator[tuple[str, str, Callable[[], None]]]:
         """Yield what other screens have: chosen, it says which, and how to come there."""
@@ -77,6 +81,11 @@ class CommandProvider(Provider):
                 say = partial(screen.context.say, f"{command.label} ({command.key_text}): {sentence}")
                 yield f"{command.label}  ({place}, {command.key_text})", command.help, say
 
-    def _lead(self, screen: SiloScreen, way: str, note: str) -> None:
+    def _lead(self, screen: SiloScreen, way: str, note: str, then: str) -> None:
+        """Go there, and do what is wanted if it is one step away; say how to go on otherwise."""
         screen.action_command(way)
+        large = self.app.screen
+        if then and isinstance(large, SiloScreen) and large is not screen:
+            self.app.call_after_refresh(large.action_command, then)
+            return
         screen.context.say(note if way == "detail" else f"{note}: {key_of('detail')} makes it so")

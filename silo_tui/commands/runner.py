@@ -262,6 +262,9 @@ async def control_flow(context: Context, words: Sequence[str]) -> None:
     if context.may_write("Control"):
         done = await session.connection.call(jobs[words[0]])
         await session.refresh_status()
+        if words[0] in ("take", "force"):  # which silo-tui renews
+            name = session.status.logger
+            done = f"you have control of {name} until you release it or leave; your own programs may still change it"
         context.say(done)
 
 
@@ -275,7 +278,7 @@ async def _ask_for_control(context: Context) -> Sequence[str]:
     if session.has_control:
         choices = [Choice("", "Keep it"), Choice("release", "Release it: whoever may change it can", "r")]
     elif session.status.control is None:
-        choices = [Choice("", "Leave it to all"), Choice("take", "Take it: no other user changes anything", "t")]
+        choices = [Choice("", "Leave it to all"), Choice("take", "Take it: users other than you change nothing", "t")]
     else:
         choices = [Choice("", "Leave it there"), Choice("force", "Take it: who has it is told", "F")]
     body = f"{told}\n\n:control give NAME hands it over."

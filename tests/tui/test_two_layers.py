@@ -356,3 +356,17 @@ async def test_ways_to_draw_are_one_menu_away_from_the_plots(fake, opened):
 def test_the_bar_of_parameters_says_at_80_columns_what_turns_them():
     shown = sorted(keymap.in_bar("parameters", read_only=False), key=lambda each: -each[1])
     assert [command.id for command, _ in shown].index("turn_down") < 6
+
+
+@pytest.mark.parametrize("name", ["histogram", "spectrum"])
+async def test_in_the_palette_what_is_called_so_comes_first_and_is_shown_at_once(fake, opened, name):
+    async with opened(fake.run(), size=(120, 40)) as screen:
+        await screen.press("m", "ctrl+p")
+        await screen.type(name)
+        await screen.until(lambda: name.title() in screen.text)
+        found = screen.app.screen.query_one("CommandList")
+        await screen.until(
+            lambda: found.option_count and str(found.get_option_at_index(0).prompt).startswith(name.title())
+        )
+        await screen.press("enter")
+        await screen.until(lambda: screen.app.screen.scope == "detail" and screen.app.screen.mode == name)

@@ -33,7 +33,7 @@ HEAD = (
     ("~ NO LINK 14 s", "nobody answers for so long: values are old, edits are kept"),
     ("488/500 elements on", "so many are logged, of all; +1 derived: computed from them"),
     ("400 Hz", "ticks a second as measured; … of 400 Hz: none was yet"),
-    ("318 of 400 Hz slow", "the loop makes fewer ticks than it should; jitter: how far they are off"),
+    ("318 of 400 Hz slow", "the loop makes fewer ticks than it should: filter `lateness` (logged with timing=True)"),
     ("‼ no tick for 4 s", "the loop stands still"), ("118 024 ticks", "of the run until now"),
     ("lost 0", "samples that the buffers could not keep"),
     ("1 alarm HH, HH 1", "so many are beyond limits, the worst so far; the list names them"),
