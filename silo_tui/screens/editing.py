@@ -190,6 +190,8 @@ class Editing(ElementsScreen):
     def _open_editor(self, value: str, *, select: bool) -> None:
         if self.table.field not in self.table.field_spans():
             self.show_set("settings")  # in which one sees what is edited
+        if self.session.rows.move_to_target():  # the editor lies over a row that is edited
+            self.context.table_changed()
         field, count, region = self.table.field, len(self.session.rows.targets()), self.table.cell_region()
         words = ""
         if not select:  # what begins with = may be words of several fields
@@ -197,7 +199,7 @@ class Editing(ElementsScreen):
             words = "; or words: div=5 size=10s buf=loop"
         self.query_one(CellEditor).open(field, region, value, select=select)
         hidden = "" if field in self.table.field_spans() else f" (its column is not shown: {key_of('columns')})"
-        self.info.ask(f"{field.label} of {many(count, 'element')}{hidden}: {examples(field.option)}{words}")
+        self.info.ask(f"{field.label} of {many(count, 'element')}{hidden}, e.g. {examples(field.option)}{words}")
         self.query_one(KeyBar).show_instead(EDITOR_KEYS)
 
     def _again(self, edit: Callable[[], None]) -> None:

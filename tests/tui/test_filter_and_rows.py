@@ -151,6 +151,19 @@ def test_edits_are_about_the_marks_or_else_the_cursor(rows):
     assert len(rows.targets()) == 12
 
 
+def test_an_editor_opens_on_the_nearest_row_that_is_edited(rows):
+    assert not rows.move_to_target()  # the cursor's own row is edited
+    for at in (2, 9):
+        rows.move_to(at)
+        rows.toggle_mark()
+    for at, there in ((5, 2), (7, 9), (9, 9)):
+        rows.move_to(at)
+        assert (rows.move_to_target(), rows.position) == (at != there, there)
+    rows.set_filter("velocity")
+    place = rows.position
+    assert (rows.move_to_target(), rows.position) == (False, place)  # those are hidden
+
+
 def test_a_range_marks_from_its_begin_to_the_cursor(rows):
     rows.move_to(2)
     rows.begin_range()

@@ -9,6 +9,7 @@ from textual import events
 from silo.core.elements import State
 from silo.rpc.published import EventKind
 from silo_tui.model.table.fields import Field
+from silo_tui.widgets.inputs import CellEditor
 from tests.stand_ins.fake_signals import scalar, signal
 
 FIRST = "/log/base/orientation"
@@ -122,6 +123,13 @@ async def test_apply_shows_the_difference_and_sends_one_transaction(fake, opened
         assert [(call[0], len(call[1])) for call in fake.calls] == [("apply", 2)]
         await screen.shows("applied to 2 elements")
         assert screen.session.table.pending_count == (0, 0)
+
+
+async def test_the_editor_lies_over_a_row_that_is_edited(fake, opened):
+    async with opened(fake) as screen:
+        await screen.do("space", "j", "j", "edit_divider")
+        await screen.shows("divider of 1 element, e.g. 5 50Hz")
+        assert screen.app.screen.query_one(CellEditor).region.y == screen.app.screen.table.region.y
 
 
 async def test_buffers_of_gigabytes_are_told_of_when_they_are_applied_as_in_the_shell(fake, opened, monkeypatch):

@@ -268,6 +268,15 @@ class RowList:
             self._lay_lines()
         return self._move_to_line(row)
 
+    def move_to_target(self) -> bool:
+        """Put the cursor on the nearest row that an edit is about; False where it is on one, or none is shown."""
+        targets = self.targets()
+        places = np.flatnonzero(np.isin(self.tree.lines, targets))
+        if self.branch is not None or self.row in targets or not len(places):
+            return False
+        self.move_to(int(places[np.abs(places - self.position).argmin()]))
+        return True
+
     # --------------------------------------------------------------------------------------------------- marks
 
     @property
