@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from silo.client.client import LONGEST_S, Client
 from silo.core.elements import FileType, SavedFile, Status
-from silo.core.quantities.writing import size_text
+from silo.core.quantities.writing import many, size_text
 from silo.errors import SiloError
 from silo.net.found import LoggerAddress
 from silo.state.requests import Unsaved
@@ -99,9 +99,9 @@ def loading(client: Client, path: str, *, cut: bool = False) -> Answer:
     """Load a script of the robot's own folder."""
     applied = client.load_script(path, cut=cut)
     unknown = f", {len(applied.unknown)} names of it unknown" if applied.unknown else ""
-    return f"loaded {path or 'its script'}: {applied.changed} elements changed{unknown}", ()
+    return f"loaded {path or 'its script'}: {many(applied.changed, 'element')} changed{unknown}", ()
 
 
 def _state(status: Status) -> str:
     unsaved = ", not saved" if status.state.value == "stopped" and status.run_ticks and not status.saved else ""
-    return f"{status.state.value}, {status.run_ticks} ticks{unsaved}"
+    return f"{status.state.value}, {many(status.run_ticks, 'tick')}{unsaved}"

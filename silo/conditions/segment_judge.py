@@ -18,6 +18,7 @@ from silo.conditions.standing import CapturedSpan, TriggerStatus
 from silo.conditions.state_file import JudgeState, KeptCapture, KeptTrigger, Untold
 from silo.core.conditions import Conditions, Derived, TriggerOptions, TriggerWord
 from silo.core.elements import ElementInfo
+from silo.core.quantities.writing import many
 from silo.errors import ElementError
 from silo.expressions.binding import BoundExpression, means_else
 from silo.expressions.evaluation import TRUE, UNOBSERVABLE, Evaluator
@@ -349,7 +350,7 @@ class SegmentJudge:
 
     def _end_spool(self, buffer: CaptureBuffer, why: str) -> None:
         missing = max(0, buffer.capture.last + 1 - buffer.ticks)
-        buffer.ended = f"{why}, {missing} ticks before its end"
+        buffer.ended = f"{why}, {many(missing, 'tick')} before its end"
 
     def hand_over(self, why: str) -> JudgedStep:
         """Judge the rest, and close the captures that a successor would not find whole in the rings any more."""

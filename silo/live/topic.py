@@ -87,7 +87,7 @@ class Topic(Subscribed):
 
     def __repr__(self) -> str:
         state = "closed" if self._closed else "open"
-        return f"<Topic {self.element}: {state}{f', {self.missed} samples missed' if self.missed else ''}>"
+        return f"<Topic {self.element}: {state}{f', {self.missed} missed' if self.missed else ''}>"
 
     def __iter__(self) -> Iterator[Batch]:
         """Yield batches as they come, until this or the client is closed.

@@ -16,6 +16,7 @@ from silo.core.arguments import switch, whole, word
 from silo.core.calls import of, told_class
 from silo.core.elements import DEFAULT_MAX_TIME_S, ControlMode, GroupRole, Storage, Threads
 from silo.core.episodes.block import EpisodeBlock
+from silo.core.quantities.writing import many
 from silo.errors import SiloError, StateError
 from silo.logger.arguments.keywords import AnyStorage, AnyThreads, ControlWord, GroupRoleWord
 from silo.logger.arguments.options import (
@@ -622,6 +623,7 @@ class Logger(LoggerNames):
     def _about(self) -> str:
         state = "closed" if self._life.closed else self._life.state.value
         reason = f" ({self._life.reason})" if self._life.reason and not self._life.running else ""
-        held = f", {self.ticks} ticks{', not saved' if self.has_unsaved else ''}" if self._present.number else ""
+        unsaved = ", not saved" if self.has_unsaved else ""
+        held = f", {many(self.ticks, 'tick')}{unsaved}" if self._present.number else ""
         pending = f", {len(self._table.pending)} added since" if self._table.pending else ""
         return f"{self.name}: {len(self)} elements{pending}, {self.options.frequency_hz:g} Hz, {state}{reason}{held}"

@@ -21,6 +21,7 @@ from silo.core.conditions import NO_CONDITIONS
 from silo.core.elements import DEFAULT_OPTIONS, ElementInfo, Entry, LoggerOptions, join_name
 from silo.core.episodes.block import EpisodeBlock
 from silo.core.kinds import index_suffixes, kind_by_shape
+from silo.core.quantities.writing import many
 from silo.core.recording import Recording
 from silo.errors import ArgumentError, ElementError
 from silo.logger.arguments.options import array_layout
@@ -203,7 +204,7 @@ class NullLogger(LoggerNames):
     def __getitem__(self, name: str) -> LoggedElement:
         info = self._known(name)
         if info is None:
-            hint = self.elements.known.hint(name, f"the table has {len(self)} elements")
+            hint = self.elements.known.hint(name, f"the table has {many(len(self), 'element')}")
             raise ElementError(f"no element '{name}'{hint}")
         return LoggedElement(info)
 

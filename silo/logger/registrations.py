@@ -7,6 +7,7 @@ import msgspec
 
 from silo.core.elements import Edit, ElementInfo, ElementOptions, Problem
 from silo.core.names import Names, did_you_mean, is_glob
+from silo.core.quantities.writing import many
 from silo.core.units import doubt
 from silo.errors import ElementError
 from silo.loop.plan import Element
@@ -140,7 +141,7 @@ class Registrations:
         if any(element.info.name.endswith(name) for element in self.pending):
             return "; it was added after the last update(): call update() first"
         near = self._known.near(name, 1, more=[element.info.name for element in self.pending])
-        return did_you_mean(near, f"the table has {len(self._known.names)} elements")
+        return did_you_mean(near, f"the table has {many(len(self._known.names), 'element')}")
 
     def change(self, changes: Mapping[int, ElementOptions]) -> int:
         """Give elements new options, all or none. Returns how many differ; the revision grows if any does."""

@@ -11,6 +11,7 @@ from silo.core.calls import no_attribute, told_names
 from silo.core.elements import ElementInfo, ElementOptions, SavedFile
 from silo.core.names import Names
 from silo.core.printing import MOST_ROWS, html_table
+from silo.core.quantities.writing import many
 from silo.errors import ArgumentError, StateError, UnknownNameError
 from silo.loop.run import Run
 from silo.segment.layout import ElementSchema
@@ -185,7 +186,7 @@ def as_html(title: str, names: Sequence[str], element: Callable[[str], LoggedEle
         for one in (element(name) for name in names[: MOST_ROWS + 1])
     ]  # fmt: skip
     heads = ("element", "unit", "log", "divider", "action", "buffer", "held", "newest")
-    more = f"{len(names)} elements in all" if len(names) > MOST_ROWS else ""
+    more = f"{many(len(names), 'element')} in all" if len(names) > MOST_ROWS else ""
     return html_table(title, heads, rows[:MOST_ROWS], more)
 
 

@@ -3,6 +3,7 @@
 from silo.core.arguments import shown
 from silo.core.elements import State, Status, Table
 from silo.core.names import Names
+from silo.core.quantities.writing import many
 from silo.errors import ConnectionLostError, ElementError
 
 
@@ -13,7 +14,7 @@ def full_name(name: str, status: Status, table: Table) -> str:
     if len(found) > 1:
         raise ElementError(names.several(name, found))
     if not found:
-        hint = names.hint(name, f"it has {len(table.elements)} elements, see client.table()")
+        hint = names.hint(name, f"it has {many(len(table.elements), 'element')}, see client.table()")
         raise ElementError(f"logger '{status.logger}' has no element {shown(name)}{hint}")
     whole = names.name(found[0])
     if found[0][0] >= len(table.elements):

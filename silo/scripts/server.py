@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from silo.core.elements import Edit
+from silo.core.quantities.writing import many
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn
@@ -87,7 +88,7 @@ class ScriptServer(Server, does=[requests]):
         conditions = wanted if wanted != now.robot.conditions else None
         request = ApplyEdits(revision=based_on, edits=edits, conditions=conditions, cut=cut)
         applied = apply_edits(self.robot, turn, request, now)
-        text = f"script {found} loaded: {applied.changed} elements changed"
+        text = f"script {found} loaded: {many(applied.changed, 'element')} changed"
         if unknown:
             text += f", {len(unknown)} names are not in the table"
         if script.unknown_keys:

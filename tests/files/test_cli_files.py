@@ -303,7 +303,7 @@ def test_a_data_set_is_made_of_several_logs(tmp_path, new_logger):
     [
         ((stats_command, "logs"), "q_0      5   10   18", "q_0      15    0   18"),
         ((convert_command, "logs", "out.mat"), "10 ticks", "20 ticks"),
-        ((convert_command, "logs", "out.csv", "--rate", "1"), "1 ticks", "1 ticks"),
+        ((convert_command, "logs", "out.csv", "--rate", "1"), "1 tick", "1 tick"),
         ((plot_command, "logs", "q"), "q_0  10 ... 18", "q_0  0 ... 18"),
         ((diff_command, "logs", "logs"), "10 ticks", "20 ticks"),
         ((compare_command, "logs", "logs"), "2 are alike", "2 are alike"),

@@ -97,7 +97,7 @@ def _show_status(status: "Status") -> None:
     held = f"{many(status.held_runs, 'earlier run')}, {size_text(status.held_bytes)}"
     held += f", of at most {status.held_runs_most} runs, {most / 1e6:.0f} MB"
     later = many(max(0, status.ticks - ticks), "tick")
-    logged = f"{status.run_ticks} ticks{f' in {since}' if since != '-' else ''}"
+    logged = f"{many(status.run_ticks, 'tick')}{f' in {since}' if since != '-' else ''}"
     logged += f", not saved ({_held(status)})" if status.run_ticks and not status.saved else ""
     elements = f"{status.enabled} of {status.elements} are logged, {status.entries} values per tick at most"
     recorded = f"{many(status.recorders, 'recording')} under way: `silo record {status.logger} --ls`"
@@ -107,7 +107,7 @@ def _show_status(status: "Status") -> None:
         (status.state.value == "dead", "recording", _recording(status)),
         (True, "frequency", f"{status.frequency_hz:g} Hz{_measured(status)}"),
         (True, "logged", logged),
-        (True, "lost", f"{status.lost} samples"),
+        (True, "lost", f"{many(status.lost, 'sample')}"),
         (status.failed, "failed", f"{many(status.failed, 'sample')} could not be read: {failed}"),
         (status.unheld, "unheld", f"nobody but silo holds the array any more, its values stay: {unheld}"),
         (ticks >= 0, "durable", f"to tick {ticks}; a power cut now would lose {later} after it"),

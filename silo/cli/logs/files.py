@@ -18,6 +18,7 @@ from click.shell_completion import CompletionItem
 
 from silo.cli.codes import EXIT_BLIND, EXIT_FOUND
 from silo.cli.common import LogWord, TypedPath, find_saved, progress, show, show_json, show_rows, together
+from silo.core.quantities.writing import many
 from silo.errors import ElementError, SiloError
 from silo.files.formats import readable, writable
 
@@ -183,7 +184,8 @@ def convert_command(
     with progress(f"{target.name}") as tell:
         recording = convert(path, target, tell, force, change)
     _warn(recording)
-    click.echo(f"{target}  {size_of(target)} bytes, {recording.entry_count} signals, {len(recording.time_ns)} ticks")
+    held = f"{many(recording.entry_count, 'signal')}, {many(len(recording.time_ns), 'tick')}"
+    click.echo(f"{target}  {size_of(target)} bytes, {held}")
     cells = recording.entry_count * len(recording.time_ns)
     filled = sum(len(entry.values) for element in recording.elements for entry in element.entries)
     if target.suffix == ".csv" and filled < SPARSE * cells:
@@ -257,7 +259,7 @@ def diff_command(
             click.echo(f"{difference.name:{width}}  {difference.what}")
     if equal and not as_json:
         partly = " over the time that both have" if found else ""
-        click.echo(f"equal{partly}: {a.entry_count} signals, {len(a.time_ns)} ticks")
+        click.echo(f"equal{partly}: {many(a.entry_count, 'signal')}, {many(len(a.time_ns), 'tick')}")
     _warn(a)
     _warn(b)
     if not equal:

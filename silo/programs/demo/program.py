@@ -176,7 +176,7 @@ def welcome(log: Logger) -> str:
     options, running = log.options, "running" if log.is_running else "stopped"
     script = options.script if Path(options.script).exists() else f"{options.script} (none yet: everything is logged)"
     return (
-        f"logger '{options.name}': {len(log.elements)} elements at {options.frequency_hz:g} Hz, {running}\n"
+        f"logger '{options.name}': {many(len(log.elements), 'element')} at {options.frequency_hz:g} Hz, {running}\n"
         f"  script  {script}\n"
         f"  folder  {options.folder}\n"
         f"  watch   silo-tui {options.name}   or   silo watch {options.name}\n"
