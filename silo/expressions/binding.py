@@ -391,7 +391,7 @@ class _Binder:
             factor = units.factor(side.unit, unit) if unit else units.size(side.unit)
             if factor is None:
                 wanted = f"doesn't go with '{unit}'" if unit else "isn't known"
-                raise self._error(f"the unit '{side.unit}' {wanted}; leave it out, or multiply by a number", node)
+                raise self._error(f"the unit '{side.unit}' {wanted}; leave it out, or multiply by one (x * 1s)", node)
             scaled: Part = Computed("*", (side.part, Constant(factor))) if factor != 1 else side.part
             if isinstance(side.part, Constant):
                 scaled = Constant(side.part.value * factor)

@@ -148,17 +148,18 @@ class Reader:
             self.report(line_of(node), f"{where}{what} must have keys ({', '.join(known)}), got {describe(node)}")
             return {}
         found: dict[str, yaml.Node] = {}
+        lines: dict[str, int] = {}
         for key, value in node.value:
             name = key_name(key)
             if name in found:
-                self.report(line_of(key), f"{where}key '{name}' stands twice, first in line {line_of(found[name])}")
+                self.report(line_of(key), f"{where}key '{name}' stands twice, first in line {lines[name]}")
             elif name not in known:
                 hint = did_you_mean(nearest(name.lower(), known), f"known are {', '.join(known)}")
                 text = f"{where}unknown key '{shorten(name)}' in {what}{hint}"
                 place = what if what in _GROUPS else "element" if what == _ELEMENT else "below" if found else "above"
                 self.unknown.append(UnknownKey(line_of(key), element, place, (key, value), text))
             else:
-                found[name] = value
+                found[name], lines[name] = value, line_of(key)
         return found
 
     def _scalar(self, node: yaml.Node, where: str, field: str, wanted: str) -> str | None:

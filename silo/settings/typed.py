@@ -81,7 +81,8 @@ class ElementSettings(dict[str, OptionValue | RelativeValue]):
             typed = ""
             if isinstance(asked, RelativeValue):
                 new = asked.on(getattr(now, option.name), int(made.get("divider", now.divider)), frequency_hz)
-                typed = f" ({asked.typed})" if asked.typed else ""
+                most = f": at most {frequency_hz:g} Hz" if asked.operator == "Hz" and new < 1 else ""
+                typed = f" ({asked.typed}{most})" if asked.typed else ""
             low, high = RANGES[option.name]
             if low <= new <= high:
                 made[option.name] = round(new)

@@ -70,6 +70,10 @@ def test_killed_helper_is_replaced_and_everything_goes_on(robot, watcher, until)
     os.kill(status.helper_pid, signal.SIGKILL)
 
 
+def test_who_reads_what_a_program_prints_needs_not_wait_for_its_helper(robot) -> None:
+    assert Path(f"/proc/{robot.helper_pid}/fd/1").readlink() == Path("/dev/null")
+
+
 def test_loss_of_the_helper_is_noticed_sooner_than_its_silence(robot, watcher, until) -> None:
     freeze(robot.pid)  # so that it starts no other
     began = time.monotonic()

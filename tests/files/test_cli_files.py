@@ -147,6 +147,11 @@ class TestStats:
         rows = json.loads(run(stats_command, "run.silo", "/log/x", "--from", "0.1", "--to", "0.2", "--json").stdout)
         assert (rows[0]["minimum"], rows[0]["maximum"], rows[0]["samples"]) == (10, 20, 11)
 
+    @pytest.mark.parametrize(("start", "told"), [("0.1", False), ("100", True)])
+    def test_a_window_without_samples_says_how_long_the_log_is(self, folder, start, told):
+        result = run(stats_command, "run.silo", "/log/x", "--from", start)
+        assert ("warning: no sample from 100 s on, the log lasts " in result.stderr) == told
+
     def test_the_table_fits_80_columns(self, folder):
         result = run(stats_command, "run.silo")
         assert result.exit_code == 0

@@ -175,7 +175,7 @@ def test_a_number_with_a_unit_is_in_that_of_its_signal():
     assert bind("abs(roll) > 30deg", CATALOGUE).root.parts[1].value == pytest.approx(math.pi / 6)
     assert bind("-5deg < roll", CATALOGUE).root.parts[0].value == pytest.approx(-math.pi / 36)
     assert bind("b/x > 20ms", CATALOGUE).root.parts[1].value == pytest.approx(0.02)
-    assert "doesn't go with 'Nm'" in refusal("joints/tau_0 > 3V").reason
+    assert "doesn't go with 'Nm'; leave it out, or multiply by one (x * 1s)" in refusal("joints/tau_0 > 3V").reason
     assert "doesn't go with" in refusal("roll + a/x > 1").reason
 
 

@@ -34,6 +34,17 @@ def test_every_kind_of_value_is_set_and_read_back(new_logger, default, other):
     assert np.array_equal(one.value, default)
 
 
+@pytest.mark.parametrize(
+    ("ends", "fits"),
+    [({"min": 0, "max": 10}, "whole numbers 0 to 10"), ({"min": 0}, "whole numbers from 0"),
+     ({"max": 10}, "whole numbers up to 10"), ({}, "a whole number")],
+)  # fmt: skip
+def test_a_number_that_is_not_whole_is_told_so(new_logger, ends, fits):
+    made = new_logger().parameter("n", 2, **ends)
+    with pytest.raises(ElementError, match=f"2.5 doesn't fit, it takes {fits};"):
+        made.value = 2.5
+
+
 def test_words_are_choices_too(new_logger):
     mode = new_logger().parameter("mode", "walk", choices=["walk", "trot"])
     mode.value = "trot"

@@ -92,7 +92,8 @@ def test_what_is_completed_can_be_typed() -> None:
 
 def test_a_rate_above_the_loggers_is_no_divider() -> None:
     assert complaint("divider=1000Hz") == (
-        "element '/x': divider must be a whole number from 1 to 2147483647, got 0.4 (1000Hz); nothing was changed"
+        "element '/x': divider must be a whole number from 1 to 2147483647, got 0.4 (1000Hz: at most 400 Hz); "
+        "nothing was changed"
     )
 
 

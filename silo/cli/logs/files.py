@@ -217,6 +217,9 @@ def stats_command(
     # one after the other: a window copies the signal
     rows = [statistics(signal) for signal in _windowed(recording, signals, start, stop)]
     show(rows, as_json, lambda: format_statistics(rows, _columns()))
+    if rows and not any(row.samples for row in rows) and (start, stop) != (None, None):
+        lasts_s = (int(recording.time_ns[-1]) - int(recording.time_ns[0])) / 1e9 if len(recording.time_ns) else 0.0
+        click.echo(f"warning: no sample from {start or 0:g} s on, the log lasts {lasts_s:g} s", err=True)
     _warn(recording)
 
 

@@ -158,12 +158,12 @@ def range_text(info: ParameterInfo) -> str:
     if info.kind is ParameterKind.BOOL:
         return "true or false"
     low, high, step = info.minimum, info.maximum, info.step
-    if low is not None and high is not None:
-        text = f"{low:g} to {high:g}"
-    elif low is not None or high is not None:
-        text = f"from {low:g}" if low is not None else f"up to {high:g}"
+    whole = info.kind is ParameterKind.INT
+    if low is None and high is None:
+        text = "a whole number" if whole else "any number"
     else:
-        text = "a whole number" if info.kind is ParameterKind.INT else "any number"
+        ends = f"{low:g} to {high:g}" if None not in (low, high) else f"up to {high:g}" if low is None else f"from {low:g}"
+        text = f"whole numbers {ends}" if whole else ends
     return text + (f" in steps of {step:g}" if step else "")
 
 

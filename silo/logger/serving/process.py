@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from silo.bridges.listening import bound, check_installed
-from silo.core.child import ENDING_S, PIPE, ChildProcess
+from silo.core.child import ENDING_S, NONE, PIPE, ChildProcess
 from silo.core.runtime import down_mark, open_unfinished, unopened
 from silo.errors import ConnectionLostError, SegmentError
 from silo.link.channel import LinkChannel, LinkReply
@@ -55,7 +55,10 @@ class HelperProcess(ChildProcess):
         descriptors = [theirs.fileno(), their_runs.fileno(), changes]
         channels: list[str | int] = ["--fd", descriptors[0], "--runs-fd", descriptors[1], "--changes-fd", changes]
         try:
-            super().__init__("silo.helper", [*channels, *arguments], descriptors, environment=HELPER_ENVIRONMENT)
+            # it speaks by standard error: who reads what the program prints needn't wait for its end
+            super().__init__(
+                "silo.helper", [*channels, *arguments], descriptors, environment=HELPER_ENVIRONMENT, stdout=NONE
+            )
         except BaseException:
             self.let_go()
             raise
