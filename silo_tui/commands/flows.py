@@ -187,8 +187,8 @@ async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> s
     if context.session.running:
         told = "\nThe logger runs, and takes edits without losing a tick: Apply and go on. Its buffers begin empty."
         body.append(f"{told}{_watching_again(context.session)} {SPLIT}", style="bold")
-        go_on = Choice("cut", "Apply and go on: no tick is lost, what it has is saved", "g")
-        return await _ask_around(context, title, body, [go_on, keep], "stop, apply, start again", "a", [discard])
+        go_on = Choice("cut", "Apply and go on: no tick is lost, what it has is saved", "a")
+        return await _ask_around(context, title, body, [go_on, keep], "stop, apply, start again", "r", [discard])
     return await context.app.push_screen_wait(Question(title, body, [Choice("apply", "Apply", "a"), keep, discard]))
 
 
@@ -313,7 +313,7 @@ async def load_script(context: Context, path: str = "") -> None:
     if session.running:
         told = "The logger runs, and takes a script without losing a tick: Load and go on."
         body_text = Text(f"{told}{_watching_again(session)} {SPLIT}")
-        go_on = Choice("cut", "Load and go on: no tick is lost, what it has is saved", "g")
+        go_on = Choice("cut", "Load and go on: no tick is lost, what it has is saved", "l")
         first, steps = [go_on, Choice("", "Don't load")], "stop, load, start again"
         answer = await _ask_around(context, f"Load {name} while it runs?", body_text, first, steps, "y")
         if not answer or (answer == "save" and not await _stop_and_save(context)):

@@ -103,7 +103,7 @@ class Thinness:
         parts.append(f"{what} every {pace.trend_s:.0f} s")
         if pace.digits_fewer:
             parts.append(f"{pace.digits_fewer} digit{'s' * (pace.digits_fewer > 1)} fewer")
-        return f"thin link: {', '.join(parts)}; keys go first"
+        return f"thin link, or a slow terminal: {', '.join(parts)}; keys go first"
 
     def note(self, *, late: bool, now_s: float) -> bool:
         """Take whether the terminal lags; return whether the step changed."""

@@ -233,7 +233,7 @@ async def test_loading_an_unknown_script_says_so(fake, opened):
 @pytest.mark.parametrize(
     ("key", "calls", "told"),
     [
-        ("g", ["load_script and go on"], "it goes on"), ("D", ["stop", "load_script", "start"], "logging again"),
+        ("l", ["load_script and go on"], "it goes on"), ("D", ["stop", "load_script", "start"], "logging again"),
         ("escape", [], "nothing was done"),
     ],
 )  # fmt: skip

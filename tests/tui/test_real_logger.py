@@ -53,7 +53,7 @@ async def test_a_real_logger_is_found_watched_stopped_edited_and_started(logger,
         began = logger._present.number
         await screen.press("d", "5", "enter", "a")
         await screen.shows("Apply and go on")
-        await screen.press("g")
+        await screen.press("a")
         await screen.shows("it goes on")
         assert (logger.elements[0].options.divider, logger._present.number, logger.is_running) == (5, began, True)
 

@@ -181,7 +181,7 @@ def test_it_says_which_rate_holds_of_the_wished_one():
     thinness = Thinness()
     judged(thinness, 60, late=True)
     assert thinness.words(5.0) == (
-        "thin link: values 0.5 of 5 Hz, trends and statistics every 8 s, 2 digits fewer; keys go first"
+        "thin link, or a slow terminal: values 0.5 of 5 Hz, trends and statistics every 8 s, 2 digits fewer; keys go first"
     )
     assert Thinness().words(5.0) == ""
 
@@ -270,7 +270,10 @@ def test_statistics_are_left_out_after_the_digits_and_before_values():
     assert [pace.statistics_s for pace in STEPS] == [1.0] * 5 + [8.0] * 4
     thin = Thinness()
     thin.step = 5
-    assert thin.words(5.0) == "thin link: trends and statistics every 8 s, 2 digits fewer; keys go first"
+    assert (
+        thin.words(5.0)
+        == "thin link, or a slow terminal: trends and statistics every 8 s, 2 digits fewer; keys go first"
+    )
 
 
 def busyness(share, seconds=10.0):

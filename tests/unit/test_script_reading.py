@@ -124,7 +124,9 @@ def test_a_range_error_names_file_line_element_and_value() -> None:
 
 def test_a_list_that_stands_twice_names_the_lines_of_its_keys() -> None:
     text = "log_elements:\n- name: /a\nlog_elements:\n- name: /b\n"
-    assert complaint(text) == "config/robot.yaml:3: key 'log_elements' stands twice, first in line 1; nothing was changed"
+    assert (
+        complaint(text) == "config/robot.yaml:3: key 'log_elements' stands twice, first in line 1; nothing was changed"
+    )
 
 
 @pytest.mark.parametrize(

@@ -162,7 +162,9 @@ def range_text(info: ParameterInfo) -> str:
     if low is None and high is None:
         text = "a whole number" if whole else "any number"
     else:
-        ends = f"{low:g} to {high:g}" if None not in (low, high) else f"up to {high:g}" if low is None else f"from {low:g}"
+        ends = (
+            f"{low:g} to {high:g}" if None not in (low, high) else f"up to {high:g}" if low is None else f"from {low:g}"
+        )
         text = f"whole numbers {ends}" if whole else ends
     return text + (f" in steps of {step:g}" if step else "")
 
