@@ -181,7 +181,8 @@ def test_it_says_which_rate_holds_of_the_wished_one():
     thinness = Thinness()
     judged(thinness, 60, late=True)
     assert thinness.words(5.0) == (
-        "thin link, or a slow terminal: values 0.5 of 5 Hz, trends and statistics every 8 s, 2 digits fewer; keys go first"
+        "thin link, or a slow terminal: values 0.5 of 5 Hz, trends and statistics every 8 s, 2 digits fewer; "
+        "keys go first"
     )
     assert Thinness().words(5.0) == ""
 
