@@ -87,20 +87,18 @@ class Pacer:
         """Note that something was typed: the way from the terminal is open."""
         self._keys_since = True
 
-    def check(self, now_s: float) -> bool:
-        """Give up waiting for answers that don't come; return whether something may be sent because of that."""
+    def check(self, now_s: float) -> None:
+        """Give up waiting for answers that don't come."""
         due_s = self.due_s
         if due_s is None or now_s < due_s:
-            return False
+            return
         self.timeouts += 1
         self._deaf = self._deaf + 1 if self._keys_since else 0
         # who answered once or never doesn't report what we ask for; who did for long may be behind a stalled link
         self._silent = self.answers < 2 or self._deaf >= DEAF_AFTER
-        self._keys_since = False
         for mark in self._marks:
             mark.lost = True
         self._answered = self._total
-        return True
 
     # -------------------------------------------------------------------------------------------------- what is
 

@@ -105,8 +105,8 @@ class Thinness:
             parts.append(f"{pace.digits_fewer} digit{'s' * (pace.digits_fewer > 1)} fewer")
         return f"thin link, or a slow terminal: {', '.join(parts)}; keys go first"
 
-    def note(self, *, late: bool, now_s: float) -> bool:
-        """Take whether the terminal lags; return whether the step changed."""
+    def note(self, *, late: bool, now_s: float) -> None:
+        """Take whether the terminal lags."""
         if late or not self._seen:
             self._good_since_s = now_s
         self._seen.append((now_s, late))
@@ -119,14 +119,11 @@ class Thinness:
             # where nothing came in time there is far too much
             self.step = min(len(STEPS) - 1, self.step + (2 if share > 0.9 else 1))
             self._stepped_s = now_s
-            return True
-        if self.step and now_s - max(self._good_since_s, self._stepped_s) >= self._good_s:
+        elif self.step and now_s - max(self._good_since_s, self._stepped_s) >= self._good_s:
             self.step -= 1
             self._stepped_s = self._eased_s = now_s
             if not self.step:
                 self._good_s = GOOD_S
-            return True
-        return False
 
 
 class Busyness:

@@ -6,7 +6,7 @@ import pytest
 
 from silo_tui.terminal.answers import AnswerFilter, knows_mode
 from silo_tui.terminal.driver import CellDriver
-from silo_tui.terminal.pacing import FIRST_BYTES, FIRST_S, SMALLEST_WINDOW, UNPACED, Pacer, link_words
+from silo_tui.terminal.pacing import FIRST_BYTES, FIRST_S, SMALLEST_WINDOW, TIMEOUT_S, UNPACED, Pacer, link_words
 from silo_tui.terminal.processor import waited_s
 from silo_tui.terminal.thinness import STEPS, Busyness, Painted, Thinness, head_words
 
@@ -73,21 +73,48 @@ def test_throughput_and_way_are_told_as_they_are():
     link = answering(bytes_per_s=8_000, delay_s=0.2)
     link.stream(5)
     assert 6_500 < link.pacer.bytes_per_s < 9_500
-    assert link_words(link.pacer)[0].endswith(" kbit/s")
+
+
+@pytest.mark.parametrize(
+    ("bytes_per_s", "usual_s", "words"),
+    [
+        (0.0, 0.0, []), (0.0, 0.0874, ["90 ms"]), (8_000, 0.2137, ["64 kbit/s", "210 ms"]),
+        (124_900, 0.0, ["999 kbit/s"]), (125_000, 1.5, ["1.0 Mbit/s", "1500 ms"]),
+    ],
+)  # fmt: skip
+def test_what_is_known_of_the_link_is_told_in_words(bytes_per_s, usual_s, words):
+    assert link_words(SimpleNamespace(bytes_per_s=bytes_per_s, usual_s=usual_s)) == words
+
+
+def test_the_window_doubles_at_most_with_each_answer_and_has_an_end():
+    link, found = answering(bytes_per_s=1e7, delay_s=0.2), []
+    for _ in range(8):
+        link.send(link.pacer.window)
+        link.wait(0.5)
+        found.append(link.pacer.window)
+    assert found == [6_000, 12_000, 24_000, 48_000, 96_000, 192_000, 200_000, 200_000]
+
+
+def test_the_window_carries_what_may_wait_for_a_quarter_of_a_second_and_the_way():
+    link = answering(bytes_per_s=100_000, delay_s=0.1)
+    for _ in range(12):
+        link.send(20_000)
+        link.wait(0.5)
+    assert link.pacer.window == pytest.approx(100_000 * (0.1 + 0.25), rel=0.01)
 
 
 def test_what_a_key_changed_may_go_beyond_the_window():
     link = answering()
     link.send(SMALLEST_WINDOW)
-    assert link.pacer.room() <= 0
-    assert link.pacer.room(urgent=True) > 0
+    assert (link.pacer.room(), link.pacer.room(urgent=True)) == (0, SMALLEST_WINDOW)
 
 
 def test_before_the_first_answer_little_is_sent_and_then_it_is_not_waited_for():
     link = Link(1e9, 1e9)
     link.send(FIRST_BYTES)
-    assert link.pacer.room() <= 0
-    link.wait(FIRST_S)
+    link.wait(FIRST_S - 0.01)
+    assert link.pacer.room() == 0
+    link.wait(0.01)
     assert link.pacer.room() == UNPACED
 
 
@@ -97,7 +124,9 @@ def test_a_terminal_that_answered_once_only_is_not_waited_for():
     link.wait(0.1)
     link.delay_s = 1e9
     link.send(SMALLEST_WINDOW)
-    link.wait(10)
+    link.wait(TIMEOUT_S - 0.01)
+    assert link.pacer.room() == 0
+    link.wait(0.01)
     assert link.pacer.room() == UNPACED
 
 
@@ -119,15 +148,96 @@ def test_after_a_stall_the_late_answers_do_no_harm():
     assert link.pacer.room() < UNPACED
 
 
-def test_a_terminal_that_types_but_no_longer_answers_is_not_waited_for():
+def silent_after(happens):
+    """Whether a terminal that answered isn't waited for after what happens between time-outs.
+
+    `k` is a key while an answer is waited for, `e` one before anything was sent, `-` none, `a` an answer.
+    """
     link = answering()
     link.delay_s = 1e9
-    for _ in range(600):
-        if link.pacer.room() > 0:
-            link.send(1_000)
-        link.pacer.key()
-        link.wait(0.1)
-    assert link.pacer.room() == UNPACED
+    for each in happens:
+        if each == "e":
+            link.pacer.key()
+        link.send(10)
+        if each == "k":
+            link.pacer.key()
+        if each == "a":
+            link.pacer.answered(link.now_s)
+        link.wait(10)
+    return link.pacer.room() == UNPACED
+
+
+@pytest.mark.parametrize(
+    ("happens", "silent"),
+    [("kk", False), ("kkk", True), ("---", False), ("eee", False), ("kk-k", False), ("kk-kk", False),
+     ("-kkk", True), ("kkak", False), ("kkakkk", True)],
+)  # fmt: skip
+def test_a_terminal_that_types_three_times_but_no_longer_answers_is_not_waited_for(happens, silent):
+    assert silent_after(happens) is silent
+
+
+@pytest.mark.parametrize(("way_s", "waits_s"), [(0.1, [2, 4, 8, 8]), (1.0, [4, 8, 8, 8])])
+def test_an_answer_is_waited_for_longer_each_time_until_one_comes(way_s, waits_s):
+    link, found = answering(1e9, way_s), []
+    for _ in waits_s:
+        link.send(10)
+        found.append(link.pacer.due_s - link.now_s)
+        link.pacer.check(link.pacer.due_s - 0.01)
+        assert link.pacer.unanswered == 10
+        link.now_s = link.pacer.due_s
+        link.pacer.check(link.now_s)
+        assert link.pacer.unanswered == 0
+    assert found == pytest.approx(waits_s)
+    link.pacer.answered(link.now_s)
+    link.send(10)
+    assert link.pacer.due_s - link.now_s == pytest.approx(waits_s[0])
+
+
+@pytest.mark.parametrize(("after_s", "unanswered"), [(29.0, 10), (31.0, 0)])
+def test_an_answer_that_is_overdue_for_half_a_minute_is_no_longer_expected(after_s, unanswered):
+    link = answering(1e9, 0.1)
+    link.answers = [1e9]
+    link.send(10)
+    link.wait(after_s)
+    assert link.pacer.unanswered == 0
+    link.pacer.sent(10, link.now_s)
+    link.pacer.answered(link.now_s + 0.5)  # of the newest, or late of the one before
+    assert link.pacer.unanswered == unanswered
+
+
+def test_a_terminal_lags_by_what_the_newest_or_the_one_waited_for_takes_beyond_the_fastest():
+    pacer = Pacer()
+    assert pacer.lag_s(100.0) == 0.0
+    for begin_s, took_s in ((100.0, 0.2), (101.0, 0.9), (102.0, 0.5)):
+        pacer.sent(10, begin_s)
+        pacer.answered(begin_s + took_s)
+    assert (pacer.fastest_s, pacer.usual_s) == (pytest.approx(0.2), pytest.approx(0.5))
+    assert pacer.lag_s(110.0) == pytest.approx(0.3)
+    pacer.sent(10, 110.0)
+    pacer.sent(10, 110.9)
+    assert [pacer.lag_s(now_s) for now_s in (110.1, 111.0)] == pytest.approx([0.3, 0.8])
+
+
+def test_answers_that_may_come_after_the_end_are_waited_for():
+    link = Link(1e9, 1e9)
+    assert link.pacer.farewell_s is None
+    link.send(10)
+    link.send(10)
+    assert link.pacer.farewell_s == 100.0 + FIRST_S
+    link.wait(FIRST_S)
+    assert link.pacer.farewell_s is None  # nobody answers
+    link = answering(1e9, 0.2)
+    assert link.pacer.farewell_s is None  # all came
+    link.delay_s = 1e9
+    link.send(10)
+    assert link.pacer.farewell_s - link.now_s == pytest.approx(1.4)
+    once = Link(1e9, 0.1)
+    once.send(10)
+    once.wait(0.2)
+    once.send(10)
+    once.pacer.check(once.now_s + TIMEOUT_S)
+    assert not once.pacer.paced
+    assert once.pacer.farewell_s - once.now_s == pytest.approx(1.2)  # late ones may come all the same
 
 
 # ------------------------------------------------------------------------------------------------- what is left out
@@ -177,14 +287,52 @@ def test_one_late_frame_changes_nothing():
     assert thinness.step == 0
 
 
-def test_it_says_which_rate_holds_of_the_wished_one():
+def until_stepped(thinness, begin_s, *, late):
+    """When a step was taken where all is late, or nothing."""
+    step, now_s = thinness.step, begin_s
+    while thinness.step == step:
+        now_s += 0.2
+        thinness.note(late=late, now_s=now_s)
+    return now_s
+
+
+def test_a_step_is_judged_for_a_second():
+    thinness, steps = Thinness(), []
+    for tick in range(30):
+        thinness.note(late=True, now_s=tick / 5)
+        steps.append(thinness.step)
+    assert steps == [*[0] * 5, *[2] * 5, *[4] * 5, *[6] * 5, *[8] * 10]
+
+
+def test_a_step_back_that_went_wrong_is_tried_again_after_twice_as_long_until_all_is_shown():
+    thinness, now_s, waited = Thinness(), until_stepped(Thinness(), 100.0, late=True), []
+    for _ in range(6):
+        begin_s = until_stepped(thinness, now_s, late=True)
+        now_s = until_stepped(thinness, begin_s, late=False)
+        waited.append(now_s - begin_s)
+    assert waited == pytest.approx([5, 10, 20, 40, 60, 60], abs=0.5)
+    while thinness.step:
+        now_s = until_stepped(thinness, now_s, late=False)
+    begin_s = until_stepped(thinness, now_s + 10.0, late=True)
+    assert until_stepped(thinness, begin_s, late=False) - begin_s == pytest.approx(5, abs=0.5)
+
+
+RARE = "trends and statistics every 8 s, 2 digits fewer"
+
+
+@pytest.mark.parametrize(
+    ("step", "words"),
+    [
+        (1, "trends every 2 s"), (2, "trends every 8 s"), (3, "trends every 8 s, 1 digit fewer"),
+        (4, "trends every 8 s, 2 digits fewer"), (5, RARE), (6, f"values 2.5 of 5 Hz, {RARE}"),
+        (7, f"values 1.2 of 5 Hz, {RARE}"), (8, f"values 0.5 of 5 Hz, {RARE}"),
+    ],
+)  # fmt: skip
+def test_it_says_what_is_left_out_and_which_rate_holds_of_the_wished_one(step, words):
     thinness = Thinness()
-    judged(thinness, 60, late=True)
-    assert thinness.words(5.0) == (
-        "thin link, or a slow terminal: values 0.5 of 5 Hz, trends and statistics every 8 s, 2 digits fewer; "
-        "keys go first"
-    )
-    assert Thinness().words(5.0) == ""
+    assert thinness.words(5.0) == ""
+    thinness.step = step
+    assert thinness.words(5.0) == f"thin link, or a slow terminal: {words}; keys go first"
 
 
 # --------------------------------------------------------------------------------------------------------- answers
@@ -247,7 +395,12 @@ def test_a_computer_too_busy_for_the_wished_rate_is_told_too():
 
 @pytest.mark.parametrize(
     ("room", "words"),
-    [(60, "THIN 0 of 5 Hz 64 kbit/s 210 ms"), (26, "THIN 0 of 5 Hz 64 kbit/s"), (15, "THIN 0 of 5 Hz"), (3, "THIN")],
+    [
+        (60, "THIN 0 of 5 Hz 64 kbit/s 210 ms"),
+        (24, "THIN 0 of 5 Hz 64 kbit/s"),
+        (23, "THIN 0 of 5 Hz"),
+        (3, "THIN"),
+    ],
 )
 def test_a_narrow_head_leaves_whole_words_out(room, words):
     thin, slow = Thinness(), Painted()
@@ -262,19 +415,11 @@ def test_a_narrow_head_leaves_whole_words_out(room, words):
 def test_nothing_is_told_of_a_rate_before_it_was_measured():
     assert painted(1.0, seconds=1.5) == ""
     found = Painted()
-    found.note(5.0, painted=False, now_s=1.0)
-    found.note(1.0, painted=False, now_s=20.0)
+    for tick in range(50):
+        found.note(5.0, painted=False, now_s=tick / 5)
+    assert found.words == "0 of 5 Hz"
+    found.note(4.0, painted=False, now_s=10.0)
     assert found.words == ""
-
-
-def test_statistics_are_left_out_after_the_digits_and_before_values():
-    assert [pace.statistics_s for pace in STEPS] == [1.0] * 5 + [8.0] * 4
-    thin = Thinness()
-    thin.step = 5
-    assert (
-        thin.words(5.0)
-        == "thin link, or a slow terminal: trends and statistics every 8 s, 2 digits fewer; keys go first"
-    )
 
 
 def busyness(share, seconds=10.0):
