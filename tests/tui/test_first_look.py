@@ -9,9 +9,10 @@ from silo_tui.layouts.presets import BY_NAME, is_near, near_limit, within
 @pytest.mark.parametrize(
     ("bounds", "near", "far"),
     [
-        ((None, None, None, 80.0), (73.0, 81.0, 72.0), (71.0, -100.0)),
+        ((None, None, None, 80.0), (73.0, 81.0, 72.0), (71.9, -100.0)),
         ((44.0, 45.0, None, None), (49.3, 40.0), (49.5,)),
-        ((None, -10.0, 10.0, 20.0), (-8.5, 8.0, 25.0), (0.0, 7.9)),
+        ((None, -10.0, 10.0, 20.0), (-8.5, -8.0, 8.0, 25.0), (0.0, -7.9, 7.9)),
+        ((None, None, -40.0, None), (-44.0, -30.0), (-44.1,)),
         ((None, None, None, None), (), (1.0, None)),
     ],
 )

@@ -1,9 +1,13 @@
 """What a view keeps, as its file says it: written, read again, and mistakes in it told."""
 
+import os
+import stat
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from silo.errors import SaveError
 from silo_tui.layouts import files
 from silo_tui.layouts.layout import FIELDS, KeptLayout, read, write
 
@@ -41,6 +45,60 @@ def test_what_is_written_is_read_again(layout):
     assert found == layout
 
 
+WHOLE = KeptLayout(
+    "div", turned=True, filter="bäse", columns=("div", "size"), set="statistics", folded=("/legs",),
+    unfolded=("/base/velocity",), components={"/imu/gyro": "norm", "/base/position": "_y"},
+    plots=(("/a", "/b"), ("/c",)), chosen="/b", span_s=2.5, scales={"/a|/b": (-1.0, 2.5)}, logs=("/c",),
+)  # fmt: skip
+WRITTEN = """\
+sort: div
+turned: true
+filter: bäse
+columns:
+- div
+- size
+set: statistics
+folded:
+- /legs
+unfolded:
+- /base/velocity
+components:
+  /imu/gyro: norm
+  /base/position: _y
+plots:
+- - /a
+  - /b
+- /c
+chosen: /b
+span_s: 2.5
+scales:
+  /a|/b:
+  - -1.0
+  - 2.5
+logs:
+- /c
+"""
+
+
+@pytest.mark.parametrize(("layout", "text"), [(WHOLE, WRITTEN), (KeptLayout(), "{}\n")])
+def test_a_view_is_written_as_what_differs_from_a_bare_table_and_read_again(layout, text):
+    assert write(layout) == text
+    assert read(text) == (layout, [])
+
+
+@pytest.mark.parametrize(
+    ("line", "layout"),
+    [
+        ("turned: False", KeptLayout()), ("filter:", KeptLayout()), ("plots:", KeptLayout()),
+        ("columns: [a, b, a]", KeptLayout(columns=("a", "b"))), ("scales:", KeptLayout()), ("logs:", KeptLayout()),
+        ("plots: [a, [b, a, c], [c]]", KeptLayout(plots=(("a",), ("b", "c")))),
+        ("span_s: 1e-3", KeptLayout(span_s=0.001)),
+    ],
+)  # fmt: skip
+def test_what_somebody_wrote_is_taken_a_signal_once(line, layout):
+    assert read(line) == (layout, [])
+
+
 MISTAKES = [
     ("plts: [a]", "line 1: plts is unknown; did you mean 'plots'?"),
     ("plots: a", "line 1: plots is a list such as [a, b], not a"),
@@ -48,6 +106,10 @@ MISTAKES = [
     ("scales: {a: [2, 1]}", "scales is [bottom, top] for a, not a list"),
     ("scales: {a: [1, 1]}", "scales is [bottom, top] for a"), ("scales: {a: [1]}", "scales is [bottom, top] for a"),
     ("scales: {a: [1, 2, 3]}", "scales is [bottom, top] for a"),
+    ("span_s: 0", "span_s is seconds above 0, not 0"),
+    ("span_s: .inf", "span_s is a number, not .inf"), ("turned: 1", "turned is true or false, not 1"),
+    ("scales: a", "scales is lines such as `joint/torque: [-30, 40]`, not a"), ("scales: {a: 5}", "for a, not 5"),
+    ("components: [a]", "components is lines such as `base/position: norm`, not a list"),
     ("filter: [a]", "filter is a text, not a list"), ("plots: [a", "line 1: not valid YAML"),
 ]  # fmt: skip
 
@@ -67,3 +129,51 @@ def test_every_field_of_a_view_can_be_read():
 def test_what_is_no_name_is_refused(name):
     with pytest.raises(ValueError, match="is no name for a view"):
         files.place(name)
+
+
+@pytest.fixture
+def views(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    return tmp_path / "config" / "silo" / "views"
+
+
+def test_views_are_listed_by_name_but_for_what_was_on_a_screen(views):
+    assert files.names() == []
+    with pytest.raises(ValueError, match="there is no view 'walk'; `:view save NAME` makes one"):
+        files.load("walk")
+    for name in ("walk", "a" * 80, "Lab 2.1"):
+        files.save(files.place(name), WHOLE)
+    files.save(files.last_of("robot"), WHOLE)
+    files.save(files.left_by_us("robot"), WHOLE)
+    (views / "notes.txt").touch()
+    assert files.names() == ["Lab 2.1", "a" * 80, "walk"]
+    assert files.place("walk") == views / "walk.yaml"
+    assert files.load("walk") == (WHOLE, [])
+    assert stat.S_IMODE(views.stat().st_mode) == 0o700
+    with pytest.raises(ValueError, match="there is no view 'wlak'; did you mean 'walk'"):
+        files.load("wlak")
+    with pytest.raises(ValueError, match="there is no view 'x'; there are Lab"):
+        files.load("x")
+
+
+def test_a_view_that_cant_be_read_or_written_is_told(views):
+    files.place("walk").mkdir(parents=True)
+    with pytest.raises(ValueError, match=r"can't read '.*walk.yaml': it is no file"):
+        files.load("walk")
+    views.parent.rename(views.parent.with_name("gone"))
+    views.parent.touch()
+    with pytest.raises(SaveError, match="nothing was saved"):
+        files.save(files.place("walk"), WHOLE)
+
+
+def test_what_was_on_a_screen_is_kept_by_logger_and_process(views, monkeypatch):
+    assert files.last_of("robot3/any mal") == views / ".last-robot3_any_mal.yaml"
+    assert files.last_of("r" * 90).name == f".last-{'r' * 80}.yaml"
+    assert files.left_by_us("robot3/any.mal") == views / f".left-robot3_any_mal.{os.getpid()}.yaml"
+    assert files.left_by_us("r" * 90).name == f".left-{'r' * 80}.{os.getpid()}.yaml"
+    views.mkdir(parents=True)
+    monkeypatch.setattr(files, "lives", lambda pid: pid == 12)
+    for at, name in enumerate(["robot.13", "robot.11", "robot.12", "robot.x", "robots.14"]):
+        (views / f".left-{name}.yaml").touch()
+        os.utime(views / f".left-{name}.yaml", (100 - at, 100 - at))
+    assert [path.name for path in files.left_behind("robot")] == [".left-robot.11.yaml", ".left-robot.13.yaml"]
