@@ -8,6 +8,7 @@ from textual.keys import KEY_NAME_REPLACEMENTS
 from silo.core.names import did_you_mean, nearest
 from silo_tui.actions import BY_ID, KEY_TEXTS, key_text
 
+_SIGNS, _ESCAPED = re.compile(r'["\\]'), r"\\\g<0>"  # what has a meaning within quotes
 EATEN = {"h": "Backspace", "i": "Tab", "j": "Enter", "m": "Enter"}
 _WORDS = {
     **{text.casefold(): key for key, text in KEY_TEXTS.items()},
@@ -64,15 +65,19 @@ def _name_of(char: str) -> str:
 
 def typed_keys(keys: str) -> str:
     """Return keys as the file has them, signs in quotes: YAML has a meaning for many of them."""
-    names = [" ".join(each if "+" in each else key_text(each) for each in key.split()) for key in keys.split(",")]
-    words = [name if re.fullmatch(r"[\w+]+", name, re.ASCII) else f'"{name}"'.replace("\\", r"\\") for name in names]
+    names = [" ".join(map(_word_of, key.split())) for key in keys.split(",")]
+    words = [name if re.fullmatch(r"[\w+]+", name, re.ASCII) else f'"{_SIGNS.sub(_ESCAPED, name)}"' for name in names]
     return words[0] if len(words) == 1 else f"[{', '.join(words)}]"
+
+
+def _word_of(key: str) -> str:
+    return key if "+" in key else key_text(key)
 
 
 def key_problem(key: str) -> str:
     """Return why a key that was pressed can't be a command's; empty where it can."""
     try:
-        read_key(typed_keys(key).strip('"'))
+        read_key(_word_of(key))
     except ValueError as error:
         return str(error)
     return ""

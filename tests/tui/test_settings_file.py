@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from silo.errors import SaveError
 from silo_tui.actions import BY_ID, COMMANDS
 from silo_tui.keymap import clashes
-from silo_tui.settings.keys import read_key, typed_keys
+from silo_tui.settings.keys import key_problem, read_key, read_path, typed_keys
 from silo_tui.settings.options import OPTIONS, Settings, typed
 from silo_tui.settings.reading import KEYS_ALONE, path, read, read_file
 from silo_tui.settings.writing import rewritten, write_file
@@ -60,12 +60,19 @@ MISTAKES = [
     ("rate: nan", "rate is 0.5 to 10, not nan"),
     ("columns: [div, sice]", "not sice; did you mean 'size'?"),
     ("theme: 'dark", "not valid YAML"),
+    ("columns: [div", "not valid YAML"),
+    ("  rate: 2", "not valid YAML"),
     ("rate: *2", "signs need quotes"),
     ("\ttheme: dark", "tab"),
     ("keys: 5", "keys is a group of lines"),
     ("keys:\n  fliter: f", "'fliter' is no command; did you mean 'filter'?"),
     ("keys:\n  set: f", "'set' is no command"),  # it can only be typed
     ("keys:\n  filter: crtl+f", "'crtl+f' is no key; did you mean 'ctrl+f'?"),
+    ("keys:\n  filter: ctl+a", "did you mean 'ctrl+a'?"),
+    ("keys:\n  filter: ctl+z", "did you mean 'ctrl+z'?"),
+    ("keys:\n  filter: F13", "'F13' is no key; did you mean 'f3'?"),
+    ("keys:\n  filter: e crtl+f", "'crtl+f' is no key"),
+    ("keys:\n  filter: e d x", "'e d x' is more than two keys; a menu and a letter are, for example `e d`"),
     ("keys:\n  filter: alt+f", "terminals keep alt"),
     ("keys:\n  filter: ctrl+i", "terminals send it as Tab"),
     ("keys:\n  filter: shift+f", "write 'F'"),
@@ -90,6 +97,66 @@ def test_a_second_line_for_the_same_is_told():
     found, problems = read("rate: 2\nrate: 3\n")
     assert found.rate == 2
     assert str(problems[0]) == "tui.yaml line 2: rate is there twice; the first counts. Left out"
+
+
+def test_a_second_line_for_the_same_command_is_told():
+    found, problems = read("keymap: classic\nkeys:\n  filter: f10\n  filter: f11\n")
+    assert found.keys == {"filter": "f10"}
+    assert str(problems[0]) == "tui.yaml line 4: filter is there twice; the first counts. Left out"
+
+
+def test_a_file_that_is_no_group_of_lines_is_left_out_and_told():
+    found, problems = read("# mine\n- theme\n")
+    assert found == Settings()
+    assert list(map(str, problems)) == ["tui.yaml line 2: write lines such as `theme: dark`, not a list"]
+
+
+@pytest.mark.parametrize(
+    ("words", "key"),
+    [
+        ("F1", "f1"), ("F12", "f12"), ("^F", "ctrl+f"), ("Ctrl+F", "ctrl+f"), ("Esc", "escape"), ("page up", "pageup"),
+        ("PgUp", "pageup"), ("f", "f"), ("F", "F"), ("/", "slash"), ("Shift+Left", "shift+left"),
+        ("ctrl+shift+up", "ctrl+shift+up"),
+    ],
+)  # fmt: skip
+def test_a_key_is_read_as_people_write_it(words, key):
+    assert read_key(words) == read_path(f" {words} ") == key
+
+
+@pytest.mark.parametrize(("words", "keys"), [("e d", "e d"), ("g  F2", "g f2"), ("page down", "pagedown")])
+def test_a_menu_and_a_letter_are_read_as_one(words, keys):
+    assert read_path(words) == keys
+
+
+@pytest.mark.parametrize(
+    ("key", "why"),
+    [
+        ("f", ""),
+        ("ctrl+f", ""),
+        ("backslash", ""),
+        ("quotation_mark", ""),
+        ("ctrl+i", "terminals send it as Tab"),
+        ("alt+f", "keep alt"),
+    ],
+)
+def test_a_key_that_was_pressed_may_be_one_that_no_command_can_have(key, why):
+    assert why in key_problem(key)
+    assert bool(key_problem(key)) is bool(why)
+
+
+@pytest.mark.parametrize(
+    ("words", "keys"),
+    [("f10, ctrl+f", "f10,ctrl+f"), ('","', "comma"), ("[f10, f10]", "f10"), ('["/", f10]', "slash,f10")],
+)
+def test_a_command_has_one_key_or_several(words, keys):
+    assert read(f"keymap: classic\nkeys:\n  filter: {words}\n") == (
+        Settings(keymap="classic", keys={"filter": keys}),
+        [],
+    )
+
+
+def test_a_command_that_has_a_key_in_one_keymap_alone_can_have_another():
+    assert read("keymap: two-layer\nkeys: {last_capture: f10}\n") == (Settings(keys={"last_capture": "f10"}), [])
 
 
 def test_two_commands_may_change_keys():
@@ -184,7 +251,8 @@ values = st.fixed_dictionaries(
     }
 )
 keys = st.dictionaries(
-    st.sampled_from(["filter", "sort", "apply"]), st.sampled_from(["f10", "f11,ctrl+f", "number_sign"])
+    st.sampled_from(["filter", "sort", "apply"]),
+    st.sampled_from(["f10", "f11,ctrl+f", "number_sign", "e backslash,quotation_mark"]),
 ).filter(lambda found: not list(clashes("classic", found)))
 made_settings = st.builds(lambda fields, own: Settings(**fields, keys=own), values, keys)
 layouts = st.sampled_from(
@@ -207,8 +275,8 @@ def test_whatever_is_written_is_read_again(text, new):
 
 @pytest.fixture
 def home(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
-    return tmp_path / "silo"
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    return tmp_path / "config" / "silo"
 
 
 def test_the_file_is_made_where_there_is_none(home):
@@ -216,10 +284,11 @@ def test_the_file_is_made_where_there_is_none(home):
     assert write_file(Settings(), Settings(theme="light")) == home / "tui.yaml"
     assert read_file()[0].theme == "light"
     assert [each.name for each in home.iterdir()] == ["tui.yaml"]
+    assert stat.S_IMODE(home.stat().st_mode) == 0o700
 
 
 def test_a_link_stays_a_link_and_its_file_keeps_its_mode(home, tmp_path):
-    home.mkdir()
+    home.mkdir(parents=True)
     kept = tmp_path / "dotfiles.yaml"
     kept.write_text("rate: 2\n")
     kept.chmod(0o600)
@@ -230,16 +299,28 @@ def test_a_link_stays_a_link_and_its_file_keeps_its_mode(home, tmp_path):
     assert stat.S_IMODE(kept.stat().st_mode) == 0o600
 
 
-@pytest.mark.parametrize("bad", [b"\xff\xfe", None, b"#" * 1_000_001])
-def test_a_file_that_cant_be_read_leaves_the_defaults_and_is_not_written_over(home, bad):
-    home.mkdir()
+@pytest.mark.parametrize(
+    ("bad", "why"),
+    [
+        (b"rate: \xff", "byte 7 is no UTF-8"),
+        (None, "can't be read (it is no file)"),
+        (b"#" * 1_000_001, "can't be read (it has more than 1 MB)"),
+    ],
+)
+def test_a_file_that_cant_be_read_leaves_the_defaults_and_is_not_written_over(home, bad, why):
+    home.mkdir(parents=True)
     path().mkdir() if bad is None else path().write_bytes(bad)
     found, problems = read_file()
     assert found == Settings()
-    assert len(problems) == 1
-    assert "defaults count" in str(problems[0])
+    assert list(map(str, problems)) == [f"tui.yaml: {why}; the defaults count"]
     with pytest.raises(SaveError, match="nothing was changed"):
         write_file(found, Settings(rate=3.0))
+
+
+def test_a_large_file_is_read(home):
+    home.mkdir(parents=True)
+    path().write_bytes(b"rate: 2\n".ljust(1_000_000, b"#"))
+    assert read_file() == (Settings(rate=2.0), [])
 
 
 def test_a_relative_config_home_is_none(monkeypatch):
