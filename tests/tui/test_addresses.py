@@ -1,13 +1,17 @@
 """`silo-tui host/name`: which logger is meant, or which file, and what is said of it."""
 
+import math
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
 
 from silo.errors import ConnectionLostError, LogNotFoundError, VersionError
 from silo_tui.cli import command
-from silo_tui.sessions.finder import Found, FoundLogger
+from silo_tui.commands.opening import Opener
+from silo_tui.sessions.finder import FIRST_LOOK_S, ClientFinder, Found, FoundLogger
 from silo_tui.sessions.target import also_a_file, file_meant
 
 FAR = ("anymal", "robot3/anymal", "robot3~3fa977b2e0/anymal")
@@ -51,6 +55,120 @@ def test_a_url_means_its_logger_and_one_of_an_element_is_refused(monkeypatch):
     refused = CliRunner().invoke(command, ["--serve", "silo://robot3/anymal/log/x"])
     assert refused.exit_code == 1
     assert "this is for a whole logger: silo://robot3/anymal" in refused.output
+
+
+HERE = FoundLogger("robot", 7, "ann", "robot.7", addresses=("robot", "here/robot", "robot.7"))
+THERE = FoundLogger("robot", 0, "lab", "there~1/robot", host="there", addresses=FAR)
+
+
+@pytest.mark.parametrize(
+    ("logger", "address", "where"),
+    [
+        (HERE, "robot", "pid 7  ann"),
+        (replace(HERE, alike=True), "here/robot", "pid 7  ann"),
+        (replace(HERE, alike=True, addresses=("robot",)), "robot", "pid 7  ann"),
+        (replace(HERE, alike=True, addresses=()), "robot", "pid 7  ann"),
+        (THERE, "there/robot", "robot3~3fa977b2e0/anymal"),
+        (replace(THERE, alike=True), "robot3~3fa977b2e0/anymal", "robot3~3fa977b2e0/anymal"),
+        (replace(THERE, addresses=()), "there/robot", "there"),
+    ],
+)
+def test_a_logger_is_called_by_what_tells_it_from_others(logger, address, where):
+    assert (logger.address, logger.where) == (address, where)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "meant"),
+    [("", True), ("robot", True), ("robot.7", True), ("here/robot", True), ("robot.8", False), ("there/robot", False)],
+)
+def test_a_name_an_address_or_nothing_means_a_logger(wanted, meant):
+    assert HERE.is_meant_by(wanted) is meant
+
+
+def stands(*, here, seen=True):
+    return SimpleNamespace(here=here, summary=object() if seen else None)
+
+
+DEAD = replace(HERE, pid=8, key="robot.8", dead=True)
+OTHER = replace(HERE, name="arm", pid=9, key="arm.9", addresses=("arm",))
+SEEN = replace(HERE, member=stands(here=True))
+GONE, UNSEEN = (replace(OTHER, key=f"gone{seen}", member=stands(here=False, seen=seen)) for seen in (True, False))
+
+
+@pytest.mark.parametrize(
+    ("wanted", "found", "chosen"),
+    [
+        ("", [], None), ("", [HERE], HERE), ("", [HERE, OTHER], None), ("arm", [HERE, OTHER], OTHER),
+        ("leg", [HERE, OTHER], None), ("", [HERE, DEAD], HERE), ("", [DEAD], DEAD), ("robot", [HERE, THERE], None),
+        ("", [SEEN], SEEN), ("", [UNSEEN], None), ("", [HERE, UNSEEN], HERE),
+        ("", [HERE, GONE], None), ("robot", [HERE, GONE], HERE),
+    ],
+)  # fmt: skip
+def test_the_only_logger_that_is_meant_is_opened_without_asking(wanted, found, chosen):
+    opener = Opener(SimpleNamespace(app=None), None, wanted, None, 5.0)
+    assert opener._choice(found) is chosen
+    if chosen is not None:
+        opener._again_s[chosen.key] = math.inf  # it could not be opened
+        assert opener._choice(found) is None
+
+
+def test_of_a_demo_only_its_own_logger_is_opened():
+    demo = SimpleNamespace(owns=lambda pid: pid == 9)
+    opener = Opener(SimpleNamespace(app=None), None, "", demo, 5.0)
+    assert [opener._choice(found) for found in ([HERE], [HERE, OTHER, DEAD])] == [None, OTHER]
+
+
+class Members:
+    """A fleet of three loggers, two of which are alike, that notes what is asked of it."""
+
+    def __init__(self, config):
+        self.asked = [config]
+        each = [
+            SimpleNamespace(name=name, pid=pid, user=user, host=host, addresses=(key,))
+            for name, pid, user, host, key in
+            [("robot", 7, "ann", "desk", "a"), ("robot", 0, "", "desk", "b"), ("robot", 0, "lab", "far", "c")]
+        ]  # fmt: skip
+        self.found = SimpleNamespace(
+            members=[SimpleNamespace(found=one, key=one.addresses[0], dead=one.pid == 7) for one in each],
+            near=SimpleNamespace(
+                forbidden=[
+                    SimpleNamespace(owner="bob", loggers=["arm", "leg"], advice="ask bob"),
+                    SimpleNamespace(owner="eve", loggers=[], advice="ask eve"),
+                ],
+                down=[],
+            ),
+            unreachable={},
+            routers=[SimpleNamespace(words="a router is old")],
+        )
+
+    def __getattr__(self, name):
+        def note(*words, **named):
+            self.asked.append((name, *words, *named.values()))
+            return self.found
+
+        return note
+
+
+def test_a_look_around_waits_once_and_tells_which_are_alike_and_which_are_closed(monkeypatch):
+    monkeypatch.setattr("silo.fleet.fleet.Fleet", Members)
+    finder = ClientFinder("lab.json5")
+    for nothing_yet in (finder.rest, finder.look_again, finder.close):
+        nothing_yet()
+    found = finder.find()
+    assert finder.own_name
+    assert [(one.key, one.user, one.alike, one.dead) for one in found.loggers] == [
+        ("a", "ann", True, True), ("b", "desk", True, False), ("c", "lab", False, False)
+    ]  # fmt: skip
+    assert found.advice == (
+        "bob runs arm, leg, closed to you: ask bob", "eve runs a logger, closed to you: ask eve", "a router is old"
+    )  # fmt: skip
+    assert finder.find() == found
+    for then in (finder.rest, finder.look_again, finder.close):
+        then()
+    assert finder._fleet.asked == [
+        "lab.json5", ("wait_ready", FIRST_LOOK_S), ("attend", True), ("now",), ("attend", False), ("look_again",),
+        ("close",),
+    ]  # fmt: skip
 
 
 class Far:
