@@ -1,6 +1,7 @@
 """Pending edits: undo, rebase on what others changed, and what is sent."""
 
 import os
+import stat
 
 import msgspec
 import numpy as np
@@ -317,12 +318,20 @@ def test_a_change_reads_old_new_and_theirs():
     assert (change.field, change.old, change.new, change.theirs) == ("buffer", "looping", "fixed", "growing")
 
 
-def test_a_process_of_another_user_lives(monkeypatch):
-    def forbidden(pid, signal):
-        raise PermissionError
+@pytest.mark.parametrize(
+    ("answer", "alive"), [(None, True), (PermissionError, True), (ProcessLookupError, False), (OverflowError, True)]
+)
+def test_a_process_lives_of_whomever_it_is(monkeypatch, answer, alive):
+    asked = []
 
-    monkeypatch.setattr("os.kill", forbidden)
-    assert lives(os.getpid() + 1)
+    def kill(pid, signal):
+        asked.append(signal)
+        if answer is not None:
+            raise answer
+
+    monkeypatch.setattr("os.kill", kill)
+    assert lives(os.getpid() + 1) is alive
+    assert asked == [0]
     assert not lives(os.getpid()), "ours has just begun with its logger"
 
 
@@ -336,6 +345,32 @@ def test_kept_edits_whose_ground_changed_meanwhile_are_conflicts(robot):
         == 1
     )
     assert int(table.conflicts.sum()) == 1
+
+
+def test_what_processes_that_are_gone_kept_of_a_logger_is_offered(state_folder, monkeypatch):
+    monkeypatch.setattr(kept, "lives", lambda pid: pid == 12)
+    edit, mine = kept.KeptEdit("/log/x", int(Field.DIVIDER), 1, 7), kept.path_of("desk", "any mal.1")
+    assert mine == state_folder / "silo" / "edits" / f"desk-any_mal_1.{os.getpid()}.json"
+    assert kept.path_of("", "robot").name == f"here-robot.{os.getpid()}.json"
+    for pid, edits in (("11", [edit]), ("12", [edit]), ("13", []), ("x", [edit])):
+        path = mine.with_name(f"desk-any_mal_1.{pid}.json")
+        kept.keep(path, [edit])
+        path.write_bytes(msgspec.json.encode(kept.KeptEdits(5.0, edits)))
+    kept.keep(mine.with_name("desk-any_mal_10.11.json"), [edit])
+    mine.with_name("desk-any_mal_1.14.json").write_bytes(b"{")
+    found = kept.left_behind("desk", "any mal.1")
+    assert {path.name: each.edits for path, each in found.items()} == {"desk-any_mal_1.11.json": [edit]}
+
+
+def test_what_is_pending_no_more_leaves_no_file(state_folder):
+    edit, mine = kept.KeptEdit("/log/x", int(Field.DIVIDER), 1, 7), kept.path_of("desk", "robot")
+    kept.keep(mine, [])
+    kept.keep(mine, [edit])
+    assert kept.read(mine).edits == [edit]
+    assert stat.S_IMODE(mine.parent.stat().st_mode) == 0o700
+    assert [path.name for path in mine.parent.iterdir()] == [mine.name]
+    kept.keep(mine, [])
+    assert not mine.exists()
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b'{"time_s": 1, "edits": [["x"]]}', b"\xff\xfe"])
