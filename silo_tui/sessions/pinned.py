@@ -200,9 +200,9 @@ class PinnedSource:
             return "pinning …"
         if self._reader is not None and self.complete:
             return f"{held} held, all here"
-        here = f"{text.span(self.fetched_s, 2)} of {held} here" if self._slices else "only columns here"
-        if self._coarse is None and not self._slices:
-            here = "only the picture here"
+        here = "only columns here" if self._coarse is not None else "only the picture here"
+        if self._slices:
+            here = f"{text.span(self.fetched_s, 2)} of {held if self.problem else 'it'} here"
         return f"{here}, no more: {self.problem}" if self.problem else f"{held} held, {here}"
 
     # --------------------------------------------------------------------------------------------------- fetching

@@ -8,7 +8,9 @@ import pytest
 from silo.core.arrays.columns import ColumnStore, HistoryColumns
 from silo.core.elements import Entry
 from silo.errors import ConnectionLostError, RefusedError
-from silo_tui.sessions.held import HeldSource
+from silo_tui.sessions import pinned
+from silo_tui.sessions.held import MOST_PIECES, HeldSource
+from silo_tui.sessions.pinned import PinnedSource
 
 SECOND = 10**9
 PERIOD = SECOND // 100
@@ -24,6 +26,7 @@ class Robot:
     def __init__(self):
         self.run, self.oldest_ns, self.newest_ns = "run1", 50 * SECOND, 120 * SECOND
         self.reachable, self.problem = True, None
+        self.silent = 0, 0  # when nothing was logged
         self.asked, self.open = [], []
 
     def ask(self, *what):
@@ -33,7 +36,9 @@ class Robot:
 
     async def pin(self, names, start_ns, end_ns):
         self.ask("pin", start_ns, end_ns)
-        begin_ns, end_ns = max(start_ns, self.oldest_ns), min(end_ns, self.newest_ns)
+        begin_ns, end_ns = (
+            -(-max(start_ns, self.oldest_ns) // PERIOD) * PERIOD, min(end_ns, self.newest_ns) // PERIOD * PERIOD
+        )  # fmt: skip
         pin = Pin(self, begin_ns, end_ns) if begin_ns <= end_ns else Pin(self, 0, 0, "overwritten")
         self.open.append(pin)
         return pin
@@ -70,10 +75,12 @@ class Pin:
 
     async def samples(self, names, start_ns, end_ns):
         self.robot.ask("slice", start_ns, end_ns)
-        return {X: logged(max(start_ns, self.begin_ns), min(end_ns, self.end_ns + 1))}
+        time_ns, values = logged(max(start_ns, self.begin_ns), min(end_ns, self.end_ns + 1))
+        there = (time_ns < self.robot.silent[0]) | (time_ns >= self.robot.silent[1])
+        return {X: (time_ns[there], values[there])}
 
     async def columns(self, names, start_ns, end_ns, column_ns):
-        self.robot.ask("columns", start_ns, end_ns)
+        self.robot.ask("columns", start_ns, end_ns, column_ns)
         return columns(start_ns, end_ns, column_ns)
 
     def close(self):
@@ -137,8 +144,9 @@ async def test_what_is_not_pinned_yet_is_pinned_the_newest_first(robot):
     await held.cover(55 * SECOND, 100 * SECOND)
     asked = [(round(begin_s, 6), round(end_s, 6)) for _, begin_s, end_s in robot.asked]
     assert asked == [(70, 90), (55, 60)]
-    assert [(round(begin_s, 6), round(end_s, 6)) for begin_s, end_s in stretches(held)] == [
-        (55, 60), (60, 70), (70, 90), (90, 100)
+    assert [(piece.begin_ns, piece.end_ns) for piece in held.pieces] == [  # no moment is in none of them
+        (55 * SECOND, 60 * SECOND - 1), (60 * SECOND, 70 * SECOND), (70 * SECOND + 1, 90 * SECOND - 1),
+        (90 * SECOND, 100 * SECOND),
     ]  # fmt: skip
     await held.cover(55 * SECOND, 100 * SECOND)
     assert len(robot.asked) == 2
@@ -150,7 +158,8 @@ async def test_what_is_not_pinned_yet_is_pinned_the_newest_first(robot):
     ("time_s", "there", "pinned"),
     [
         (95, True, []), (90, True, []), (100, True, []), (70, True, [(68, 72)]), (51, True, [(50, 53)]),
-        (89, True, [(87, 90)]), (99, True, []), (101, True, [(100, 103)]), (110, True, [(108, 112)]), (125, False, [(123, 127)]),
+        (89, True, [(87, 90)]), (99, True, []), (101, True, [(100, 103)]), (110, True, [(108, 112)]),
+            (125, False, [(123, 127)]),
         (49.99, True, [(50, 51.99)]), (40, False, []),
     ],
 )  # fmt: skip
@@ -264,3 +273,155 @@ async def test_a_link_that_is_there_again_mends_what_is_pinned_still(robot):
     robot.open[0].refused = "its run has ended"
     held.mended()
     assert [piece.problem for piece in held.pieces] == ["", "no link"]
+
+
+async def test_of_many_pins_the_farthest_is_let_go_of(robot):
+    held = await opened_of(robot)
+    for at in range(MOST_PIECES):
+        await held.cover((85 - at) * SECOND, (85 - at) * SECOND + SECOND // 2)
+    assert len(held.pieces) == len(robot.open) == MOST_PIECES
+    assert stretches(held)[-2:] == [(84, 84.5), (90, 100)]
+
+
+# ------------------------------------------------------------------------------------------------------- one pin
+
+
+def pinned_of(robot, shown=None):
+    """Eight seconds of the signal, from 92 to 100 s: a slice takes a quarter of a second."""
+    source = PinnedSource(robot, [SimpleNamespace(name=X, element=ELEMENT)], 0, 1, shown or ColumnStore((), 1, 1))
+    source.opened(Pin(robot, 92 * SECOND, 100 * SECOND - 1), 92 * SECOND, 100 * SECOND - 1)
+    return source
+
+
+def drawn(found):
+    return [(low, high) for low, high in zip(found.low[0].tolist(), found.high[0].tolist(), strict=True)]
+
+
+async def test_slices_are_fetched_the_newest_first_and_each_once(robot):
+    source = pinned_of(robot)
+    await source.fetch(99 * SECOND, 101 * SECOND)
+    assert robot.asked == [("slice", at, at + 0.25) for at in (99.75, 99.5, 99.25, 99.0)]
+    await source.fetch(99 * SECOND - 1, 99 * SECOND)
+    assert robot.asked[4:] == [("slice", 98.75, 99.0)]
+    assert (source.has(99 * SECOND, 100 * SECOND - 1), source.has(98 * SECOND, 99 * SECOND)) == (True, False)
+    assert (round(source.fetched_s, 6), source.text) == (1.25, "8 s held, 1.2 s of it here")
+
+
+async def test_what_nobody_looks_at_is_fetched_too_where_it_comes_quickly(robot, monkeypatch):
+    source = pinned_of(robot)
+    assert not await source.fetch_rest()  # nobody knows how long that takes
+    clock = SimpleNamespace(s=0.0)
+
+    def monotonic():
+        clock.s += 0.39
+        return clock.s
+
+    monkeypatch.setattr(pinned, "time", SimpleNamespace(monotonic=monotonic))
+    await source.fetch(99 * SECOND, 100 * SECOND)
+    assert not await source.fetch_rest()  # 28 of 0.39 s are more than 10 s
+    await source.fetch(98 * SECOND + SECOND // 4, 99 * SECOND - 1)
+    robot.asked.clear()
+    assert await source.fetch_rest()
+    assert robot.asked == [("slice", 98.0, 98.25)]
+    robot.problem = ConnectionLostError("cut")
+    assert not await source.fetch_rest()
+    assert source.text == "2 s of 8 s here, no more: cut"
+    robot.asked.clear()
+    assert not await source.fetch_rest()
+    assert robot.asked == []
+    robot.problem = None
+    await source.fetch(92 * SECOND, 92 * SECOND)
+    assert source.problem == ""
+    while await source.fetch_rest():
+        pass
+    assert (source.complete, source.text) == (True, "8 s held, all here")
+
+
+@pytest.mark.parametrize(("wished_ns", "wide_ns"), [(SECOND, SECOND), (1000, 1_954_080)])
+async def test_columns_of_the_whole_span_are_as_many_as_there_may_be(robot, wished_ns, wide_ns):
+    source = pinned_of(robot)
+    await source.fetch_columns(wished_ns)
+    assert robot.asked == [("columns", 92, 100, wide_ns / SECOND)]
+    robot.problem = ConnectionLostError("cut")
+    await source.fetch_columns(SECOND)
+    assert source.text == "only columns here, no more: cut"
+
+
+@pytest.mark.parametrize(
+    ("column_ns", "ends"),
+    [
+        (SECOND // 2, [(96.0, 96.99), (96.0, 96.99), (97.0, 97.99), (97.0, 97.99)]),
+        (SECOND, [(96.0, 96.99), (97.0, 97.99)]), (2 * SECOND, [(96.0, 97.99)]),
+    ],
+)  # fmt: skip
+async def test_what_is_not_here_is_drawn_of_wider_columns_or_of_narrower_ones(robot, column_ns, ends):
+    source = pinned_of(robot)
+    await source.fetch_columns(SECOND)
+    found = source.columns([X, "/log/other"], 96 * SECOND, 98 * SECOND - 1, column_ns)
+    assert (found.first, drawn(found)) == (96 * SECOND // column_ns, ends)
+    assert np.isnan(found.low[1]).all()
+
+
+async def test_what_was_drawn_stays_drawn(robot):
+    shown = ColumnStore((X,), 8, SECOND)
+    shown.take(columns(95 * SECOND, 98 * SECOND, SECOND))
+    source = pinned_of(robot, shown)
+    shown.advance_to(1000)
+    found = source.columns([X], 94 * SECOND, 96 * SECOND, SECOND)
+    assert np.isnan(found.low[0, 0])
+    assert drawn(found)[1:] == [(95.0, 95.99), (96.0, 96.99)]
+    alone = PinnedSource(
+        robot, [SimpleNamespace(name=X, element=ELEMENT)], 90 * SECOND, 99 * SECOND, ColumnStore((), 1, 1)
+    )
+    alone._shown = source._shown
+    alone.unpinned("it is gone")
+    assert (alone.begin_ns, alone.end_ns) == (95 * SECOND, 99 * SECOND)
+    assert alone.text == "only the picture here, no more: it is gone"
+    empty = PinnedSource(
+        robot, [SimpleNamespace(name=X, element=ELEMENT)], 90 * SECOND, 99 * SECOND, ColumnStore((), 1, 1)
+    )
+    empty.unpinned("it is gone")
+    assert (empty.begin_ns, empty.end_ns) == (99 * SECOND - 1, 99 * SECOND)
+
+
+async def test_between_two_samples_the_value_holds_but_not_for_longer_than_two_periods(robot):
+    robot.silent = 95 * SECOND + 5 * PERIOD, 95 * SECOND + 9 * PERIOD
+    source = pinned_of(robot)
+    await source.fetch(92 * SECOND, 100 * SECOND)
+    found = source.columns([X], 95 * SECOND + 3 * PERIOD, 95 * SECOND + 10 * PERIOD - 1, PERIOD // 2)
+    assert found.first == 19006
+    np.testing.assert_array_equal(found.low[0], [95.03, 95.03, *[95.04] * 5, *[np.nan] * 5, 95.09, 95.09])
+    wide = source.columns([X], 95 * SECOND + 3 * PERIOD, 95 * SECOND + 10 * PERIOD - 1, 2 * PERIOD)
+    np.testing.assert_array_equal(wide.low[0], [95.02, 95.04, np.nan, 95.09])
+    assert wide.high[0, 0] == 95.03
+
+
+async def test_samples_and_for_those_that_are_not_here_the_ends_of_columns_make_one_curve(robot):
+    source = pinned_of(robot)
+    assert source.with_columns(X)[1] == 0
+    await source.fetch_columns(SECOND)
+    (time_ns, values), wide_ns = source.with_columns(X)
+    assert (len(time_ns), wide_ns, values[:2].tolist()) == (16, SECOND, [92.0, 92.99])
+    await source.fetch(96 * SECOND, 100 * SECOND)
+    (time_ns, values), wide_ns = source.with_columns(X)
+    assert (len(time_ns), wide_ns) == (8 + 400, SECOND)
+    assert (np.diff(time_ns) > 0).all()
+    assert values[:9].tolist() == [92.0, 92.99, 93.0, 93.99, 94.0, 94.99, 95.0, 95.99, 96.0]
+    await source.fetch(92 * SECOND, 96 * SECOND)
+    (time_ns, _), wide_ns = source.with_columns(X)
+    assert (len(time_ns), wide_ns) == (800, 0)
+
+
+async def test_columns_are_asked_for_only_where_samples_are_missing(robot):
+    source = pinned_of(robot)
+    await source.fetch(96 * SECOND, 100 * SECOND)
+    robot.asked.clear()
+    found = await source.history([X], 97 * SECOND, 99 * SECOND - 1, SECOND)
+    assert (drawn(found), robot.asked) == ([(97.0, 97.99), (98.0, 98.99)], [])
+    await source.history([X], 95 * SECOND, 99 * SECOND, SECOND)
+    assert [what for what, *_ in robot.asked] == ["columns"]
+    robot.problem = ConnectionLostError("cut")
+    for _ in range(2):
+        found = await source.history([X], 95 * SECOND, 97 * SECOND - 1, SECOND)
+        assert (np.isnan(found.low[0, 0]), drawn(found)[1]) == (True, (96.0, 96.99))
+    assert (len(robot.asked), source.problem) == (2, "cut")

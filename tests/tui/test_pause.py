@@ -498,7 +498,7 @@ async def test_what_lies_between_is_added_up_in_the_helper_where_it_is_not_here(
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         await screen.press("space")
-        await screen.shows("11 s of 20 s here")
+        await screen.shows("20 s held, 11 s of it here")
         held = monitor(screen).pause.source
         asked = len(fake.calls)
         facts, partly = await held.measure([TORQUE], held.begin_ns, held.end_ns)
