@@ -1,16 +1,18 @@
 """What is held while a picture stands still: what is pinned, asked for and let go of, moment by moment."""
 
+import asyncio
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from silo.core.arrays.columns import ColumnStore, HistoryColumns
-from silo.core.elements import Entry
+from silo.core.elements import Entry, Sought
 from silo.errors import ConnectionLostError, RefusedError
+from silo.expressions.search import Looking
 from silo_tui.sessions import pinned
-from silo_tui.sessions.held import MOST_PIECES, HeldSource
-from silo_tui.sessions.pinned import PinnedSource
+from silo_tui.sessions.held import MOST_PIECES, NAMES_AT_ONCE, HeldSource
+from silo_tui.sessions.pinned import Buffers, PinnedSource
 
 SECOND = 10**9
 PERIOD = SECOND // 100
@@ -253,6 +255,64 @@ async def test_what_is_not_here_is_looked_for_and_measured_by_the_robot(robot):
     robot.reachable = False
     found, why = await held.measure([X], 65 * SECOND, 95 * SECOND)
     assert (found[X].samples, why) == (501, "no link")
+
+
+@pytest.mark.parametrize(
+    ("problem", "words"), [(ConnectionLostError("cut"), "no link"), (RefusedError("too much"), "too much")]
+)
+async def test_where_the_robot_does_not_answer_what_is_here_is_looked_through_and_measured(robot, problem, words):
+    held = await opened_of(robot, (60, 70))
+    highest, edge = {X: Looking(Sought.HIGHEST)}, {X: Looking(Sought.EDGE)}
+    await held.main.fetch_columns(SECOND)
+    robot.problem = problem
+    found, why = await held.find(highest, 95 * SECOND, 9)
+    assert (found[X].values.tolist(), why) == ([99.99], "columns only, to 1 s")
+    found, why = await held.find(edge, 95 * SECOND, 9)
+    assert (found[X].total, why) == (0, words)
+    found, why = await held.measure([X], 95 * SECOND, 92 * SECOND)
+    assert (found[X].smallest, found[X].largest, why) == (92.0, 95.0, "columns only, to 1 s")
+    assert np.isnan([found[X].mean, found[X].std, found[X].rms]).all()
+    robot.problem = None
+    await held.fetch(60 * SECOND, 100 * SECOND)
+    robot.problem = problem
+    found, why = await held.find(highest, 95 * SECOND, 9)
+    assert (found[X].values.tolist(), why) == ([100.0], words)
+    found, why = await held.measure([X], 65 * SECOND, 95 * SECOND)
+    assert (found[X].samples, why) == (501 + 501, words)
+    held.main._slices.clear()
+    held.close()
+    assert (await held.measure([X], 92 * SECOND, 95 * SECOND))[1] == "picture only, to 1 s"
+
+
+async def test_of_many_signals_some_are_asked_for_at_a_time(robot):
+    held = await opened_of(robot)
+    names = [f"/log/{each}" for each in range(2 * NAMES_AT_ONCE + 1)]
+    found, _ = await held.find(dict.fromkeys(names), 95 * SECOND, 9)
+    measured, _ = await held.measure(names, 91 * SECOND, 95 * SECOND)
+    assert list(found) == list(measured) == names
+    assert [what for what, *_ in robot.asked] == ["find"] * 3 + ["measure"] * 3
+
+
+@pytest.mark.parametrize("error", [None, ConnectionLostError("cut")])
+async def test_a_pin_that_comes_when_nobody_waits_for_it_any_more_is_let_go_of(error):
+    came, closed = asyncio.Event(), []
+
+    async def read(job):
+        await came.wait()
+        if error is not None:
+            raise error
+        return SimpleNamespace(close=lambda: closed.append(1))
+
+    buffers = Buffers(SimpleNamespace(connection=SimpleNamespace(read=read)))
+    asking = asyncio.ensure_future(buffers.pin([X], 0, 1))
+    await asyncio.sleep(0)
+    asking.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await asking
+    came.set()
+    for _ in range(5):
+        await asyncio.sleep(0)
+    assert closed == ([1] if error is None else [])
 
 
 async def test_who_leaves_lets_go_of_all_pins_also_of_one_that_comes_late(robot):
