@@ -268,3 +268,79 @@ def test_the_way_from_one_style_to_another_leads_there(codes):
         expected.feed(f"\x1b[{each}m")
         assert terminal.style == expected.style
         at = style
+
+
+# ------------------------------------------------------------------------------------------- what Textual writes
+
+
+def followed(words, width=WIDTH, height=HEIGHT):
+    through = []
+    follower = Follower(width, height, Styles(), lambda one: through.append((one.text, one.forget)))
+    follower.feed(words)
+    return follower, through
+
+
+@pytest.mark.parametrize(
+    ("words", "place"),
+    [
+        ("\n", (3, 0)), ("\r", (2, 0)), ("\b", (2, 8)), ("\r\b", (2, 0)), ("\t", (2, 16)), ("\r\t\t", (2, 16)),
+        ("\x1b[A", (1, 9)), ("\x1b[2B", (4, 9)), ("\x1b[C", (2, 10)), ("\x1b[3D", (2, 6)), ("\x1b[E", (3, 0)),
+        ("\x1b[2F", (0, 0)), ("\x1b[5G", (2, 4)), ("\x1b[5`", (2, 4)), ("\x1b[5d", (4, 9)), ("\x1b[H", (0, 0)),
+        ("\x1b[4H", (3, 0)), ("\x1b[4;7f", (3, 6)), ("\x1b[;7H", (0, 6)), ("\x1b[0;0H", (0, 0)),
+        ("\x1b[99;99H", (HEIGHT - 1, WIDTH - 1)), ("\x1b[9A", (0, 9)), ("\x1b[99D", (2, 0)), ("ab\x1b[D", (2, 10)),
+    ],
+)  # fmt: skip
+def test_the_cursor_is_followed(words, place):
+    follower, through = followed(f"\x1b[3;10H{words}")
+    assert ((follower.row, follower.column), through) == (place, [])
+
+
+@pytest.mark.parametrize(
+    ("words", "rows"),
+    [
+        ("\x1b[K", "abcde fg    klmno"), ("\x1b[1K", "abcde    ij klmno"), ("\x1b[2K", "abcde       klmno"),
+        ("\x1b[J", "abcde fg         "), ("\x1b[1J", "         ij klmno"), ("\x1b[2J", "                 "),
+        ("\x1b[X", "abcde fg ij klmno"), ("\x1b[2X", "abcde fg  j klmno"), ("\x1b[9X", "abcde fg    klmno"),
+    ],
+)  # fmt: skip
+def test_what_is_erased_is_blank(words, rows):
+    follower, through = followed(f"abcde\x1b[2Hfghij\x1b[3Hklmno\x1b[2;3H{words}", 5, 3)
+    assert (" ".join("".join(row) for row in follower.grid.chars), through) == (rows, [])
+
+
+@pytest.mark.parametrize(
+    ("words", "through"),
+    [
+        ("\a", [("\a", False)]), ("\x1b[?25l", [("\x1b[?25l", False)]), ("\x1b[>4m", [("\x1b[>4m", False)]),
+        ("\x1b]2;title\a", [("\x1b]2;title\a", False)]), ("\x1b]8;;http://x\a", []), ("\x1b=", [("\x1b=", False)]),
+        ("\x1bM", [("\x1bM", True)]), ("\x1b[3L", [("\x1b[3L", True)]), ("\x1b[3K", [("\x1b[3K", True)]),
+        ("\x1b[3J", [("\x1b[3J", True)]), ("\x1b[2 q", [("\x1b[2 q", False)]), ("\x1b[22;2t", [("\x1b[22;2t", False)]),
+    ],
+)  # fmt: skip
+def test_what_concerns_no_cell_is_handed_on_and_what_may_is_told(words, through):
+    assert followed(f"a{words}b")[1] == through
+    assert followed(f"a{words}b")[0].column == 2
+
+
+def test_a_sequence_that_comes_in_pieces_is_followed_as_one():
+    follower, _ = followed("a\x1b[3")
+    follower.feed(";5Hb")
+    assert (follower.row, follower.column, follower.grid.chars[2][4]) == (2, 5, "b")
+
+
+def test_rows_that_were_written_to_last_are_known_and_all_are_after_a_change_of_size():
+    follower, _ = followed("\x1b[3Ha\x1b[6;9Hb")
+    follower.feed("\x1b[2Hc")
+    assert follower.touched == [0, 2, 1, 0, 0, 1, 0]
+    follower.resize(WIDTH, HEIGHT)
+    assert follower.touched == [0, 2, 1, 0, 0, 1, 0]
+    follower.feed("\x1b[7;70H")
+    follower.resize(20, 4)
+    assert (follower.touched, follower.row, follower.column) == ([3] * 4, 3, 19)
+    assert (follower.grid.width, follower.grid.chars[2][0], len(follower.grid.chars)) == (20, "a", 4)
+
+
+@pytest.mark.parametrize(("words", "known"), [("a", False), ("\x1b[?2026hab", True), ("\x1b[?2026l", False)])
+def test_frames_that_are_bracketed_are_noticed(words, known):
+    follower, through = followed(words)
+    assert (follower.synchronised, through) == (known, [])
