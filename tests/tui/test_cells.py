@@ -29,6 +29,34 @@ def test_normal_intensity_ends_bold_and_dim():
     assert styles.after(dim, "22") == styles.after(bold, "22") == styles.after(styles.after(bold, "2"), "22") == 0
 
 
+FRONTS = ["30", "37", "90", "97", "38;5;12", "38;2;1;2;3", "38:5:12"]
+BACKS = ["40", "47", "100", "107", "48;5;12", "48;2;1;2;3", "48:5:12"]
+
+
+@pytest.mark.parametrize(("colors", "ends", "ends_not"), [(FRONTS, "39", "49"), (BACKS, "49", "39")])
+def test_a_colour_is_one_until_that_of_the_terminal_takes_its_place(colors, ends, ends_not):
+    styles = Styles()
+    for color in colors:
+        style = styles.after(0, color)
+        assert styles.way(0, style) == f"\x1b[{color}m"
+        assert styles.after(style, ends) == styles.after(style, "") == styles.after(style, "0") == 0
+        assert styles.after(style, ends_not) == style
+        assert styles.after(style, colors[0]) == styles.after(0, colors[0])
+        assert styles.after(0, f"{color};1") == styles.after(style, "1")
+        assert styles.ground(styles.after(style, "1")) == (0 if ends == "39" else style)
+
+
+@pytest.mark.parametrize(
+    ("flag", "shows"), [("1", False), ("3", False), ("4", True), ("4:3", True), ("7", True), ("9", True)]
+)
+def test_of_a_blank_what_is_under_or_through_it_shows(flag, shows):
+    styles = Styles()
+    style = styles.after(0, flag)
+    assert styles.ground(style) == (style if shows else 0)
+    assert styles.is_plain(styles.ground(style)) is not shows
+    assert not styles.is_plain(style)
+
+
 def rendered(segments):
     return "".join(f"\x1b[{style}m{words}\x1b[0m" if style else words for words, style in segments)
 
