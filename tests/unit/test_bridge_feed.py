@@ -1,9 +1,15 @@
-"""What a feed of a bridge remembers of the samples that it passed on."""
+"""What a feed of a bridge passes on: each sample once, and what of a robot is there."""
+
+import threading
+from types import SimpleNamespace
 
 import numpy as np
 
 from silo.bridges.feed import LoggerFollower
+from silo.core.elements import State
+from silo.errors import ConnectionLostError
 from silo.history.arrays import SampleArrays
+from tests.waiting import DEADLINE_S
 
 
 def samples(first, count):
@@ -17,3 +23,73 @@ def test_no_sample_is_passed_on_twice_and_runs_that_are_over_are_forgotten():
         assert feed._unseen(run, "/log/x", samples(0, 10)).ticks.tolist() == list(range(10))
         assert feed._unseen(run, "/log/x", samples(5, 10)).ticks.tolist() == list(range(10, 15))
     assert feed._last_tick == {"/log/x": 14}
+
+
+class Robot:
+    """A client of a robot program that is dead once its stream was read."""
+
+    found = SimpleNamespace(label="arm")
+    missed = 2
+
+    def __init__(self):
+        self.asked, self.closed, self.dead = [], 0, False
+        self.parameters = SimpleNamespace(described=lambda: ["gain"])
+
+    def __enter__(self):
+        self.dead = False
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def on_event(self, callback):
+        pass
+
+    def status(self):
+        state = State.DEAD if self.dead else State.RUNNING
+        return SimpleNamespace(state=state, reason="it died", revision=1)
+
+    def table(self):
+        on, off = SimpleNamespace(enabled=True), SimpleNamespace(enabled=False)
+        infos = [SimpleNamespace(name="/log/off", options=off), SimpleNamespace(name="/log/x", options=on)]
+        return SimpleNamespace(revision=1, elements=infos)
+
+    def stream(self, names, period_s):
+        self.asked.append(names)
+        return self
+
+    def read(self, timeout_s):
+        self.dead = True
+
+    def close(self):
+        self.closed += 1
+
+
+def test_once_a_robot_is_gone_nothing_of_it_is_left_and_why_is_told_once_until_it_is_there_again(monkeypatch):
+    monkeypatch.setattr("silo.bridges.feed.TABLE_PERIOD_S", 0.01)
+    robot, told, over = Robot(), [], threading.Event()
+    ways = ["", "gone", "gone", "refused", "", "it died"]
+
+    def connect():
+        if not ways:
+            over.set()
+        why = ways.pop(0) if ways else "it died"
+        if why:
+            raise ConnectionLostError(why)
+        return robot
+
+    listener = SimpleNamespace(
+        table=lambda label, elements: told.append((label, len(elements))),
+        parameters=lambda known: told.append(list(known)),
+        told=told.append,
+    )
+    feed = LoggerFollower(connect, listener)
+    feed.wish(frozenset({"/log/x", "/log/off"}))
+    feed.start()
+    try:
+        assert over.wait(DEADLINE_S)
+    finally:
+        feed.close()
+    there = [("arm", 2), ["gain"], "it died", ("", 0), []]
+    assert told == [*there, "gone", "refused", *there]
+    assert (robot.asked, robot.closed, feed.missed) == ([["/log/x"]] * 2, 2, 4)
