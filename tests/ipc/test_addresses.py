@@ -53,6 +53,12 @@ def test_keys_before_ids_are_still_understood() -> None:
     assert root_of("silo/robot3/anymal/ask") == Root("robot3", "anymal")
 
 
+@pytest.mark.parametrize("key", ["silo/robot3", "other/robot3/anymal/ask"])
+def test_a_key_of_somebody_else_is_of_no_logger(key) -> None:
+    with pytest.raises(ValueError, match="is not a key of silo"):
+        root_of(key)
+
+
 @pytest.mark.parametrize(
     "key",
     ["silo/%1B[2Jevil~01ab/anymal/alive", "silo/robot3~01ab/an%0Aymal/alive", "silo/x~1/%/alive", "silo/%/x/alive",

@@ -19,7 +19,7 @@ from silo.client.client import Client
 from silo.errors import ConnectionLostError
 from silo.net import keys
 from silo.net.found import LoggerAddress
-from silo.net.session import close, open_client, open_server, owner_is_gone, socket_path
+from silo.net.session import MAX_SOCKET_PATH, close, open_client, open_server, owner_is_gone, socket_path
 
 PID = 4711
 
@@ -83,8 +83,10 @@ def test_socket_of_a_killed_process_is_taken_over(runtime: Path) -> None:
 
 
 def test_socket_path_that_is_too_long_is_told_with_its_length() -> None:
+    longest = Path("/" + "x" * (MAX_SOCKET_PATH - len("//bot.7.sock")))
+    assert socket_path(longest, "bot", 7) == longest / "bot.7.sock"
     with pytest.raises(ConnectionLostError, match=r"too long for a socket.*SILO_RUNTIME_DIR"):
-        socket_path(Path("/" + "x" * 100), "bot", PID)
+        socket_path(longest, "bot", 77)
 
 
 def test_client_of_a_socket_without_listener_says_so(runtime: Path) -> None:

@@ -64,7 +64,7 @@ class TestUrls:
         settings = zenoh_settings(LoggerAddress("anymal", 0, "", "", config="lab", host="robot3", id="0011223344"))
         assert settings["connect"] == {"endpoints": ["tls/robot3:7447"]}
         assert settings["mode"] == "client"
-        assert settings["transport"]["link"]["tls"]["root_ca_certificate"] == str(file.parent / "ca.pem")
+        assert settings["transport"]["link"]["tls"] == {"root_ca_certificate": str(file.parent / "ca.pem")}
 
 
 def written(folder: Path, heading: str, language: str) -> tuple[Path, Path, str]:

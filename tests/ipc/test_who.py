@@ -49,6 +49,8 @@ def test_the_words_of_a_sender_say_whether_its_name_is_proven() -> None:
     assert network_words("anna", client, proven=True) == "anna (proven) from desk2, silo-tui 4711"
     assert network_words("anna", client, proven=False) == "anna (says so) from desk2, silo-tui 4711"
     assert network_words("anna", "", proven=True) == "anna (proven)"
+    assert all(came_by_network(network_words("anna", client, proven=proven)) for proven in (True, False))
+    assert not came_by_network("anna (says so) of group lab")
 
 
 def test_nobody_can_claim_to_be_proven() -> None:
