@@ -360,11 +360,11 @@ def zenoh_settings(found: LoggerAddress) -> dict[str, Any]:
 
 
 def _make_absolute(settings: dict[str, Any], names: list[str], path: str | None) -> None:
-    """Put a path where the file has one."""
+    """Put a path where the file has one; None where it has none."""
     *above, last = names
     for name in above:
         settings = settings.get(name, {})
-    if last in settings and path:
+    if path:
         settings[last] = path
 
 
