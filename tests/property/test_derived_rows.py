@@ -17,6 +17,7 @@ TICKS = 300
 EXPRESSIONS = (
     "2 * a", "a - c", "prev(b)", "diff(a) + rate(c)", "mean(a, 40ms)", "max(diff(b), 25ms) + d", "std(c, 100ms)",
     "b - c", "a > 10 and prev(d) < 3", "v * a", "norm(v)", "min(v_x, 30ms)", "prev(prev(c))", "isnan(d)",
+    "e + prev(f)",
 )  # fmt: skip
 
 
@@ -31,13 +32,14 @@ def logged(tmp_path_factory):
         name: log.array(name, shape, divider=divider, buffer=BufferType.GROWING, size=100)
         for name, shape, divider in (("a", (), 1), ("b", (), 2), ("c", (), 3), ("d", (), 5), ("v", (3,), 1))
     }
+    e, f = (log.array(name, divider=divider, buffer=BufferType.GROWING) for name, divider in (("e", 4), ("f", 6)))
     short = log.array("short", buffer=BufferType.LOOPING, size=50)
     full = log.array("full", buffer=BufferType.FIXED, size=70)
     log.start()
     for tick in range(TICKS):
         for array in values.values():
             array[...] = random.normal(size=array.shape) * 10
-        short[...] = full[...] = tick
+        short[...] = full[...] = e[...] = f[...] = tick
         log.collect()
         now[0] += int(10**6 * random.uniform(0.2, 2))  # the loop runs faster and slower than it should
     yield log
@@ -92,10 +94,11 @@ def test_it_ends_where_a_buffer_that_is_full_ends(logged):
 
 
 def test_stamps_alone_are_read_without_computing(logged):
-    reader, (element,) = reader_of(logged, "b - c")
-    rows = reader.rows(element.ring, 17, 4, np.arange(2))
-    assert rows.ticks.tolist() == [17, 18, 19, 20]
-    assert rows.words.shape == (4, 2)
+    for text, divider in (("b - c", 1), ("b + b", 2), ("e - f", 2)):
+        reader, (element,) = reader_of(logged, text)
+        rows = reader.rows(element.ring, 17, 4, np.arange(2))
+        assert rows.ticks.tolist() == [divider * row for row in (17, 18, 19, 20)]
+        assert (rows.first, rows.words.shape) == (17, (4, 2))
 
 
 def test_what_needs_an_element_that_is_off_has_no_ring(tmp_path):
