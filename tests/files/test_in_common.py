@@ -127,6 +127,12 @@ def test_both_meet_on_the_stamps_when_asked(tmp_path):
         silo.compare(a, later, by="stamp")
 
 
+def test_one_sample_in_common_is_compared(tmp_path):
+    a, b = ramp(tmp_path, 50, "a"), ramp(tmp_path, 50, "b", start_ns=10**18 + 49 * 10**7, first=50)
+    found = silo.compare(a, b, by="stamps")
+    assert [(row.name, row.largest, row.samples) for row in found.rows if row.name == "/log/x"] == [("/log/x", 1.0, 1)]
+
+
 def test_logs_without_a_moment_in_common_are_told_by_both(tmp_path):
     a, b = ramp(tmp_path, 50, "a"), ramp(tmp_path, 50, "b", start_ns=2 * 10**18)
     assert "there is no time in common" in silo.compare(a, b, by="stamps").not_compared["/log/x"]

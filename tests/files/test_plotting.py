@@ -18,7 +18,7 @@ from silo.analysis.plots.curves import pick
 from silo.analysis.plots.drawing import Chart, Curve, draw_png, draw_text, nice_ticks, thin_out, tick_texts
 from silo.analysis.plots.showing import _has_screen
 from silo.core.recording import Recording
-from silo.errors import ElementError, SiloError
+from silo.errors import ElementError, LogWarning, SiloError
 from tests.examples import examples
 from tests.stand_ins.saved import element
 
@@ -268,6 +268,11 @@ class TestCharts:
     def test_x_must_be_one_signal(self, log):
         with pytest.raises(ElementError, match=r"'torque' must be one signal.*matches 2"):
             make_chart(log, ChartSpec(["base_y"], x="torque"))
+
+    def test_a_part_of_names_is_drawn_and_it_is_told_what_to_write(self, log):
+        with pytest.warns(LogWarning, match=r"'orqu' is only a part of names: .* write '\*orqu\*'"):
+            chart, _ = make_chart(log, ChartSpec(["orqu"]))
+        assert len(chart.curves) == 2
 
     def test_too_many_signals_are_counted(self, log):
         chart, left_out = make_chart(log, ChartSpec(["*"], most=5))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import silo
+from silo.analysis.compute.responses import step_of
 from silo.cli.main import run
 from silo.core.elements import BufferType, Entry, LoggedEvent
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
@@ -156,6 +157,8 @@ def test_a_step_with_a_ramp_is_as_high_as_it_comes_to():
     found = silo.Log(logged(what, FirstOrder)).step("tau", "q")
     assert found.step == pytest.approx(2.0)
     assert found.gain == pytest.approx(1.0, abs=0.001)
+    cut = step_of(np.arange(5.0), np.array([0.0, 0, 0, 1, 2]), np.array([0.0, 0, 0, 0, 4]))  # as the log ends
+    assert (cut.step, cut.at_s, cut.gain) == (2.0, 3.0, 2.0)
 
 
 @pytest.mark.parametrize(

@@ -112,6 +112,9 @@ def test_enumerations_and_texts_are_compared_by_their_words(log):
     assert (log["gait"] == "TROT").when().round(6).tolist() == [1.0]
     assert (log["gait"] != "TROT").values.sum() == 10
     assert (log["w"] == "a").values.sum() == 10
+    for call in (lambda: log["w"] < "b", lambda: log["gait"] < "TROT"):
+        with pytest.raises(silo.ElementError, match="compared by == and != to a text"):
+            call()
 
 
 def test_comparison_with_none_is_no_mask(log):
@@ -156,6 +159,7 @@ def test_functions_of_numpy_keep_the_unit_or_make_the_right_one(function, unit, 
 def test_angles_in_degrees_are_taken_as_such(log):
     q = log["q"]
     np.testing.assert_allclose(np.sin(q.to("deg")), np.sin(q.values), rtol=1e-15, atol=1e-15)
+    assert np.sin(silo.Signal("a", np.array([0, 30]), np.arange(2), unit="deg")).values == pytest.approx([0, 0.5])
     assert np.sin(q).unit == "-"
     assert np.arcsin(np.sin(q[0:5])).unit == "rad"
     assert np.rad2deg(q).unit == "deg"
@@ -212,6 +216,7 @@ def test_a_signal_is_converted_by_its_unit(log):
         (lambda x, y, q: np.allclose(x, y.to("m")), "at different times; write other.resample(one) first"),
         (lambda x, y, q: np.unwrap(q.to("deg")), "np.unwrap takes radians"),
         (lambda x, y, q: np.deg2rad(q), "takes 'deg', but '/log/q' is in 'rad'"),
+        (lambda x, y, q: ~x, "np.invert has no meaning for signals"),
         (lambda x, y, q: np.modf(x), "has no meaning for signals; for plain arrays write signal.values"),
         (lambda x, y, q: np.add(x, 1, out=np.zeros(20)), "can't write signals into an array"),
         (lambda x, y, q: q.x, "it is signal['x']"),

@@ -76,6 +76,22 @@ def test_the_longest_piece_has_neither_hole_nor_nan():
     assert (piece.held, round(1 / piece.period_s)) == (1000, HZ)
 
 
+@pytest.mark.parametrize(
+    ("missing", "kept"), [([60], range(60)), ([40, 80], [*range(40), *range(41, 80), *range(81, 100)])]
+)
+def test_samples_that_are_missing_are_bridged_where_less_than_half_would_be_left(missing, kept):
+    values = np.arange(100.0)
+    values[missing] = math.nan
+    found = longest_piece(times(100), values).values
+    assert (len(found), found[0], found[-1]) == (len(kept), kept[0], kept[-1])
+
+
+def test_a_stamp_that_comes_twice_is_a_hole():
+    time_ns = times(100)
+    time_ns[50:] -= PERIOD_NS
+    assert longest_piece(time_ns, np.arange(100.0)).values.tolist() == list(range(50, 100))
+
+
 def test_a_late_loop_is_no_hole_but_jitter():
     late = times(2000)
     late[1::2] += PERIOD_NS // 2
