@@ -11,7 +11,7 @@ import pytest
 
 from silo.errors import ConnectionLostError, SaveError
 from silo.recordings import fetching
-from silo.recordings.fetching import Fetch
+from silo.recordings.fetching import FIRST_PIECE, Fetch
 from silo.recordings.folder import RecordingFolder
 from silo.recordings.requests import GetPiece, PartOfRecording, Piece, RecordingParts
 from silo.rpc.refusals import RequestRefusedError
@@ -105,18 +105,23 @@ def test_after_a_cut_it_goes_on_from_where_it_was(robot, here):
     came = sum(piece.count for piece in robot.pieces)
     robot.pieces.clear()
     robot.cut_after, robot.connected = -1, True
-    robot.fetch(name, here)
-    assert robot.pieces[0].offset == came > 0
+    told: list[int] = []
+    robot.fetch(name, here, progress=lambda done, total: told.append(done))
+    assert robot.pieces[0].offset == came == told[0] > 0
+    assert robot.pieces[-1].offset + robot.pieces[-1].count == told[-1] == (here / name).stat().st_size
     assert same(robot, name, here)
 
 
-def test_a_link_that_comes_back_in_time_is_waited_for(robot, here):
+def test_a_link_that_comes_back_in_time_is_waited_for_and_asked_for_a_quarter_as_much(robot, here, monkeypatch):
+    monkeypatch.setattr(fetching, "FAST_S", -1.0)
+    monkeypatch.setattr(fetching, "SLOW_S", 1e9)
     name = large(Path(robot.place))
     robot.cut_after, robot.mends = 2, True
     robot.fetch(name, here, patience_s=60.0)
     assert same(robot, name, here)
     offsets = [piece.offset for piece in robot.pieces]
     assert offsets == sorted(set(offsets))
+    assert [piece.count for piece in robot.pieces[:3]] == [FIRST_PIECE, FIRST_PIECE, FIRST_PIECE // 4]
 
 
 def test_what_came_of_another_content_is_not_gone_on_with(robot, here):
@@ -247,7 +252,7 @@ def test_pieces_grow_on_a_quick_link(robot, here, monkeypatch):
     name = large(Path(robot.place))
     robot.fetch(name, here)
     counts = [piece.count for piece in robot.pieces]
-    assert counts[1] == 2 * counts[0]
+    assert counts[:2] == [FIRST_PIECE, 2 * FIRST_PIECE]
     assert np.all(np.array(counts) <= fetching.MAX_PIECE)
 
 
