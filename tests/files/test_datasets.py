@@ -103,11 +103,18 @@ def test_a_window_holds_all_samples_since_the_frame_before():
     ]
 
 
+@pytest.mark.parametrize("stamps", [[0], [0, 100_000_000], [0, 90_000_000, 190_000_000]])
+def test_a_window_of_as_many_samples_as_frames_is_one_sample(stamps):
+    made = frames([Wanted("imu", (Signal("imu", np.arange(len(stamps)) + 1.0, np.array(stamps)),), "window")], 10)
+    assert made.features[0].shape == (1, 1)
+
+
 def test_frames_begin_where_every_signal_has_a_value():
     early = Signal("early", np.arange(10), np.arange(10, dtype=np.int64) * 10**8, unit="m")
     late = Signal("late", np.arange(10), np.arange(10, dtype=np.int64) * 10**8 + 3 * 10**8)
-    made = frames([Wanted("both", (early, late))], 10)
+    made = frames([Wanted("both", (early, replace(late, start_ns=10**9)))], 10)
     assert made.begin_s == pytest.approx(0.3)
+    assert frames([Wanted("both", (replace(early, start_ns=2 * 10**8), late))], 10).begin_s == pytest.approx(0.1)
     assert made.columns[0].tolist() == [[3, 0], [4, 1], [5, 2], [6, 3], [7, 4], [8, 5], [9, 6]]
     assert (made.features[0].dtype, made.features[0].units) == ("int64", ("m", "-"))
     apart = Signal("apart", np.arange(2), np.arange(2, dtype=np.int64) + 10**12)
@@ -284,6 +291,8 @@ DAMAGE = {  # the column, where, the row that is changed, to what
 def test_what_its_loader_would_take_is_found(made, tmp_path, column):
     file, row, value, words = DAMAGE[column]
     copy = shutil.copytree(made.path, tmp_path / "copy")
+    pq.write_table(pq.read_table(copy / DATA), copy / DATA)  # both episodes in one piece
+    assert check_lerobot(copy) == []
     changed(copy / file, column, row, value)
     problems = "\n".join(check_lerobot(copy))
     assert any(each in problems for each in words.split("|")), problems

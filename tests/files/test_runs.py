@@ -16,11 +16,16 @@ from click.testing import CliRunner
 
 import silo
 from silo.cli.group import cli
+from silo.core.elements import LoggedEvent
 from silo.core.episodes.words import Episode
+from silo.core.recording import Recording
+from silo.core.tuning.parameters import ParameterChange
 from silo.errors import ExpressionError
-from silo.run_index import index, labels
-from silo.run_index.facts import EpisodeFacts, RunFacts, SignalFacts, read_facts
+from silo.run_index import finding, index, labels
+from silo.run_index.facts import EpisodeFacts, RunFacts, SignalFacts, facts_of, read_facts
+from silo.run_index.finding import There
 from silo.run_index.where import FACTS, FUNCTIONS, Query
+from tests.stand_ins.saved import element
 
 RUNS = 5
 
@@ -175,6 +180,30 @@ def test_the_signals_of_a_condition_are_all_that_its_names_mean_each_once():
     assert query("max(v) > x and lost and v_0 < x").signals == ["/log/v_0", "/log/v_1", "/log/x"]
 
 
+@pytest.mark.parametrize(
+    ("started_ns", "first_ns", "begun_ns"),
+    [
+        (10**18 + 5, 10**18, 10**18 + 5),
+        (0, 10**18, 10**18),
+        (0, 10**9, 2 * 10**18 - 3 * 10**9),  # stamps of a clock that counts from its start: when it was written
+    ],
+)
+def test_a_run_began_when_it_says_else_with_its_stamps_where_these_are_times(tmp_path, started_ns, first_ns, begun_ns):
+    file = tmp_path / "run.silo"
+    file.touch()
+    os.utime(file, ns=(0, 2 * 10**18))
+    stamps = first_ns + np.arange(4, dtype=np.int64) * 10**9
+    changes = [
+        ParameterChange((("/log/kp", None, 1.0), ("/log/kd", None, 0.2))),
+        ParameterChange((("/log/kp", 1.0, 2.0),)),
+    ]
+    events = tuple(LoggedEvent("parameter", "", change=one) for one in changes)
+    recording = Recording("arm", stamps, 4, [element("x", np.arange(4.0))], started_ns=started_ns, events=events)
+    facts = facts_of(recording, "run.silo", 7, file).run
+    assert (facts.begun_ns, facts.span_s, facts.rate_hz) == (begun_ns, 3.0, 1.0)
+    assert facts.parameters == {"/log/kp": 2.0, "/log/kd": 0.2}
+
+
 def test_texts_and_signals_without_a_number_have_no_statistics(tmp_path, new_logger):
     log = new_logger()
     log.add(np.array("abc", "U5"), "word")
@@ -297,6 +326,20 @@ def test_a_run_whose_best_format_is_deleted_is_not_read_again(root, monkeypatch)
     assert runs[0].open()["joints/tau"].values.max() == most
     (root / "tuesday/run3.csv").unlink()
     assert names(silo.runs(root))[-1] == "run4"
+
+
+def test_a_run_whose_formats_are_all_deleted_is_gone(root):
+    silo.runs(root)
+    for ending in ("silo", "csv"):
+        (root / f"tuesday/run3.{ending}").unlink()
+    assert names(silo.runs(root)) == ["run0", "run1", "run2", "run4"]
+
+
+@pytest.mark.parametrize("order", itertools.permutations(["run.silo", "run.csv", "run.mcap"], 2))
+def test_of_several_formats_the_best_is_taken_in_whatever_order_they_lie_there(order, tmp_path, monkeypatch):
+    monkeypatch.setattr(finding, "_below", lambda *_: iter([(name, There(len(name), 1)) for name in order]))
+    best, other = sorted(order, key=["run.silo", "run.mcap", "run.csv"].index)
+    assert finding.logs_below(tmp_path) == {best: There(len(best), 1, ((other, len(other), 1),))}
 
 
 def test_another_format_that_changed_since_is_read(root):
