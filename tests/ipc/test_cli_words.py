@@ -7,19 +7,22 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import silo
 from silo.cli.codes import EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE
-from silo.cli.common import next_names, split_logger
+from silo.cli.common import logged_for, next_names, split_logger
 from silo.cli.edits import select, split_settings
 from silo.cli.group import COMMANDS, cli
 from silo.cli.main import run
 from silo.cli.other_words import OTHER_WORDS
-from silo.core.elements import Action, BufferType, ElementOptions
+from silo.core.elements import Action, BufferType, ElementOptions, State
 from silo.core.quantities.writing import duration_text, wall_clock
 from silo.errors import ElementError
+from silo.fleet.resolving import Discovery
+from silo.net.found import LoggerAddress
 from silo.settings.typed import ElementSettings, RelativeValue, apply_settings, read_settings
 from silo.version import VERSION
 from tests.waiting import DEADLINE_S
@@ -123,6 +126,33 @@ def test_words_are_split_into_logger_patterns_and_settings() -> None:
     assert split_logger(("demo.4711",)) == ("demo.4711", [])
     assert split_logger(("*/torque", "on")) == (None, ["*/torque", "on"])
     assert split_settings(["/log", "divider=2", "off"]) == (["/log"], ["divider=2", "off"])
+
+
+@pytest.mark.parametrize(
+    ("there", "words", "or_pattern", "wanted"),
+    [
+        ("demo", "torque on", True, (None, ["torque", "on"])),
+        ("demo", "demo on", True, ("demo", ["on"])),
+        ("demo", "torque on", False, ("torque", ["on"])),
+        ("demo arm", "torque on", True, ("torque", ["on"])),
+        ("", "torque on", True, ("torque", ["on"])),
+        ("demo", "joints/q on", False, (None, ["joints/q", "on"])),
+        ("demo", "robot3/demo on", False, ("robot3/demo", ["on"])),
+        ("demo", "*/torque on", True, (None, ["*/torque", "on"])),
+        ("demo", "silo:///demo/log/x on", False, ("demo", ["/log/x", "on"])),
+        ("demo", "silo:///demo on", False, ("demo", ["on"])),
+    ],
+)
+def test_a_word_is_a_pattern_where_no_logger_can_be_meant_by_it(there, words, or_pattern, wanted, monkeypatch) -> None:
+    found = Discovery([LoggerAddress(name, 4711, "", "ann", host="robot3") for name in there.split()], [])
+    monkeypatch.setattr("silo.cli.common.discovered", lambda: found)
+    assert split_logger(words.split(), or_pattern=or_pattern) == wanted
+
+
+def test_how_long_it_runs_is_told_of_a_logger_that_runs(monkeypatch) -> None:
+    monkeypatch.setattr("time.time_ns", lambda: 10**18 + 12 * 10**9)
+    for state, text in ((State.RUNNING, "00:12"), (State.STOPPED, "-")):
+        assert logged_for(SimpleNamespace(state=state, run_began_ns=10**18)) == text
 
 
 def test_completion_stops_at_the_next_slash_where_there_are_too_many_names() -> None:

@@ -2,6 +2,7 @@
 
 import stat
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -161,6 +162,16 @@ def test_one_that_went_unseen_is_remembered_for_a_shorter_time_than_one_that_was
         monkeypatch.setattr(memory.time, "time_ns", lambda now_ns=now_ns: now_ns)
         assert [one.found.host for one in remembered(desk)] == hosts
         monkeypatch.undo()
+
+
+def test_since_when_one_is_gone_is_remembered_by_the_clock(desk, monkeypatch) -> None:
+    now_s = time.monotonic()
+    gone = there(desk, "rob1", here=False, since_s=now_s - 60.0)
+    remember([desk], [replace(gone, seen_s=now_s - 90.0)])
+    (one,) = remembered(desk)
+    assert (one.seen_s, one.since_s) == (pytest.approx(now_s - 90.0, abs=5.0), pytest.approx(now_s - 60.0, abs=5.0))
+    assert (one.problem, one.here, one.found) == ("it can't be reached", False, gone.found)
+    assert (memory.GONE_S, memory.LOST_S) == (2 * 3600, 12 * 3600)  # as the guide says
 
 
 @pytest.mark.parametrize("text", ["", "[{}]", '{"a": 1}', "\0"])
