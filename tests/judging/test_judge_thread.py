@@ -55,6 +55,38 @@ def test_a_run_that_it_found_before_it_was_handed_over_is_let_go_of_at_its_end(t
         logger.close()
 
 
+def test_what_is_judged_is_what_the_program_has_by_now(tmp_path, runtime_folder) -> None:
+    logger = silo.Logger("bot", max_time=0, folder=tmp_path, script=tmp_path / "none.yaml")
+    logger.array("x", ())
+    logger.start()
+    logger.collect()
+    replica = Replica(robot_state(logger, "", -1))
+    held = HeldRuns(replica, lambda: None)
+    replica.take_run(RunOffer(logger._present.run.id, logger._present.path), os.open(logger._present.path, os.O_RDONLY))
+    held.take()
+    judge = Judge(replica, Events(str(tmp_path)), held)
+
+    def judged() -> list[str]:
+        replica.take(robot_state(logger, "", -1))
+        judge._step()
+        return [one.options.name for one in judge._stands().triggers]
+
+    try:
+        assert judged() == []
+        logger.trigger("spike", "x > 50", pre="20ms", post="10ms")
+        assert judged() == ["spike"]
+        known = judge._judge
+        assert known is not None
+        assert judged() == ["spike"]
+        logger.trigger("fall", "x < -50", pre="20ms", post="10ms")
+        assert judged() == ["spike", "fall"]
+        assert judge._judge is known  # what it has seen so far counts on
+    finally:
+        replica.let_go()
+        held.let_go(held_alone=False)
+        logger.close()
+
+
 @pytest.mark.parametrize(
     ("error", "says"),
     [(SegmentError("its header is damaged"), "its header is damaged"), (KeyError("x"), "KeyError: 'x'")],
