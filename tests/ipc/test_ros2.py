@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from silo.bridges.feed import LoggerFollower
 from silo.bridges.services import services, setting
 from silo.client.client import Client
 from silo.core.elements import Edit, ElementOptions, State
+from silo.core.tuning.parameters import ParameterInfo, ParameterKind
 from silo.history.arrays import SampleArrays
 from tests.ipc.conftest import Bench
 from tests.stand_ins.ticking import turning
@@ -471,6 +473,43 @@ class TestParameters:
             "log.kp"
         ]
         assert node.turn([]) is None
+
+    @pytest.mark.parametrize(
+        ("values", "given", "words"),
+        [
+            ({"log.legs.kp": 50.0, "log.n": 7}, {"/log/legs/kp": 50.0, "/log/n": 7}, "2 set"),
+            ({"log.legs.kp": 50.0, "log.x": 1, "log.y": 2}, None, "no parameter log.x, log.y; nothing was changed"),
+            ({"log.legs.kp": None, "log.n": 7}, None, "can't be taken away, it is the program's; nothing was changed"),
+            ({"log.n": 77}, None, "log.n is at most 9"),
+        ],
+    )
+    def test_what_is_set_together_reaches_the_robot_as_a_whole_or_is_refused_in_words(self, values, given, words):
+        infos = ParameterInfo("/log/legs/kp", ParameterKind.FLOAT, 1.0), ParameterInfo("/log/n", ParameterKind.INT, 5)
+        known, told, came = ros(Stores.ROS2_JAZZY), [], []
+
+        def tune(wanted, caller, elsewhere):
+            if wanted.get("/log/n", 0) > 9:
+                raise silo.RefusedError("log.n is at most 9")
+            came.append((wanted, caller, elsewhere))
+            return f"{len(wanted)} set", list(infos)
+
+        node = parameters.NodeParameters("/bot", tune, "somebody", told.append)
+        node.turn(infos)
+        kinds = {float: (3, "double_value"), int: (2, "integer_value")}
+        empty = [0, False, 0, 0.0, "", *(np.array([], code) for code in ("u1", "?", "i8", "f8")), []]
+        asked = []
+        for name, value in values.items():
+            one = known.types["rcl_interfaces/msg/ParameterValue"](*empty)
+            if value is not None:
+                one = replace(one, type=kinds[type(value)][0], **{kinds[type(value)][1]: value})
+            asked.append(known.types["rcl_interfaces/msg/Parameter"](name, one))
+        kind, _, answer = node.services()["/bot/set_parameters_atomically"]
+        request = known.types[f"{kind}_Request"](asked)
+        data = answer(bytes(known.serialize_cdr(request, f"{kind}_Request")))
+        result = known.deserialize_cdr(data, f"{kind}_Response").result
+        assert (result.successful, words in result.reason) == (given is not None, True)
+        assert came == ([(given, "somebody", True)] if given else [])
+        assert told == [f"{', '.join(values)}, set by somebody: {result.reason}"]
 
     def test_what_is_no_request_is_told_in_words(self):
         node = parameters.NodeParameters("/bot", None, "somebody", lambda _: None)
