@@ -1,5 +1,7 @@
 """Runs that wait for their consumers: their names, what is left where there is no room, and who may delete them."""
 
+import contextlib
+import fcntl
 import os
 from pathlib import Path
 
@@ -7,7 +9,8 @@ import numpy as np
 import pytest
 
 from silo.core.runtime import list_held, list_segments
-from silo.recovery.segments import discard, sweep_segments
+from silo.recovery.left import SavedMeanwhileError
+from silo.recovery.segments import claimed, discard, sweep_segments
 from silo.segment import held_runs as held
 from silo.segment.held_runs import (
     HeldRunsLimit,
@@ -147,6 +150,36 @@ def test_a_saved_segment_stays_while_a_recorder_or_the_judge_needs_it(new_logger
         discard(reader)
         reader.close()
     assert list_held() == []
+
+
+@pytest.mark.parametrize(
+    ("ticks", "is_saved", "is_there", "is_refused"),
+    [
+        (3, False, True, False),
+        (3, True, True, False),
+        (3, False, False, False),  # deleted without being saved: it is still mapped
+        (3, True, False, True),
+        (0, False, False, False),
+    ],
+)
+def test_who_would_save_a_segment_that_another_saved_meanwhile_is_told(
+    new_logger, ticks, is_saved, is_there, is_refused
+) -> None:
+    log = new_logger("bot", frequency=1000, max_time=0)
+    log.array("x")
+    log.start()
+    for _ in range(ticks):
+        log.collect()
+    log.stop()
+    path = Path(log._present.path)
+    refused = pytest.raises(SavedMeanwhileError, match="saved it meanwhile") if is_refused else contextlib.nullcontext()
+    with contextlib.closing(SegmentReader(path)) as reader, path.open("rb") as other:
+        if is_saved:
+            log.save()
+        if not is_there:
+            path.unlink()
+        with refused, claimed(reader), pytest.raises(BlockingIOError):
+            fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def test_a_logger_lives_as_long_as_its_present_run_has_a_writer(new_logger, held_run) -> None:
