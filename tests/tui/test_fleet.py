@@ -44,8 +44,13 @@ def shown(one: Member, width: int = 80, answer: str = "") -> str:
         (member(state=State.STOPPED), Stands.FINE, ""),
         (member(lost=3), Stands.LOST, "XX"),
         (member(measured_hz=300.0), Stands.SLOW, "<<"),
+        (member(measured_hz=0.5), Stands.SLOW, "<<"),
+        (member(measured_hz=380.0), Stands.FINE, ""),  # 95 % of what it is to be
+        (member(measured_hz=0.0), Stands.FINE, ""),  # not measured yet
         (member(alarm="H", alarms=2), Stands.YELLOW, "H"),
         (member(disk_free_bytes=10**9), Stands.FULL, "##"),
+        (member(disk_free_bytes=5, disk_bytes=100), Stands.FULL, "##"),
+        (member(disk_free_bytes=6, disk_bytes=100), Stands.FINE, ""),
         (member(alarm="LL", alarms=1, lost=3, measured_hz=300.0), Stands.RED, "LL"),
         (member(here=False), Stands.SILENT, "~~"),
         (member(state=State.DEAD), Stands.DEAD, ""),
