@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zenoh
 
 import silo
 from silo.cli.codes import EXIT_NO_LOGGER, EXIT_USAGE
@@ -30,7 +31,7 @@ from silo.net.configuration import (
     remotes,
     scaled,
 )
-from silo.net.session import open_client
+from silo.net.session import open_client, open_router
 from silo.rpc.versions import PROTOCOL
 from tests.thin_net import free_port
 
@@ -116,6 +117,29 @@ def test_what_a_file_says_of_times_wins(tmp_path, monkeypatch) -> None:
     ]
     assert json.loads(settings.get_json("transport/unicast/accept_timeout")) == 1000  # what it doesn't say is ours
     assert json.loads(settings.get_json("scouting/multicast/enabled")) is False
+
+
+@pytest.mark.parametrize(("endpoint", "is_closed"), [("tcp/127.0.0.1:7447", False), ("tcp/0.0.0.0:7447", True)])
+def test_a_router_takes_its_time_looks_for_nobody_and_lets_nobody_change_anything_where_it_is_open(
+    endpoint, is_closed, tmp_path, monkeypatch
+) -> None:
+    opened = []
+
+    def note(settings):
+        opened.append(settings)
+        raise zenoh.ZError("seen")
+
+    monkeypatch.setattr("silo.net.session.zenoh.open", note)
+    path = tmp_path / "router.json5"
+    path.write_text(json.dumps({"listen": {"endpoints": [endpoint]}}))
+    with pytest.raises(SiloError, match=f"can't listen on {endpoint}: .*seen"):
+        open_router(str(path))
+    wanted = {
+        "mode": "router", "listen/endpoints": [endpoint], "transport/unicast/accept_timeout": 10_000,
+        "transport/link/tx/lease": 2000, "scouting/multicast/enabled": False, "scouting/delay": 0,
+        "transport/shared_memory/enabled": False, "access_control/enabled": is_closed,
+    }  # fmt: skip
+    assert {key: json.loads(opened[0].get_json(key)) for key in wanted} == wanted
 
 
 @pytest.mark.parametrize(
