@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from silo.core.runtime import list_held, list_segments
+from silo.logger.current_run import CurrentRun
 from silo.recovery.left import SavedMeanwhileError
 from silo.recovery.segments import claimed, discard, sweep_segments
 from silo.segment import held_runs as held
@@ -180,6 +181,20 @@ def test_who_would_save_a_segment_that_another_saved_meanwhile_is_told(
             path.unlink()
         with refused, claimed(reader), pytest.raises(BlockingIOError):
             fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+@pytest.mark.parametrize("is_held", [True, False])
+def test_who_closes_before_the_helper_process_is_done_is_told_what_may_be_missing(
+    new_logger, is_held, monkeypatch, capsys
+) -> None:
+    log = new_logger("bot")
+    log.array("x")
+    log.start()
+    drop = CurrentRun.drop
+    monkeypatch.setattr(CurrentRun, "drop", lambda present: drop(present) or is_held)
+    log.close(discard=True)
+    said = "silo: logger 'bot' was closed before its helper process was done: what is recorded of it"
+    assert (said in capsys.readouterr().err) is is_held
 
 
 def test_a_logger_lives_as_long_as_its_present_run_has_a_writer(new_logger, held_run) -> None:
