@@ -65,3 +65,29 @@ def test_who_may_only_look_offers_no_control_to_others(runtime, tmp_path, capsys
                 said = capsys.readouterr()
                 assert "not change it: the role is viewer" in said.err
                 assert "can start" not in said.out + said.err
+
+
+@pytest.mark.parametrize(
+    ("words", "is_secret", "host", "told"),
+    [
+        ([], False, "localhost", "read-only"),
+        (["--token"], True, "localhost", "read-only"),
+        (["--control"], True, "localhost", "whoever has this address can start, stop, save and set parameters"),
+        (["--bind", "0.0.0.0"], True, "0.0.0.0", "read-only"),
+    ],
+)
+def test_a_viewer_has_an_address_that_can_be_guessed_only_where_it_looks_from_this_computer(
+    words, is_secret, host, told, monkeypatch, capsys
+) -> None:
+    server = pytest.importorskip("silo.bridges.foxglove.server", exc_type=ImportError)
+    ran = []
+    monkeypatch.setattr("silo.cli.programs.viewers._pinned", lambda logger, control: ("bot", None))
+    monkeypatch.setattr(
+        server, "run", lambda terms, reach, listening, tell: ran.append((terms, *listening.getsockname()))
+    )
+    assert run(["foxglove", "--port", "0", *words]) == 0
+    ((terms, _, port),) = ran
+    said = capsys.readouterr()
+    assert said.out == f"bot at ws://{host}:{port}{'/' if is_secret else ''}{terms.token}\n"
+    assert (len(terms.token) > 30, said.err.splitlines()[0]) == (is_secret, told)
+    assert (terms.services is not None, terms.tune is not None) == ("--control" in words,) * 2
