@@ -498,6 +498,19 @@ def test_of_two_recorders_of_one_name_in_one_folder_the_second_is_refused(robot,
     direct.finish()
 
 
+@pytest.mark.parametrize(
+    ("runs", "entry", "wanted"),
+    [
+        (["r1"], object(), ("r1", {1: 30})),
+        (["r1"], None, ("", {})),  # its order is over
+        ([], None, ("r1", {1: 30})),
+    ],
+)
+def test_who_goes_on_where_no_part_is_open_begins_where_the_last_one_ended(runs, entry, wanted) -> None:
+    written = SimpleNamespace(runs=runs, run="r1", entry=lambda run: entry, next_rows={1: 30})
+    assert left_rows(SimpleNamespace(open_parts=list, name="bot", written=written)) == wanted
+
+
 def test_who_goes_on_begins_behind_a_part_whose_end_was_never_noted(robot, tmp_path, truth) -> None:
     robot.start()
     direct = truth.direct(robot, order(tmp_path))
