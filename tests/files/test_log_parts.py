@@ -1,5 +1,7 @@
 """Parts of logs, the same at other times, plots and files of them, runs that are compared."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -93,6 +95,21 @@ def test_a_log_is_plotted_by_pattern(log, capsys, tmp_path):
     assert "/log/x [m] (left)" in printed
     assert "/log/q_0 [rad] (right)" in printed
     assert log.plot("q", path=tmp_path / "q.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_more_than_fits_a_plot_is_told_of(log, monkeypatch):
+    monkeypatch.setattr("silo.analysis.plots.showing.MOST_CURVES", 1)
+    with pytest.warns(silo.LogWarning, match="1 more signals match and are not drawn"):
+        log.plot("q", terminal=True)
+    log.plot("x", terminal=True)
+
+
+def test_a_name_that_means_nothing_is_told_of_and_all_of_an_empty_log_is_nothing(log, recwarn):
+    empty = silo.Log(replace(log.recording, elements=[]))
+    assert (empty.names("*"), list(recwarn)) == ([], [])
+    for some, pattern in ((empty, "x"), (log, "nothing/*")):
+        with pytest.warns(silo.LogWarning, match="has no signal that"):
+            assert some.names(pattern) == []
 
 
 def test_a_part_is_plotted_by_the_times_of_the_whole(log, capsys):
