@@ -138,11 +138,11 @@ class HeldSource:
 
     @property
     def text(self) -> str:
-        """How much is pinned and how much of it is here: `41 s held, 5.0 s of it here`."""
+        """How much is pinned and how much of it is here: `41 s held, 5.0 s of it fetched`."""
         others = self._pieces if len(self._pieces) > 1 else ()
         if not others or self.main.problem or not self._pins:
             return self.main.text
-        here = "all here" if all(piece.complete for piece in others) else f"{text.span(self.fetched_s, 2)} of it here"
+        here = "all fetched" if all(piece.complete for piece in others) else f"{text.span(self.fetched_s, 2)} of it fetched"
         return f"{self.held_text} held, {here}"
 
     def covers(self, time_ns: int) -> bool:

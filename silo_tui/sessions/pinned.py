@@ -194,15 +194,15 @@ class PinnedSource:
 
     @property
     def text(self) -> str:
-        """How much is held and how much of it is here: `41 s held, 5.0 s of it here`."""
+        """How much is held and how much of it is here: `41 s held, 5.0 s of it fetched`."""
         held = self.held_text
         if self._reader is None and not self.problem:
             return "pinning …"
         if self._reader is not None and self.complete:
-            return f"{held} held, all here"
-        here = "only columns here" if self._coarse is not None else "only the picture here"
+            return f"{held} held, all fetched"
+        here = "only columns fetched" if self._coarse is not None else "only the picture fetched"
         if self._slices:
-            here = f"{text.span(self.fetched_s, 2)} of {held if self.problem else 'it'} here"
+            here = f"{text.span(self.fetched_s, 2)} of {held if self.problem else 'it'} fetched"
         return f"{here}, no more: {self.problem}" if self.problem else f"{held} held, {here}"
 
     # --------------------------------------------------------------------------------------------------- fetching

@@ -128,17 +128,17 @@ async def test_it_says_how_much_is_pinned_and_how_much_of_it_is_here(robot):
     held = held_of(robot)
     assert (held.text, held.held_text, held.pinned) == ("pinning …", "", False)
     await held.open()
-    assert (held.text, held.held_text, held.pinned) == ("10 s held, only the picture here", "10 s", True)
+    assert (held.text, held.held_text, held.pinned) == ("10 s held, only the picture fetched", "10 s", True)
     await held.main.fetch_columns(SECOND)
-    assert held.text == "10 s held, only columns here"
+    assert held.text == "10 s held, only columns fetched"
     await held.fetch(95 * SECOND, 100 * SECOND)
     assert 5.0 <= held.fetched_s < 5.5
     await held.fetch(90 * SECOND, 95 * SECOND)
-    assert held.text == "10 s held, all here"
+    assert held.text == "10 s held, all fetched"
     await held.cover(60 * SECOND, 70 * SECOND)
-    assert held.text == "20 s held, 10 s of it here"
+    assert held.text == "20 s held, 10 s of it fetched"
     await held.fetch(60 * SECOND, 70 * SECOND)
-    assert (held.text, held.held_text) == ("20 s held, all here", "20 s")
+    assert (held.text, held.held_text) == ("20 s held, all fetched", "20 s")
 
 
 async def test_what_is_not_pinned_yet_is_pinned_the_newest_first(robot):
@@ -364,7 +364,7 @@ async def test_slices_are_fetched_the_newest_first_and_each_once(robot):
     await source.fetch(99 * SECOND - 1, 99 * SECOND)
     assert robot.asked[4:] == [("slice", 98.75, 99.0)]
     assert (source.has(99 * SECOND, 100 * SECOND - 1), source.has(98 * SECOND, 99 * SECOND)) == (True, False)
-    assert (round(source.fetched_s, 6), source.text) == (1.25, "8 s held, 1.2 s of it here")
+    assert (round(source.fetched_s, 6), source.text) == (1.25, "8 s held, 1.2 s of it fetched")
 
 
 async def test_what_nobody_looks_at_is_fetched_too_where_it_comes_quickly(robot, monkeypatch):
@@ -385,7 +385,7 @@ async def test_what_nobody_looks_at_is_fetched_too_where_it_comes_quickly(robot,
     assert robot.asked == [("slice", 98.0, 98.25)]
     robot.problem = ConnectionLostError("cut")
     assert not await source.fetch_rest()
-    assert source.text == "2 s of 8 s here, no more: cut"
+    assert source.text == "2 s of 8 s fetched, no more: cut"
     robot.asked.clear()
     assert not await source.fetch_rest()
     assert robot.asked == []
@@ -394,7 +394,7 @@ async def test_what_nobody_looks_at_is_fetched_too_where_it_comes_quickly(robot,
     assert source.problem == ""
     while await source.fetch_rest():
         pass
-    assert (source.complete, source.text) == (True, "8 s held, all here")
+    assert (source.complete, source.text) == (True, "8 s held, all fetched")
 
 
 @pytest.mark.parametrize(("wished_ns", "wide_ns"), [(SECOND, SECOND), (1000, 1_954_080)])
@@ -404,7 +404,7 @@ async def test_columns_of_the_whole_span_are_as_many_as_there_may_be(robot, wish
     assert robot.asked == [("columns", 92, 100, wide_ns / SECOND)]
     robot.problem = ConnectionLostError("cut")
     await source.fetch_columns(SECOND)
-    assert source.text == "only columns here, no more: cut"
+    assert source.text == "only columns fetched, no more: cut"
 
 
 @pytest.mark.parametrize(
@@ -436,7 +436,7 @@ async def test_what_was_drawn_stays_drawn(robot):
     alone._shown = source._shown
     alone.unpinned("it is gone")
     assert (alone.begin_ns, alone.end_ns) == (95 * SECOND, 99 * SECOND)
-    assert alone.text == "only the picture here, no more: it is gone"
+    assert alone.text == "only the picture fetched, no more: it is gone"
     empty = PinnedSource(
         robot, [SimpleNamespace(name=X, element=ELEMENT)], 90 * SECOND, 99 * SECOND, ColumnStore((), 1, 1)
     )

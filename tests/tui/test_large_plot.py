@@ -83,7 +83,7 @@ async def test_a_pause_in_it_holds_all_plots_of_the_monitor(new_fake, opened):
     async with opened(fake.run(20)) as screen:
         await screen.plot("asterisk", "m")
         await screen.press("enter", "space")
-        await screen.shows("held, all here")
+        await screen.shows("held, all fetched")
         assert set(large(screen).pause.source.names) == {TORQUE, "/log/legs/LF/HFE/torque"}
 
 
@@ -92,7 +92,7 @@ async def test_cursor_b_samples_home_end_and_all_work_in_it(new_fake, opened):
     async with opened(fake.run(30), size=(100, 30)) as screen:
         await open_large(screen)
         await screen.press("space")
-        await screen.shows("held, all here")
+        await screen.shows("held, all fetched")
         await screen.press("left", "B", "comma", "comma")
         await screen.until(lambda: large(screen).window.other_ns is not None, "cursor B")
         await screen.shows("slope/s")
@@ -142,7 +142,7 @@ async def test_held_beyond_what_there_is_the_large_plot_shows_what_the_small_one
             await screen.press(*["-"] * more)
             await screen.until(lambda: dots(screen) > 10)
             await screen.press("space")
-            await screen.shows("all here")
+            await screen.shows("all fetched")
             await screen.until(lambda: dots(screen) > 10)
             await screen.press("enter")
             await screen.until(lambda: screen.app.screen.scope == "detail")
@@ -220,7 +220,7 @@ async def test_each_way_of_drawing_is_there_at_once_from_the_plots(fake, opened,
         await screen.curves()
         if is_held:
             await screen.press("space")
-            await screen.shows("all here")
+            await screen.shows("all fetched")
         screen.app.screen.action_command(command)
         await screen.shows(shown)
 
@@ -238,7 +238,7 @@ async def test_what_is_computed_goes_on_with_the_robot_until_it_is_held(fake, op
         for count in range(2, 6):
             await screen.until(lambda: fake.advance(0.1) or len(drawn) >= count)  # noqa: B023
         await screen.press("space")
-        await screen.shows("all here")
+        await screen.shows("all fetched")
         large(screen)._due_s = 0.0
         take(frames[-1])
         assert large(screen)._due_s == 0.0  # nothing was begun for it

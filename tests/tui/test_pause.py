@@ -27,7 +27,7 @@ async def open_torque(screen):
 
 async def hold(screen):
     await screen.press("space")
-    await screen.shows("held, all here")
+    await screen.shows("held, all fetched")
     return monitor(screen).pause.source
 
 
@@ -96,7 +96,7 @@ async def test_a_link_that_is_cut_at_once_leaves_the_picture(fake, opened):
         await screen.until(lambda: filled(screen), "the whole picture")
         fake.cut()
         await screen.press("space")
-        await screen.shows("only the picture here")
+        await screen.shows("only the picture fetched")
         await screen.until(lambda: filled(screen), "the whole picture")
 
 
@@ -498,7 +498,7 @@ async def test_what_lies_between_is_added_up_in_the_helper_where_it_is_not_here(
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         await screen.press("space")
-        await screen.shows("20 s held, 11 s of it here")
+        await screen.shows("20 s held, 11 s of it fetched")
         held = monitor(screen).pause.source
         asked = len(fake.calls)
         facts, partly = await held.measure([TORQUE], held.begin_ns, held.end_ns)
