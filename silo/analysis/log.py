@@ -554,7 +554,9 @@ class Log(Mapping[str, Signal]):
 
     def _signal(self, name: str, element: RecordedElement) -> Signal:
         entries = element.entries
-        labels = entries[0].entry.labels if len({repr(entry.entry.labels) for entry in entries}) == 1 else None
+        labels = [entry.entry.labels for entry in entries]
+        alone = len({repr(each) for each in labels}) == 1
+        names = component_names(element)
         return alike(
             Signal,
             element,
@@ -562,6 +564,7 @@ class Log(Mapping[str, Signal]):
             values=assembled(element),
             time_ns=stamps_of(self.recording, element),
             start_ns=self.start_ns,
-            components=component_names(element),
-            labels=labels or {},
+            components=names,
+            labels=(labels[0] if alone else None) or {},
+            component_labels={} if alone else {name: each for name, each in zip(names, labels, strict=True) if each},
         )

@@ -197,7 +197,9 @@ class Signal(Samples, _Operators):
         # relative to the first stamp: doubles hold nanoseconds only over a few months
         new, old = (time_ns - mine.start_ns).astype(np.float64), (mine.time_ns - mine.start_ns).astype(np.float64)
         made = np.stack([np.interp(new, old, column) for column in columns], axis=-1) if columns else np.empty((0, 0))
-        return replace(mine, values=made.reshape(len(new), *self.values.shape[1:]), time_ns=time_ns, labels={})
+        return replace(
+            mine, values=made.reshape(len(new), *self.values.shape[1:]), time_ns=time_ns, labels={}, component_labels={}
+        )
 
     # --------------------------------------------------------------------------------------------------------- units
 
@@ -341,7 +343,9 @@ class Signal(Samples, _Operators):
         """Return the length of a vector, sample by sample."""
         columns = self._columns("take the norm of")
         length = np.sqrt(sum((column**2 for column in columns), np.zeros(len(self))))
-        return replace(self, name=f"|{self.name}|", values=length, kind="scalar", components=(), labels={})
+        return replace(
+            self, name=f"|{self.name}|", values=length, kind="scalar", components=(), labels={}, component_labels={}
+        )
 
     # ----------------------------------------------------------------------------------------------------- as an array
 
@@ -535,4 +539,4 @@ class Signal(Samples, _Operators):
 
     def _with(self, columns: list[NDArray[np.float64]], unit: str, name: str) -> "Signal":
         values = np.stack(columns, axis=-1).reshape(self.values.shape)
-        return replace(self, name=name, values=values, unit=unit, labels={})
+        return replace(self, name=name, values=values, unit=unit, labels={}, component_labels={})

@@ -1,6 +1,7 @@
 """Signals are arrays: samples, stretches, masks, comparisons, NumPy's functions, with their units."""
 
 import enum
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,19 @@ COUNT = 20
 class Gait(enum.IntEnum):
     STAND = 0
     TROT = 1
+
+
+@dataclass
+class Leg:
+    gait: Gait = Gait.STAND
+    steps: int = 0
+
+
+@dataclass
+class State:
+    gait: Gait = Gait.STAND
+    height: float = 0.5
+    leg: Leg = field(default_factory=Leg)
 
 
 @pytest.fixture(scope="module")
@@ -30,10 +44,15 @@ def log(tmp_path_factory):
         logger.array("w", (), "S4"),
     )
     large = logger.array("large", (), np.uint64)
+    state, leg = State(), Leg()
+    logger.add(state, "state")
+    logger.add(leg, "leg")
     logger.start()
     for tick in range(COUNT):
         x[...], y[...], q[:], matrix[:], gait[...] = tick, 1000 * tick, tick / 10, [[tick, 1], [2, 3]], tick // 10
         word[...], large[...] = b"ab"[tick % 2 : tick % 2 + 1], 2**63 + tick
+        state.gait = state.leg.gait = leg.gait = Gait(tick // 10)
+        leg.steps = tick
         logger.collect()
     (saved,) = logger.save()
     logger.close()
@@ -115,6 +134,48 @@ def test_enumerations_and_texts_are_compared_by_their_words(log):
     for call in (lambda: log["w"] < "b", lambda: log["gait"] < "TROT"):
         with pytest.raises(silo.ElementError, match="compared by == and != to a text"):
             call()
+
+
+def test_an_enumeration_that_is_a_field_has_its_labels(log):
+    for one in (log["state"]["gait"], log["state"].component(0), log["state"]["leg_gait"], log["leg"][:, "gait"]):
+        assert one.labels == {0: "STAND", 1: "TROT"}
+        assert one.texts[[9, 10]].tolist() == ["STAND", "TROT"]
+        assert (one == "TROT").when().tolist() == [1.0]
+    assert log["leg"][5:]["gait"].labels == {0: "STAND", 1: "TROT"}
+    assert log["state"]["height"].labels == log["leg"]["steps"].labels == log["leg"].labels == {}
+
+
+def fields(*names):
+    labels = {names[0]: {1: "TROT"}}
+    values = np.arange(2 * len(names)).reshape(2, -1) % 3
+    return silo.Signal("s", values, np.arange(2), components=names, component_labels=labels)
+
+
+def test_fields_of_one_type_have_their_own_labels():
+    one = replace(fields("gait", "steps"), values=np.ones((2, 2), int))
+    assert one.texts.tolist() == [["TROT", "1"]] * 2
+    assert one[:, 0].texts.tolist() == ["TROT"] * 2
+
+
+def test_what_is_calculated_of_fields_has_no_labels():
+    one = fields("gait", "steps")
+    for made in (one * 2, -one, one > 0, one.derivative(), one.integral()):
+        assert made["gait"].labels == {}
+
+
+def test_a_part_of_a_structure_keeps_the_labels_of_its_fields():
+    one = fields("leg_gait", "leg_steps", "arm_gait")
+    assert one.part("leg")["gait"].labels == {1: "TROT"}
+    assert one.part("arm")["gait"].labels == {}
+
+
+def test_tables_have_the_words_of_an_enumeration_that_is_a_field(log):
+    pytest.importorskip("pandas")
+    pytest.importorskip("polars")
+    assert log.to_pandas()["/log/state_gait"].tolist() == ["STAND"] * 10 + ["TROT"] * 10
+    assert log["leg"].to_pandas()["/log/leg_gait"].tolist()[9:11] == ["STAND", "TROT"]
+    assert log.to_pandas()["/log/leg_steps"].tolist() == list(range(COUNT))
+    assert log.to_polars()["/log/state_leg_gait"].cast(str).to_list()[9:11] == ["STAND", "TROT"]
 
 
 def test_comparison_with_none_is_no_mask(log):

@@ -33,7 +33,9 @@ def combined(
     if not isinstance(other, Samples):
         _warn_of_turn(one, other, sign)
     values, made, name = _both(one, other, function, sign, swapped, wide, "calculate")
-    return replace(made, name=name, values=values, unit=_unit(one, other, sign, swapped), labels={})
+    return replace(
+        made, name=name, values=values, unit=_unit(one, other, sign, swapped), labels={}, component_labels={}
+    )
 
 
 def compared(
@@ -51,7 +53,7 @@ def compared(
         return _texts_compared(one, other, function, sign)
     values, made, name = _both(one, other, function, sign, swapped, lambda each: each._numbers("compare"), "compare")
     truths = np.asarray(np.ma.filled(values, sign == "!="), bool)  # what is missing is, as a NaN, only unequal
-    return replace(made, name=name, values=truths, unit="-", labels={})
+    return replace(made, name=name, values=truths, unit="-", labels={}, component_labels={})
 
 
 def _both(
@@ -95,7 +97,14 @@ def _texts_compared(one: One, other: object, function: Callable[[Any, Any], Any]
         if asked not in one.labels.values():
             raise ElementError(f"'{one.name}' has no value {asked!r}; it has: {', '.join(one.labels.values())}")
     values = function(one.texts, asked)
-    return replace(one, name=f"({one.name} {sign} {asked!r})", values=np.asarray(values, bool), unit="-", labels={})
+    return replace(
+        one,
+        name=f"({one.name} {sign} {asked!r})",
+        values=np.asarray(values, bool),
+        unit="-",
+        labels={},
+        component_labels={},
+    )
 
 
 def _words(other: object) -> str:

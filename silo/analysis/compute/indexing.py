@@ -144,6 +144,9 @@ def _across(signal: One, key: tuple[Any, ...], clip: Any) -> Any:
         name = f"{signal.name}_{names}" if isinstance(names, str) else f"{signal.name}[{text}]"
         kind = "scalar" if values.ndim == 1 else "array"
         picked = replace(signal, name=name, values=values, kind=kind, components=components)
+        if isinstance(names, str):
+            labels = signal.component_labels.get(names, signal.labels)
+            picked = replace(picked, labels=labels, component_labels={})
     if isinstance(rows, slice) or rows is Ellipsis:
         return picked if rows in (slice(None), Ellipsis) else _stretch(picked, rows, _clip_of(picked, signal, clip))
     return chosen(picked, rows, clip)

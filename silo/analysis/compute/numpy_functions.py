@@ -123,7 +123,7 @@ def _unary(signal: One, ufunc: np.ufunc) -> One:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         made = ufunc(values)
     words = _WORDS.get(ufunc, f"{name}({{}})").format(signal.name)
-    return replace(signal, name=words, values=made, unit=rule.of(signal.unit), labels={})
+    return replace(signal, name=words, values=made, unit=rule.of(signal.unit), labels={}, component_labels={})
 
 
 def _plain_factor(signal: Samples, name: str) -> float:
@@ -162,7 +162,7 @@ def function_of(function: Callable[..., Any], args: Any, keywords: dict[str, Any
     made = function(*_plain(args), **_plain(keywords))
     first = args[0] if args else None
     if function in _KEPT and isinstance(first, Samples) and np.shape(made) == first.values.shape:
-        return replace(first, name=f"{function.__name__}({first.name})", values=made, labels={})
+        return replace(first, name=f"{function.__name__}({first.name})", values=made, labels={}, component_labels={})
     return made
 
 

@@ -43,6 +43,7 @@ class Samples:
         start_ns: where `times` counts from: the first stamp of the log.
         components: names of the scalars of one sample (`x y z w`).
         labels: names of an enumeration's values.
+        component_labels: the same of components that have their own, as the fields of a structure.
         description: a line about it.
         failures: the ticks at which its element could not be read; what is made of a signal keeps them (of two signals,
             those of the left one).
@@ -59,6 +60,7 @@ class Samples:
     labels: Mapping[int, str] = field(default_factory=dict)
     description: str = ""
     failures: Failures = NO_FAILURES
+    component_labels: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
 
     # ------------------------------------------------------------------------------------------------- what it is
 
@@ -92,6 +94,9 @@ class Samples:
         missing = missing_in(self.values)
         if missing.any():
             return np.where(missing, "", replace(self, values=np.asarray(self.values.data)).texts)
+        if self.component_labels and self.values.dtype.names is None:
+            parts = [self.component(place).texts for place in range(len(self.components))]
+            return np.stack(parts, axis=-1).reshape(self.values.shape)
         if not self.labels:
             return self.values.astype("U")
         names, places = np.unique(self.values, return_inverse=True)
@@ -118,7 +123,15 @@ class Samples:
         if values is None:
             raise ElementError(f"'{self.name}' has no component {which!r} any more: {self.values.dtype} has no parts")
         suffix = f"_{names[place]}" if names[place] else ""
-        return replace(self, name=self.name + suffix, values=values, kind="scalar", components=())
+        return replace(
+            self,
+            name=self.name + suffix,
+            values=values,
+            kind="scalar",
+            components=(),
+            labels=self.component_labels.get(names[place], self.labels),
+            component_labels={},
+        )
 
     def part(self: Self, name: str) -> Self:
         """Return several components that form a signal.
@@ -139,6 +152,11 @@ class Samples:
             values=self.values.reshape(len(self), -1)[:, places],
             kind="quaternion" if sorted(components) == sorted(XYZW) else "vector",
             components=components,
+            component_labels={
+                short: self.component_labels[self.components[place]]
+                for short, place in zip(components, places, strict=True)
+                if self.components[place] in self.component_labels
+            },
         )
 
     def _numbers(self, purpose: str) -> NDArray[Any]:
