@@ -305,7 +305,10 @@ class Signal(Samples, _Operators):
     # ------------------------------------------------------------------------------------------------------- calculus
 
     def derivative(self) -> "Signal":
-        """Return the change per second, by central differences over the real time stamps."""
+        """Return the change per second over the real time stamps, as `numpy.gradient` does at uneven times.
+
+        Over a time without samples it goes straight, as `integral` does; beside a NaN sample it is NaN.
+        """
         columns = [calculus.derivative(self.times, column) for column in self._columns("differentiate")]
         return self._with(columns, units.quotient(self.unit, "s"), f"d({self.name})")
 

@@ -301,6 +301,23 @@ def test_a_derivative_beside_a_gap_is_a_gap():
     assert np.isnan(slope).tolist() == [False, True, False, True, False]
 
 
+def test_a_derivative_at_uneven_times_is_that_of_numpy():
+    rng = np.random.default_rng(1)
+    times = np.cumsum(rng.uniform(0.002, 0.02, 400))
+    times[200:] += 2.0  # a time without samples
+    wave = np.sin(times)
+    np.testing.assert_allclose(derivative(times, wave), np.gradient(wave, times), rtol=1e-9, atol=1e-9)
+    assert np.abs(derivative(times, wave) - np.cos(times)).max() < 0.02
+    parabola = derivative(times, times**2)[1:-1]
+    np.testing.assert_allclose(parabola, 2 * times[1:-1])
+
+
+def test_a_derivative_goes_over_no_step_in_which_time_stands_still_or_falls():
+    slope = derivative(np.array([0.0, 1, 1, 2, 1.5, 3]), np.array([0.0, 2, 7, 10, 50, 53]))
+    assert slope.tolist() == [2, 2, 3, 3, 2, 2]
+    assert np.isnan(derivative(np.zeros(3), np.arange(3.0))).all()
+
+
 @pytest.mark.parametrize("count", [0, 1, 2, 3])
 def test_few_samples_have_neither_slope_nor_spectrum_but_no_error(count):
     times = np.arange(count) * 1.0
