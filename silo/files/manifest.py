@@ -234,7 +234,8 @@ class PartEntry(msgspec.Struct):
 class RunEntry(msgspec.Struct, rename={"conditions": "extras"}):
     """A run: by ring, rows from `begin` to `end` were to be recorded as far as it was read, and `rows` of them were.
 
-    `channels` are samples in a row. `done`: nothing more comes of it; `gone` says why not all that there was did.
+    `channels` are samples in a row, `dividers` ticks between rows. `deleted` are parts of it that a budget had no room
+    for. `done`: nothing more comes of it; `gone` says why not all that there was did.
     `conditions` are what it was recorded with last, while it is not done.
     """
 
@@ -250,6 +251,8 @@ class RunEntry(msgspec.Struct, rename={"conditions": "extras"}):
     done: bool = False
     gone: str = ""
     conditions: Conditions | None = None
+    dividers: dict[int, int] = {}
+    deleted: int = 0
 
     def lost(self, more: dict[int, int] | None = None, end: dict[int, int] | None = None) -> int:
         """Return how many samples are in no file; `more` are rows in parts that are open, with which it is at `end`."""
@@ -539,6 +542,8 @@ class Ledger:
             if own_status(oldest, self.folder) is not None:
                 (self.folder / oldest.name).unlink(missing_ok=True)
                 deleted.append(oldest.name)
+                if (run := self.written.entry(oldest.run)) is not None:
+                    run.deleted += 1
             self.written.parts.remove(oldest)
         if deleted:
             self._store()

@@ -513,7 +513,10 @@ def left_free(size_bytes: int) -> int:
 def _entry(layout: ChannelLayout, begin: Mapping[int, int]) -> RunEntry:
     schema = layout.schema
     channels = {ring: len(numbers) for ring, numbers in layout.ring_channels.items()}
-    return RunEntry(schema.run, schema.number, dict(begin), channels=channels, conditions=schema.conditions)
+    dividers = {ring.ring: ring.divider for ring in schema.rings}
+    return RunEntry(
+        schema.run, schema.number, dict(begin), channels=channels, conditions=schema.conditions, dividers=dividers
+    )
 
 
 def _stretches(rows: Rows) -> Iterator[tuple[Rows, bool]]:

@@ -16,18 +16,20 @@ from pathlib import Path
 import msgspec
 import zstandard
 
-from silo.core.elements import DAMAGED, BufferType, LoggedEvent
-from silo.core.quantities.writing import many
+from silo.core.elements import DAMAGED, Action, BufferType, LoggedEvent
+from silo.core.quantities.writing import and_more, many
 from silo.core.recording import Recording
 from silo.core.runtime import list_segments, read_own
 from silo.errors import LogNotFoundError, SegmentError, SiloError
 from silo.files.event_log import event_log_path, loggers_with_events, older_event_log, read_events
 from silo.files.formats import read_recording
-from silo.files.manifest import CaptureEntry, number_of, read_captures
+from silo.files.manifest import WRITTEN_ENDING, CaptureEntry, number_of, read_captures, read_written
 from silo.files.naming import find_logs
+from silo.files.parts.metadata import EVENTS_RING
 from silo.files.parts.scan import PartScan, scan_part
 from silo.recorder.orders import CLOSED
 from silo.rpc.published import EventKind
+from silo.segment.layout import ElementSchema, RingSchema
 from silo.segment.reader import SegmentReader
 
 Span = tuple[int, int]
@@ -59,8 +61,9 @@ _DIED = ("program died", "program died, recovered later", "program ended without
 class Verdict(msgspec.Struct, frozen=True, omit_defaults=True):
     """Something that is not as it should be, or that was told to be so.
 
-    `kind`: "missing", "twice", "disagrees", "damaged", or "not kept": what nobody had asked to be. `spans` are ticks of
-    `run`, both ends included. `told` says who told it; empty: nobody did.
+    `kind`: "missing", "twice", "disagrees", "damaged", or "not kept": what nobody had asked to be; "newest": looping
+    buffers that hold less of a run than others, as they were asked to. `spans` are ticks of `run`, both ends included.
+    `told` says who told it; empty: nobody did.
     """
 
     kind: str
@@ -86,7 +89,8 @@ class RunCovered(msgspec.Struct, frozen=True):
 class Verified(msgspec.Struct, frozen=True):
     """What was found. `problems` are what nobody told, `told` what somebody did.
 
-    `not_kept` are ticks that stand nowhere any more, and were to be kept by nobody.
+    `not_kept` are ticks that stand nowhere any more, and were to be kept by nobody; `newest` tells of elements of which
+    less is there than of others of their run, as their buffers are shorter.
     """
 
     folder: str
@@ -94,6 +98,7 @@ class Verified(msgspec.Struct, frozen=True):
     problems: tuple[Verdict, ...]
     told: tuple[Verdict, ...]
     not_kept: tuple[Verdict, ...] = ()
+    newest: tuple[Verdict, ...] = ()
 
 
 @dataclass
@@ -140,9 +145,17 @@ class _Run:
     saved: list[tuple[Path, Span, str]] = field(default_factory=list)  # and why
     captured: list[tuple[Path, Recording]] = field(default_factory=list)
     memory: list[Span] = field(default_factory=list)  # of which any ring has a row
-    held: list[Span] = field(default_factory=list)  # of which all have theirs
+    held: list[Span] = field(default_factory=list)  # of which any value has its row
+    newest: dict[str, list[Span]] = field(default_factory=dict)  # by looping element, what saves and memory have of it
+    slack: int = 1  # ticks by which buffers differ that are rounded up to whole samples
+    trimmed: dict[str, tuple[list[Span], bool]] = field(default_factory=dict)  # by recorder, what its list says it had
     ended: bool = False  # nobody logs in it any more
     lacks: dict[str, int] = field(default_factory=dict)  # by recording, samples that are in no part
+
+    def hold(self, name: str, first: int, last: int, divider: int) -> None:
+        """Note what a looping buffer has; before its first sample it held another one for no divider."""
+        self.newest.setdefault(name, []).append((max(0, first - divider + 1), last))
+        self.slack = max(self.slack, divider)
 
     def told(self, words: Sequence[str] = ()) -> str:
         """Who told of a loss in this run: the first event that does, with one of these words where there are any."""
@@ -173,6 +186,7 @@ class _Folder:
         self._take_parts()
         self._take_memory()
         self._take_logs()
+        self._take_ledgers()
         if not self.runs and not self.loggers:
             raise LogNotFoundError(f"{folder}: there are no logs, no recordings and no event log in it")
 
@@ -249,10 +263,12 @@ class _Folder:
         if recording.conditions.capture is not None:
             run.captured.append((path, recording))
         elif len(recording.time_ns):
-            begin = recording.offset - len(recording.time_ns)
-            looping = [one for one in recording.elements if one.buffer_type is BufferType.LOOPING and one.count]
-            first = max((int(one.stamp_indices[0]) for one in looping), default=0)
-            run.saved.append((path, (begin + first, recording.offset - 1), recording.why))
+            begin, last = recording.offset - len(recording.time_ns), recording.offset - 1
+            firsts = {one.name: (one, begin + one.first) for one in recording.elements if one.count}
+            run.saved.append((path, (min((tick for _, tick in firsts.values()), default=begin), last), recording.why))
+            for name, (one, tick) in firsts.items():
+                if one.buffer_type is BufferType.LOOPING:
+                    run.hold(name, tick, last, one.divider)
 
     def _take_memory(self) -> None:
         for path in list_segments(self.folder):
@@ -263,15 +279,41 @@ class _Folder:
                 run.ticks = max(run.ticks, reader.ticks)
                 run.ended |= not reader.alive()
                 if reader.ticks:
-                    run.memory.append((max(0, reader.rows(0, 0, 1).first), reader.ticks - 1))
-                    run.held.append((_oldest_whole(reader), reader.ticks - 1))
+                    last = reader.ticks - 1
+                    run.memory.append((max(0, reader.rows(0, 0, 1).first), last))
+                    there = [(element, *_oldest(reader, element.ring)) for element in _kept_elements(reader)]
+                    run.held.append((min((tick for _, _, tick in there), default=0), last))
+                    for element, ring, tick in there:
+                        if ring.buffer_type is BufferType.LOOPING:
+                            run.hold(element.info.name, tick, last, ring.divider)
+
+    def _take_ledgers(self) -> None:
+        """What the lists of recorders say was recorded of runs, and whether a budget deleted of it."""
+        for path in sorted([*self.folder.glob(f".*{WRITTEN_ENDING}"), *self.folder.glob(f"*/.*{WRITTEN_ENDING}")]):
+            written = read_written(path.parent, path.name[1:].removesuffix(WRITTEN_ENDING))
+            for entry in written.runs if written is not None else ():
+                run = self.runs.get(entry.run)
+                if written is None or run is None or not entry.parts:
+                    continue
+                had = merged(
+                    (entry.begin.get(ring, 0) * divider, entry.end.get(ring, 0) * divider - 1)
+                    for ring in entry.channels
+                    for divider in [entry.dividers.get(ring, 1)]
+                    if ring != EVENTS_RING and entry.end.get(ring, 0) > entry.begin.get(ring, 0)
+                )
+                run.trimmed[written.recorder] = had, entry.deleted > 0
 
 
-def _oldest_whole(reader: SegmentReader) -> int:
-    """The oldest tick of which all rings of values have their row, as far as they are overwritten."""
-    rings = {reader.schema.rings[element.ring] for element in reader.schema.elements}
-    looping = [ring for ring in rings if ring.buffer_type is BufferType.LOOPING]
-    return max((ring.divider * reader.rows(ring.ring, 0, 1).first for ring in looping), default=0)
+def _kept_elements(reader: SegmentReader) -> Sequence[ElementSchema]:
+    """The elements that a save would have; all where there are none."""
+    elements = reader.schema.elements
+    return [element for element in elements if element.info.options.action is not Action.PUBLISH] or elements
+
+
+def _oldest(reader: SegmentReader, number: int) -> tuple[RingSchema, int]:
+    """A ring, and the oldest tick of which it has its row, as far as it is overwritten."""
+    ring = reader.schema.rings[number]
+    return ring, ring.divider * reader.rows(number, 0, 1).first if ring.buffer_type is BufferType.LOOPING else 0
 
 
 def _scanned(path: Path) -> PartScan:
@@ -304,6 +346,7 @@ def verify(folder: Path) -> Verified:
         tuple(one for one in verdicts if not one.told),
         tuple(one for one in verdicts if one.told),
         tuple(verdict for run in runs if run.run not in named for verdict in _not_kept(run)),
+        tuple(verdict for run in runs for verdict in _newest(run)),
     )
 
 
@@ -311,6 +354,15 @@ def _not_kept(run: _Run) -> Iterator[Verdict]:
     """The ticks of a run that stand nowhere, as no recording was to have them, and no save had them."""
     kept = [*(span for part in run.parts for span in part.covered()), *(span for _, span, _ in run.saved), *run.held]
     lacks = without([(0, run.ticks - 1)], kept) if run.ticks else []
+    for name, (had, by_budget) in run.trimmed.items():
+        gone = without(lacks, without(lacks, had))
+        if gone:
+            why = f"recording '{name}' had them, and its budget deleted them, as it is to"
+            if not by_budget:
+                why = f"recording '{name}' had them, and its parts that did are no longer there"
+            text = f"run {run.run}: {spans_text(gone)} of {run.ticks} ticks are in no file: {why}"
+            yield Verdict("not kept", text, run.logger, run.run, tuple(gone))
+        lacks = without(lacks, had)
     if not lacks:
         return
     why = "its memory was let go of, and nobody had saved them"
@@ -320,6 +372,23 @@ def _not_kept(run: _Run) -> Iterator[Verdict]:
     held = "".join(f"; {what} {spans_text(merged(spans))}" for what, spans in there if spans)
     text = f"run {run.run}: {spans_text(lacks)} of {run.ticks} ticks are in no file, and nothing recorded them: {why}"
     yield Verdict("not kept", f"{text}{held}", run.logger, run.run, tuple(lacks))
+
+
+def _newest(run: _Run) -> Iterator[Verdict]:
+    """The looping elements of which less of a run is there than of others."""
+    there = merged([*(span for _, span, _ in run.saved), *run.held])
+    recorded = [span for part in run.parts for span in part.covered()]
+    shorter: dict[str, list[Span]] = {}
+    for name, spans in run.newest.items():
+        lacks = without(there, [*spans, *recorded])
+        if sum(last + 1 - first for first, last in lacks) > run.slack:
+            shorter[name] = lacks
+    if shorter:
+        kept = {name: max(run.newest[name], key=lambda span: span[1]) for name in shorter}
+        names = [f"{name} the last {many(last + 1 - first, 'tick')}" for name, (first, last) in kept.items()]
+        text = f"run {run.run}: looping buffers hold the newest only: {and_more(names, _MOST_SHOWN)}"
+        ticks = tuple(merged(span for lacks in shorter.values() for span in lacks))
+        yield Verdict("newest", text, run.logger, run.run, ticks)
 
 
 def _covered(run: _Run) -> RunCovered:

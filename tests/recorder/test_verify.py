@@ -243,16 +243,71 @@ def test_a_ring_that_was_overwritten_is_not_called_whole(tmp_path, truth, capsys
     assert "1 run: all is there that was to be kept" in shown
     assert ": whole" not in shown
     ((_, *_, held),), _ = counted(tmp_path)
-    assert 100 <= held < 1000  # a ring has room for some more
+    assert 500 <= held < 2500  # every fifth tick, and a ring has room for some more
     assert counted(tmp_path) == ([(2500, 0, 0, 0, held)], [((0, 2499 - held),)])
     robot.log.save()
-    assert counted(tmp_path) == ([(2500, 0, 100, 0, held)], [((0, 2499 - held),)])
+    assert counted(tmp_path) == ([(2500, 0, 500, 0, held)], [((0, 2499 - held),)])
     robot.log.close()
     assert run(["verify", str(tmp_path)]) == 0
     shown = capsys.readouterr().out
-    assert "2400 ticks (0-2399) of 2500 ticks are in no file" in shown
-    assert "saved are 100 ticks (2400-2499)" in shown
+    assert "2000 ticks (0-1999) of 2500 ticks are in no file" in shown
+    assert "saved are 500 ticks (2000-2499)" in shown
     assert ": whole" not in shown
+
+
+def test_a_looping_buffer_that_is_shorter_by_its_own_option_was_to_keep_the_newest(tmp_path, truth, capsys):
+    robot = truth.robot(tmp_path, size=2000)
+    late = robot.log.array("late", (), size=40)
+    robot.start()
+    late[...] = 1
+    robot.ticks(500)
+    robot.log.save()
+    robot.log.close()
+    found = verify(tmp_path)
+    assert counted(tmp_path) == ([(500, 0, 500, 0, 0)], [])
+    assert [(one.kind, one.spans) for one in found.newest] == [("newest", ((0, 459),))]
+    assert run(["verify", str(tmp_path)]) == 0
+    shown = capsys.readouterr().out
+    assert ": looping buffers hold the newest only: /log/late the last 40 ticks\n1 run: whole\n" in shown
+    assert "in no file" not in shown
+
+
+def test_buffers_that_differ_as_sizes_are_rounded_up_are_not_told(tmp_path, truth):
+    robot = truth.robot(tmp_path, size=100)
+    robot.log.update()
+    robot.log.set("slow", size=20)
+    robot.log.array("seventh", (), divider=7, size=15)
+    robot.start()
+    robot.ticks(500)
+    robot.log.save()
+    robot.log.close()
+    assert verify(tmp_path).newest == ()
+
+
+@pytest.mark.parametrize("by_hand", [False, True])
+def test_ticks_that_a_recording_had_and_its_budget_deleted_are_told_as_such(kept, capsys, by_hand):
+    order = RecordOrder("bot", str(kept.folder / "rec"), keep_bytes=0 if by_hand else 60_000, split_bytes=20_000)
+    kept.robot.start()
+    kept.run = kept.robot.log._present.run.id
+    kept.happens("started", "started", 0)
+    direct = kept.truth.direct(kept.robot, order)
+    for _ in range(20):
+        kept.robot.ticks(100)
+        direct.step()
+    direct.finish()
+    kept.robot.log.close()
+    kept.happens("stopped", "stopped", 1999)
+    if by_hand:
+        for path in sorted((kept.folder / "rec").glob("*.mcap"))[:-1]:
+            path.unlink()
+    ((_, recorded, *_),), ((gone,),) = counted(kept.folder)
+    assert gone == (0, 1999 - recorded)
+    assert kept.found() == [[], []]
+    assert run(["verify", str(kept.folder)]) == 0
+    shown = capsys.readouterr().out
+    why = "its parts that did are no longer there" if by_hand else "its budget deleted them"
+    assert f"of 2000 ticks are in no file: recording 'bot' had them, and {why}" in shown
+    assert "nothing recorded them" not in shown
 
 
 def test_ticks_that_stand_in_two_parts_are_told(kept):

@@ -21,7 +21,8 @@ def verify(folder: Path, as_json: bool) -> int:
 
     Named is every tick that was to be recorded or captured and is in no file, what stands twice, totals that disagree,
     and files that can't be read. What the event log tells to be lost stands apart, and so do ticks that nobody asked to
-    keep: what buffers overwrote before a save. Nothing is changed.
+    keep: what buffers overwrote before a save, and what the budget of a recording deleted. A buffer of fewer seconds
+    than others keeps the newest; that it is so is said. Nothing is changed.
 
     \b
     Examples:
@@ -51,6 +52,8 @@ def _show(found: "Verified") -> None:
         click.echo(f"{one.kind}: {one.text}")
     for one in found.not_kept:
         click.echo(f"{one.kind}: {one.text}")
+    for one in found.newest:
+        click.echo(one.text)
     runs = f"{many(len(found.runs), 'run')}"
     told = f", {len(found.told)} told before" if found.told else ""
     parts = (
