@@ -36,6 +36,7 @@ def open_log(
     *,
     stamps: Literal["log", "header"] = "log",
     alone: bool = False,
+    check: bool = False,
 ) -> Log:
     """Open a saved log.
 
@@ -55,6 +56,8 @@ def open_log(
             the stamp in its header, when it was measured, where it has one. Logs of silo have those of their ticks.
         alone: of a run that was cut (`log.set(..., cut=True)`) this file only. Else all of its parts that lie beside
             one another are read as one log, with an event of kind `cut` where one goes on another.
+        check: hold all values of a `.silo` against its checksums, as `silo verify` does; all of it is read. What isn't
+            as it was written is told by a `LogWarning` and in `log.warnings`.
 
     Returns:
         The log; what is large in it is read when it is asked for.
@@ -71,7 +74,7 @@ def open_log(
             f"there is no folder {shown(folder)} to look in; signals are chosen from the log: log['q']"
         )
     if isinstance(which, list | tuple) and len(which) > 1:
-        return _of_files([open_log(one, folder, stamps=stamps, alone=True) for one in which])
+        return _of_files([open_log(one, folder, stamps=stamps, alone=True, check=check) for one in which])
     if not isinstance(which, str | bytes | os.PathLike):
         if not isinstance(which, numbers.Integral):
             raise ElementError(
@@ -82,13 +85,13 @@ def open_log(
     path = find_log(
         which if isinstance(which, int) else file_path("which log", which), file_path("folder", folder), warn_outside
     )
-    recording = read_recording(path, added_formats)
+    recording = read_recording(path, added_formats, check=switch("check", check))
     if stamps == "header" and has_own_stamps(recording):
         from silo.files.others.recording import stamped_by_header
 
         recording = stamped_by_header(recording)
     if not switch("alone", alone):
-        recording = whole_run(path, recording)
+        recording = whole_run(path, recording, check=check)
     for warning in recording.warnings:
         warn_outside(f"{path}: {warning}")
     return Log(recording, os.fspath(path))
@@ -129,7 +132,7 @@ def _of_files(logs: Sequence[Log]) -> Log:
     return Log(joined([log.recording for log in logs]), logs[0].path)
 
 
-def whole_run(path: Path, recording: Recording) -> Recording:
+def whole_run(path: Path, recording: Recording, *, check: bool = False) -> Recording:
     """Return all stretches as one where a recording, read from `path`, is one of a run that was cut; else itself.
 
     The others are looked for beside it. Raises FileFormatError where one of them can't be read.
@@ -141,7 +144,7 @@ def whole_run(path: Path, recording: Recording) -> Recording:
     named = path.is_dir() or path.suffix in LOG_ENDINGS  # those that are found by a folder; of others the same ending
     beside = find_logs(path.parent) if named else path.parent.glob(f"*{path.suffix}")
     for other in [other for other in beside if "_part" in other.stem and other != path]:
-        one = read_recording(other, added_formats)
+        one = read_recording(other, added_formats, check=check)
         its = one.stretch
         # of one that was saved more than once what has most
         if its and its.part and its.run == stretch.run and one.offset > getattr(found.get(its.part), "offset", -1):

@@ -37,7 +37,7 @@ def convert(
     write = writer_for(final, added_formats)
     if final.exists() and not force:
         raise SaveError(f"'{final}' exists already; add --force to replace it, or choose another name")
-    recording = change(_with_what_is_not_known(read_recording(source, added_formats), Path(source)))
+    recording = change(_with_what_is_not_known(read_recording(source, added_formats, check=True), Path(source)))
     recording = replace(recording, why=CONVERTED)
     if not recording.elements and recording.warnings:
         raise FileFormatError(f"'{source}': nothing in it can be read, nothing was written: {recording.warnings[-1]}")

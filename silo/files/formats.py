@@ -9,6 +9,7 @@ import contextlib
 import enum
 import re
 from collections.abc import Callable, Iterable
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -66,7 +67,7 @@ class Format(msgspec.Struct, frozen=True):
     saved_as: its number in the save request, for formats that a logger saves in. about: a few words for dialogs.
     extra: which extra of the package has the libraries that writing needs. mark: the first bytes of every file.
     beside: what is added to the name for a second file, without which next to nothing is kept. own_times: whether each
-    element may have time stamps of its own.
+    element may have time stamps of its own. checks: whether its reader takes `check=True`.
     """
 
     name: str
@@ -81,6 +82,7 @@ class Format(msgspec.Struct, frozen=True):
     extra: str = ""
     mark: bytes = b""
     beside: str = ""
+    checks: bool = False
 
     @property
     def ending(self) -> str:
@@ -122,9 +124,10 @@ class Format(msgspec.Struct, frozen=True):
 
         return write
 
-    def load_reader(self) -> "Reader":
-        """The function that reads a file or folder of this format."""
-        return _function(self.reader)
+    def load_reader(self, *, check: bool = False) -> "Reader":
+        """The function that reads a file or folder of this format, with `check` and the checksums of its values."""
+        read = _function(self.reader)
+        return partial(read, check=True) if check and self.checks else read
 
 
 # In the order of preference: of one save in several formats, the first is the one that is opened.
@@ -138,6 +141,7 @@ FORMATS = (
         keeps=Keeps.ALL & ~Keeps.EMPTY,
         saved_as=FileType.SILO,
         mark=b"#  ---",
+        checks=True,
     ),
     Format(
         name="mcap",
@@ -303,9 +307,10 @@ def writer_for(path: Path, added: Added | None = None) -> "Writer":
     raise SaveError(f"'{path}': silo can't write {path.suffix.lower()}, only {writable()}{left_out}")
 
 
-def read_recording(path: "str | os.PathLike[str]", added: Added | None = None) -> "Recording":
+def read_recording(path: "str | os.PathLike[str]", added: Added | None = None, *, check: bool = False) -> "Recording":
     """Open any file that silo reads; one with an unknown ending by its first bytes. `added` gives readers of others.
 
+    With `check` all values are held against the checksums of the file where it has some for values that are read later.
     Raises `LogNotFoundError` or `FileFormatError`.
     """
     source, left_out = Path(path), ""
@@ -339,7 +344,7 @@ def read_recording(path: "str | os.PathLike[str]", added: Added | None = None) -
         ending = source.suffix.lower() or "files without ending"
         raise FileFormatError(f"'{source}': silo doesn't read {ending}, only {readable()}{left_out}")
     try:
-        return _as_read(found.load_reader()(source))
+        return _as_read(found.load_reader(check=check)(source))
     except MemoryError:
         raise FileFormatError(
             f"'{source}' takes more memory than there is ({source.stat().st_size:,} bytes); convert it to .silo where "

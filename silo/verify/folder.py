@@ -27,6 +27,7 @@ from silo.files.manifest import WRITTEN_ENDING, CaptureEntry, number_of, read_ca
 from silo.files.naming import find_logs
 from silo.files.parts.metadata import EVENTS_RING
 from silo.files.parts.scan import PartScan, scan_part
+from silo.files.silo.reader import damage_of
 from silo.recorder.orders import CLOSED
 from silo.rpc.published import EventKind
 from silo.segment.layout import ElementSchema, RingSchema
@@ -255,6 +256,9 @@ class _Folder:
                     self.verdicts.append(Verdict("damaged", f"{path.name} can't be read: {error}"))
                     continue
                 self._take_log(path, recording)
+                if path.suffix == ".silo":
+                    damage = damage_of(path)
+                    self.verdicts += [Verdict("damaged", f"{path.name}: {text}", recording.logger) for text in damage]
 
     def _take_log(self, path: Path, recording: Recording) -> None:
         ids = Counter(event.run for event in recording.events if event.run)

@@ -63,6 +63,16 @@ def test_a_bag_is_read_with_its_events() -> None:
     assert MARK in [(event.text, event.tick) for event in recording.events]
 
 
+def test_a_silo_file_without_checksums_of_its_values_is_read_as_one_that_has_them() -> None:
+    before, now = read_recording(READ / "run.silo", check=True), read_recording(FOLDER / "run.silo", check=True)
+    assert before.warnings == now.warnings
+    assert before.time_ns.tolist() == now.time_ns.tolist()
+    for one, other in zip(before.elements, now.elements, strict=True):
+        assert (one.name, one.unit, one.first, one.divider) == (other.name, other.unit, other.first, other.divider)
+        values = [[entry.values.tobytes() for entry in each.entries] for each in (one, other)]
+        assert values[0] == values[1]
+
+
 def test_a_part_of_an_endless_recording_is_read_with_its_events() -> None:
     recording = read_recording(READ / "part.mcap")
     same(recording, {"/log/joints/q"})

@@ -11,6 +11,7 @@ import pytest
 from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 
+import silo
 from silo.cli.group import cli
 from silo.cli.logs.check import check_command
 from silo.cli.logs.files import (
@@ -25,7 +26,7 @@ from silo.cli.logs.responses import step
 from silo.cli.verbs import Listing
 from silo.core.elements import LoggedEvent
 from silo.core.recording import Recording, with_events
-from silo.errors import LogNotFoundError
+from silo.errors import LogNotFoundError, LogWarning
 from silo.files.bags.writer import write_bag
 from silo.files.silo.writer import write_silo
 from tests.stand_ins.saved import cut_in_two, element
@@ -54,6 +55,26 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("LINES", "24")
     write_silo(recording(), tmp_path / "run.silo")
     return tmp_path
+
+
+@pytest.fixture
+def damaged(folder):
+    """A bit of the file is another one."""
+    data = bytearray((folder / "run.silo").read_bytes())
+    data[data.index(b"# Binary Data\n") + 14 + 2 * 8 * TICKS + 100] ^= 4
+    (folder / "damaged.silo").write_bytes(data)
+
+
+def test_damaged_values_are_told_by_info_and_by_whom_asks_for_it(damaged, capsys, recwarn):
+    words = "values of '/log/x' are damaged: they aren't those that were written"
+    print_file_info("damaged.silo", as_json=False)
+    assert words in capsys.readouterr().out
+    silo.open_log("damaged.silo")
+    assert not recwarn
+    with pytest.warns(LogWarning, match=f"^damaged.silo: {words}"):
+        log = silo.open_log("damaged.silo", check=True)
+    assert log.warnings[0].startswith(words)
+    assert log["x"].values[12] != 12
 
 
 def run(command, *arguments):
@@ -126,6 +147,14 @@ class TestConvert:
         note = run(convert_command, "seldom.silo", f"out{ending}").stderr
         assert (": a value stands in 13.6% of its cells" in note) == told, note
 
+    def test_values_that_are_damaged_are_told_and_stand_in_what_is_written(self, damaged, folder):
+        words = "values of '/log/x' are damaged"
+        result = run(convert_command, "damaged.silo", "out.mcap")
+        assert result.exit_code == 0
+        assert f"warning: {words}" in result.stderr
+        with pytest.warns(LogWarning, match=words):
+            silo.open_log(folder / "out.mcap")
+
     def test_warnings_of_a_damaged_source_are_shown(self, folder):
         data = (folder / "run.silo").read_bytes()
         (folder / "cut.silo").write_bytes(data[:-7])
@@ -135,6 +164,9 @@ class TestConvert:
 
 
 class TestStats:
+    def test_values_that_are_damaged_are_told(self, damaged):
+        assert "warning: values of '/log/x' are damaged" in run(stats_command, "damaged.silo").stderr
+
     def test_numbers_strings_and_enumerations(self, folder):
         rows = {row["name"]: row for row in json.loads(run(stats_command, "run.silo", "--json").stdout)}
         assert (rows["/log/x"]["minimum"], rows["/log/x"]["maximum"], rows["/log/x"]["mean"]) == (0, 99, 49.5)

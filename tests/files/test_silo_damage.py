@@ -6,7 +6,7 @@ import pytest
 from silo.core.elements import BufferType
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.silo import format as form
-from silo.files.silo.reader import read_silo
+from silo.files.silo.reader import damage_of, read_silo
 from silo.files.silo.writer import write_silo
 
 
@@ -47,6 +47,19 @@ def checked(data):
     return head + form.CHECK + form.checksum(head + form.DATA_LINE) + rest[8:]
 
 
+def told_of(data, tmp_path):
+    """What is told of a file whose values are held against their checksums, and by the rest of the damage in it."""
+    path = tmp_path / "damaged.silo"
+    path.unlink(missing_ok=True)
+    path.write_bytes(data)
+    assert read_silo(path, check=True).warnings == damage_of(path)
+    return damage_of(path)
+
+
+def values_at(data):
+    return data.index(form.DATA_LINE) + len(form.DATA_LINE)
+
+
 def has_message(result):
     return bool(str(result) if isinstance(result, FileFormatError) else result.warnings)
 
@@ -77,6 +90,60 @@ def test_every_damaged_byte_of_the_header_is_told(small, change, tmp_path):
         if damaged != small and not has_message(opened(bytes(damaged), tmp_path)):
             silent.append((index, small[max(0, index - 20) : index + 20]))
     assert silent == []
+
+
+def test_every_damaged_byte_of_the_values_is_told_with_the_name_of_its_signal(small, tmp_path):
+    assert told_of(small, tmp_path) == ()
+    table = [line.rsplit(b" ", 5) for line in small[: small.index(b"\n# silo ")].splitlines()[9:]]
+    names = [row[0].decode() for row in table for _ in range(int(row[1]) * int(row[2]))]
+    begin = values_at(small)
+    assert len(names) == len(small) - begin
+    for place, name in enumerate(names):
+        damaged = bytearray(small)
+        damaged[begin + place] ^= 0x10
+        (told,) = told_of(bytes(damaged), tmp_path)
+        assert told.startswith(f"values of '{name}' are damaged: ")
+
+
+def test_what_is_overwritten_in_several_signals_names_each(small, tmp_path):
+    begin = values_at(small)
+    (told,) = told_of(small[:begin] + bytes(100) + small[begin + 100 :], tmp_path)
+    assert told.startswith("values of '/log/time_s', '/log/time_ns', '/log/a' are damaged: ")
+    assert "'/log/b'" not in told
+
+
+def test_a_file_without_checksums_is_read_as_before(small, tmp_path):
+    begin = small.index(form.SUMS)
+    end = small.index(b"\n", begin) + 1
+    before = checked(small[:begin] + small[end:])
+    assert told_of(before, tmp_path) == ()
+    damaged = before[:-1] + bytes([before[-1] ^ 1])
+    assert told_of(damaged, tmp_path) == ()
+    assert opened(damaged, tmp_path).warnings == ()
+
+
+def test_of_a_file_that_is_cut_the_values_that_are_there_are_held_against_their_checksums(small, tmp_path):
+    begin = values_at(small)
+    damaged = bytearray(small[:-3])
+    damaged[begin] ^= 1
+    cut, wrong = told_of(bytes(damaged), tmp_path)
+    assert "3 bytes are missing" in cut
+    assert wrong.startswith("values of '/log/time_s' are damaged")
+
+
+def test_where_the_table_is_damaged_no_checksum_is_held_against_other_values(small, tmp_path):
+    damaged = small.replace(b"/log/v_y 4", b"/log/v_y x", 1)
+    assert not [text for text in told_of(damaged, tmp_path) if text.startswith("values of")]
+
+
+def test_values_that_are_written_in_many_tiles_have_one_checksum(plan, recorded, tmp_path, monkeypatch):
+    monkeypatch.setattr("silo.files.silo.writer.TILE_ROWS", 7)
+    monkeypatch.setattr("silo.files.silo.writer.BLOCK_ROWS", 3)
+    plans = [plan(f"/log/x{k}", dtype, divider=1 + k % 3) for k, dtype in enumerate(["<f8", "|S5", "<i2", ">f4"] * 6)]
+    recording = recorded([*plans, plan("/log/empty", "|S1")], 50)
+    recording.elements[-1].entries[0].values[:] = b""
+    write_silo(recording, tmp_path / "x.silo")
+    assert damage_of(tmp_path / "x.silo") == ()
 
 
 @pytest.mark.slow

@@ -322,6 +322,24 @@ def test_a_part_that_is_damaged_from_its_begin_is_told(kept):
     assert kept.found() == [[("damaged", ())], []]
 
 
+def test_values_of_a_saved_log_that_are_damaged_are_told_as_damage(tmp_path, truth, capsys):
+    robot = truth.robot(tmp_path)
+    robot.start()
+    robot.ticks(50)
+    (saved,) = robot.log.save()
+    robot.log.close()
+    assert run(["verify", str(tmp_path)]) == 0
+    path = Path(saved.path)
+    data = bytearray(path.read_bytes())
+    data[-1] ^= 1
+    path.write_bytes(data)
+    assert run(["verify", str(tmp_path)]) == 4
+    shown = capsys.readouterr().out
+    assert f"damaged: {path.name}: values of '/log/word' are damaged" in shown
+    path.write_bytes(data[:-1])
+    assert [one.kind for one in verify(tmp_path).problems] == ["damaged"]
+
+
 def test_totals_that_are_not_those_of_the_parts_disagree(kept):
     kept.recorded(300, stopped=False)
     kept.happens("recording", "recording 'bot' ended; 1 files, 5 samples, 0 lost", 299)

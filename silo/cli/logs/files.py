@@ -37,7 +37,7 @@ def print_file_info(which: str | Path, as_json: bool) -> None:
     from silo.files.saving import size_of
 
     path = find_saved(which)
-    facts = report(_read(path), str(path), size_of(path))
+    facts = report(_read(path, check=True), str(path), size_of(path))
     show(facts, as_json, lambda: format_report(facts, _columns()))
 
 
@@ -178,7 +178,7 @@ def convert_command(
     path = find_saved(sources[0])
 
     def change(read: "Recording") -> "Recording":
-        read = _whole(path, read) if whole else read
+        read = _whole(path, read, check=True) if whole else read
         return read if rate is None else _at_rate(read, rate)
 
     with progress(f"{target.name}") as tell:
@@ -212,7 +212,7 @@ def stats_command(
     from silo.analysis.plots.curves import pick, pick_all
     from silo.analysis.reports import format_statistics, statistics
 
-    recording = _read(find_saved(file), whole)
+    recording = _read(find_saved(file), whole, check=not patterns)
     signals = pick(recording, patterns) if patterns else pick_all(recording)
     # one after the other: a window copies the signal
     rows = [statistics(signal) for signal in _windowed(recording, signals, start, stop)]
@@ -425,21 +425,21 @@ def _at_rate(recording: "Recording", rate: float) -> "Recording":
     return Log(recording).resample(rate).recording
 
 
-def _read(path: Path, whole: bool = False) -> "Recording":
+def _read(path: Path, whole: bool = False, *, check: bool = False) -> "Recording":
     from silo.core.recording import keep_quiet
     from silo.files.added import added_formats
     from silo.files.formats import read_recording
 
-    recording = read_recording(path, added_formats)
-    recording = _whole(path, recording) if whole else recording
+    recording = read_recording(path, added_formats, check=check)
+    recording = _whole(path, recording, check=check) if whole else recording
     keep_quiet(recording)  # `_warn` comes last
     return recording
 
 
-def _whole(path: Path, recording: "Recording") -> "Recording":
+def _whole(path: Path, recording: "Recording", *, check: bool) -> "Recording":
     from silo.analysis.opening import whole_run
 
-    return whole_run(path, recording)
+    return whole_run(path, recording, check=check)
 
 
 def _windowed(

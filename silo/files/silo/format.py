@@ -2,12 +2,13 @@
 
 A `.silo` file is a text header, one table line per entry, and the values, entry after entry. What the original's
 format has no place for travels as JSON in comment lines between the table and the data (`LogFacts`, `ElementFacts`,
-`LoggedEvent`);
-the readers of the original skip such lines. Pure functions and data: no file is touched here.
+`LoggedEvent`), and so do checksums of the values and of the header; the readers of the original skip such lines. Pure
+functions and data: no file is touched here.
 """
 
 import re
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple, TypeVar
@@ -44,10 +45,12 @@ DATA_LINE = b"# Binary Data\n"
 LOG_FACTS = b"# silo log "
 ELEMENT_FACTS = b"# silo element "
 EVENT_FACTS = b"# silo event "
+SUMS = b"# silo crc32 "
 CHECK = b"# silo check "
 CHECK_PATTERN = re.compile(rb"# silo check ([0-9a-f]{8}) \.*\n")
 ALIGNMENT = 64
 STRING_PAD = ord("-")
+_SUM = re.compile(rb"[0-9a-f]{8}")
 _LARGEST_ITEM = 2**31  # NumPy has no larger ones
 
 _DTYPE_OF_TYPE = {
@@ -308,6 +311,17 @@ def looping_and_first(element: RecordedElement, stamps: int, offset: int) -> tup
         if first_stamp(looping, stamps, element.count, element.divider, offset) == element.first:
             return looping, None
     return own, element.first
+
+
+def sums_line(sums: Sequence[int]) -> bytes:
+    """The comment line with the CRC-32 of the values of each line of the table: eight hexadecimal digits each."""
+    return SUMS + b" ".join(b"%08x" % one for one in sums) + b"\n"
+
+
+def parse_sums(text: bytes) -> list[int]:
+    """The checksums of a line, what stands behind its beginning; none of what can't be read."""
+    words = text.split(b" ")
+    return [int(word, 16) for word in words] if all(map(_SUM.fullmatch, words)) else []
 
 
 def checksum(header: bytes) -> bytes:

@@ -30,7 +30,10 @@ _ELEMENTS_DECODER = msgspec.json.Decoder(list[form.ElementFacts])
 
 @dataclass
 class Header:
-    """What the header says. A line of the table that can't be understood is None, as is an offset."""
+    """What the header says. A line of the table that can't be understood is None, as is an offset.
+
+    `sums` are the checksums of the values of each line of the table, as text; empty in files that have none.
+    """
 
     offset: int | None
     names: list[str]
@@ -40,6 +43,7 @@ class Header:
     events: list[LoggedEvent] = field(default_factory=list)
     data_start: int = 0
     warnings: list[str] = field(default_factory=list)
+    sums: bytes = b""
 
 
 def parse_header(data: mmap.mmap) -> Header:
@@ -73,6 +77,7 @@ def parse_header(data: mmap.mmap) -> Header:
         _decoded(mark + facts, form.ELEMENT_FACTS, _ELEMENTS_DECODER, warnings),
         _decoded(mark + facts, form.EVENT_FACTS, _EVENTS_DECODER, warnings),
         warnings=warnings,
+        sums=(mark + facts).rpartition(b"\n" + form.SUMS)[2].partition(b"\n")[0],
     )
     if behind_check is not None:
         _verify(header, text[: end or behind_check], check, behind_check)

@@ -1,12 +1,14 @@
 """A recording -> a `.silo` file.
 
 A snapshot is row-major (one row per tick), the file is column-major (all values of an entry in a row), so that writing
-is one big transposition. It runs in tiles that stay in the cache, with a few MB of memory whatever the size of the
-log. Nothing here waits for anybody or changes the recording.
+is one big transposition. It runs in tiles that stay in the cache, where checksums are taken too, with a few MB of
+memory whatever the size of the log. The header, which has them, is written last. Nothing here waits for anybody or
+changes the recording.
 """
 
 import errno
 import os
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -34,9 +36,10 @@ _Source = tuple[str, form.TableLine, Callable[[int, int, NDArray[np.uint8]], Non
 
 @dataclass(frozen=True)
 class LineValues:
-    """The values of one table line: `fill(start, stop, out)` writes samples as they stand in the file."""
+    """The values of a table line, `number` in the table: `fill(start, stop, out)` writes samples as in the file."""
 
     line: form.TableLine
+    number: int
     offset: int
     fill: Callable[[int, int, NDArray[np.uint8]], None]
 
@@ -59,12 +62,14 @@ def write_silo(recording: Recording, path: str | os.PathLike[str], progress: Pro
         facts.append(form.facts_line(form.ELEMENT_FACTS, form.element_facts(element, first)))
         sources += [_source(entry, element.divider, looping) for entry in element.entries]
     facts += [form.facts_line(form.EVENT_FACTS, form.plain_texts(event)) for event in recording.events]
-    header = _header(os.fspath(path), recording.offset, sources, facts)
-    columns = list(_placed(sources, len(header)))
+    sums = [0] * len(sources)
+    length = len(_header(os.fspath(path), recording.offset, sources, facts, sums))
+    columns = list(_placed(sources, length))
     with atomic_file(path) as file:
-        _reserve(file.fileno(), len(header) + sum(column.line.size_bytes for column in columns))
+        _reserve(file.fileno(), length + sum(column.line.size_bytes for column in columns))
+        _write_columns(file.fileno(), columns, sums, progress)
+        header = _header(os.fspath(path), recording.offset, sources, facts, sums)
         write_all(file.fileno(), [memoryview(header)], 0)
-        _write_columns(file.fileno(), columns, progress)
 
 
 def _reserve(file_descriptor: int, size: int) -> None:
@@ -77,7 +82,7 @@ def _reserve(file_descriptor: int, size: int) -> None:
             raise
 
 
-def _header(path: str, offset: int, sources: Sequence[_Source], facts: list[bytes]) -> bytes:
+def _header(path: str, offset: int, sources: Sequence[_Source], facts: list[bytes], sums: Sequence[int]) -> bytes:
     shown = form.table_name(path).replace("Binary Data", "Binary_Data")
     before = b"".join(
         [
@@ -90,6 +95,7 @@ def _header(path: str, offset: int, sources: Sequence[_Source], facts: list[byte
             form.TABLE_LINE,
             *(form.format_row(name, line) for name, line, _ in sources),
             *facts,
+            form.sums_line(sums),
         ]
     )
     check = form.CHECK + form.checksum(before + form.DATA_LINE) + b" "
@@ -165,13 +171,14 @@ def _nanoseconds(time_ns: NDArray[np.int64]) -> Callable[[int, int, NDArray[np.u
 
 
 def _placed(sources: Sequence[_Source], start: int) -> Iterator[LineValues]:
-    for _, line, fill in sources:
+    for number, (_, line, fill) in enumerate(sources):
         if line.size_bytes:
-            yield LineValues(line, start, fill)
+            yield LineValues(line, number, start, fill)
         start += line.size_bytes
 
 
-def _write_columns(file_descriptor: int, columns: list[LineValues], progress: Progress) -> None:
+def _write_columns(file_descriptor: int, columns: list[LineValues], sums: list[int], progress: Progress) -> None:
+    """Write the values, and put the checksum of each line into `sums`."""
     total = sum(column.line.size_bytes for column in columns)
     written = 0
     progress(0.0)
@@ -185,14 +192,16 @@ def _write_columns(file_descriptor: int, columns: list[LineValues], progress: Pr
         needed = row_bytes * min(rows, count) + _SLOT * len(band)
         tile = tile if len(tile) >= needed else np.empty(needed, np.uint8)
         for start in range(0, count, rows):
-            written += _write_tile(file_descriptor, band, start, rows, tile)
+            written += _write_tile(file_descriptor, band, start, rows, tile, sums)
             progress(written / total)
     if not total:
         progress(1.0)
 
 
-def _write_tile(file_descriptor: int, band: list[LineValues], start: int, rows: int, tile: NDArray[np.uint8]) -> int:
-    """Transpose samples `start ... start + rows` of a few columns and write them; returns the bytes written."""
+def _write_tile(
+    file_descriptor: int, band: list[LineValues], start: int, rows: int, tile: NDArray[np.uint8], sums: list[int]
+) -> int:
+    """Transpose samples `start ... start + rows` of a few columns, sum and write them; returns the bytes written."""
     columns = [column for column in band if column.line.samples > start]
     stops = [min(column.line.samples, start + rows) for column in columns]
     sizes = [column.line.item_bytes * (stop - start) for column, stop in zip(columns, stops, strict=True)]
@@ -208,6 +217,7 @@ def _write_tile(file_descriptor: int, band: list[LineValues], start: int, rows: 
     run: list[memoryview] = []
     run_offset = run_end = 0
     for column, piece in zip(columns, pieces, strict=True):
+        sums[column.number] = zlib.crc32(piece.data, sums[column.number])
         offset = column.offset + start * column.line.item_bytes
         if offset != run_end:
             write_all(file_descriptor, run, run_offset)
