@@ -6,6 +6,7 @@
 Nothing but the header is read before a signal is asked for; of JSON in bags all messages, as nothing else has the keys.
 """
 
+import contextlib
 import numbers
 import os
 from collections.abc import Sequence
@@ -18,11 +19,12 @@ from silo.analysis.stretches import joined
 from silo.core.arguments import path as file_path
 from silo.core.arguments import shown, switch, whole
 from silo.core.calls import told
+from silo.core.elements import Stretch
 from silo.core.recording import Recording, has_own_stamps
-from silo.errors import ElementError, LogNotFoundError
+from silo.errors import ElementError, FileFormatError, LogNotFoundError
 from silo.files.added import added_formats
-from silo.files.formats import LOG_ENDINGS, read_recording
-from silo.files.naming import find_log, find_logs
+from silo.files.formats import LOG_ENDINGS, OPEN_PART_ENDING, read_recording
+from silo.files.naming import find_log, find_logs, logger_of, run_of
 
 MOST_RUNS = 10**9
 
@@ -35,7 +37,7 @@ def open_log(
     folder: str | os.PathLike[str] = ".",
     *,
     stamps: Literal["log", "header"] = "log",
-    alone: bool = False,
+    alone: bool | None = None,
     check: bool = False,
 ) -> Log:
     """Open a saved log.
@@ -49,13 +51,15 @@ def open_log(
     Args:
         which: a path, the start of a file name (the newest such is meant), or a run number. A folder or a glob
             (`logs/*.silo`) means the newest run there; what a trigger captured has its own name, and where one is
-            newer, a `LogWarning` says what was taken. `open_logs` opens all. Or a list of the parts of a run that was
-            cut.
+            newer, or of a recording other parts lie beside, a `LogWarning` says what was taken. `open_logs` opens all.
+            Or a list of the parts of a run that was cut, or of a recording, to be read as one.
         folder: where names and run numbers are looked for.
         stamps: of bags of others, `"log"`: when a message was recorded, which rises and is of one clock; or `"header"`:
             the stamp in its header, when it was measured, where it has one. Logs of silo have those of their ticks.
-        alone: of a run that was cut (`log.set(..., cut=True)`) this file only. Else all of its parts that lie beside
-            one another are read as one log, with an event of kind `cut` where one goes on another.
+        alone: this file only, or, if false, all parts that lie beside one another as one log: those of a run that was
+            cut (`log.set(..., cut=True)`), with an event of kind `cut` where one goes on another, or those of a
+            recording. If it is left out, that is so of a run that was cut; of a recording, which may be of days, one
+            part is opened. The time stamps of all are read, a signal is when it is asked for.
         check: hold all values of a `.silo` against its checksums, as `silo verify` does; all of it is read. What isn't
             as it was written is told by a `LogWarning` and in `log.warnings`.
 
@@ -73,8 +77,29 @@ def open_log(
         raise LogNotFoundError(
             f"there is no folder {shown(folder)} to look in; signals are chosen from the log: log['q']"
         )
-    if isinstance(which, list | tuple) and len(which) > 1:
-        return _of_files([open_log(one, folder, stamps=stamps, alone=True, check=check) for one in which])
+    if isinstance(which, list | tuple) and which:
+        read = [_read(one, folder, stamps, check=check) for one in which]
+        path, recording = read[0][0], _of_files([one for _, one in read])
+    else:
+        path, recording = _read(which, folder, stamps, check=check)
+        alone = alone if alone is None else switch("alone", alone)
+        recorded = recording.stretch is not None and bool(recording.stretch.recorder)
+        if alone is False or (alone is None and not recorded):
+            recording = whole_run(path, recording, check=check)
+        elif alone is None and not _is_named(which, path) and (words := alone_of(path, recording)):
+            warn_outside(f"{path}: {words}")
+    for warning in recording.warnings:
+        warn_outside(f"{path}: {warning}")
+    return Log(recording, os.fspath(path))
+
+
+def _is_named(which: object, path: Path) -> bool:
+    """Whether this very file was named, by no folder, glob or start of its name."""
+    return path.name == Path(str(which)).name and (bool(path.suffix) or path.is_file())
+
+
+def _read(which: object, folder: str | os.PathLike[str], stamps: str, *, check: bool) -> tuple[Path, Recording]:
+    """Find what is meant and read it, with these stamps."""
     if not isinstance(which, str | bytes | os.PathLike):
         if not isinstance(which, numbers.Integral):
             raise ElementError(
@@ -90,11 +115,7 @@ def open_log(
         from silo.files.others.recording import stamped_by_header
 
         recording = stamped_by_header(recording)
-    if not switch("alone", alone):
-        recording = whole_run(path, recording, check=check)
-    for warning in recording.warnings:
-        warn_outside(f"{path}: {warning}")
-    return Log(recording, os.fspath(path))
+    return path, recording
 
 
 @told("silo.open_logs")
@@ -121,32 +142,77 @@ def open_logs(which: str | os.PathLike[str], folder: str | os.PathLike[str] = ".
     return list(logs.values())
 
 
-def _of_files(logs: Sequence[Log]) -> Log:
-    """The run of which logs are the parts. Raises ElementError where they are of several, or of none."""
-    stretches = [log.recording.stretch for log in logs]
-    runs = {one.run if one is not None and one.part else "" for one in stretches}
-    if len(runs) != 1 or "" in runs:
+def _of_files(parts: Sequence[Recording]) -> Recording:
+    """The run of which these are the parts. Raises ElementError where they are of several, or of none."""
+    stretches = [one.stretch for one in parts]
+    if len(parts) > 1 and any(one is None or not one.is_beside(stretches[0]) for one in stretches):
         raise ElementError(
-            "a list of files must be parts of one run that was cut; silo.open_logs opens logs side by side"
+            "a list of files must be parts of one run that was cut, or of one recording of a run; silo.open_logs opens "
+            "logs side by side"
         )
-    return Log(joined([log.recording for log in logs]), logs[0].path)
+    return joined(parts) if len(parts) > 1 else parts[0]
 
 
 def whole_run(path: Path, recording: Recording, *, check: bool = False) -> Recording:
-    """Return all stretches as one where a recording, read from `path`, is one of a run that was cut; else itself.
+    """Return all parts as one where a recording, read from `path`, is one of a run that was cut, or recorded; else it.
 
     The others are looked for beside it. Raises FileFormatError where one of them can't be read.
     """
     stretch = recording.stretch
     if stretch is None or not stretch.part:
         return recording
-    found = {stretch.part: recording}
-    named = path.is_dir() or path.suffix in LOG_ENDINGS  # those that are found by a folder; of others the same ending
-    beside = find_logs(path.parent) if named else path.parent.glob(f"*{path.suffix}")
-    for other in [other for other in beside if "_part" in other.stem and other != path]:
-        one = read_recording(other, added_formats, check=check)
-        its = one.stretch
-        # of one that was saved more than once what has most
-        if its and its.part and its.run == stretch.run and one.offset > getattr(found.get(its.part), "offset", -1):
-            found[its.part] = one
+    found: dict[object, Recording] = {stretch.part: recording}
+    for other in _beside(path, stretch):
+        with contextlib.suppress(LogNotFoundError):  # a budget deleted it just now
+            one = read_recording(other, added_formats, check=check)
+            its = one.stretch
+            if its is None or not its.is_beside(stretch):
+                continue
+            if stretch.recorder:
+                found[other] = one
+            # of one that was saved more than once what has most
+            elif one.offset > getattr(found.get(its.part), "offset", -1):
+                found[its.part] = one
     return joined(list(found.values())) if len(found) > 1 else recording
+
+
+def alone_of(path: Path, recording: Recording) -> str:
+    """What to tell who reads one part of several alone; empty where it is none, or none lies beside it."""
+    stretch = recording.stretch
+    if stretch is None or not stretch.part:
+        return ""
+    if not stretch.recorder:
+        return stretch.alone
+    # parts of a run follow one another: two of thousands are looked at
+    others = sorted(_beside(path, stretch), key=_number)
+    at = sum(_number(other) < _number(path) for other in others)
+    for other in others[max(0, at - 1) : at + 1]:
+        with contextlib.suppress(LogNotFoundError, FileFormatError):
+            if stretch.is_beside(read_recording(other, added_formats).stretch):
+                return stretch.alone
+    return ""
+
+
+def _number(part: Path) -> tuple[int, str]:
+    """How parts of a recording follow one another, by their names."""
+    return run_of(part), _stem(part)
+
+
+def _stem(path: Path) -> str:
+    return path.name.removesuffix(OPEN_PART_ENDING).removesuffix(path.suffix)
+
+
+def _beside(path: Path, stretch: Stretch) -> list[Path]:
+    """The files beside one that may be other parts of its run, by their names."""
+    if path.is_dir() and not path.suffix and not (path / "metadata.yaml").is_file():
+        path = next(path.glob("*.mcap"), path)  # the only one in its folder was read as a bag is
+    endings = (*LOG_ENDINGS, OPEN_PART_ENDING)
+    named = path.is_dir() or path.name.endswith(endings)  # those that are found by a folder; of others the same ending
+    if not stretch.recorder:
+        beside = find_logs(path.parent) if named else path.parent.glob(f"*{path.suffix}")
+        return [other for other in beside if "_part" in other.stem and other != path]
+    its = logger_of(_stem(path))
+    found = [other for other in path.parent.iterdir() if other.name.endswith(endings if named else path.suffix)]
+    # of one in several formats one file
+    best = {_stem(other): other for other in found if not its or logger_of(_stem(other)) == its}
+    return [other for stem, other in best.items() if stem != _stem(path)]

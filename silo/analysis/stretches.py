@@ -1,10 +1,10 @@
-"""Parts of a recording, and the same at other times: what `Log.clip` and `Log.resample` give; a run that was cut.
+"""Parts of a recording, and the same at other times: what `Log.clip` and `Log.resample` give; parts as one.
 
 Pure functions on a `Recording`; values stay views of the file where they can.
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arguments import INT64
-from silo.core.elements import BufferType, Stretch
+from silo.core.elements import BufferType, LoggedEvent, Stretch
 from silo.core.recording import (
+    DamageNotes,
     Failures,
     RecordedElement,
     RecordedEntry,
@@ -100,68 +101,188 @@ def _cut(element: RecordedElement, kept: slice | NDArray[np.bool_], count: int) 
     return tuple(lazy_entry(e.name, e.entry, partial(values, e), e.dtype, count) for e in element.entries)
 
 
-def joined(stretches: Sequence[Recording]) -> Recording:
-    """Return the stretches of a run that was cut as one: each sample, event and mark at its own time stamp.
-
-    An element that was changed between two has time stamps of its own.
+@dataclass(frozen=True)
+class _Piece:
+    """A part among others: `place` is where its first tick stands among all that are kept, `shift` what its ticks are
+    numbered higher in the whole. `elements` are without samples that stand in a piece before it.
     """
-    by_number = {one.stretch.part: one for one in stretches if one.stretch is not None}
-    numbers = sorted(by_number)
-    parts = [by_number[number] for number in numbers]
-    last = parts[-1]
-    places = np.cumsum([0, *(len(part.time_ns) for part in parts)]).tolist()
-    time_ns = np.concatenate([part.time_ns for part in parts])
-    begin = parts[0].offset - len(parts[0].time_ns)
-    by_name: dict[str, list[tuple[int, RecordedElement]]] = {}
-    for place, part in zip(places, parts, strict=False):
-        for element in part.elements:
-            by_name.setdefault(element.name, []).append((place, element))
+
+    part: Recording
+    stretch: Stretch
+    elements: Sequence[RecordedElement]
+    place: int
+    shift: int
+
+    @property
+    def label(self) -> str:
+        """How its warnings begin."""
+        if not self.stretch.recorder:
+            return f"part {self.stretch.part}"
+        ticks = f"ticks {_first(self.part)} to {self.part.offset - 1}" if len(self.part.time_ns) else "no ticks"
+        return ticks if self.stretch.part == 1 else f"part {self.stretch.part}, {ticks}"
+
+
+def joined(parts: Sequence[Recording]) -> Recording:
+    """Return the parts of a run that was cut, or of a recording, as one: each sample, event and mark at its own time.
+
+    An element that was changed between two, or lacks samples there, has time stamps of its own. What is missing between
+    two is told in `warnings`, and ticks count on over it. Of samples that two files of a recording have, those of the
+    first are taken. Values are read when they are asked for.
+    """
+    ordered = _in_order(parts)
+    begin, (pieces, time_ns, told) = _begin(ordered), _placed(ordered)
+    first, last = pieces[0].part, pieces[-1]
+    by_name: dict[str, list[tuple[_Piece, RecordedElement]]] = {}
+    for piece in pieces:
+        for element in piece.elements:
+            by_name.setdefault(element.name, []).append((piece, element))
     own: dict[tuple[tuple[int, int, int], ...], NDArray[np.int64]] = {}
-    elements = tuple(_as_one(pieces, time_ns, own) for pieces in by_name.values())
-    events = [
-        msgspec.structs.replace(event, tick=begin + place + max(event.tick - (part.offset - len(part.time_ns)), 0))
-        if place and event.tick >= 0
-        else event
-        for place, part in zip(places, parts, strict=False)
-        for event in part.events
-    ]
-    missing = [number for number in range(1, numbers[-1]) if number not in numbers]
-    told = [f"part {number} of this run, which was cut, is missing: its samples are not here" for number in missing]
-    for number, part in zip(numbers, parts, strict=True):
-        lost = part.offset - len(part.time_ns) if number > 1 else 0
-        told += [f"part {number}: its oldest {lost} ticks were overwritten"] if lost else []
-        told += [f"part {number}: {text}" for text in part.warnings]
+    events = [_moved(event, piece, pieces, begin) for piece in pieces for event in piece.part.events]
     return replace(
-        last,
+        last.part,
         time_ns=time_ns,
         offset=begin + len(time_ns),
-        elements=elements,
-        started_ns=parts[0].started_ns,
-        time_looping=parts[0].time_looping,
-        warnings=tuple(told),
+        elements=tuple(_as_one(found, time_ns, own) for found in by_name.values()),
+        started_ns=first.started_ns,
+        time_looping=first.time_looping,
+        warnings=_warnings(pieces, told),
         events=tuple(sorted(events, key=lambda event: (event.time_ns, event.number))),
-        stretch=last.stretch and Stretch(last.stretch.run, parts=len(parts)),
+        stretch=Stretch(last.stretch.run, parts=len(pieces), recorder=last.stretch.recorder),
     )
 
 
+def _first(part: Recording) -> int:
+    """The tick of its first time stamp."""
+    return part.offset - len(part.time_ns)
+
+
+def _begin(parts: Sequence[tuple[Recording, Stretch]]) -> int:
+    """The first tick of all."""
+    return next((_first(part) for part, _ in parts if len(part.time_ns)), 0)
+
+
+def _in_order(parts: Sequence[Recording]) -> list[tuple[Recording, Stretch]]:
+    """The stretches of a run by their numbers, each once; the files of a recording as they follow one another."""
+    ordered: dict[tuple[int, ...], tuple[Recording, Stretch]] = {}
+    for number, part in enumerate(parts):
+        stretch = part.stretch
+        if stretch is not None:
+            # of events alone: behind what is there
+            first = _first(part) if len(part.time_ns) else max((event.tick for event in part.events), default=0)
+            key = (stretch.part, first, -part.offset, number) if stretch.recorder else (stretch.part,)
+            ordered[key] = part, stretch
+    return [ordered[key] for key in sorted(ordered)]
+
+
+def _placed(parts: Sequence[tuple[Recording, Stretch]]) -> tuple[list[_Piece], NDArray[np.int64], list[str]]:
+    """Where each part stands, the time stamps of all, and what is missing between them."""
+    pieces: list[_Piece] = []
+    told: list[str] = []
+    stamps: list[NDArray[np.int64]] = [np.empty(0, np.int64)]
+    known: list[tuple[int, NDArray[np.int64], NDArray[np.int64]]] = []
+    taken: dict[str, int] = {}  # by element of the stretch, the tick after its last sample
+    begin, end, after = _begin(parts), 0, 0  # after: the tick after the last one of the stretch
+    for part, stretch in parts:
+        first = _first(part)
+        elements = [_fresh(element, first, taken) for element in part.elements] if stretch.recorder else part.elements
+        if not pieces or stretch.part != pieces[-1].stretch.part:
+            told += _missing(pieces[-1].stretch if pieces else None, stretch, first)
+            taken, elements, after = {}, part.elements, 0 if pieces and stretch.recorder else first
+        if any(one.count for one in part.elements) and not any(one.count for one in elements):
+            continue  # a copy
+        over = max(0, after - first) if len(part.time_ns) else 0
+        if len(part.time_ns) and first > after:
+            told.append(_gap(stretch, after, first - 1))
+        place = end - over
+        pieces.append(_Piece(part, stretch, elements, place, begin + place - first))
+        if over:  # rings end some ticks apart: which of two stamps was logged is told by samples
+            for ticks in (one.stamp_indices for one in elements):
+                logged = ticks[ticks < over]
+                known.append((place, logged, part.time_ns[logged]))
+        stamps.append(part.time_ns[over:])
+        end, after = end + len(stamps[-1]), max(after, part.offset)
+        taken |= {one.name: first + one.first + (one.count - 1) * one.divider + 1 for one in elements if one.count}
+    time_ns = np.concatenate(stamps)
+    for place, logged, stamp_ns in known:
+        time_ns[place + logged] = stamp_ns
+    return pieces, time_ns, told
+
+
+def _missing(before: Stretch | None, stretch: Stretch, first: int) -> list[str]:
+    """What to tell of the stretches before one, and of its own begin, where it comes behind another, or behind none."""
+    begin = before.part + 1 if before is not None else stretch.part if stretch.recorder else 1
+    told = [
+        f"part {number} of this run, which was cut, is missing: its samples are not here"
+        for number in range(begin, stretch.part)
+    ]
+    lost = first if stretch.part > 1 and not stretch.recorder else 0
+    return told + ([f"part {stretch.part}: its oldest {lost} ticks were overwritten"] if lost else [])
+
+
+def _gap(stretch: Stretch, first: int, last: int) -> str:
+    of = f" of part {stretch.part}" if stretch.part > 1 else ""
+    return (
+        f"ticks {first} to {last}{of} are missing: the file that has them was deleted, or is not among these, or "
+        "nothing was recorded then"
+    )
+
+
+def _fresh(element: RecordedElement, first: int, taken: Mapping[str, int]) -> RecordedElement:
+    """An element of a part that begins with tick `first`, without the samples that are taken already."""
+    skip = -((first + element.first - taken.get(element.name, first)) // element.divider)
+    skip = min(max(skip, 0), element.count)
+    if not skip:
+        return element
+    entries = _cut(element, slice(skip, None), element.count - skip)
+    return replace(element, first=element.first + skip * element.divider, entries=entries)
+
+
+def _moved(event: LoggedEvent, piece: _Piece, pieces: Sequence[_Piece], begin: int) -> LoggedEvent:
+    """An event with its tick as in the whole: one of a tick that is missing stands at the next that is there."""
+    mine = [one for one in pieces if one.stretch.part == piece.stretch.part and len(one.part.time_ns)]
+    if event.tick < 0 or not mine:
+        return event
+    at = sum(_first(one.part) <= event.tick for one in mine)
+    if at and (at == len(mine) or event.tick < mine[at - 1].part.offset):
+        tick = event.tick + mine[at - 1].shift
+    elif at or mine[0].place:
+        tick = begin + mine[at].place
+    else:
+        return event
+    return msgspec.structs.replace(event, tick=tick) if tick != event.tick else event
+
+
+def _warnings(pieces: Sequence[_Piece], told: Sequence[str]) -> Sequence[str]:
+    """What is missing, and what the parts tell; of bags it grows by what is found when values are read."""
+    texts = [*told, *(f"{piece.label}: {text}" for piece in pieces for text in piece.part.warnings)]
+    growing = [(piece.part.warnings, piece.label) for piece in pieces if isinstance(piece.part.warnings, DamageNotes)]
+    if not growing:
+        return tuple(texts)
+    whole = DamageNotes(growing[-1][0].file, texts)
+    for notes, label in growing:
+        whole.take_in(notes, label)
+    return whole
+
+
 def _as_one(
-    pieces: list[tuple[int, RecordedElement]],
+    found: list[tuple[_Piece, RecordedElement]],
     time_ns: NDArray[np.int64],
     own: dict[tuple[tuple[int, int, int], ...], NDArray[np.int64]],
 ) -> RecordedElement:
-    """An element of several stretches; `own` are time stamps that others have, too, by where they stand."""
-    begin, last = pieces[0][0] + pieces[0][1].first, pieces[-1][1]
-    if len(pieces) == 1:
-        return replace(last, first=begin)
-    layout = tuple((place + one.first, one.divider, one.count) for place, one in pieces)
-    follows, steps = begin, True
+    """An element of several parts; `own` are time stamps that others have, too, by where they stand."""
+    pieces = [(piece, one) for piece, one in found if one.count] or found[-1:]
+    last = pieces[-1][1]
+    layout = tuple((piece.place + one.first, one.divider, one.count) for piece, one in pieces)
+    begin = follows = layout[0][0]
+    steps = True
     for first, divider, count in layout:
         steps = steps and first == follows and divider == last.divider
         follows = first + count * divider
     if not steps and layout not in own:
         own[layout] = time_ns[np.concatenate([first + np.arange(count) * step for first, step, count in layout])]
-    failed = [(place, one.failures) for place, one in pieces]
-    spans = tuple((low + place, high + place) for place, one in failed for low, high in one.spans)
+    spans = tuple((low + piece.shift, high + piece.shift) for piece, one in pieces for low, high in one.failures.spans)
+    if len(pieces) == 1:
+        return replace(last, first=begin, failures=Failures(last.failures.count, spans))
     return alike(
         RecordedElement,
         last,
@@ -169,14 +290,16 @@ def _as_one(
         own_ns=None if steps else own[layout],
         entries=tuple(_one_entry([one.entries[number] for _, one in pieces]) for number in range(len(last.entries))),
         lost=sum(one.lost for _, one in pieces),
-        failures=Failures(sum(one.count for _, one in failed), spans),
+        failures=Failures(sum(one.failures.count for _, one in pieces), spans),
         buffer_type=BufferType.GROWING,
     )
 
 
 def _one_entry(entries: list[RecordedEntry]) -> RecordedEntry:
     def values() -> NDArray[Any]:
-        found: NDArray[Any] = np.concatenate([entry.values for entry in entries])
+        parts = [entry.values for entry in entries]
+        masked = any(isinstance(part, np.ma.MaskedArray) for part in parts)  # values that are none
+        found: NDArray[Any] = np.ma.concatenate(parts) if masked else np.concatenate(parts)  # type: ignore[no-untyped-call]
         return found
 
     return lazy_entry(

@@ -220,22 +220,40 @@ class Sought(str, enum.Enum):
 
 
 class Stretch(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What a recording is of a run that was cut, by the id of its first: stretch `part`, from 1, or `parts` as one."""
+    """What a recording is of a run that was cut, by the id of its first: stretch `part`, from 1, or `parts` as one.
+
+    What a `recorder` wrote is a file of a stretch, of which there may be several, also where nothing was cut.
+    """
 
     run: str
     part: int = 0
     parts: int = 1
+    recorder: str = ""
 
     @property
     def text(self) -> str:
         """It, fit to show."""
+        if self.recorder:
+            files = "one file" if self.part else f"{self.parts} files"
+            part = f"part {self.part} of " if self.part > 1 else ""
+            return f"{files} of recording '{self.recorder}' of {part}run {self.run}"
         return f"part {self.part} of run {self.run}" if self.part else f"{self.parts} parts of run {self.run}"
 
     @property
     def alone(self) -> str:
-        """What to tell who reads the file of one part; empty for all of a run."""
-        words = "alone: `silo stats --whole` (plot, check, convert, too) and silo.open_log read all parts as one"
+        """What to tell who reads the file of one part, and others lie beside it; empty for all of a run."""
+        way = "silo.open_log(..., alone=False)" if self.recorder else "silo.open_log"
+        words = f"alone: `silo stats --whole` (plot, check, convert, too) and {way} read all parts as one"
         return f"{self.text}, {words}" if self.part else ""
+
+    def is_beside(self, other: "Stretch | None") -> bool:
+        """Whether both are parts of one run, or of one recording of it."""
+        return other is not None and bool(self.part and other.part) and self.whole == other.whole
+
+    @property
+    def whole(self) -> tuple[str, str]:
+        """What it is a part of: a run, and who recorded it."""
+        return self.run, self.recorder
 
 
 STARTED = "started"

@@ -208,7 +208,7 @@ class Recording:
         events: what happened in this run, marks and all, in the order of time; their ticks may lie outside of those
             that are kept.
         about: where it comes from: host, versions, the program's commit, and what the program said of it.
-        stretch: which part of a run that was cut it is, or of how many; None of one that was never cut.
+        stretch: which part of a run that was cut, or file of a recording, it is, or of how many; None of any other.
     """
 
     logger: str
@@ -254,8 +254,10 @@ class Recording:
 
     @property
     def told_about(self) -> dict[str, str]:
-        """What is shown of where it comes from: `about`, and which part of a run that was cut it is."""
-        return {**({"cut": self.stretch.text} if self.stretch is not None else {}), **self.about}
+        """What is shown of where it comes from: `about`, and which part of a run that was cut or recorded it is."""
+        if self.stretch is None:
+            return {**self.about}
+        return {"recording" if self.stretch.recorder else "cut": self.stretch.text, **self.about}
 
     @property
     def entry_count(self) -> int:
@@ -405,6 +407,8 @@ class DamageNotes(list[str]):
         super().__init__(texts)
         self.file = file
         self.loud = False
+        self.parts: list[DamageNotes] = []
+        self._wholes: list[tuple[DamageNotes, str]] = []
 
     def add(self, text: str) -> None:
         """Tell something, once."""
@@ -412,12 +416,20 @@ class DamageNotes(list[str]):
             self.append(text)
             if self.loud:
                 warnings.warn(f"{self.file}: {text}", LogWarning, stacklevel=2)
+            for whole, label in self._wholes:
+                whole.append(f"{label}: {text}")
+
+    def take_in(self, part: "DamageNotes", label: str) -> None:
+        """Have what is found later in a part stand here, too, behind this label."""
+        self.parts.append(part)
+        part._wholes.append((self, label))
 
 
 def keep_quiet(recording: Recording) -> None:
     """Have what is found later stand in the recording's warnings alone, for who prints these himself."""
     if isinstance(recording.warnings, DamageNotes):
-        recording.warnings.loud = False
+        for notes in (recording.warnings, *recording.warnings.parts):
+            notes.loud = False
 
 
 MOST_EVENTS = 10_000  # of a recording: the newest

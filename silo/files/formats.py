@@ -108,6 +108,8 @@ class Format(msgspec.Struct, frozen=True):
 
             if not self.own_times and has_own_stamps(recording):
                 whose = "in this bag each topic" if recording.stretch is None else "an element changed by a cut"
+                if recording.stretch is not None and recording.stretch.recorder:
+                    whose = "an element with a gap between two parts of the recording, or changed by a cut,"
                 raise SaveError(
                     f"'{path}' has one time for all signals, but {whose} has its own: choose a rate, "
                     f"log.resample(100).save({path.name!r}) or `silo convert --rate 100`; "

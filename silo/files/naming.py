@@ -190,7 +190,7 @@ def _meant(which: str | os.PathLike[str], folder: Path) -> list[Path]:
 
 
 def _by_run(run: int, folder: Path) -> Path:
-    found = [path for path in _logs(folder) if _run_of(path) == run]
+    found = [path for path in _logs(folder) if run_of(path) == run]
     found = [path for path in found if not is_capture(path)] or found
     loggers = sorted({match["logger"] for path in found if (match := _STEM.match(path.name))})
     if len(loggers) > 1:
@@ -224,7 +224,8 @@ def _folders(folder: Path) -> list[Path]:
     return sorted(path for path in islice(inside, 200) if path.is_dir() and os.access(path, os.R_OK | os.X_OK))
 
 
-def _run_of(path: Path) -> int:
+def run_of(path: Path) -> int:
+    """The run number in a name, 0 for a name that somebody chose."""
     match = _STEM.match(path.stem)  # of a capture, too, whose trigger and number stand behind
     return int(match["run"]) if match else 0
 
@@ -237,7 +238,7 @@ def _by_age(paths: Iterable[Path]) -> list[Path]:
     keys = {path: _age_and_preference(path) for path in paths}
     newest: dict[tuple[Path, str], float] = {}
     made: dict[Path, float] = {}
-    for path in sorted(keys, key=lambda path: (_run_of(path), keys[path])):
+    for path in sorted(keys, key=lambda path: (run_of(path), keys[path])):
         age, match = keys[path][0], _STEM.fullmatch(path.stem)
         if match:
             of = (path.parent, match["logger"])
@@ -256,7 +257,7 @@ def _age_and_preference(path: Path) -> tuple[float, int, int]:
             made = datetime.strptime(match["when"], "%Y%m%d_%H-%M-%S").timestamp()
         except ValueError:
             made = path.stat().st_mtime
-    return made, _run_of(path), -LOG_ENDINGS.index(path.suffix) if path.suffix in LOG_ENDINGS else -len(LOG_ENDINGS)
+    return made, run_of(path), -LOG_ENDINGS.index(path.suffix) if path.suffix in LOG_ENDINGS else -len(LOG_ENDINGS)
 
 
 def _newest_run(folder: Path, logger: str) -> int:

@@ -16,7 +16,7 @@ from mcap.records import Schema
 from numpy.typing import NDArray
 
 from silo.core.conditions import Conditions
-from silo.core.elements import BufferType
+from silo.core.elements import BufferType, Stretch
 from silo.core.names import matching
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike
 from silo.errors import SaveError
@@ -57,6 +57,7 @@ class ChannelLayout:
             elements=elements,
             time_looping=True,
             conditions=self._conditions(names),
+            stretch=Stretch(self.schema.cut.chain, self.schema.cut.part) if self.schema.cut is not None else None,
         )
         return presentable(about)
 

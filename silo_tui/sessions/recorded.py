@@ -15,7 +15,7 @@ import numpy as np
 
 from silo.analysis import reports
 from silo.analysis.log import Log
-from silo.analysis.opening import open_log
+from silo.analysis.opening import alone_of, open_log
 from silo.conditions.requests import TriggerTried
 from silo.core.arrays.columns import coarser
 from silo.core.elements import ElementInfo, State, Status, Table
@@ -226,6 +226,6 @@ def open_file(which: str | os.PathLike[str] | int) -> FileSession:
             f"all: `silo convert --rate 100 {log.path} run.silo`, then `silo-tui run.silo`; or `silo plot`, as it is"
         )
     session = FileSession(log)
-    if log.recording.stretch is not None and log.recording.stretch.alone:
-        session.warnings += (log.recording.stretch.alone,)
+    if alone := alone_of(Path(log.path), log.recording):
+        session.warnings += (alone,)
     return session

@@ -621,3 +621,167 @@ def test_a_part_whose_index_is_large_ends_whatever_is_behind() -> None:
     parts = [SimpleNamespace(size_bytes=1, index_bytes=size, begun_s=0.0) for size in sizes]
     why = [why_full(RecordOrder("bot", "/logs"), part, 0.0, up_to_date=False) for part in parts]
     assert why == ["", "its index has 16.8 MB"]
+
+
+def recorded(robot, tmp_path, truth, times: int = 4, ticks: int = 103) -> list[Path]:
+    """A recording in so many parts at least, whose rings end at other ticks."""
+    direct = truth.direct(robot, order(tmp_path, split_bytes=12_000))
+    while len(parts(tmp_path)) < times:
+        robot.ticks(ticks)
+        direct.step()
+    direct.finish()
+    return parts(tmp_path)
+
+
+def told_of(recwarn) -> list[str]:
+    return [str(one.message) for one in recwarn.list if issubclass(one.category, silo.LogWarning)]
+
+
+def test_the_parts_of_a_recording_are_read_as_one_whatever_the_order(robot, tmp_path, truth) -> None:
+    robot.start()
+    found = recorded(robot, tmp_path, truth)
+    for log in (silo.open_log(found[::-1]), silo.open_log(found[1], alone=False)):
+        assert truth.span(log.recording) == (0, robot.tick)
+        assert {name: len(log[name].values) for name in ("x", "slow")} == {"x": robot.tick, "slow": -(-robot.tick // 5)}
+        assert all(element.own_ns is None for element in log.recording.elements)
+        assert not log.warnings
+        assert log.recording.told_about["recording"].startswith(f"{len(found)} files of recording 'bot' of run ")
+    assert silo.open_log([*found, found[1]])["x"].values.tolist() == list(range(robot.tick)), "a copy counts once"
+    assert truth.span(silo.open_log(found[:1]).recording) == truth.span(silo.open_log(found[0], alone=True).recording)
+
+
+def test_values_of_parts_read_as_one_are_read_when_they_are_asked_for(robot, tmp_path, truth, monkeypatch) -> None:
+    robot.start()
+    found = recorded(robot, tmp_path, truth)
+    read, column = [], BagElements._column
+    monkeypatch.setattr(BagElements, "_column", lambda *one: read.append(one[1]) or column(*one))
+    log = silo.open_log(found)
+    assert ([one.count for one in log.recording.elements if one.divider == 1], read) == ([robot.tick] * 3, [])
+    _ = log["x"].values
+    assert len(read) == len(found)
+
+
+def test_rings_of_which_one_is_read_further_meet_where_a_part_ends(robot, tmp_path, truth) -> None:
+    """Stamps of ticks of which a part has slow samples alone lie between its others: the next one has those logged."""
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(50)
+    direct.step()
+    robot.ticks(50)
+    drained = direct.drain.read(1 << 20)
+    slow = [rows for rows in drained.rows if rows.ring.divider == 5]
+    fast = [rows for rows in drained.rows if rows.ring.divider != 5]
+    direct.writing.put(direct.writing.write, type(drained)(slow))
+    direct.writing.put(direct.writing._finish_part)
+    direct.writing.put(direct.writing.write, type(drained)(fast))
+    direct.finish()
+    one, two = map(read_bag, parts(tmp_path))
+    assert one.offset > two.offset - len(two.time_ns)
+    log = silo.open_log(parts(tmp_path))
+    assert truth.span(log.recording) == (0, 100)
+    assert np.unique(np.diff(log.time_ns)).tolist() == [1_000_003]
+
+
+def test_ticks_that_are_in_no_part_are_told_and_what_comes_after_stands_at_its_time(robot, tmp_path, truth) -> None:
+    robot.start()
+    found = recorded(robot, tmp_path, truth, 5)
+    low, high = truth.span(read_bag(found[1]))[0], truth.span(read_bag(found[2]))[1]
+    for path in found[1:3]:
+        path.unlink()
+    with pytest.warns(silo.LogWarning, match=f"ticks {low} to {high - 1} are missing"):
+        log = silo.open_log(found[0], alone=False)
+    ticks = [*range(low), *range(high, robot.tick)]
+    assert log["x"].values.tolist() == ticks
+    assert log["x"].time_ns.tolist() == [1_700_000_000_000_000_000 + tick * 1_000_003 for tick in ticks]
+    slow = [tick for tick in ticks if tick % 5 == 0]
+    assert (-log["slow"].values).tolist() == slow
+    assert log["slow"].time_ns.tolist() == [1_700_000_000_000_000_000 + tick * 1_000_003 for tick in slow]
+    with pytest.raises(SaveError, match="an element with a gap between two parts of the recording"):
+        log.save(tmp_path / "whole.silo")
+
+
+@pytest.mark.parametrize("ending", [".silo", ".csv", ".rosbag2", ".mcap"])
+def test_parts_that_were_converted_are_read_as_one_as_well(robot, tmp_path, truth, ending) -> None:
+    robot.start()
+    converted = []
+    for path in recorded(robot, tmp_path, truth):
+        converted.append(tmp_path / "others" / f"{path.stem}{ending}")
+        converted[0].parent.mkdir(exist_ok=True)
+        silo.open_log(path).save(converted[-1])
+    for log in (silo.open_log(converted), silo.open_log(converted[1], alone=False)):
+        assert truth.span(log.recording) == (0, robot.tick)
+    with pytest.warns(silo.LogWarning, match=r"one file of recording 'bot' .*alone=False"):
+        silo.open_log(converted[0].parent)
+
+
+def test_who_opens_one_part_of_several_by_a_folder_or_a_glob_is_told_how_to_get_all(
+    robot, tmp_path, truth, capsys, recwarn
+) -> None:
+    robot.start()
+    found = recorded(robot, tmp_path, truth)
+    for which in (tmp_path / "rec", f"{tmp_path}/rec/*.mcap", f"{tmp_path}/rec/bot"):
+        with pytest.warns(silo.LogWarning, match=r"one file of recording 'bot' of run .*--whole.*alone=False"):
+            assert len(silo.open_log(which)["x"]) < robot.tick
+    assert not told_of(recwarn)
+    assert len(silo.open_log(tmp_path / "rec", alone=True)) == len(silo.open_log(found[0])) == 4
+    for words in (["stats", "x"], ["check", "--never", "x < 0"]):
+        assert run([words[0], str(tmp_path / "rec"), *words[1:]]) == 0
+        assert "alone: `silo stats --whole`" in capsys.readouterr().err
+    assert run(["stats", "--whole", str(tmp_path / "rec"), "x"]) == 0
+    told = capsys.readouterr()
+    assert (str(robot.tick) in told.out, told.err) == (True, "")
+    assert run(["convert", "--whole", str(tmp_path / "rec"), str(tmp_path / "whole.silo")]) == 0
+    assert truth.span(silo.open_log(tmp_path / "whole.silo").recording) == (0, robot.tick)
+    assert not told_of(recwarn)
+    for path in found[1:]:
+        path.unlink()
+    silo.open_log(tmp_path / "rec")
+    assert not told_of(recwarn), "the only part is all there is"
+
+
+def test_the_part_that_is_being_written_is_one_of_the_recording_and_another_run_is_none(robot, tmp_path, truth) -> None:
+    robot.start()
+    recorded(robot, tmp_path, truth)
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path, split_bytes=12_000))
+    robot.ticks(130)
+    direct.step()
+    robot.ticks(30)
+    direct.step()
+    with pytest.warns(silo.LogWarning, match=r"ticks 130 to 159: the file is not finished"):
+        log = silo.open_log(parts(tmp_path)[-1], alone=False)
+    assert len(log["x"]) == 160
+    with pytest.raises(ElementError, match="or of one recording of a run"):
+        silo.open_log(parts(tmp_path))
+    direct.finish()
+
+
+def test_a_recording_of_a_run_that_was_cut_is_read_as_one_across_the_cut(robot, tmp_path, truth) -> None:
+    robot.start()
+    recorded(robot, tmp_path, truth, 2)
+    robot.log.set("slow", divider=2, cut=True)
+    before = robot.tick
+    recorded(robot, tmp_path, truth, 5)
+    log = silo.open_log(parts(tmp_path))
+    assert log["x"].values.tolist() == list(range(robot.tick))
+    ticks = [*range(0, before, 5), *range(before, robot.tick, 2)]
+    assert (-log["slow"].values).tolist() == ticks
+    assert log["slow"].time_ns.tolist() == [1_700_000_000_000_000_000 + tick * 1_000_003 for tick in ticks]
+    assert not log.warnings
+
+
+def test_damage_that_is_found_in_a_part_when_values_are_read_is_told_of_the_whole(robot, tmp_path, truth) -> None:
+    robot.start()
+    found = recorded(robot, tmp_path, truth, 2, ticks=1500)
+    data = bytearray(found[1].read_bytes())
+    chunks = [one for one in indexed_records(memoryview(bytes(data))) if one.opcode == Opcode.CHUNK]
+    data[max(chunks, key=lambda one: one.end - one.at).end - 20] ^= 1
+    found[1].write_bytes(data)
+    log = silo.open_log(found)
+    before = list(log.warnings)
+    with pytest.warns(silo.LogWarning, match=found[1].name):
+        for name in log:
+            _ = log[name].values
+    fresh = [text for text in log.warnings if text not in before]
+    assert fresh
+    assert all(text.startswith("ticks ") for text in fresh)

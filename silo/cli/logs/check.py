@@ -57,8 +57,9 @@ def check_command(
     from silo.guards.guard import guard, junit
     from silo.guards.rules import read_rules
 
-    recording = _read(find_saved(file), whole)
-    baseline = None if against is None else _read(find_saved(against), whole)
+    path, base = find_saved(file), None if against is None else find_saved(against)
+    recording = _read(path, whole)
+    baseline = None if base is None else _read(base, whole)
     held = [] if rules is None else read_rules(rules)
     asked = [*recording.conditions.limits, *(_limits(text, when) for text in limits)]
     if baseline is not None:  # what it broke, too, is nothing new
@@ -71,8 +72,9 @@ def check_command(
     if report is not None:
         junit(report, file, found)
     _show(found, as_json=as_json)
-    for one in filter(None, (recording, baseline)):
-        _warn(one)
+    _warn(path, recording)
+    if base is not None and baseline is not None:
+        _warn(base, baseline)
     if any(one.violated for one in found):
         return EXIT_FOUND
     return EXIT_BLIND if all(one.worst == "UNOBSERVABLE" for one in found) else 0

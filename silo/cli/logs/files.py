@@ -80,7 +80,9 @@ window_options = together(
     click.option("--from", "start", type=float, help="Begin of the window, s from the start of the log."),
     click.option("--to", "stop", type=float, help="End of the window, s."),
 )
-whole_option = click.option("--whole", is_flag=True, help="Of a run that was cut all parts beside it, as one.")
+whole_option = click.option(
+    "--whole", is_flag=True, help="All parts beside it as one: of a run that was cut, of a recording."
+)
 size_options = together(
     click.option("--width", type=click.IntRange(30, 1000), help="Columns; that of the terminal if not given."),
     click.option("--height", type=click.IntRange(8, 1000), help="Rows; those of the terminal if not given."),
@@ -183,7 +185,7 @@ def convert_command(
 
     with progress(f"{target.name}") as tell:
         recording = convert(path, target, tell, force, change)
-    _warn(recording)
+    _warn(path, recording)
     held = f"{many(recording.entry_count, 'signal')}, {many(len(recording.time_ns), 'tick')}"
     click.echo(f"{target}  {size_of(target)} bytes, {held}")
     cells = recording.entry_count * len(recording.time_ns)
@@ -212,7 +214,8 @@ def stats_command(
     from silo.analysis.plots.curves import pick, pick_all
     from silo.analysis.reports import format_statistics, statistics
 
-    recording = _read(find_saved(file), whole, check=not patterns)
+    path = find_saved(file)
+    recording = _read(path, whole, check=not patterns)
     signals = pick(recording, patterns) if patterns else pick_all(recording)
     # one after the other: a window copies the signal
     rows = [statistics(signal) for signal in _windowed(recording, signals, start, stop)]
@@ -220,7 +223,7 @@ def stats_command(
     if rows and not any(row.samples for row in rows) and (start, stop) != (None, None):
         lasts_s = (int(recording.time_ns[-1]) - int(recording.time_ns[0])) / 1e9 if len(recording.time_ns) else 0.0
         click.echo(f"warning: no sample from {start or 0:g} s on, the log lasts {lasts_s:g} s", err=True)
-    _warn(recording)
+    _warn(path, recording)
 
 
 _meeting_options = together(
@@ -251,7 +254,8 @@ def diff_command(
     """
     from silo.analysis.compare import differences
 
-    a, b = (_read(find_saved(one), whole) for one in (first, second))
+    paths = [find_saved(one) for one in (first, second)]
+    a, b = (_read(path, whole) for path in paths)
     found = differences(a, b, tolerance, by)
     equal = not any(one.differs for one in found)
     if as_json:
@@ -263,8 +267,8 @@ def diff_command(
     if equal and not as_json:
         partly = " over the time that both have" if found else ""
         click.echo(f"equal{partly}: {many(a.entry_count, 'signal')}, {many(len(a.time_ns), 'tick')}")
-    _warn(a)
-    _warn(b)
+    for path, recording in zip(paths, (a, b), strict=True):
+        _warn(path, recording)
     if not equal:
         raise SystemExit(EXIT_FOUND)
 
@@ -314,12 +318,13 @@ def compare_command(
         return
     if not 1 <= len(words) <= 2:
         raise click.UsageError("name two runs, silo compare A B [PATTERN], or many: silo compare A..B [PATTERN]")
-    recordings = [_read(find_saved(one), whole) for one in (first, words[0])]
+    paths = [find_saved(one) for one in (first, words[0])]
+    recordings = [_read(path, whole) for path in paths]
     a, b = map(Log, recordings)
     found = compare(a, b, *words[1:], **options)
     show([row.facts for row in found.rows], as_json, lambda: str(found))
-    for recording in recordings:
-        _warn(recording)
+    for path, recording in zip(paths, recordings, strict=True):
+        _warn(path, recording)
     if png is not None and found.rows:
         click.echo(found.plot(path=png), err=as_json)
     if found:
@@ -416,7 +421,7 @@ def plot_command(
         click.echo(draw_text(chart, width or size.columns, height or size.lines - 2, color=_wants_color()))
     if left_out:
         click.echo(f"{left_out} more signals match; the first {_MOST_CURVES} are drawn", err=True)
-    _warn(recording)
+    _warn(path, recording)
 
 
 def _at_rate(recording: "Recording", rate: float) -> "Recording":
@@ -459,9 +464,10 @@ def _windowed(
         yield window(signal, low, high)
 
 
-def _warn(recording: "Recording") -> None:
-    alone = recording.stretch.alone if recording.stretch is not None else ""
-    for warning in filter(None, (*recording.warnings, alone)):
+def _warn(path: Path, recording: "Recording") -> None:
+    from silo.analysis.opening import alone_of
+
+    for warning in filter(None, (*recording.warnings, alone_of(path, recording))):
         click.echo(f"warning: {warning}", err=True)
 
 

@@ -64,7 +64,7 @@ def bode(
     log, title = _opened(file, given, output, whole)
     found = log.bode(given, output, start, stop, segment_s=segment)
     _show(found, bode_charts(found, title), **shown)
-    _warn(log.recording)
+    _warn(Path(log.path), log.recording)
 
 
 @click.command("step")
@@ -88,7 +88,7 @@ def step(
     unit = log[output].unit
     words = step_words(found, log[given].unit, unit)
     _show(found, [step_chart(found, "" if unit == "-" else unit, title)], words, **shown)
-    _warn(log.recording)
+    _warn(Path(log.path), log.recording)
 
 
 def _opened(file: str, given: str, output: str, whole: bool) -> "tuple[Log, str]":

@@ -15,7 +15,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from silo.core.elements import UNHELD, BufferType, LoggedEvent
+from silo.core.elements import UNHELD, BufferType, LoggedEvent, Stretch
 from silo.core.recording import Recording, alike
 from silo.files.bags.index import DAMAGE, GAPS, BagElements, lost_chunk
 from silo.files.mcap.chunks import chunk_start, unpack_chunk
@@ -128,6 +128,7 @@ def open_part(file: Path, data: memoryview, index: Index, facts: PartFacts) -> R
         facts.recording,
         offset=end,
         time_looping=True,
+        stretch=msgspec.structs.replace(facts.recording.stretch or Stretch(facts.run, 1), recorder=facts.recorder),
         warnings=tuple(warnings),
         events=tuple(sorted(events, key=lambda event: (event.time_ns, event.number))),
         elements=tuple(
