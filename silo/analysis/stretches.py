@@ -23,6 +23,7 @@ from silo.core.recording import (
     alike,
     falls,
     lazy_entry,
+    once_each,
     samples_between,
     stamps_of,
     within,
@@ -137,7 +138,12 @@ def joined(parts: Sequence[Recording]) -> Recording:
         for element in piece.elements:
             by_name.setdefault(element.name, []).append((piece, element))
     own: dict[tuple[tuple[int, int, int], ...], NDArray[np.int64]] = {}
-    events = [_moved(event, piece, pieces, begin) for piece in pieces for event in piece.part.events]
+    events = [
+        _moved(event, piece, pieces, begin)
+        for piece in pieces
+        for event in piece.part.events
+        if not (_is_image(event) and _goes_on(piece, pieces))
+    ]
     return replace(
         last.part,
         time_ns=time_ns,
@@ -146,7 +152,7 @@ def joined(parts: Sequence[Recording]) -> Recording:
         started_ns=first.started_ns,
         time_looping=first.time_looping,
         warnings=_warnings(pieces, told),
-        events=tuple(sorted(events, key=lambda event: (event.time_ns, event.number))),
+        events=tuple(once_each(events)),
         stretch=Stretch(last.stretch.run, parts=len(pieces), recorder=last.stretch.recorder),
     )
 
@@ -235,6 +241,17 @@ def _fresh(element: RecordedElement, first: int, taken: Mapping[str, int]) -> Re
         return element
     entries = _cut(element, slice(skip, None), element.count - skip)
     return replace(element, first=element.first + skip * element.divider, entries=entries)
+
+
+def _is_image(event: LoggedEvent) -> bool:
+    """Whether it tells what all parameters were at a begin, and of no change."""
+    return event.change is not None and all(old is None for _, old, _ in event.change.values)
+
+
+def _goes_on(piece: _Piece, pieces: Sequence[_Piece]) -> bool:
+    """Whether it is a file of a recording that begins where another one ends."""
+    its = [one for one in pieces if one is not piece and one.stretch.part == piece.stretch.part]
+    return any(_first(one.part) < _first(piece.part) <= one.part.offset for one in its)
 
 
 def _moved(event: LoggedEvent, piece: _Piece, pieces: Sequence[_Piece], begin: int) -> LoggedEvent:

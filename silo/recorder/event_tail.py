@@ -1,23 +1,29 @@
 """What happens in a run, for its parts: the lines of the event log as they come, read from its file.
 
 From the file and not over the socket, so that a recorder has them whether or not the helper process lives that wrote
-them, and one that goes on after a kill finds what its predecessor had not written yet.
+them, and one that goes on after a kill finds what its predecessor had not written yet. Changes of parameters are read
+from the segment, which has them before the row from which on they hold: once the log tells of one, the part in which
+its tick lies may be closed.
 """
 
 import contextlib
 import os
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
 
-from silo.core.elements import LoggedEvent
+from silo.core.elements import PARAMETER, SEEN_LATE_NS, LoggedEvent
 from silo.core.runtime import open_own, read_own
-from silo.files.event_log import CRASHED, decoded, event_log_path, older_event_log
+from silo.core.tuning.parameters import ParameterChange, ParameterValue
+from silo.errors import SegmentError
+from silo.files.event_log import CRASHED, decoded, event_log_path, older_event_log, read_events
 from silo.recovery.left import STOPPED, log_end
 from silo.segment.reader import SegmentReader
 
 LAST_WORDS_S = 2.0  # how long what is told of the end of a run may take: the disk of the log may hang
+MOST_UNMATCHED = 10_000  # changes of which the log has not told yet: where nobody writes it, it never does
 _BLOCK_BYTES = 1 << 20
 
 
@@ -67,6 +73,109 @@ class _Tail:
         return found
 
 
+class ParameterTail:
+    """The changes of parameters in one run, for parts of it: of each what all were at its begin, and what changed then.
+
+    Used by the writing thread.
+    """
+
+    def __init__(self, reader: SegmentReader) -> None:
+        self._reader = reader
+        self._seen = -1  # the number of the newest change, among those that landed
+        self._values: dict[str, ParameterValue] = {}  # what each was at the begin of the part that is open
+        self._since: dict[str, tuple[int, int]] = {}  # by tick and time of the change
+        self._changes: list[LoggedEvent] = []  # since then
+        self._waiting: list[LoggedEvent] = []  # those of them that are not in the part yet
+        self._told: set[tuple[int, int, str]] = set()  # those that are in any
+        self._unmatched: dict[tuple[int, int, str], None] = {}  # that are to come in the log, too
+        self._start: LoggedEvent | None = None
+        self._has_begun = False  # a part: what changed before the first one is in none
+
+    def _look(self) -> None:
+        """Take in what landed since the last time."""
+        with contextlib.suppress(SegmentError):  # somebody cut it short, which others tell
+            found = self._reader.changes(self._seen)
+            if self._seen < 0 and found:
+                self._start, *found = found
+                self._unmatched[_identity(self._start)] = None
+                self._values = {name: new for name, _, new in _values(self._start)}
+                self._seen = 0
+                if found and found[0].number > 1:  # the oldest are overwritten
+                    found = [*self._told_by_the_log(found[0].time_ns), *found]
+            self._seen = found[-1].number if found else self._seen
+            self._take(found)
+            self._unmatched |= dict.fromkeys(map(_identity, found))
+            while len(self._unmatched) > MOST_UNMATCHED:
+                del self._unmatched[next(iter(self._unmatched))]
+
+    def _told_by_the_log(self, until_ns: int) -> list[LoggedEvent]:
+        schema = self._reader.schema
+        with contextlib.suppress(OSError):
+            told = read_events(schema.folder, schema.logger, schema.run)
+            return [
+                one for one in told if one.time_ns < until_ns and any(old is not None for _, old, _ in _values(one))
+            ]
+        return []
+
+    def _take(self, changes: Sequence[LoggedEvent]) -> None:
+        self._changes += changes
+        self._waiting += changes
+
+    def take_line(self, event: LoggedEvent) -> None:
+        """Take in what the log tells of a change, which is known already unless it was overwritten in the segment."""
+        self._look()
+        if self._unmatched.pop(_identity(event), event) is event:
+            self._take([event])
+
+    def begin(self, tick: int) -> LoggedEvent | None:
+        """Return what all parameters are at a tick, with which a part begins; None where there are none."""
+        self._look()
+        start, changes = self._start, self._changes
+        if start is None:
+            return None
+        late = [one for one in changes if one.tick < tick and _identity(one) not in self._told]
+        self._changes = [one for one in changes if one.tick >= tick or not tick]
+        self._waiting = [*(late if self._has_begun and tick else ()), *self._changes]
+        self._told.intersection_update(map(_identity, self._changes))
+        self._has_begun = True
+        if not tick:
+            return start
+        for one in changes:
+            if one.tick < tick:
+                for name, _, new in _values(one):
+                    if (one.tick, one.time_ns) >= self._since.get(name, (-1, 0)):
+                        self._values[name], self._since[name] = new, (one.tick, one.time_ns)
+        change = ParameterChange(tuple((name, None, value) for name, value in self._values.items()))
+        text = start.text.replace("at the start", "at the begin of this part")
+        now_ns, stamp_ns = time.time_ns(), self._reader.stamp_of(tick)
+        told_ns = stamp_ns if 0 <= now_ns - stamp_ns < SEEN_LATE_NS else now_ns
+        # before what changed since then, whenever that is written
+        time_ns = min([told_ns, *(one.time_ns - 1 for one in self._changes)])
+        return msgspec.structs.replace(start, text=text, time_ns=time_ns, tick=tick, change=change)
+
+    def until(self, tick: int) -> list[LoggedEvent]:
+        """Return what changed before a tick, and is not in the part that is open."""
+        self._look()
+        due = [one for one in self._waiting if one.tick < tick]
+        self._waiting = [one for one in self._waiting if one.tick >= tick]
+        self._told.update(map(_identity, due))
+        return due
+
+    def has_more(self, tick: int) -> bool:
+        """Whether there are changes that are in no part; `tick` is where the first one would begin."""
+        self._look()
+        since = [one for one in self._changes if self._has_begun or one.tick >= tick or not tick]
+        return any(_identity(one) not in self._told for one in since)
+
+
+def _identity(event: LoggedEvent) -> tuple[int, int, str]:
+    return event.time_ns, event.tick, event.text
+
+
+def _values(event: LoggedEvent) -> Sequence[tuple[str, ParameterValue | None, ParameterValue]]:
+    return event.change.values if event.change is not None else ()
+
+
 class EventTail:
     """The events of one run, each once, with the time stamp of its tick. Used by the writing thread.
 
@@ -85,6 +194,7 @@ class EventTail:
         self._done_s = 0.0
         self._seen = 0  # the newest number, of whatever run
         self._before: LoggedEvent | None = None  # the newest line
+        self._parameters = ParameterTail(reader)
 
     def close(self) -> None:
         """Let go of the log and the segment."""
@@ -106,9 +216,25 @@ class EventTail:
             self._seen = max(self._seen, event.number)
             if event.run == self._run and event.number >= self._next:
                 self._next = event.number + 1
-                found.append(event)
+                if event.kind == PARAMETER:
+                    self._parameters.take_line(event)
+                else:
+                    found.append(event)
                 self._is_over |= event.kind in (STOPPED, CRASHED)
         return found
+
+    def parameters_at(self, tick: int) -> tuple[LoggedEvent, ...]:
+        """Return what all parameters are at the first tick of a part; nothing where there are none."""
+        found = self._parameters.begin(tick)
+        return () if found is None else (self._stamped(found),)
+
+    def changes_until(self, tick: int) -> tuple[LoggedEvent, ...]:
+        """Return what parameters became at ticks of the present part, before this one, each once."""
+        return tuple(map(self._stamped, self._parameters.until(tick)))
+
+    def has_changes(self, tick: int) -> bool:
+        """Whether parameters changed at ticks that are in no part, of which one would begin with this tick."""
+        return self._parameters.has_more(tick)
 
     def _stamped(self, event: LoggedEvent) -> LoggedEvent:
         if event.stamp_ns:

@@ -62,6 +62,7 @@ BAD_STAMP = (
 
 log = logging.getLogger("silo.recorder")
 
+_NO_END = 2**62  # a tick that never comes
 _OF_RECORDERS = ("recording", "recording failed")  # kinds of news for which alone no part is begun
 
 
@@ -305,6 +306,7 @@ class Writing:
         """Take in what happened, also where no rows come."""
         if self._happening is not None:
             self._take_events(self._happening.read())
+            self._take_changes()
 
     def settle(self, closed: Sequence[ClosedPart]) -> None:
         """Take in parts that predecessors left, and that were closed."""
@@ -334,7 +336,10 @@ class Writing:
             self._finish_part("longer bytes than before came")
             layout = self._layout = layout.with_bytes(misfits)
             elements = layout.samples(rows)
-        self._open_part().add(rows, elements)
+        part = self._open_part()
+        # before the rows: whatever ends the part, none is there without
+        self._take_changes((rows.first + len(rows) - 1) * rows.ring.divider + 1)
+        part.add(rows, elements)
         self._next_rows[rows.ring.ring] = rows.first + len(rows)
 
     def _take_bad(self, rows: Rows) -> None:
@@ -381,7 +386,8 @@ class Writing:
 
     def _open_part(self) -> OpenPart:
         if self._part is None:
-            part = OpenPart(self._folder, self._order.name, self._present_layout, self._next_rows, self._disk.write)
+            told, begin = self._told_at_begin()
+            part = OpenPart(self._folder, self._order.name, self._present_layout, begin, self._disk.write)
             self._part = part
             with contextlib.suppress(OSError, RuntimeError):  # then `silo recover` must be told the folder
                 remember_folder(self._folder, RECORDINGS)
@@ -390,8 +396,43 @@ class Writing:
             if self._gone:
                 part.note_gone(self._gone)
                 self._gone = ""
+            self._add_told(told)
             self._take_events(())
         return self._part
+
+    def _told_at_begin(self) -> tuple[tuple[LoggedEvent, ...], dict[int, int]]:
+        """What the parameters are with which a part begins, and its rows."""
+        happening = self._happening
+        told = happening.parameters_at(self._next_tick) if happening is not None else ()
+        # what is told of parameters has the number of the line before: the next line is still to come
+        return told, {**self._next_rows, **({EVENTS_RING: self._line_before} if told else {})}
+
+    @property
+    def _next_tick(self) -> int:
+        """The first tick of which a row is still to come."""
+        layout = self._present_layout
+        return min(
+            (self._next_rows.get(ring, 0) * layout.schema.rings[ring].divider for ring in layout.rings), default=0
+        )
+
+    @property
+    def _line_before(self) -> int:
+        return max(0, self._next_rows.get(EVENTS_RING, 0) - 1)
+
+    def _take_changes(self, until: int = 0) -> None:
+        """Write what parameters became at ticks of the part that is open, whose rows go to tick `until` at least.
+
+        What became of them at later ticks is for the next part.
+        """
+        if self._part is not None and self._happening is not None:
+            layout = self._part.layout
+            dividers = {ring: layout.schema.rings[ring].divider for ring in layout.rings}
+            ends = [(self._next_rows.get(ring, 0) - 1) * divider + 1 for ring, divider in dividers.items()]
+            self._add_told(self._happening.changes_until(max([until, *ends])))
+
+    def _add_told(self, told: Sequence[LoggedEvent]) -> None:
+        if self._part is not None and told:
+            self._part.add_events([msgspec.structs.replace(one, number=self._line_before) for one in told])
 
     def _take_events(self, events: tuple[LoggedEvent, ...]) -> None:
         """Write what happened, if there is a part; where there is none it waits for the next rows, or the end."""
@@ -411,13 +452,18 @@ class Writing:
         Its event log is to have event `until`. `end` are the rows up to which it was read; `over`: that is all of it;
         `died`: its program ended without a word.
         """
-        happening, self._happening = self._happening, None
-        self._note_bad()
-        if happening is not None:
-            with contextlib.closing(happening):
+        happening = self._happening
+        with contextlib.ExitStack() as closing:
+            if happening is not None:
+                closing.callback(self._close_events, happening)
+            self._note_bad()
+            if happening is not None:
                 self._take_events(happening.read_last(until, died=died))
-            if any(event.kind not in _OF_RECORDERS for event in self._waiting):
-                self._open_part()
+                if happening.has_changes(self._next_tick) or any(
+                    event.kind not in _OF_RECORDERS for event in self._waiting
+                ):
+                    self._open_part()
+                self._take_changes(_NO_END)
         self._waiting = []
         self._finish_part()
         if happening is not None:
@@ -427,6 +473,10 @@ class Writing:
                 self.news.append(News(Report, done=run))
             self._count()
         self.totals.state = RecorderState.WAITING
+
+    def _close_events(self, happening: EventTail) -> None:
+        self._happening = None
+        happening.close()
 
     def _note_lost(self, loss: Loss) -> None:
         layout = self._present_layout
@@ -454,6 +504,7 @@ class Writing:
 
     def _finish_part(self, why: str = "") -> None:
         """Finish the part that is open; `why`, where the next one goes on with the run."""
+        self._take_changes()
         part, self._part = self._part, None
         if part is None:
             return

@@ -21,6 +21,7 @@ from silo.files.event_log import append_events, event_log_path, older_event_log
 from silo.files.parts.scan import rows_after, scan_part
 from silo.recorder.orders import Finish, RecordOrder, encode
 from silo.recovery.parts import close_part
+from silo.segment.reader import SegmentReader
 from tests.waiting import wait_until
 
 
@@ -318,3 +319,185 @@ def test_that_a_program_ended_is_in_its_last_part_though_the_kernel_still_clears
     recorder.end()
     (path,) = (tmp_path / "rec").glob("*.mcap")
     assert [event.kind for event in read_bag(path).events] == ["started", "crashed"]  # which nobody else had told
+
+
+@pytest.fixture
+def tuned(robot):
+    """A robot with two parameters; what they were at each tick that was collected stands in `.were`."""
+    kp, kd = robot.log.parameter("kp", 1.0), robot.log.parameter("kd", 0.5)
+    ticks, robot.were = robot.ticks, []
+
+    def noted(count: int) -> None:
+        for _ in range(count):
+            ticks(1)
+            robot.were.append((kp.value, kd.value))
+
+    robot.ticks, robot.kp, robot.kd = noted, kp, kd
+    return robot
+
+
+ONLY = ("x", "slow")
+
+
+def check_parameters(tuned, paths: list[Path]) -> None:
+    """Each part tells what parameters were at its ticks, and of changes those at its ticks alone."""
+    for path in paths:
+        log = open_log(path, alone=True)
+        first = log.recording.offset - len(log.times)
+        were = [tuple(log.parameters.at(time_s)[f"/log/{name}"] for name in ("kp", "kd")) for time_s in log.times]
+        assert were == tuned.were[first : log.recording.offset]
+        assert all(first <= event.tick < log.recording.offset for event in log.parameters.changes)
+
+
+def tell_log(tuned, tmp_path, first: int = 1) -> None:
+    """What a helper process does, later: the event log tells of all changes that the segment has."""
+    with contextlib.closing(SegmentReader(tuned.log._present.path)) as reader:
+        lines = [msgspec.structs.replace(one, number=at) for at, one in enumerate(reader.stamped_changes(), first)]
+    append_events(tmp_path, "bot", lines)
+
+
+@pytest.mark.parametrize("before", [0, 37])
+def test_each_part_tells_what_parameters_were_at_its_begin_and_what_they_became_in_it(
+    tuned, tmp_path, truth, before
+) -> None:
+    tuned.start()
+    tuned.ticks(before)
+    if before:
+        tuned.kd.value = 0.75
+        tuned.ticks(3)
+    direct = truth.direct(tuned, order(tmp_path, split_bytes=8_000, patterns=ONLY))
+    rng, changed = np.random.default_rng(3), 0
+    while len(parts(tmp_path)) < 4:
+        for _ in range(3):
+            tuned.ticks(int(rng.integers(20, 60)))
+            tuned.kp.value = float(changed + 2)
+            changed += 1
+        tuned.ticks(1)
+        direct.step()
+    tell_log(tuned, tmp_path)  # too late for most parts, and known already
+    tuned.ticks(10)
+    direct.step()
+    direct.finish()
+    check_parameters(tuned, parts(tmp_path))
+    told = [event.tick for path in parts(tmp_path) for event in open_log(path).parameters.changes]
+    assert len(told) == len(set(told)) == changed
+    whole = open_log(parts(tmp_path))
+    assert [event.tick for event in whole.parameters.changes] == told
+    assert sum(event.kind == "parameter" for event in whole.recording.events) == changed + 1, "one image, of the begin"
+    check_parameters(tuned, parts(tmp_path))
+
+
+def test_a_change_of_which_the_log_alone_knows_any_more_is_in_the_part_and_in_the_image_of_the_next(
+    tuned, tmp_path, truth
+) -> None:
+    tuned.start()
+    tuned.ticks(10)
+    tuned.kd.value = 0.75
+    tell_log(tuned, tmp_path)
+    for step in range(1100):
+        tuned.kp.value = float(step)
+    tuned.ticks(5)
+    with contextlib.closing(SegmentReader(tuned.log._present.path)) as reader:
+        assert "/log/kd" not in {name for one in reader.changes(0) for name, _, _ in one.change.values}
+    direct = truth.direct(tuned, order(tmp_path, patterns=ONLY))
+    tuned.ticks(20)
+    direct.step()
+    direct.finish()
+    check_parameters(tuned, parts(tmp_path))
+
+
+def test_a_change_at_a_tick_that_two_parts_have_is_in_both_and_once_in_the_whole(tuned, tmp_path, truth) -> None:
+    tuned.start()
+    direct = truth.direct(tuned, order(tmp_path, patterns=ONLY))
+    tuned.ticks(60)
+    direct.step()
+    tuned.ticks(20)
+    tuned.kp.value = 7.0
+    tuned.ticks(20)
+    drained = direct.drain.read(1 << 20)
+    for slow in (True, False):
+        rows = [one for one in drained.rows if (one.ring.divider == 5) is slow]
+        direct.writing.put(direct.writing.write, type(drained)(rows))
+        direct.writing.put(direct.writing._finish_part)
+    direct.finish()
+    one, two = parts(tmp_path)
+    assert [event.tick for path in (one, two) for event in open_log(path).parameters.changes] == [80, 80]
+    check_parameters(tuned, [one, two])
+    assert [event.tick for event in open_log([one, two]).parameters.changes] == [80]
+
+
+def test_a_change_behind_the_last_row_of_all_parts_is_in_one_of_its_own(tuned, tmp_path, truth) -> None:
+    tuned.start()
+    direct = truth.direct(tuned, order(tmp_path, patterns=ONLY))
+    tuned.ticks(30)
+    direct.step()
+    direct.writing.put(direct.writing._finish_part)
+    tuned.kp.value = 9.0
+    direct.finish()
+    first, last = parts(tmp_path)
+    assert open_log(first).parameters.at(1) == {"/log/kp": 1.0, "/log/kd": 0.5}
+    assert [event.tick for event in open_log(last).parameters.changes] == [30]
+    assert open_log([first, last]).parameters.changes[0].change.values == (("/log/kp", 1.0, 9.0),)
+
+
+def test_who_goes_on_behind_a_part_that_tells_of_parameters_has_each_event_once(
+    tuned, tmp_path, truth, happens
+) -> None:
+    tuned.start()
+    direct = truth.direct(tuned, order(tmp_path, patterns=ONLY))
+    happens("first", 0)
+    tuned.ticks(40)
+    direct.step()
+    tuned.kp.value = 4.0
+    tuned.ticks(10)
+    direct.step()
+    (path,) = (tmp_path / "rec").glob("*.mcap.part")
+    data = memoryview(path.read_bytes())
+    (_, rows), scan = rows_after(data), scan_part(data)
+    assert rows == scan.next_rows
+    assert rows[-1] == 2, "the line after the one that stands there"
+    direct.finish()
+    assert [event.text for event in read_bag(parts(tmp_path)[0]).events if event.kind == "marker"] == ["first"]
+
+
+def test_what_a_kill_leaves_of_a_part_has_no_row_without_the_change_from_which_on_it_holds(
+    tuned, tmp_path, truth
+) -> None:
+    tuned.start()
+    direct = truth.direct(tuned, order(tmp_path, patterns=ONLY))
+    for step in range(6):
+        tuned.ticks(15)
+        tuned.kp.value = step + 2.0
+        tuned.ticks(15)
+        direct.step()
+    (path,) = (tmp_path / "rec").glob("*.mcap.part")
+    whole = path.read_bytes()
+    direct.finish()
+    found = set()
+    for size in range(len(whole) // 4, len(whole), 97):
+        cut = tmp_path / f"cut{size}.mcap.part"
+        cut.write_bytes(whole[:size])
+        closed = close_part(cut)
+        if closed.samples:
+            log = open_log(closed.path)
+            were = [log.parameters.at(time_s)["/log/kp"] for time_s in log.times]
+            assert were == [kp for kp, _ in tuned.were[: len(were)]]
+            found.add(len(were))
+    assert len(found) > 3
+
+
+def test_a_change_in_ticks_that_were_lost_is_told_in_the_next_part(tuned, tmp_path, truth, monkeypatch) -> None:
+    monkeypatch.setattr("silo.recorder.writing.MOST_HOLE_ROWS", 100)
+    tuned.start()
+    direct = truth.direct(tuned, order(tmp_path, patterns=("x",)))
+    tuned.ticks(50)
+    direct.step()
+    tuned.ticks(20)
+    tuned.kp.value = 3.0
+    tuned.ticks(3000)
+    direct.step()
+    direct.finish()
+    first, last = parts(tmp_path)
+    assert open_log(first).parameters.changes == []
+    assert [event.tick for event in open_log(last).parameters.changes] == [70]
+    assert open_log(last).parameters.at(0)["/log/kp"] == 3.0
