@@ -142,8 +142,8 @@ class HeldSource:
         others = self._pieces if len(self._pieces) > 1 else ()
         if not others or self.main.problem or not self._pins:
             return self.main.text
-        here = "all fetched" if all(piece.complete for piece in others) else f"{text.span(self.fetched_s, 2)} of it fetched"
-        return f"{self.held_text} held, {here}"
+        share = "all" if all(piece.complete for piece in others) else f"{text.span(self.fetched_s, 2)} of it"
+        return f"{self.held_text} held, {share} fetched"
 
     def covers(self, time_ns: int) -> bool:
         """Return whether a moment is pinned."""
