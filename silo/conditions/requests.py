@@ -167,7 +167,8 @@ class ConditionRequests(Caller):
 
             client.derive("power", "joints/tau * joints/qd", unit="W")
 
-        It is watched, plotted and saved as elements are. Given again, it gets a new expression.
+        It is watched, plotted and saved as elements are, and recorded from then on. Given again, it gets a new
+        expression, which a recording has from the next run on.
 
         Args:
             name: with or without the prefix of the logger.

@@ -480,6 +480,7 @@ class Ledger:
             self.written.runs.append(entry)
         else:
             known.channels, known.conditions, known.gone = entry.channels, entry.conditions, ""
+            known.begin = {**entry.begin, **known.begin}  # of rings that came since, where they begin
         self.written.fold()
         self._store()
 

@@ -56,7 +56,8 @@ class LoggerConditions(TakesConditions[None]):
         """Have a signal computed from others wherever rows are read: `log.derive("power", "joints/tau * joints/qd")`.
 
         It is watched, plotted and saved as elements are; nothing of it stands in the buffers, and it costs the control
-        loop nothing. Given again, it gets a new expression. Also while the logger runs.
+        loop nothing. Given again, it gets a new expression. Also while the logger runs: a recording has it from then
+        on, in a new part; one that gets a new expression, or is removed, is recorded as before until the run ends.
 
         Args:
             name: its name after prefix and group, or whole with the prefix.

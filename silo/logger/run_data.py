@@ -224,7 +224,7 @@ class RunData:
         """Record every sample from now on to MCAP files, across restarts, until `stop_recording`.
 
         Needs `serve()`: a process of the helper's writes, the loop has no part in it. The call waits for its first
-        words.
+        words. All parts of a run are one log by `silo.open_log(folder, alone=False)`.
 
         Args:
             patterns: elements, namespaces or globs; all elements without any.

@@ -15,7 +15,7 @@ from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema
 from numpy.typing import NDArray
 
-from silo.core.conditions import Conditions
+from silo.core.conditions import Conditions, Derived
 from silo.core.elements import BufferType, Stretch
 from silo.core.names import matching
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike
@@ -132,8 +132,19 @@ class ChannelLayout:
         """The same, with these entries as bytes."""
         return replace(self, as_bytes=self.as_bytes | entries)
 
+    def filled(self, begin: dict[int, int], noted: Mapping[int, int]) -> dict[int, int]:
+        """Rows with which a run goes on, with those of signals that were derived after what told them: as was noted for
+        them, or where the others are. None are from the start.
+        """
+        dividers = {ring: self.schema.rings[ring].divider for ring in self.rings}
+        ticks = [(row - 1) * dividers[ring] + 1 for ring, row in begin.items() if ring in dividers]
+        if not ticks:
+            return begin
+        tick = max(0, *ticks)
+        return {ring: noted.get(ring, -(-tick // divider)) for ring, divider in dividers.items()} | begin
+
     def with_conditions(self, conditions: Conditions) -> "ChannelLayout":
-        """The same with other limits and triggers; what is computed stays as it was when the run was taken over."""
+        """The same with other limits and triggers; what is computed stays as it is."""
         kept = msgspec.structs.replace(self.schema.conditions, limits=conditions.limits, triggers=conditions.triggers)
         return replace(self, schema=msgspec.structs.replace(self.schema, conditions=kept))
 
@@ -160,6 +171,24 @@ class ChannelLayout:
 def _as_bytes(entry: RecordedEntry) -> RecordedEntry:
     values: NDArray[np.void] = np.ascontiguousarray(entry.values).view(f"V{max(entry.values.dtype.itemsize, 1)}")
     return Utf8Entry(entry.name, entry.entry, values, entry.values.dtype.str)
+
+
+def more_derived(before: Sequence[Derived], now: Sequence[Derived]) -> tuple[tuple[Derived, ...], list[str]]:
+    """Return the signals that a run is recorded with and those that were derived since, which come behind them.
+
+    Those that are recorded stay, whatever became of them; what is computed of one that is another now would be wrong,
+    and is left out: its names are returned, too.
+    """
+    names = {one.name for one in before}
+    others = [one.name for one in before if one not in now]
+    fresh = []
+    for one in now:
+        if one.name not in names:
+            # a name may be written by its end, and what is computed of one left out is left out as well
+            stands_on = any(name.rpartition("/")[2] in one.expression for name in others)
+            (others.append(one.name) if stands_on else fresh.append(one))
+    left_out = [name for name in others if name not in names]
+    return (*before, *fresh), left_out
 
 
 def layout_of(schema: SegmentSchema, patterns: Sequence[str]) -> ChannelLayout:

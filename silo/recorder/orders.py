@@ -46,7 +46,7 @@ class Follow(msgspec.Struct, frozen=True, tag=True):
 
 
 class NewConditions(msgspec.Struct, frozen=True, tag="Conditions"):
-    """Limits and triggers are others from now on; the descriptor is a file with the `Conditions`."""
+    """Limits, triggers or what is derived are others from now on; the descriptor is a file with the `Conditions`."""
 
 
 class Finish(msgspec.Struct, frozen=True, tag=True):
@@ -116,3 +116,8 @@ def conditions_file(conditions: Conditions) -> int:
 def conditions_of(descriptor: int) -> Conditions:
     """Return the conditions that a file has which was handed over. Raises OSError, MsgspecError."""
     return _decode_conditions(os.pread(descriptor, os.fstat(descriptor).st_size, 0))
+
+
+def recorded_of(conditions: Conditions) -> tuple[object, ...]:
+    """What of limits and triggers stands in parts; to arm a trigger makes no new one."""
+    return conditions.limits, tuple(msgspec.structs.replace(one, armed=True) for one in conditions.triggers)

@@ -26,6 +26,7 @@ from silo.recorder.orders import (
     conditions_file,
     decode_report,
     encode,
+    recorded_of,
 )
 from silo.segment.held_runs import Program
 from silo.segment.reader import SegmentReader
@@ -160,8 +161,9 @@ class RecorderProcess:
         self._send(Follow(str(reader.path)), reader.fileno(), conditions=conditions)
 
     def change(self, conditions: Conditions) -> None:
-        """Tell limits and triggers of the run that was handed over, if they have changed."""
-        if not self.ending and not self.again_s and _recorded(self._conditions) != _recorded(conditions):
+        """Tell what is derived, limits and triggers of the run that was handed over, if they have changed."""
+        before, now = recorded_of(self._conditions), recorded_of(conditions)
+        if not self.ending and not self.again_s and (*before, self._conditions.derived) != (*now, conditions.derived):
             self._conditions = conditions
             self._send(NewConditions(), conditions=conditions)
 
@@ -213,11 +215,6 @@ class RecorderProcess:
         if written is not None and written.order == self.order.order:
             return written.sums()
         return RecordedTotals(self.report.parts, self.report.samples, self.report.lost)
-
-
-def _recorded(conditions: Conditions) -> tuple[object, ...]:
-    """What of limits and triggers stands in parts; to arm a trigger makes no new one."""
-    return conditions.limits, tuple(msgspec.structs.replace(one, armed=True) for one in conditions.triggers)
 
 
 def close_left(folder: str) -> list[str]:

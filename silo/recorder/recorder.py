@@ -17,7 +17,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from silo.core.conditions import Conditions
+from silo.core.conditions import Conditions, Derived
 from silo.core.elements import RecorderState
 from silo.core.quantities.writing import and_more, many
 from silo.errors import SaveError, SegmentError, SiloError
@@ -27,7 +27,7 @@ from silo.files.manifest import ClosedPart, Ledger, RunEntry
 from silo.files.parts.metadata import EVENTS_RING
 from silo.journal.derived_rows import with_derived
 from silo.recorder.event_tail import EventTail
-from silo.recorder.layout import ending, layout_of
+from silo.recorder.layout import ending, layout_of, more_derived
 from silo.recorder.orders import (
     MAX_PACKET_BYTES,
     TEXT_BYTES,
@@ -39,6 +39,7 @@ from silo.recorder.orders import (
     conditions_of,
     decode_command,
     encode,
+    recorded_of,
 )
 from silo.recorder.ring_cursor import DROPPED, MOST_PERIOD_S, Drained, RingCursor
 from silo.recorder.writing import RecorderDisk, Writing
@@ -81,6 +82,7 @@ class Recorder:
         self._died = False  # the program, without a word
         self._gone = ""  # what is to stand in the next part of runs that are not whole
         self._missed: list[RunEntry] = []  # and in the ledger
+        self._left_out: list[str] = []  # derived signals that aren't recorded, as was told
         self._last_number = 0  # of the newest run that was begun with
         self._first = True
         self._closer = ThreadPoolExecutor(1, "closing")
@@ -201,21 +203,66 @@ class Recorder:
             entry = self._ledger.written.entry(reader.schema.run)
             known = entry.conditions if entry is not None and entry.conditions is not None else reader.schema.conditions
             conditions = conditions_of(descriptors[1]) if len(descriptors) > 1 else known
-            run = with_derived(reader, conditions.derived)
-            run.schema = msgspec.structs.replace(run.schema, conditions=conditions)
+            begun = entry is not None and entry.conditions is not None
+            derived = self._more_derived(known.derived, conditions.derived) if begun else conditions.derived
+            run = with_derived(reader, derived)
+            run.schema = msgspec.structs.replace(
+                run.schema, conditions=msgspec.structs.replace(conditions, derived=derived)
+            )
             self._runs.append(run)
         except SegmentError as error:
             self._tell_clients(f"a run can't be recorded: {error}")
         self._next_since_s = time.monotonic()
 
     def _change(self, conditions: Conditions) -> None:
-        """Have limits and triggers of the newest run be others from here on."""
+        """Have limits and triggers of the newest run be others from here on, and more signals be computed."""
         if self._runs:
-            run = self._runs[-1]
-            run.schema = msgspec.structs.replace(run.schema, conditions=conditions)
+            self._runs[-1] = self._computing(self._runs[-1], conditions)
         elif self._drain is not None:
             self._flush()
-            self._writing.put(self._writing.change_conditions, conditions)
+            drain, before = self._drain, recorded_of(self._drain.reader.schema.conditions)
+            run = self._computing(drain.reader, conditions)
+            if run is not drain.reader:
+                self._drain = drain.going_on(run, layout_of(run.schema, self._order.patterns))
+            if self._drain.layout.elements != drain.layout.elements:
+                self._writing.put(self._writing.add_signals, self._drain.layout, dict(self._drain.cursors))
+            elif recorded_of(run.schema.conditions) != before:
+                self._writing.put(self._writing.change_conditions, run.schema.conditions)
+
+    def _computing(self, run: SegmentReader, conditions: Conditions) -> SegmentReader:
+        """The run with these limits and triggers, and the signals that were derived since; itself where there are none.
+
+        Those that it was recorded with stay as they are: by their place among all is told which row of a file is whose.
+        """
+        before = run.schema.conditions.derived
+        derived = self._more_derived(before, conditions.derived)
+        if derived != before:
+            try:
+                with contextlib.ExitStack() as undoing:
+                    more = with_derived(SegmentReader(run.path, run.fileno()), derived)
+                    undoing.callback(more.close)
+                    layout_of(more.schema, self._order.patterns)  # which may have too many topics
+                    undoing.pop_all()
+            except SiloError as error:
+                self._tell_clients(f"what is derived now is not recorded in this run: {error}")
+                derived = before
+            else:
+                run.close()
+                run = more
+        run.schema = msgspec.structs.replace(
+            run.schema, conditions=msgspec.structs.replace(conditions, derived=derived)
+        )
+        return run
+
+    def _more_derived(self, before: tuple[Derived, ...], now: tuple[Derived, ...]) -> tuple[Derived, ...]:
+        derived, left_out = more_derived(before, now)
+        if left_out and left_out != self._left_out:
+            self._left_out = left_out
+            self._tell_clients(
+                f"{and_more(left_out, 5)}: not recorded in this run, as what it is computed of was derived anew, or "
+                "removed, and is recorded as it was"
+            )
+        return derived
 
     def _tell(self) -> None:
         now_s = time.monotonic()
@@ -322,10 +369,12 @@ class Recorder:
                 self._writing.news.append(News(Report, done=schema.run))
                 reader.close()
                 continue
+            layout = layout_of(schema, self._order.patterns)
             begin = self._begin_of(reader)
+            begin = begin and layout.filled(begin, entry.begin if entry is not None else {})
             self._last_number = max(self._last_number, schema.number)
             self._first = False
-            self._drain = drain = RingCursor(reader, layout_of(schema, self._order.patterns), begin)
+            self._drain = drain = RingCursor(reader, layout, begin)
             since = begin.get(EVENTS_RING, 0) if begin is not None else newest_number(schema.folder, schema.logger) + 1
             self._announce(drain, since)
             return True

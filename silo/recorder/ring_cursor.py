@@ -61,6 +61,12 @@ class RingCursor:
         self.begun_with = dict(self.cursors)
         self.is_held_up = False  # by the disk: there was no room for rows since the last read
 
+    def going_on(self, run: SegmentReader, layout: ChannelLayout) -> "RingCursor":
+        """The cursors into the same run with more rings, which begin where these are."""
+        found = RingCursor(run, layout, layout.filled(self.cursors, {}) if self.cursors else None)
+        found.is_held_up = self.is_held_up
+        return found
+
     @property
     def period_s(self) -> float:
         """How often to come: a quarter of the time after which the shortest ring is overwritten."""

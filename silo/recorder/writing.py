@@ -302,6 +302,13 @@ class Writing:
         self._layout = self._present_layout.with_conditions(conditions)
         self._ledger.begin_run(_entry(self._layout, self._next_rows))
 
+    def add_signals(self, layout: ChannelLayout, begin: Mapping[int, int]) -> None:
+        """Write from here on what was derived since, too, which begins with these rows: a part has one layout."""
+        self._finish_part("signals were derived")
+        self._layout = replace(layout, as_bytes=self._present_layout.as_bytes)
+        self._next_rows = {**begin, **self._next_rows}
+        self._ledger.begin_run(_entry(self._layout, self._next_rows))
+
     def look_for_events(self) -> None:
         """Take in what happened, also where no rows come."""
         if self._happening is not None:

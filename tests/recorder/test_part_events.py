@@ -2,6 +2,8 @@
 
 import contextlib
 import itertools
+import os
+import socket
 from pathlib import Path
 
 import msgspec
@@ -13,13 +15,16 @@ from rosbags.typesys import Stores, get_typestore
 
 from silo import open_log, runs
 from silo.cli.main import run
+from silo.core.conditions import Derived
 from silo.core.elements import LoggedEvent, RecorderState
 from silo.errors import FileFormatError
 from silo.files.bag_reader import read_bag
 from silo.files.bags.writer import write_bag
 from silo.files.event_log import append_events, event_log_path, older_event_log
 from silo.files.parts.scan import rows_after, scan_part
-from silo.recorder.orders import Finish, RecordOrder, encode
+from silo.journal.derived_rows import with_derived
+from silo.recorder.layout import layout_of, more_derived
+from silo.recorder.orders import Finish, NewConditions, RecordOrder, conditions_file, encode
 from silo.recovery.parts import close_part
 from silo.segment.reader import SegmentReader
 from tests.waiting import wait_until
@@ -501,3 +506,112 @@ def test_a_change_in_ticks_that_were_lost_is_told_in_the_next_part(tuned, tmp_pa
     assert open_log(first).parameters.changes == []
     assert [event.tick for event in open_log(last).parameters.changes] == [70]
     assert open_log(last).parameters.at(0)["/log/kp"] == 3.0
+
+
+def changed(recorder, log) -> None:
+    """What a helper process does when limits, triggers or derived signals are others."""
+    conditions = conditions_file(log._conditions.now)
+    socket.send_fds(recorder.socket, [encode(NewConditions())], [conditions])
+    os.close(conditions)
+
+
+def derived_of(folder: Path, name: str) -> list[tuple[int, float]]:
+    """Of a recording the ticks and values of what is a multiple of x."""
+    found = []
+    for path in parts(folder):
+        if name in (log := open_log(path)):
+            ticks = log["x"].values[np.searchsorted(log["x"].time_ns, log[name].time_ns)]
+            found += zip(ticks.tolist(), log[name].values.tolist(), strict=True)
+    return found
+
+
+@pytest.mark.slow
+def test_what_is_derived_while_a_recording_goes_on_is_in_its_parts_from_then_on_also_behind_a_kill(
+    robot, recorders, tmp_path, truth
+) -> None:
+    robot.log.derive("d0", "x * 2")
+    robot.start()
+    recorder = recorders(order(tmp_path))
+    recorder.follow(robot.log)
+    recorder.wait_recording()
+    robot.ticks(103)
+    wait_until(lambda: recorder.reports[-1].samples)
+    robot.log.derive("d1", "slow * -3")
+    robot.log.derive("d2", "x * 3")
+    changed(recorder, robot.log)
+    wait_until(lambda: len(parts(tmp_path)) == 1)
+    robot.ticks(103)
+    wait_until(lambda: list((tmp_path / "rec").glob("*.mcap.part")))
+    before = recorder.reports[-1].samples
+    wait_until(lambda: recorder.reports[-1].samples > before or recorder.reports[-1].samples >= 103 * 9)
+    recorder.kill()
+    robot.ticks(103)
+    again = recorders(order(tmp_path, resume=True))
+    robot.log.derive("d0", "x * 5")  # it stays what it is, and what comes behind is found all the same
+    again.follow(robot.log)
+    again.wait_recording()
+    robot.ticks(103)
+    total = again.finish()
+    assert total.lost == 0
+    assert derived_of(tmp_path, "d0") == [(tick, 2.0 * tick) for tick in range(robot.tick)]
+    for name, divider in (("d1", 5), ("d2", 1)):
+        found = derived_of(tmp_path, name)
+        assert 0 < found[0][0] <= 105
+        assert found == [(tick, 3.0 * tick) for tick in range(found[0][0], robot.tick, divider)]
+    whole = open_log(parts(tmp_path))
+    assert whole["d2"].values.tolist() == [value for _, value in derived_of(tmp_path, "d2")]
+    assert not whole.warnings
+
+
+@pytest.mark.slow
+def test_what_is_derived_and_not_chosen_or_is_another_now_begins_no_part(robot, recorders, tmp_path, truth) -> None:
+    robot.log.derive("x2", "x * 2")
+    robot.start()
+    recorder = recorders(order(tmp_path, patterns=("x*",)))
+    recorder.follow(robot.log)
+    recorder.wait_recording()
+    robot.ticks(50)
+    wait_until(lambda: recorder.reports[-1].samples)
+    robot.log.derive("d1", "x * 3")
+    changed(recorder, robot.log)
+    robot.log.derive("x2", "x * 5")
+    changed(recorder, robot.log)
+    robot.log.derive("x4", "x2 * 2")  # of what it isn't in the recording
+    changed(recorder, robot.log)
+    robot.ticks(50)
+    recorder.finish()
+    assert [report.told for report in recorder.reports if report.told] == [
+        "/log/x4: not recorded in this run, as what it is computed of was derived anew, or removed, and is recorded as "
+        "it was"
+    ]
+    assert len(parts(tmp_path)) == 1
+    assert derived_of(tmp_path, "x2") == [(tick, 2.0 * tick) for tick in range(100)]
+
+
+def test_what_is_derived_stands_behind_what_is_recorded_and_never_on_what_is_another_now() -> None:
+    old = (Derived("/log/a", "x"), Derived("/log/b", "2 * a"))
+    more = Derived("/log/c", "3 * x")
+    assert more_derived(old, (*old, more)) == ((*old, more), [])
+    assert more_derived(old, (more, *old[::-1])) == ((*old, more), []), "by its place is told which row is whose"
+    assert more_derived(old, (old[0],)) == (old, [])
+    other = Derived("/log/a", "7 * x")
+    assert more_derived(old, (other, old[1])) == (old, [])
+    stands = Derived("/log/d", "a + 1"), Derived("/log/e", "/log/d + 1"), more
+    assert more_derived(old, (other, old[1], *stands)) == ((*old, more), ["/log/d", "/log/e"])
+
+
+def test_signals_that_come_later_count_from_where_they_begin(robot, tmp_path, truth) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(103)
+    direct.step()
+    run = with_derived(SegmentReader(robot.log._present.path), [Derived("/log/d1", "x * 3")])
+    direct.drain = direct.drain.going_on(run, layout_of(run.schema, ()))
+    direct.writing.put(direct.writing.add_signals, direct.drain.layout, dict(direct.drain.cursors))
+    robot.ticks(47)
+    direct.step()
+    totals = direct.finish()
+    assert (totals.lost, totals.parts) == (0, 2)
+    assert direct.ledger.written.runs[0].begin[max(direct.drain.layout.rings)] == 103
+    assert ["d1" in open_log(path) for path in parts(tmp_path)] == [False, True]
+    assert derived_of(tmp_path, "d1") == [(tick, 3.0 * tick) for tick in range(103, 150)]
