@@ -3,9 +3,11 @@
 Pure functions on a `Recording`; values stay views of the file where they can.
 """
 
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import groupby, pairwise
 from typing import Any
 
 import msgspec
@@ -138,12 +140,7 @@ def joined(parts: Sequence[Recording]) -> Recording:
         for element in piece.elements:
             by_name.setdefault(element.name, []).append((piece, element))
     own: dict[tuple[tuple[int, int, int], ...], NDArray[np.int64]] = {}
-    events = [
-        _moved(event, piece, pieces, begin)
-        for piece in pieces
-        for event in piece.part.events
-        if not (_is_image(event) and _goes_on(piece, pieces))
-    ]
+    events = _events(pieces, begin)
     return replace(
         last.part,
         time_ns=time_ns,
@@ -243,27 +240,38 @@ def _fresh(element: RecordedElement, first: int, taken: Mapping[str, int]) -> Re
     return replace(element, first=element.first + skip * element.divider, entries=entries)
 
 
+def _events(pieces: Sequence[_Piece], begin: int) -> list[LoggedEvent]:
+    """What happened, with ticks as in the whole; what parameters were is told by the first of files that go on."""
+    found: list[LoggedEvent] = []
+    for _, its in groupby(pieces, key=lambda piece: piece.stretch.part):
+        group = list(its)
+        filled = [piece for piece in group if len(piece.part.time_ns)]
+        firsts = [_first(piece.part) for piece in filled]
+        goes_on = {id(piece) for before, piece in pairwise(filled) if _first(piece.part) <= before.part.offset}
+        for piece in group:
+            again = id(piece) in goes_on
+            told = (event for event in piece.part.events if not (again and _is_image(event)))
+            found += [_moved(event, filled, firsts, begin) for event in told]
+    return found
+
+
 def _is_image(event: LoggedEvent) -> bool:
     """Whether it tells what all parameters were at a begin, and of no change."""
     return event.change is not None and all(old is None for _, old, _ in event.change.values)
 
 
-def _goes_on(piece: _Piece, pieces: Sequence[_Piece]) -> bool:
-    """Whether it is a file of a recording that begins where another one ends."""
-    its = [one for one in pieces if one is not piece and one.stretch.part == piece.stretch.part]
-    return any(_first(one.part) < _first(piece.part) <= one.part.offset for one in its)
+def _moved(event: LoggedEvent, pieces: Sequence[_Piece], firsts: Sequence[int], begin: int) -> LoggedEvent:
+    """An event with its tick as in the whole: one of a tick that is missing stands at the next that is there.
 
-
-def _moved(event: LoggedEvent, piece: _Piece, pieces: Sequence[_Piece], begin: int) -> LoggedEvent:
-    """An event with its tick as in the whole: one of a tick that is missing stands at the next that is there."""
-    mine = [one for one in pieces if one.stretch.part == piece.stretch.part and len(one.part.time_ns)]
-    if event.tick < 0 or not mine:
+    `pieces` are those of its stretch that have ticks, `firsts` their first ones.
+    """
+    if event.tick < 0 or not pieces:
         return event
-    at = sum(_first(one.part) <= event.tick for one in mine)
-    if at and (at == len(mine) or event.tick < mine[at - 1].part.offset):
-        tick = event.tick + mine[at - 1].shift
-    elif at or mine[0].place:
-        tick = begin + mine[at].place
+    at = bisect_right(firsts, event.tick)
+    if at and (at == len(pieces) or event.tick < pieces[at - 1].part.offset):
+        tick = event.tick + pieces[at - 1].shift
+    elif at or pieces[0].place:
+        tick = begin + pieces[at].place
     else:
         return event
     return msgspec.structs.replace(event, tick=tick) if tick != event.tick else event
