@@ -80,6 +80,23 @@ def test_where_one_of_its_signals_ended_nothing_is_told():
     assert repr(columns(found)["/log/either"]) == repr([0.0, 0.0, 0.0, 1.0, 1.0, *[math.nan] * 7])
 
 
+@pytest.mark.parametrize(
+    ("overwritten", "first", "unknown"), [(0, 0, 0), (0, 6, 4), (100, 0, 4)], ids=["whole", "of one", "of all"]
+)
+def test_a_window_that_reaches_back_before_what_is_kept_tells_nothing(overwritten, first, unknown):
+    x = element("x", np.arange(12.0 - first), first=first)
+    derived = (("mean", "mean(x, 4ms)"), ("high", "mean(x, 4ms) > 3"), ("twice", "2 * x"), ("both", "max(mean, x)"))
+    made = recording(x, derived=derived)
+    found = columns(with_derived(dataclasses.replace(made, offset=12 + overwritten)))
+    means = [np.mean([*range(max(0, at - 3), at + 1)]) for at in range(12 - first)]
+    lost = [math.nan] * unknown
+    assert repr(found["/log/mean"]) == repr([*lost, *map(float, means[unknown:])])
+    highs = [bool(mean > 3) for mean in means[unknown:]]
+    assert repr(found["/log/high"]) == repr([*lost, *map(float, highs)] if unknown else highs)
+    assert found["/log/twice"] == [2.0 * at for at in range(12 - first)]
+    assert repr(found["/log/both"][:unknown]) == repr(lost)
+
+
 def test_the_readers_of_the_original_get_their_values_and_time_stamps(tmp_path):
     made = recording(
         element("x", np.arange(8.0), first=4),
