@@ -151,7 +151,7 @@ class ParameterTail:
         told_ns = stamp_ns if 0 <= now_ns - stamp_ns < SEEN_LATE_NS else now_ns
         # before what changed since then, whenever that is written
         time_ns = min([told_ns, *(one.time_ns - 1 for one in self._changes)])
-        return msgspec.structs.replace(start, text=text, time_ns=time_ns, tick=tick, change=change)
+        return msgspec.structs.replace(start, text=text, time_ns=time_ns, tick=tick, stamp_ns=stamp_ns, change=change)
 
     def until(self, tick: int) -> list[LoggedEvent]:
         """Return what changed before a tick, and is not in the part that is open."""

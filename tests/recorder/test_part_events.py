@@ -386,6 +386,9 @@ def test_each_part_tells_what_parameters_were_at_its_begin_and_what_they_became_
     check_parameters(tuned, parts(tmp_path))
     told = [event.tick for path in parts(tmp_path) for event in open_log(path).parameters.changes]
     assert len(told) == len(set(told)) == changed
+    for path in parts(tmp_path):  # an older message would be taken for the begin of the part
+        found = read_bag(path)
+        assert all(event.at_ns >= found.time_ns[0] for event in found.events if event.kind == "parameter")
     whole = open_log(parts(tmp_path))
     assert [event.tick for event in whole.parameters.changes] == told
     assert sum(event.kind == "parameter" for event in whole.recording.events) == changed + 1, "one image, of the begin"
