@@ -224,7 +224,10 @@ class Context:
     def say(self, words: str) -> None:
         """Show the result of something on the screen below any dialog."""
         if (screen := self.upper_screen) is not None:
-            screen.say("; ".join(filter(None, [words, self._saved_first])))
+            screen.say(self._with_saved(words))
+
+    def _with_saved(self, words: str) -> str:
+        return "; ".join(filter(None, [words, self._saved_first]))
 
     def saved_first(self, files: Sequence[SavedFile]) -> None:
         """Have the end of the flow that runs tell what it saved on its way, too."""
@@ -277,7 +280,7 @@ class Context:
 
     def fail(self, words: str) -> None:
         """Show an error; behind a dialog, its first line stays on the screen below."""
-        words = self.shown(words)
+        words = self._with_saved(self.shown(words))
         if self.has_session and self.session.dead and self.session.status.reason:  # which the banner says
             words = words.replace(self.session.status.reason, "the robot program is gone")
         if (screen := self.upper_screen) is not None:

@@ -10,6 +10,7 @@ import contextlib
 import numbers
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -20,7 +21,7 @@ from silo.core.arguments import path as file_path
 from silo.core.arguments import shown, switch, whole
 from silo.core.calls import told
 from silo.core.elements import Stretch
-from silo.core.recording import Recording, has_own_stamps
+from silo.core.recording import DamageNotes, Recording, has_own_stamps
 from silo.errors import ElementError, FileFormatError, LogNotFoundError
 from silo.files.added import added_formats
 from silo.files.formats import LOG_ENDINGS, OPEN_PART_ENDING, read_recording
@@ -156,24 +157,37 @@ def _of_files(parts: Sequence[Recording]) -> Recording:
 def whole_run(path: Path, recording: Recording, *, check: bool = False) -> Recording:
     """Return all parts as one where a recording, read from `path`, is one of a run that was cut, or recorded; else it.
 
-    The others are looked for beside it. Raises FileFormatError where one of them can't be read.
+    The others are looked for beside it; what can't be read of them is told in its warnings. Raises LogNotFoundError
+    where one of them can't be opened.
     """
     stretch = recording.stretch
     if stretch is None or not stretch.part:
         return recording
     found: dict[object, Recording] = {stretch.part: recording}
+    unread: list[str] = []
     for other in _beside(path, stretch):
-        with contextlib.suppress(LogNotFoundError):  # a budget deleted it just now
+        try:
             one = read_recording(other, added_formats, check=check)
-            its = one.stretch
-            if its is None or not its.is_beside(stretch):
-                continue
-            if stretch.recorder:
-                found[other] = one
-            # of one that was saved more than once what has most
-            elif one.offset > getattr(found.get(its.part), "offset", -1):
-                found[its.part] = one
-    return joined(list(found.values())) if len(found) > 1 else recording
+        except LogNotFoundError:
+            if other.exists():  # else a budget deleted it just now
+                raise
+            continue
+        except FileFormatError as error:  # it may be of another run
+            unread.append(f"a file beside it is not among its parts, as it can't be read: {error}")
+            continue
+        its = one.stretch
+        if its is None or not its.is_beside(stretch):
+            continue
+        if stretch.recorder:
+            found[other] = one
+        # of one that was saved more than once what has most
+        elif one.offset > getattr(found.get(its.part), "offset", -1):
+            found[its.part] = one
+    whole = joined(list(found.values())) if len(found) > 1 else recording
+    if isinstance(whole.warnings, DamageNotes):
+        whole.warnings.extend(unread)
+        return whole
+    return replace(whole, warnings=(*whole.warnings, *unread)) if unread else whole
 
 
 def alone_of(path: Path, recording: Recording) -> str:
@@ -213,6 +227,7 @@ def _beside(path: Path, stretch: Stretch) -> list[Path]:
         return [other for other in beside if "_part" in other.stem and other != path]
     its = logger_of(_stem(path))
     found = [other for other in path.parent.iterdir() if other.name.endswith(endings if named else path.suffix)]
-    # of one in several formats one file
+    # of one in several formats the file that keeps most
+    found.sort(key=lambda other: endings.index(other.suffix) if other.suffix in endings else len(endings), reverse=True)
     best = {_stem(other): other for other in found if not its or logger_of(_stem(other)) == its}
     return [other for stem, other in best.items() if stem != _stem(path)]

@@ -305,30 +305,30 @@ class CurrentRun:
         self.saved_before = f"the last run was saved before it is cleared: {', '.join(paths)}"
         log.warning("%s: %s", options.name, self.saved_before)
 
-    def settle(self, unsaved: str, options: LoggerOptions, conditions: Conditions) -> None:
-        """Do with unsaved data what `start(unsaved=...)` was told.
+    def tell_of_drop(self, ticks: int, name: str) -> None:
+        """Say once that a start dropped unsaved ticks: a program that learns from run to run has many."""
+        if ticks and not self.saved_before and not self._told_of_drop:
+            self._told_of_drop = True
+            log.warning(
+                "%s: this start dropped %s of the last run that were not saved (what was recorded or captured stays): "
+                'save() before it, or start(unsaved="save"), keeps them (said once)',
+                name,
+                many(ticks, "tick"),
+            )
+
+    def settle(self, unsaved: str, options: LoggerOptions, conditions: Conditions) -> int:
+        """Do with unsaved data what `start(unsaved=...)` was told; return how many ticks the start drops.
 
         Raises UnsavedError, or SaveError: nothing was changed.
         """
         if unsaved not in ("clear", "save", "refuse"):
             raise StateError(f"unsaved must be 'clear', 'save' or 'refuse', got {unsaved!r}; nothing was changed")
         self.saved_before = ""
-        if not self.has_unsaved:
-            return
-        if unsaved == "clear":
-            if not self._told_of_drop:
-                self._told_of_drop = True  # a program that learns from run to run hears it once
-                what = many(self.unsaved_ticks, "tick")
-                log.warning(
-                    "%s: %s of the last run, in no file, dropped by this start: save() before it, or "
-                    'start(unsaved="save"), keeps them (said once)',
-                    options.name,
-                    what,
-                )
-            return
+        if unsaved == "clear" or not self.has_unsaved:
+            return self.unsaved_ticks
         if unsaved == "save":
             self._save(options, conditions)
-            return
+            return 0
         assert self.run is not None
         held = segment_holdings(self.run.reader).text
         raise UnsavedError(

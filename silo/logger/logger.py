@@ -288,7 +288,8 @@ class Logger(LoggerNames):
             if not self._scripted.is_updated:
                 self.update()
             self._data.look_for_unheld()  # a run that stopped by itself may be saved now
-            self._present.settle(unsaved, self.options, self._conditions.now)
+            dropped = self._present.settle(unsaved, self.options, self._conditions.now)
+            warn_of_folder(self.options)
             self._scripted.adopt_late()
             self._conditions.warn_at_start(served=self._life.serving is not None)
             warn_if_not_durable(self.options, served=self._life.serving is not None)
@@ -302,8 +303,8 @@ class Logger(LoggerNames):
             self._life.reason = ""
             self._ignored = 0
             self._life.running = True
+            self._present.tell_of_drop(dropped, self.options.name)
             warn_of_end(self.options, self._table.infos)
-            warn_of_folder(self.options)
             self._set_mark(run.mark)
             self._set_collect(self._collect_of(run))
             self._life.tell()

@@ -27,7 +27,7 @@ from silo.loop.one_writer import guard_lines
 from silo.loop.pieces import memory_window, row_pieces
 from silo.loop.plan import Plan, RingPlan
 from silo.loop.scratch import Slot, packer
-from silo.loop.sources import ValuePath
+from silo.loop.sources import Reference, ValuePath
 from silo.segment.failures import record_failure
 from silo.segment.layout import ORDERED_STORES, STAMP_WORDS, TIME_RING, RingControl, RingSchema
 from silo.segment.parameter_changes import ChangeRecord
@@ -378,12 +378,18 @@ class _Writer:
             return [alone]
         value, shape = self._expression(slot, called), slot.view.shape
         store = f"copyto({self._names.give('v', slot.view)}, x"
-        # a value of another shape is spread over the whole by NumPy, if it can be: [7.0] to three of them
-        other = f"len(x) != {shape[0]}" if len(shape) == 1 else f"shape(x) != {shape}"
-        lines = [f"x = {value}", f"if {other}: {alone}"]
+        lines = [f"x = {value}"]
         if kind in "iub" or (kind in "fc" and size_bytes < 8):
-            return [*lines, "else:", f"    try: {store}, 'safe')", f"    except TypeError: {alone}"]
-        return [*lines, f"else: {store})"]
+            lines += [f"try: {store}, 'safe')", f"except TypeError: {alone}"]
+        else:
+            lines += [f"{store})"]
+        if not shape or isinstance(slot.source, Reference):
+            return lines
+        # a value of another shape is spread over the whole by NumPy, if it can be: [7.0] to three of them
+        if len(shape) == 1:
+            return [lines[0], f"if len(x) != {shape[0]}: {alone}", "else:", *_indent(lines[1:], 1)]
+        known = ["try: other = x.shape", "except AttributeError: other = shape(x)"]  # a list has none
+        return [lines[0], *known, f"if other != {shape}: {alone}", "else:", *_indent(lines[1:], 1)]
 
     @staticmethod
     def _shared_calls(slots: list[Slot]) -> dict[int, tuple[str, object]]:

@@ -29,6 +29,8 @@ logger = logging.getLogger("silo")
 TICKS_WITHOUT = 2  # that go by until an array is told of: at least one whole turn of the loop
 MOST_TOLD = 10  # by name, at once
 LEAST_ALIKE = 10  # samples at the end
+MOST_STILL = 100  # arrays without anybody of which that is asked
+MOST_BYTES = 4 << 20  # of one element that are looked at
 
 
 @dataclass
@@ -115,7 +117,11 @@ class Unheld:
             else:
                 fresh.append(at)
         if fresh and not during:
-            found += [at for at in fresh if _same(reader(), self._element(at))]
+            found += [at for at in fresh if _is_constant(reader(), self._element(at))]
+            moved = [at for at in fresh if at not in found]
+            still = [at for at in moved[:MOST_STILL] if _newest_alike(reader(), self._element(at))]
+            if 2 * len(still) <= len(moved) or len(moved) == 1:  # else it is the robot that stood still
+                found += still
         self._tell(found, lambda one: _same(reader(), one))
 
     def _bytes(self, at: int) -> bytes:
@@ -150,20 +156,23 @@ def _same(reader: SegmentReader, one: ElementSchema) -> str:
 def _newest_alike(reader: SegmentReader, one: ElementSchema) -> int:
     """How many of an element's newest samples are the same, if that is far more than ever before; 0 otherwise.
 
-    An array that a function leaves behind changed until then, by and large as it always did.
+    An array that a function leaves behind changed until then, by and large as always. 4 MB at most are looked at.
     """
-    if reader.head(one.ring) < LEAST_ALIKE:
-        return 0
-    picker = RowPicker(dict(enumerate(one.entries)))
-    rows = reader.rows(one.ring, 0, None, picker.words)
-    bits = np.hstack(
-        [np.ascontiguousarray(some).view(np.uint8).reshape(len(rows), -1) for _, some in picker.columns(rows)]
-    )
-    changed = np.flatnonzero((bits[1:] != bits[:-1]).any(axis=1)) + 1  # rows that differ from the one before
+    head, picker = reader.head(one.ring), RowPicker(dict(enumerate(one.entries)))
+    many = max(LEAST_ALIKE, MOST_BYTES // (8 * len(picker.words)))
+    for count in (LEAST_ALIKE, many):  # most did change just before
+        rows = reader.rows(one.ring, max(0, head - count), None, picker.words)
+        if len(rows) < LEAST_ALIKE:
+            return 0
+        columns = [np.ascontiguousarray(some).view(np.uint8).reshape(len(rows), -1) for _, some in picker.columns(rows)]
+        moved = np.logical_or.reduce([(bits[1:] != bits[:-1]).any(axis=1) for bits in columns])
+        changed = np.flatnonzero(moved) + 1  # rows that differ from the one before
+        if len(changed) and len(rows) - changed[-1] < LEAST_ALIKE:
+            return 0
     if not len(changed):
         return 0
-    alike, longest = len(bits) - int(changed[-1]), int(np.diff(changed, prepend=0).max())
-    return alike if alike >= max(LEAST_ALIKE, 3 * longest) else 0
+    alike, longest = len(rows) - int(changed[-1]), int(np.diff(changed, prepend=0).max())
+    return alike if alike >= 3 * longest and 4 * alike >= len(rows) else 0
 
 
 def _is_constant(reader: SegmentReader, one: ElementSchema) -> bool:

@@ -5,6 +5,7 @@ store costs 100.
 """
 
 import logging
+import math
 import struct
 from collections import defaultdict
 from dataclasses import dataclass
@@ -107,8 +108,10 @@ def fitting(value: Any, dtype: np.dtype[Any], shape: tuple[int, ...] = ()) -> An
     NumPy by itself cuts 0.5 to 0 and 300 to 44, writes None as the text `None`, and spreads one value over all.
     """
     given = np.asarray(value)
-    if shape and given.shape != shape:  # one value alone is what it is in any shape
-        raise TypeError(f"shape {given.shape} now, {shape} when it was added")
+    if shape and given.shape != shape:
+        if given.size != math.prod(shape) or _without_ones(given.shape) != _without_ones(shape):
+            raise TypeError(f"shape {given.shape} now, {shape} when it was added")
+        value = given = given.reshape(shape)  # the same values, in other brackets
     if dtype.kind == "f" and given.dtype.kind == "O":
         return float(value)  # integers of any size, Decimal, Fraction
     if dtype.kind in "iu":
@@ -132,6 +135,10 @@ def fitting(value: Any, dtype: np.dtype[Any], shape: tuple[int, ...] = ()) -> An
             raise OverflowError(f"{value!r} doesn't fit into {dtype.name}")
         return made
     return value
+
+
+def _without_ones(shape: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple(size for size in shape if size != 1)
 
 
 class Scratch:

@@ -140,18 +140,14 @@ class ParameterTail:
         self._has_begun = True
         if not tick:
             return start
-        for one in changes:
-            if one.tick < tick:
-                for name, _, new in _values(one):
-                    if (one.tick, one.time_ns) >= self._since.get(name, (-1, 0)):
-                        self._values[name], self._since[name] = new, (one.tick, one.time_ns)
+        self._fold([one for one in changes if one.tick < tick])
         change = ParameterChange(tuple((name, None, value) for name, value in self._values.items()))
         text = start.text.replace("at the start", "at the begin of this part")
         now_ns, stamp_ns = time.time_ns(), self._reader.stamp_of(tick)
         told_ns = stamp_ns if 0 <= now_ns - stamp_ns < SEEN_LATE_NS else now_ns
         # before what changed since then, whenever that is written
         time_ns = min([told_ns, *(one.time_ns - 1 for one in self._changes)])
-        return msgspec.structs.replace(start, text=text, time_ns=time_ns, tick=tick, stamp_ns=stamp_ns, change=change)
+        return msgspec.structs.replace(start, text=text, time_ns=time_ns, tick=tick, change=change)
 
     def until(self, tick: int) -> list[LoggedEvent]:
         """Return what changed before a tick, and is not in the part that is open."""
@@ -160,6 +156,22 @@ class ParameterTail:
         self._waiting = [one for one in self._waiting if one.tick >= tick]
         self._told.update(map(_identity, due))
         return due
+
+    def forget(self, tick: int) -> None:
+        """Keep of changes before a tick, with which no part begins any more, what they left: there may be millions."""
+        if len(self._changes) < MOST_UNMATCHED:
+            return
+        done = {_identity(one): one for one in self._changes if one.tick < tick and _identity(one) in self._told}
+        self._fold(list(done.values()))
+        self._changes = [one for one in self._changes if _identity(one) not in done]
+        self._told -= done.keys()
+
+    def _fold(self, changes: Sequence[LoggedEvent]) -> None:
+        """Have what parameters are at the begin of a part be what these changes left."""
+        for one in changes:
+            for name, _, new in _values(one):
+                if (one.tick, one.time_ns) >= self._since.get(name, (-1, 0)):
+                    self._values[name], self._since[name] = new, (one.tick, one.time_ns)
 
     def has_more(self, tick: int) -> bool:
         """Whether there are changes that are in no part; `tick` is where the first one would begin."""
@@ -228,9 +240,14 @@ class EventTail:
         found = self._parameters.begin(tick)
         return () if found is None else (self._stamped(found),)
 
-    def changes_until(self, tick: int) -> tuple[LoggedEvent, ...]:
-        """Return what parameters became at ticks of the present part, before this one, each once."""
-        return tuple(map(self._stamped, self._parameters.until(tick)))
+    def changes_until(self, tick: int, next_tick: int) -> tuple[LoggedEvent, ...]:
+        """Return what parameters became at ticks of the present part, before this one, each once.
+
+        `next_tick` is where the next part would begin, at the soonest.
+        """
+        found = tuple(map(self._stamped, self._parameters.until(tick)))
+        self._parameters.forget(next_tick)
+        return found
 
     def has_changes(self, tick: int) -> bool:
         """Whether parameters changed at ticks that are in no part, of which one would begin with this tick."""

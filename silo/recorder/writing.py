@@ -416,11 +416,11 @@ class Writing:
 
     @property
     def _next_tick(self) -> int:
-        """The first tick of which a row is still to come."""
+        """The first tick of which a row is still to come, those left out that are full."""
         layout = self._present_layout
-        return min(
-            (self._next_rows.get(ring, 0) * layout.schema.rings[ring].divider for ring in layout.rings), default=0
-        )
+        rings = [(layout.schema.rings[ring], self._next_rows.get(ring, 0)) for ring in layout.rings]
+        ticks = [row * ring.divider for ring, row in rings if not ring.is_full_at(row)]
+        return min(ticks, default=max((row * ring.divider for ring, row in rings), default=0))
 
     @property
     def _line_before(self) -> int:
@@ -435,7 +435,7 @@ class Writing:
             layout = self._part.layout
             dividers = {ring: layout.schema.rings[ring].divider for ring in layout.rings}
             ends = [(self._next_rows.get(ring, 0) - 1) * divider + 1 for ring, divider in dividers.items()]
-            self._add_told(self._happening.changes_until(max([until, *ends])))
+            self._add_told(self._happening.changes_until(max([until, *ends]), self._next_tick))
 
     def _add_told(self, told: Sequence[LoggedEvent]) -> None:
         if self._part is not None and told:

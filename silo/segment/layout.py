@@ -114,6 +114,10 @@ class RingSchema(msgspec.Struct, frozen=True):
     offset: int
     live: bool = False
 
+    def is_full_at(self, row: int) -> bool:
+        """Whether there is no row of this number, nor any later: a buffer that keeps its first samples is full."""
+        return self.buffer_type is BufferType.FIXED and row >= self.capacity
+
 
 class ElementSchema(msgspec.Struct, frozen=True, gc=False):
     """One enabled element: `ring` holds its buffer; `live_ring` passes every sample, -1 if it isn't published.

@@ -440,8 +440,9 @@ class SegmentReader:
         self._check_size()
         words = self._words[schema.parameter_changes : schema.parameter_changes + AREA_BYTES // 8]
         found = read_changes(words, max(since, 0), schema.parameters, schema.logger, schema.run)
-        image = image_event(schema.parameters, schema.started_ns, schema.logger, schema.run)
-        return found if since >= 0 else [image, *found]
+        if since >= 0:
+            return found
+        return [image_event(schema.parameters, schema.started_ns, schema.logger, schema.run), *found]
 
     def stamped_changes(self, since: int = -1) -> list[LoggedEvent]:
         """The same with the time stamps of their ticks, as far as these are still held."""

@@ -130,7 +130,8 @@ class Segment:
         self._wanted = threading.Event()
         self._ended = False
         self._grows = True
-        self._untold: LostWhy | None = None  # why it doesn't, until that was said
+        self._why: LostWhy | None = None  # it doesn't, until rows are lost by that
+        self._untold: LostWhy | None = None  # and then until that was said
         self._counted: tuple[int, int] | None = None  # ticks and lost rows of a deleted segment
         self._failed: dict[str, int] | None = None  # and its failures
         self._body = _encoded(self.schema, elements_json)
@@ -291,21 +292,22 @@ class Segment:
         """
         with self._allocating:
             chunk = self._next.pop(ring, None) or self._append_within_limit(ring)
+            if chunk is None and not self._ended:
+                self._untold, self._why = self._why, None  # the first rows are lost now
         self._wanted.set()
         return chunk
 
     def _prepare_chunks(self) -> None:
         """Keep one chunk ready per growing ring."""
-        while True:
+        while not self._ended:
             for ring in self._growing:
                 with self._allocating:
-                    if self._ended:
-                        return
                     if ring not in self._next and (chunk := self._append_within_limit(ring)):
                         self._next[ring] = chunk
             self._tell_of_end()
             self._wanted.wait()
             self._wanted.clear()
+        self._tell_of_end()
 
     def _append_within_limit(self, ring: int) -> Chunk | None:
         # the time ring may pass the limit: without time stamps no other ring is worth anything
@@ -326,11 +328,12 @@ class Segment:
         if not self._counted:
             self.words[self.ring_control(ring) + RingControl.LOST_WHY] = why
             if self._grows:
-                self._grows, self._untold = False, why
+                self._grows, self._why = False, why
 
     def _tell_of_end(self) -> None:
-        """Say once that a ring can't grow, in the thread for which nothing waits."""
-        why, self._untold = self._untold, None
+        """Say once that rows are dropped as a ring can't grow, in the thread for which nothing waits."""
+        with self._allocating:
+            why, self._untold = self._untold, None
         if why is not None:
             log.warning(
                 "%s: %s: what its growing buffers have no room for is dropped from here on; save() and start() anew, "

@@ -252,13 +252,12 @@ class _Folder:
             for path in find_logs(self.folder):
                 try:
                     recording = read_recording(path)
+                    damage = damage_of(path) if path.suffix == ".silo" else ()
                 except SiloError as error:
                     self.verdicts.append(Verdict("damaged", f"{path.name} can't be read: {error}"))
                     continue
                 self._take_log(path, recording)
-                if path.suffix == ".silo":
-                    damage = damage_of(path)
-                    self.verdicts += [Verdict("damaged", f"{path.name}: {text}", recording.logger) for text in damage]
+                self.verdicts += [Verdict("damaged", f"{path.name}: {text}", recording.logger) for text in damage]
 
     def _take_log(self, path: Path, recording: Recording) -> None:
         ids = Counter(event.run for event in recording.events if event.run)

@@ -51,11 +51,12 @@ class FileSession(Session):
         super().__init__(path.name, FILE_COLUMNS)
         recording = log.recording
         self.capture = recording.conditions.capture  # where a trigger fired
-        self.source = RecordingSource(recording, list(log))
-        self._facts = FileFacts(recording, list(log), self.source.time_ns)
+        names = list(log)[: len(recording.elements)]  # behind them, derived signals that are not in it
+        self.source = RecordingSource(recording, names)
+        self._facts = FileFacts(recording, names, self.source.time_ns)
         size_bytes = path.stat().st_size if path.is_file() else 0
         self.report = reports.report(recording, log.path, size_bytes)
-        self.rows_of = dict(zip(log, self.report.elements, strict=True))
+        self.rows_of = dict(zip(names, self.report.elements, strict=True))
         self.warnings: tuple[str, ...] = tuple(recording.warnings)
         if self.source.clock_jumps:
             self.warnings += (f"its clock was set back {self.source.clock_jumps} times",)
@@ -65,7 +66,7 @@ class FileSession(Session):
             logger=recording.logger, host="", user="", pid=0, helper_pid=0, state=State.STOPPED, revision=0,
             frequency_hz=recording.frequency_hz or 0.0, measured_hz=0.0, ticks=len(recording.time_ns),
             started_ns=recording.started_ns, last_tick_ns=self.source.end_ns, lost=self.report.lost,
-            elements=len(log), enabled=len(log), entries=recording.entry_count, max_time_s=0.0,
+            elements=len(names), enabled=len(names), entries=recording.entry_count, max_time_s=0.0,
             prefix=recording.prefix, folder=str(path.parent), script="",
         )  # fmt: skip
         self.table.load(Table(0, self.source.elements))

@@ -72,8 +72,8 @@ def test_a_bool_is_true_false_or_held(logged, strange):
 
 @pytest.mark.parametrize(
     ("first", "others"),
-    [([0.0, 1.0, 2.0], [[7.0], (7.0, 8.0), 7.0, np.ones(1), np.ones((3, 1)), []]), (np.zeros(3), [[7.0], 7.0]),
-     (np.zeros((2, 3)), [np.ones(3), np.ones((2, 1)), np.ones((3, 2)), np.ones((1, 2, 3)), 7.0]),
+    [([0.0, 1.0, 2.0], [[7.0], (7.0, 8.0), 7.0, np.ones(1), np.ones((3, 3)), []]), (np.zeros(3), [[7.0], 7.0]),
+     (np.zeros((2, 3)), [np.ones(3), np.ones((2, 1)), np.ones((3, 2)), 7.0]),
      (np.zeros(2, np.float32), [np.ones(1, np.float32), 7.0]), (np.zeros(2, "M8[s]"), [np.zeros(1, "M8[s]")])],
 )  # fmt: skip
 def test_a_value_of_another_shape_is_spread_over_nothing(logged, first, others):
@@ -84,6 +84,20 @@ def test_a_value_of_another_shape_is_spread_over_nothing(logged, first, others):
     assert np.array_equal(rows[[0, -1]], [np.ravel(first)] * 2)
     assert np.isnat(rows[1:-1]).all() if rows.dtype.kind == "M" else np.isnan(rows[1:-1]).all()
     assert logged.recording.elements[1].failures.count == len(others)
+
+
+@pytest.mark.parametrize(
+    ("first", "other"),
+    [(np.zeros(3), [[1.0, 2.0, 3.0]]), (np.zeros((1, 3)), (1.0, 2.0, 3.0)), (np.zeros((2, 1)), np.ones(2)),
+     (np.zeros(1), 5.0), (1j, [2j]), (np.float16(1), [2.0])],
+)  # fmt: skip
+def test_the_same_values_in_other_brackets_are_logged(logged, first, other):
+    logged([first, other])
+    found = logged.recording.elements[1]
+    rows = np.array([entry.values for entry in found.entries]).T
+    expected = np.ravel(other).astype(np.asarray(first).dtype)
+    expected = [expected[0].real, expected[0].imag] if isinstance(first, complex) else expected.tolist()
+    assert (rows[1].tolist(), found.failures.count) == (list(expected), 0)
 
 
 def test_integers_of_another_shape_hold_their_last_values(logged):

@@ -232,7 +232,7 @@ def test_a_start_that_drops_what_is_in_no_file_says_so_once(new_logger, caplog):
         collect(logger, 2)
     (warning,) = warnings_of(caplog)
     assert kept.shape == ()
-    assert warning.startswith("test: 2 ticks of the last run, in no file, dropped by this start: save() before it, or ")
+    assert warning.startswith("test: this start dropped 2 ticks of the last run that were not saved (what was recorded")
     logger.save()
     other = new_logger("other")
     other.array("x")

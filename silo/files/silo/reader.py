@@ -160,7 +160,7 @@ def _wrong_values(header: Header, data: memoryview) -> tuple[str, ...]:
     """A sentence that names the entries whose checksum doesn't match; none where the table tells no places."""
     lines = [line for line in header.lines if line is not None]
     sums = form.parse_sums(header.sums)
-    if len(sums) != len(lines):
+    if not len(sums) == len(lines) == len(header.lines) == len(header.names):
         return ()
     ends = accumulate((line.size_bytes for line in lines), initial=header.data_start)
     spans = zip(header.names, sums, pairwise(ends), strict=True)

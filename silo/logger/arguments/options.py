@@ -259,11 +259,13 @@ def warn_if_not_durable(options: LoggerOptions, *, served: bool) -> None:
 
 def warn_of_folder(options: LoggerOptions) -> None:
     """Say at a start where nothing can be saved, rather than when it is to be."""
-    folder = Path(options.folder)
-    there = next(path for path in (folder, *folder.parents) if path.exists())
-    if there.is_dir() and os.access(there, os.W_OK | os.X_OK):
+    there = folder = Path(options.folder)
+    while not os.path.exists(there) and there != there.parent:  # noqa: PTH110  # which raises nothing
+        there = there.parent
+    is_folder = os.path.isdir(there)  # noqa: PTH112
+    if is_folder and os.access(there, os.W_OK | os.X_OK):
         return
-    why = f"{there} can't be written to" if there.is_dir() else f"{there} is no folder"
+    why = f"{there} can't be written to" if is_folder else f"{there} is no folder"
     log.warning("%s: saves to %s will fail: %s; save(folder=...) saves elsewhere", options.name, folder, why)
 
 

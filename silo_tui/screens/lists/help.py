@@ -288,12 +288,12 @@ class HelpScreen(Dialog[None]):
             command = self._found[self._chosen].command
             if command:
                 self.dismiss()
-                self._do(command)
+                self.app.call_later(self._do, command)  # what it asks for is answered to a screen that stays
 
     def action_tour(self) -> None:
         """Begin the tour, or end it."""
         self.dismiss()
-        self._do("tour")
+        self.app.call_later(self._do, "tour")
 
     def action_back(self) -> None:
         """Show all again, then leave."""
