@@ -302,7 +302,15 @@ class ElementsScreen(SiloScreen):
         self.table_changed()
 
     def command_into(self) -> None:
-        self.action_command("fold" if self.session.rows.branch is not None else self.plots_by)
+        rows = self.session.rows
+        if rows.row is not None and rows.row not in rows.targets():  # others are marked
+            self.plot_rows([rows.row])
+        else:
+            self.action_command("fold" if rows.branch is not None else self.plots_by)
+
+    @abstractmethod
+    def plot_rows(self, chosen: Sequence[int]) -> None:
+        """Show plots of these elements."""
 
     def command_component(self) -> None:
         self.say(self.session.rows.next_component())

@@ -2,6 +2,7 @@
 """The table of a logger: its elements with their live columns, and everything that edits them."""
 
 import time
+from collections.abc import Sequence
 
 import numpy as np
 from textual.app import ComposeResult
@@ -275,14 +276,16 @@ class TableScreen(Editing):
         self.sure_of_hidden(self._plot, "Plot")
 
     def _plot(self) -> None:
+        self.plot_rows(self.session.rows.targets().tolist())
+
+    def plot_rows(self, chosen: Sequence[int]) -> None:
         from silo_tui.screens.plots.monitor import MonitorScreen
 
         rows = self.session.rows
-        chosen = rows.targets()
-        if len(chosen):
+        if chosen:
             names = self.session.table.names
             under_cursor = names[rows.row] if rows.row is not None else ""
-            plotted = [names[int(row)] for row in chosen]
+            plotted = [names[row] for row in chosen]
             self.show_plots(MonitorScreen(self.session, plotted, under_cursor))
         else:
             self.say("nothing to plot here")

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from silo.analysis.log import Log
 from silo.core.arrays.columns import Gap, NonFinite, holes_of
 from silo.core.arrays.values import newest_values
-from silo.core.conditions import CaptureFacts, Conditions
+from silo.core.conditions import CaptureFacts, Conditions, Derived
 from silo.core.recording import Recording
 from silo_tui.model.samples.recorded import RecordingSource
 from silo_tui.sessions.recorded import FileSession
@@ -221,6 +221,15 @@ def test_the_samples_between_two_times_are_those_with_their_own_stamps(divider, 
 def test_a_file_has_no_samples_of_a_name_that_is_not_in_it():
     time_ns, values = asyncio.run(source(element("a", [1.0])).samples("/log/b", 0, 2**62))
     assert (len(time_ns), len(values)) == (0, 0)
+
+
+def test_a_file_opens_whose_derived_signal_has_no_sample_in_common_with_others():
+    elements = (element("a", np.arange(40.0)[:10]), element("b", np.arange(10.0), first=30))
+    times = START_NS + STEP_NS * np.arange(40, dtype=np.int64)
+    conditions = Conditions(derived=(Derived("/log/sum", "a + b"),))
+    log = Log(Recording("robot", times, 40, elements, frequency_hz=400.0, conditions=conditions), "run.silo")
+    file = FileSession(log)
+    assert (len(log), list(file.rows_of), file.status.elements) == (3, ["/log/a", "/log/b"], 2)
 
 
 def test_a_sample_from_before_a_capture_makes_its_time_axis_no_longer_and_no_hole():

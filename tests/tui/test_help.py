@@ -115,6 +115,23 @@ async def test_help_is_searched_and_does_what_was_found(fake, opened):
         assert screen.value(screen.session.table.names[int(screen.session.rows.shown[0])], Field.ENABLED) != before
 
 
+async def test_what_is_asked_for_by_a_command_from_help_is_answered(fake, opened):
+    async with opened(fake.run(), size=(100, 30)) as screen:
+        await screen.press("question_mark", "slash")
+        await screen.type("mark the tick")
+        await screen.press("enter")
+        await screen.shows("Mark this moment")
+        await screen.type("fell")
+        await screen.press("enter")
+        await screen.until(lambda: [call[:2] for call in fake.calls] == [("mark", "fell")])
+        await screen.press("question_mark", "slash")
+        await screen.type("the screen as a picture")
+        await screen.press("enter")
+        await screen.shows("Enter does it")
+        await screen.press("enter")
+        await screen.shows("silo-tui.svg")
+
+
 async def test_the_arrows_choose_among_what_was_found(fake, opened):
     async with opened(fake) as screen:
         await screen.press("question_mark", "slash")

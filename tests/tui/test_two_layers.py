@@ -162,6 +162,20 @@ async def test_a_menu_that_waits_is_drawn_and_stays_at_an_unknown_letter(fake, o
 
 
 @pytest.mark.slow
+async def test_enter_plots_the_row_though_others_are_marked_and_all_where_it_is_one_of_them(fake, opened):
+    async with opened(fake.run()) as screen:
+        await screen.press("space", "space", "enter")
+        await screen.until(lambda: screen.app.screen.scope == "monitor")
+        assert [each.element.name for each in screen.app.screen.stack.plots] == ["/log/base/velocity"] * 3
+        await screen.press("escape")
+        await screen.until(lambda: screen.app.screen.scope == "table")
+        await screen.press("up", "enter")
+        await screen.until(lambda: screen.app.screen.scope == "monitor")
+        assert {each.element.name for each in screen.app.screen.stack.plots} == {
+            "/log/base/orientation", "/log/base/position"
+        }  # fmt: skip
+
+
 async def test_enter_on_a_name_space_folds_it_and_on_a_row_plots_it(fake, opened):
     async with opened(fake) as screen:
         await screen.press("o", "n", "g", "g")

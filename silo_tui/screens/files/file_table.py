@@ -151,15 +151,17 @@ class FileTableScreen(ElementsScreen):
         self.sure_of_hidden(self._plot, "Plot")
 
     def _plot(self) -> None:
+        self.plot_rows(self.session.rows.targets().tolist())
+
+    def plot_rows(self, chosen: Sequence[int]) -> None:
         from silo_tui.screens.plots.monitor import FileMonitorScreen
 
-        chosen = self.session.rows.targets()
-        names = [self.session.table.names[int(row)] for row in chosen]
+        names = [self.session.table.names[row] for row in chosen]
         names = [name for name in names if self.file.rows_of[name].samples]
         if names:
             self.show_plots(FileMonitorScreen(self.file, names))
         else:
-            self.say("no samples of it in this file" if len(chosen) else "nothing to plot")
+            self.say("no samples of it in this file" if chosen else "nothing to plot")
 
 
 def _empty_store(names: Sequence[str], columns: int, begin_ns: int, end_ns: int) -> ColumnStore:
