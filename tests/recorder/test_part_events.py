@@ -395,6 +395,24 @@ def test_each_part_tells_what_parameters_were_at_its_begin_and_what_they_became_
     check_parameters(tuned, parts(tmp_path))
 
 
+def test_a_part_begins_where_its_rows_do_though_a_buffer_is_full(tuned, tmp_path, truth) -> None:
+    short = tuned.log.array("short", (), np.int64, buffer="fixed", size=5)
+    tuned.start()
+    direct = truth.direct(tuned, order(tmp_path, split_bytes=8_000, patterns=(*ONLY, "short")))
+    while len(parts(tmp_path)) < 3:
+        tuned.ticks(50)
+        direct.step()
+    direct.finish()
+    assert short.shape == ()
+    check_parameters(tuned, parts(tmp_path))
+    for path in parts(tmp_path)[1:]:
+        found = read_bag(path)
+        (image,) = [event for event in found.events if event.kind == "parameter"]
+        assert image.tick == found.offset - len(found.time_ns)
+        with path.open("rb") as file:
+            assert make_reader(file).get_summary().statistics.message_start_time == found.time_ns[0]
+
+
 def test_a_change_of_which_the_log_alone_knows_any_more_is_in_the_part_and_in_the_image_of_the_next(
     tuned, tmp_path, truth
 ) -> None:
