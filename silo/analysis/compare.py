@@ -440,7 +440,8 @@ def _meeting(
     mine, theirs, span = in_common(one, other)
     if len(mine) == 0:
         raise ElementError("there is no sample in common")
-    places = None if len(mine) == len(one) == len(other) else (mine.values, theirs.values)
+    each_with_each = np.array_equal(mine.values, one.values) and np.array_equal(theirs.values, other.values)
+    places = None if each_with_each else (mine.values, theirs.values)
     moved_ns = other._as_if_started(one.start_ns).time_ns
     return met.setdefault(key, _Meeting(places, mine.times, moved_ns, span, stamps))
 

@@ -54,6 +54,23 @@ def test_two_runs_are_laid_on_each_other_once_for_all_signals_of_one_time_base(m
     assert len(met) == 1
 
 
+@pytest.mark.parametrize("kind", ["slower", "a pause", "a bit faster"])
+def test_runs_of_as_many_samples_are_compared_at_the_same_times(kind):
+    ticks = np.arange(COUNT)
+    step = {"slower": 1.25, "a bit faster": 0.9}.get(kind, 1.0)
+    late = 7.5 * (ticks >= 10) if kind == "a pause" else 0.0
+    times = (np.round((ticks * step + late) * 10**7)).astype(np.int64)
+    logs = []
+    for begin_ns, at in ((10**18, ticks * 10**7), (2 * 10**18, times)):
+        elements = [element(f"/log/s{place}", np.sin(at / 1e9 * (20 + place))) for place in range(3)]
+        logs.append(silo.Log(Recording("run", begin_ns + at, COUNT, elements)))
+    a, b = logs
+    found = {row.name: row.largest for row in silo.compare(a, b).rows}
+    for name in a:
+        truth = np.abs((a[name] - b[name]).values).max()
+        assert found.get(name, 0.0) == pytest.approx(truth, abs=1e-12)
+
+
 def test_no_signal_is_made_of_what_has_the_same_bytes(monkeypatch):
     a, b = (silo.Log(recorded(many(10))) for _ in range(2))
     monkeypatch.setattr(silo.Log, "_signal", lambda *given: pytest.fail("a signal was made"))
