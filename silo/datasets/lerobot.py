@@ -110,12 +110,21 @@ def write_lerobot(
         with ExitStack() as stack:
             writer = (EpisodeFiles if to == "episodes" else _Writer)(part, fps, robot, stack)
             done = DataSet(final)
+            whole_runs: dict[tuple[str, str], str] = {}  # those of which several parts may be given, by their ids
             for number, run in enumerate(runs):
                 if progress is not None:
                     progress(number / len(runs))
                 source = run.path or run.name if isinstance(run, Log) else os.fspath(run)
                 try:
-                    pieces = pieces_of(run if isinstance(run, Log) else open_log(run), source, episodes)
+                    opened = run if isinstance(run, Log) else open_log(run)
+                    stretch = opened.recording.stretch
+                    first = source
+                    if stretch is not None and not stretch.part:
+                        first = whole_runs.setdefault(stretch.whole, source)
+                    if first != source:
+                        done.left_out.append((source, f"a part of the same run as {first}, with which all of it came"))
+                        continue
+                    pieces = pieces_of(opened, source, episodes)
                 except SiloError as error:
                     done.left_out.append((source, str(error)))
                     continue

@@ -218,6 +218,25 @@ def test_a_file_per_episode_holds_the_same_frames(runs, made, tmp_path):
     assert len(list((tmp_path / "out").glob("*.npz"))) == 1
 
 
+def test_a_run_that_was_cut_is_there_once_however_many_of_its_parts_are_given(tmp_path, new_logger):
+    log = new_logger(frequency=100, clock=itertools.count(0, 10_000_000).__next__)
+    x = log.array("x")
+    log.start()
+    for tick in range(300):
+        x[...] = tick
+        if tick in (100, 200):
+            log.set("x", size=1000 + tick, cut=True)
+        log.collect()
+    log.stop()
+    log.save()
+    parts = sorted(tmp_path.glob("*_part?.silo"))
+    made = write_lerobot(parts, tmp_path / "set", fps=FPS, state=["x"])
+    alone = write_lerobot(parts[:1], tmp_path / "alone", fps=FPS, state=["x"])
+    assert (len(parts), made.episodes, made.frames) == (3, 1, alone.frames)
+    assert [source for source, _ in made.left_out] == [str(part) for part in parts[1:]]
+    assert all(f"the same run as {parts[0]}" in why for _, why in made.left_out)
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [
