@@ -49,10 +49,16 @@ class Script:
 
     @property
     def warnings(self) -> list[str]:
-        """`file:line: reason` of what was left alone, at most `MAX_PROBLEMS`."""
+        """`file:line: reason` of what was left alone, and what is off by a missing key, `MAX_PROBLEMS` of each."""
         shown = [f"{self.path}:{key.line}: {key.text}; it was left alone" for key in self.unknown_keys[:MAX_PROBLEMS]]
         more = len(self.unknown_keys) - MAX_PROBLEMS
-        return shown + ([f"{self.path}: and {more} more unknown keys"] if more > 0 else [])
+        shown += [f"{self.path}: and {more} more unknown keys"] if more > 0 else []
+        off = [element for element in self.elements if "enabled" not in element.asked]
+        shown += [
+            f"{self.path}:{one.line}: element '{one.name}' is off, as it has no key 'enabled': write `enabled: true`"
+            for one in off[:MAX_PROBLEMS]
+        ]
+        return shown + ([f"{self.path}: and {len(off) - MAX_PROBLEMS} more"] if len(off) > MAX_PROBLEMS else [])
 
     def conditions_beside(self, now: Conditions) -> Conditions:
         """Return the conditions that it leads to where there are these: kinds that it doesn't speak of stay."""

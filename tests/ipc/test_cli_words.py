@@ -260,7 +260,7 @@ def test_a_setting_without_a_pattern_is_wrong_usage(capsys: pytest.CaptureFixtur
 @pytest.mark.parametrize(
     ("more", "code", "out", "err"),
     [
-        ("", 0, "{}: fine, 1 element\n", ""),
+        ("enabled: true", 0, "{}: fine, 1 element\n", ""),
         ("rat: 0", 0, "{}: fine, 1 element\n", "warning: {}:3: element '/log/a': unknown key 'rat' in an element; "),
         (
             "divider: 0", EXIT_FAILED, "",

@@ -164,8 +164,18 @@ def test_a_wrong_value_is_told_in_words(text: str, reason: str) -> None:
     ],
 )
 def test_an_unknown_key_is_a_warning_with_its_line_and_the_nearest_key(text: str, reason: str) -> None:
-    found = script(f"log_elements:\n  - name: /log/x\n    {text}\n")
+    found = script(f"log_elements:\n  - name: /log/x\n    {text}\n    enabled: true\n")
     assert found.warnings == [f"config/robot.yaml:3: element '/log/x': {reason}; it was left alone"]
+
+
+def test_what_is_off_as_nothing_says_that_it_is_on_is_told() -> None:
+    found = script(
+        "log_elements:\n- name: /a\n  divider: 5\n- name: /b\n  enabled: false\n- {name: /c, enabled: true}\n"
+    )
+    off = "element '/a' is off, as it has no key 'enabled': write `enabled: true`"
+    assert found.warnings == [f"config/robot.yaml:2: {off}"]
+    many = script("log_elements:\n" + "".join(f"- name: /x{at}\n" for at in range(MAX_PROBLEMS + 2)))
+    assert (len(many.warnings), many.warnings[-1]) == (MAX_PROBLEMS + 1, "config/robot.yaml: and 2 more")
 
 
 def test_unknown_keys_beside_a_problem_are_told_with_it() -> None:
