@@ -178,8 +178,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
             end = min((end_ns - begin_ns) / SECOND_NS, begin + self.window.span_s)
             ends = text.told_apart(begin, end, digits=6, write=text.short)
             return f"{' … '.join(ends)} s ({text.span(self.window.span_s)})"
-        back = (self.source.end_ns - self.end_ns) / SECOND_NS
-        return text.span(self.window.span_s) + (f"  ends {text.span(back)} before the newest" if back > 0.5 else "")
+        return text.span(self.window.span_s)  # how far back it ends is told below, as time goes on
 
     def _begin(self) -> None:
         run_alone(self, "draw", self._draw)
