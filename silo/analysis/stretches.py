@@ -183,7 +183,7 @@ def _placed(parts: Sequence[tuple[Recording, Stretch]]) -> tuple[list[_Piece], N
     told: list[str] = []
     stamps: list[NDArray[np.int64]] = [np.empty(0, np.int64)]
     known: list[tuple[int, NDArray[np.int64], NDArray[np.int64]]] = []
-    taken: dict[str, int] = {}  # by element of the stretch, the tick after its last sample
+    taken: dict[str, list[range]] = {}  # by element of the stretch, the ticks of which it has samples
     begin, end, after = _begin(parts), 0, 0  # after: the tick after the last one of the stretch
     for part, stretch in parts:
         first = _first(part)
@@ -204,7 +204,9 @@ def _placed(parts: Sequence[tuple[Recording, Stretch]]) -> tuple[list[_Piece], N
                 known.append((place, logged, part.time_ns[logged]))
         stamps.append(part.time_ns[over:])
         end, after = end + len(stamps[-1]), max(after, part.offset)
-        taken |= {one.name: first + one.first + (one.count - 1) * one.divider + 1 for one in elements if one.count}
+        for one in elements:
+            if one.count:
+                taken.setdefault(one.name, []).append(_ticks_of(one, first))
     time_ns = np.concatenate(stamps)
     for place, logged, stamp_ns in known:
         time_ns[place + logged] = stamp_ns
@@ -230,14 +232,28 @@ def _gap(stretch: Stretch, first: int, last: int) -> str:
     )
 
 
-def _fresh(element: RecordedElement, first: int, taken: Mapping[str, int]) -> RecordedElement:
-    """An element of a part that begins with tick `first`, without the samples that are taken already."""
-    skip = -((first + element.first - taken.get(element.name, first)) // element.divider)
-    skip = min(max(skip, 0), element.count)
-    if not skip:
+def _ticks_of(element: RecordedElement, first: int) -> range:
+    """The ticks of its samples, in a part that begins with tick `first`."""
+    begin = first + element.first
+    return range(begin, begin + element.count * element.divider, element.divider)
+
+
+def _fresh(element: RecordedElement, first: int, taken: Mapping[str, Sequence[range]]) -> RecordedElement:
+    """An element of a part that begins with tick `first`, without the samples that are taken already.
+
+    A part that has rows of slow elements alone may come behind one that begins sooner and goes on later.
+    """
+    ticks = _ticks_of(element, first)
+    low, high = 0, len(ticks)
+    for other in sorted(taken.get(element.name, ()), key=lambda one: one.start):
+        if low < high and other.start <= ticks[low] < other.stop:
+            low = min(high, -(-(other.stop - ticks.start) // ticks.step))
+        elif low < high and ticks[low] < other.start <= ticks[high - 1]:
+            high = -(-(other.start - ticks.start) // ticks.step)
+    if (low, high) == (0, len(ticks)):
         return element
-    entries = _cut(element, slice(skip, None), element.count - skip)
-    return replace(element, first=element.first + skip * element.divider, entries=entries)
+    entries = _cut(element, slice(low, high), high - low)
+    return replace(element, first=element.first + low * element.divider, entries=entries)
 
 
 def _events(pieces: Sequence[_Piece], begin: int) -> list[LoggedEvent]:
@@ -295,7 +311,10 @@ def _as_one(
     own: dict[tuple[tuple[int, int, int], ...], NDArray[np.int64]],
 ) -> RecordedElement:
     """An element of several parts; `own` are time stamps that others have, too, by where they stand."""
-    pieces = [(piece, one) for piece, one in found if one.count] or found[-1:]
+    pieces = sorted(
+        [(piece, one) for piece, one in found if one.count] or found[-1:],
+        key=lambda pair: pair[0].place + pair[1].first,
+    )
     last = pieces[-1][1]
     layout = tuple((piece.place + one.first, one.divider, one.count) for piece, one in pieces)
     begin = follows = layout[0][0]

@@ -15,6 +15,7 @@ from silo.core.recording import Recording
 from silo.errors import ElementError, SaveError, SegmentError, StateError
 from silo.journal.holdings import segment_holdings
 from silo.logger.current_run import MOST_CUT_OFF, MOST_ELEMENTS, CurrentRun
+from tests.stand_ins.saved import element
 from tests.stand_ins.ticking import turning
 from tests.waiting import wait_until
 
@@ -370,3 +371,28 @@ def test_an_event_of_a_part_that_lost_its_oldest_ticks_stands_at_its_own(tick, t
     assert [event.tick for event in whole.events] == [there]
     assert whole.warnings == ("part 2: its oldest 20 ticks were overwritten",)
     assert (len(whole.time_ns), whole.offset) == (20, 20)
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(range(4))))
+def test_parts_of_a_recording_whose_rings_end_at_other_ticks_are_read_whole_in_any_order(order):
+    """The second has rows of the slow element alone, the fourth is a copy of half of the third."""
+
+    def part(x, slow):
+        first = min([*x, *slow])
+        stamps = 10**18 + 10**6 * np.arange(first, max([*x, *slow]) + 1)
+        elements = [element("x", np.array(x), first=x[0] - first)] if x else []
+        elements += [element("slow", np.array(slow), divider=5, first=slow[0] - first)] if slow else []
+        return Recording("arm", stamps, first + len(stamps), elements, stretch=Stretch("run", 1, recorder="arm"))
+
+    parts = [
+        part([*range(98)], [*range(0, 100, 5)]),
+        part([], [*range(100, 150, 5)]),
+        part([*range(98, 200)], [*range(150, 200, 5)]),
+        part([*range(98, 150)], [150, 155]),
+    ]
+    whole = joined([parts[at] for at in order])
+    x, slow = whole.elements if whole.elements[0].name == "/log/x" else whole.elements[::-1]
+    assert x.entries[0].values.tolist() == list(range(200))
+    assert slow.entries[0].values.tolist() == list(range(0, 200, 5))
+    assert (whole.time_ns.tolist(), whole.warnings) == ((10**18 + 10**6 * np.arange(200)).tolist(), ())
+    assert (slow.stamp_indices.tolist(), slow.own_ns) == (list(range(0, 200, 5)), None)
