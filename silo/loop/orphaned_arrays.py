@@ -120,7 +120,7 @@ class Unheld:
             found += [at for at in fresh if _is_constant(reader(), self._element(at))]
             moved = [at for at in fresh if at not in found]
             still = [at for at in moved[:MOST_STILL] if _newest_alike(reader(), self._element(at))]
-            if 2 * len(still) <= len(moved) or len(moved) == 1:  # else it is the robot that stood still
+            if len(still) <= MOST_TOLD or 2 * len(still) <= len(moved):  # else it is the robot that stood still
                 found += still
         self._tell(found, lambda one: _same(reader(), one))
 

@@ -45,6 +45,30 @@ def test_one_that_changed_and_was_assigned_anew_then_is_told_of_at_the_end(new_l
     assert [warning.partition(": right")[0] for warning in warnings_of(caplog)] == [says] * told
 
 
+@pytest.mark.parametrize(("count", "told"), [(2, 2), (11, 0)])
+def test_several_that_are_assigned_anew_together_are_told_of_a_robot_that_stands_still_is_not(
+    new_logger, caplog, count, told
+):
+    robot, logger = Robot(), new_logger()
+    robot.arrays = [np.zeros(3) for _ in range(count)]
+    for place, one in enumerate(robot.arrays):
+        logger.add(one, f"q{place}")
+        del one
+    logger.start()
+    for tick in range(40):
+        if tick == 20:
+            robot.arrays = [one + 1 for one in robot.arrays]
+        for one in robot.arrays:
+            one[0] = tick
+            del one
+        logger.collect()
+    logger.stop()
+    assert (
+        len([warning for warning in warnings_of(caplog) if ", and its newest 21 samples are the same" in warning])
+        == told
+    )
+
+
 def test_so_is_one_of_silos_own_memory(new_logger, caplog):
     robot, logger = Robot(), new_logger()
     robot.q, robot.kept = logger.array("q", 3), logger.array("kept", 3)
