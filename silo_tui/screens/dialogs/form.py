@@ -133,6 +133,11 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Look at it when the keys rest."""
+        self.changed()
+
+    def changed(self) -> None:
+        """Look at it when the keys rest: what was refused is another thing now."""
+        self._problem = ""
         self.look_soon()
 
     def look_soon(self) -> None:
@@ -140,10 +145,9 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         self.once_settled("look", self.AFTER_S, lambda: run_alone(self, "look", self._look_now))
 
     async def _look_now(self) -> None:
-        if self.fields:
-            problem, self._problem = self._problem, ""  # it stands until a key is pressed
+        if self.fields and not self._problem:  # that stands until something is typed
             try:
-                self.tell(problem or await self.look(), "failed" if problem else "")
+                self.tell(await self.look())
             except (SiloError, ValueError) as error:
                 self.tell(self.wrong(error), "quiet")
 
@@ -158,14 +162,19 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         for name, belongs in self.NEEDED.items():
             if not self.fields[name]:
                 self.field(name).focus()
-                self.tell(f"'{name}' is empty: {belongs}", "failed")
+                self.refuse(f"'{name}' is empty: {belongs}")
                 return
         try:
             made = self.made()
         except (SiloError, ValueError) as error:
-            self.tell(self.wrong(error), "failed")
+            self.refuse(self.wrong(error))
         else:
             self.dismiss(made)
+
+    def refuse(self, words: str) -> None:
+        """Say why it can't be, until something else is typed."""
+        self._problem = words
+        self.tell(words, "failed")
 
     @abstractmethod
     async def look(self) -> str:

@@ -76,7 +76,7 @@ class SaveDialog(Form[list[SavedFile]]):
         self.query_one(ProgressBar).display = False
         self.query_one(CheckLine).focus()
         for line in self.query(CheckLine):
-            self.watch(line, "value", self.look_soon, init=False)
+            self.watch(line, "value", self.changed, init=False)
         self.look_soon()
         if self._at_once:
             self._begin()
@@ -150,7 +150,7 @@ class SaveDialog(Form[list[SavedFile]]):
         try:
             files = self.made()
         except (SiloError, ValueError) as error:
-            self.tell(str(error), "failed")
+            self.refuse(str(error))
             return
         self._saving, self._asked = True, files
         self.query_one(ProgressBar).display = True
