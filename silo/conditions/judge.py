@@ -362,19 +362,21 @@ class Judge:
         reader = self._held.open(run)
         if run and reader is None:
             return
+        before = self._judge
         self._end_run("a new run began")
         self._run, self._closed, self._failed = run, False, ""
         if reader is not None:
-            self._go_over(reader)
+            self._go_over(reader, before)
 
-    def _go_over(self, reader: SegmentReader) -> None:
-        """Judge the run that has just begun."""
+    def _go_over(self, reader: SegmentReader, before: "SegmentJudge | None") -> None:
+        """Judge the run that has just begun, after the one of `before`."""
         run = reader.schema.run
         if self._go_on(reader) or not reader.schema.conditions.judged:
             return
         # of a damaged state nobody knows what it had fired for: nothing fires twice
         is_damaged = self._memory is not None and self._memory.was_damaged(run)
-        self._begin(reader, reader.schema.conditions, since=reader.ticks if is_damaged else 0)
+        goes_on = before if before is not None and reader.schema.follows(before.reader.schema) else None
+        self._begin(reader, reader.schema.conditions, since=reader.ticks if is_damaged else 0, after=goes_on)
 
     def _judge_left(self, run: str) -> None:
         """Judge a run that is over, from where a predecessor stood; told is what nobody told before."""
@@ -448,8 +450,12 @@ class Judge:
             reader, self._replica.now.table.elements, conditions, since, lambda: self._writer.size_bytes
         )
 
-    def _begin(self, reader: SegmentReader, conditions: Conditions, since: int = 0) -> None:
+    def _begin(
+        self, reader: SegmentReader, conditions: Conditions, since: int = 0, after: "SegmentJudge | None" = None
+    ) -> None:
         self._judge = judge = self._made(reader, conditions, since)
+        if after is not None:
+            judge.follow(after)
         if since:
             judge.count_from(self._remembering().numbers(reader.schema.run))
         else:

@@ -7,7 +7,7 @@ one maximum per batch, and only what is not green, or was not, is judged sample 
 import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import msgspec
 import numpy as np
@@ -59,6 +59,11 @@ class ScalarMemory:
         before = self.begun_worst if violation.number == self.begun else Level.GREEN
         self.begun, self.begun_worst = violation.number, violation.worst
         return abs(violation.worst) > abs(before)
+
+    def elsewhere(self) -> "ScalarMemory":
+        """Return it as it goes on where ticks count anew."""
+        worst, untold = (one and one.elsewhere() for one in (self.worst, self.untold))
+        return replace(self, worst=worst, untold=untold, told_peak=-1)
 
 
 @dataclass
@@ -228,6 +233,18 @@ class LimitJudge:
             if one.evaluator is not None and kept.evaluator is not None:
                 one.evaluator.recall(kept.evaluator)
             one.take(())
+
+    def follow(self, before: "LimitJudge") -> None:
+        """Go on after a cut of the run that `before` judged: alarms stay, and who has seen them; ticks count anew."""
+        self.recall(
+            replace(
+                kept,
+                scalars=[scalar.elsewhere() for scalar in kept.scalars],
+                states=[state.elsewhere() for state in kept.states],
+                evaluator=None,
+            )
+            for kept in before.memory()
+        )
 
     @property
     def active(self) -> bool:

@@ -384,6 +384,15 @@ class SegmentJudge:
         for name, one in self._watched.items():
             one.trigger.captures = max(one.trigger.captures, numbers.get(name, 0))
 
+    def follow(self, before: "SegmentJudge") -> None:
+        """Go on after a cut of the run that `before` judged to its end: nothing fires, or is to be seen, twice."""
+        for name, one in self._watched.items():
+            known = before._watched.get(name)
+            if known is not None and known.options == one.options:
+                one.trigger = replace(known.trigger.shifted(before.judged), rule=one.trigger.rule)
+        self.limits.follow(before.limits)
+        self._numbers.update(before._numbers)
+
     def recall(self, state: JudgeState) -> list[CaptureBuffer]:
         """Go on where another one stood, of the same conditions; returns the captures that only have to be written.
 
@@ -408,7 +417,7 @@ class SegmentJudge:
 
 def _whole(trigger: Trigger, until: int) -> CapturedSpan | None:
     """The newest capture all of whose ticks are before `until`."""
-    found = next((one for one in (trigger.capture, trigger.before) if one is not None and one.last < until), None)
+    found = next((one for one in (trigger.capture, trigger.before) if one is not None and 0 <= one.last < until), None)
     if found is None:
         return None
     fire = found.fires[0]

@@ -102,6 +102,10 @@ class Violation:
     over: bool = False
     last_ns: int = 0
 
+    def elsewhere(self) -> "Violation":
+        """Return it as it is known where ticks count anew: its times tell where it was."""
+        return replace(self, first_tick=-1, last_tick=-1, peak_tick=-1)
+
 
 @dataclass(frozen=True)
 class Acknowledgement:
@@ -141,6 +145,10 @@ class EntryState:
     def is_open(self) -> bool:
         """Whether the newest violation may go on."""
         return self.violation is not None and not self.violation.over
+
+    def elsewhere(self) -> "EntryState":
+        """Return it as it goes on where ticks count anew."""
+        return replace(self, since_tick=-1, violation=self.violation and self.violation.elsewhere())
 
 
 @dataclass

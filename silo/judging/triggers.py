@@ -162,6 +162,22 @@ class Trigger:
         """Return for how many ticks from this one on turns are ignored."""
         return max(self.holdoff_end - tick, 0)
 
+    def shifted(self, ticks: int) -> "Trigger":
+        """Return it as it goes on where ticks count anew, `ticks` after they did before.
+
+        Of its captures is known when the newest fired: they are over, and what still lasts begins another one.
+        """
+        end, until, known = self.holdoff_end, self.patient_until, self.capture
+        if known is not None:
+            fire = known.fires[-1]
+            end = fire.tick + self.rule.holdoff if self.rule.slope is Slope.LEVEL else end
+            known = replace(known, first=-1, last=-1, fires=(replace(fire, tick=-1),))
+        return replace(
+            self, capture=known, before=None, tick=-1, fired=[], _new=[], holdoff_end=max(end - ticks, 0),
+            since=None if self.since is None else self.since - ticks,
+            patient_until=None if until is None else until - ticks,
+        )  # fmt: skip
+
     # ----------------------------------------------------------------------------------------------- the rules
 
     def _stretch(self, ticks: Ints, time_ns: Ints, condition: int, rearm: int | None) -> None:

@@ -335,8 +335,7 @@ class Logger(LoggerNames):
         present, run = self._present, self._present.run
         assert run is not None
         check_cut(present, run, self._table.infos, exciting=self.parameters.excitations.running is not None)
-        schema = run.segment.schema
-        chain, part = (schema.cut.chain, schema.cut.part) if schema.cut is not None else (schema.run, 1)
+        chain, part = run.segment.schema.stretch
         made = present.prepare(functools.partial(self._make_run, Cut(chain, part + 1, what, who)))
         # who comes by the one before goes on here, from its next tick on
         self._collect = collect = self._collect_of(made)

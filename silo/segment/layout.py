@@ -205,6 +205,16 @@ class SegmentSchema(msgspec.Struct, frozen=True, weakref=True, rename={"conditio
         """What the event of its start says."""
         return STARTED if self.cut is None else GOES_ON
 
+    @property
+    def stretch(self) -> tuple[str, int]:
+        """The run that cuts go on from, and the number of this stretch of it, from 1."""
+        return (self.run, 1) if self.cut is None else (self.cut.chain, self.cut.part)
+
+    def follows(self, before: "SegmentSchema") -> bool:
+        """Whether this is the next stretch of the same run."""
+        chain, part = before.stretch
+        return self.stretch == (chain, part + 1)
+
 
 def page_up(size_bytes: int) -> int:
     """The next multiple of a page."""

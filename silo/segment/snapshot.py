@@ -19,7 +19,7 @@ from silo.core.recording import (
     unheld_text,
     with_events,
 )
-from silo.segment.layout import TIME_RING, Cut, ElementSchema, SegmentSchema
+from silo.segment.layout import TIME_RING, ElementSchema, SegmentSchema
 from silo.segment.reasons import LOST_TEXTS
 from silo.segment.retention import kept_rows
 from silo.segment.rows import Rows, RowSource, lost_samples
@@ -61,8 +61,7 @@ def in_chain(recording: Recording, schema: SegmentSchema, *, cut_off: bool) -> R
     """The recording of a stretch that says so, by a field and an event: that it goes on another, or is gone on."""
     if schema.cut is None and not cut_off:
         return recording
-    cut = schema.cut or Cut(schema.run, 1)
-    return with_events(replace(recording, stretch=Stretch(cut.chain, cut.part)), cut_events(schema))
+    return with_events(replace(recording, stretch=Stretch(*schema.stretch)), cut_events(schema))
 
 
 def cut_events(schema: SegmentSchema) -> list[LoggedEvent]:

@@ -326,6 +326,71 @@ class TestCommands:
         assert '"word":"H"' in capsys.readouterr().out
 
 
+class TestCuts:
+    """An edit of the table while it runs ends a stretch, and nothing of what somebody has yet to see."""
+
+    @staticmethod
+    def cut(bench, client):
+        """Cut the run, and wait until the next stretch is judged."""
+        before = client.alarms().run
+        bench.ticks(1)
+        bench.logger.set("q", cut=True, divider=1 + bench.logger["/log/q"].options.divider)
+        bench.ticks(3)
+        wait_until(lambda: client.alarms().run != before and client.alarms().tick == 3)
+
+    def test_an_alarm_that_nobody_saw_stays_with_its_count_and_its_worst(self, bench, client):
+        bench.logger.limit("x", (None, None, 200, 300))
+        bench.logger.start()
+        bench.ticks(50)
+        bench.x[...] = 998
+        bench.ticks(1)
+        bench.x[...] = 10
+        bench.ticks(20)
+        before = alarm(client, count=1, word=LimitWord.OK)
+        self.cut(bench, client)
+        after = alarm(client)
+        assert (after.alarm, after.count, after.worst, after.worst_word) == (True, 1, 999, LimitWord.RED_HIGH)
+        assert (after.worst_ns, after.worst_tick, after.since_ns) == (before.worst_ns, -1, before.since_ns)
+        assert client.acknowledge(who="anna") == "1 alarm seen by anna"
+        self.cut(bench, client)
+        after = alarm(client)
+        assert (after.alarm, after.count, after.seen_by) == (False, 1, "anna")
+
+    def test_a_violation_that_lasts_is_one_and_is_told_once(self, bench, client, heard):
+        bench.logger.limit("x", (None, None, 20, 1000))
+        bench.logger.start()
+        bench.ticks(30)
+        alarm(client, word=LimitWord.YELLOW_HIGH)
+        self.cut(bench, client)
+        found = alarm(client, samples=14)
+        assert (found.count, found.word, found.worst, found.worst_tick) == (1, LimitWord.YELLOW_HIGH, 34, 2)
+        assert heard.wait(EventKind.LIMIT).text.startswith("/log/x H ")
+        bench.x[...] = 0
+        bench.ticks(2)
+        assert (alarm(client, word=LimitWord.OK).count, alarm(client).samples) == (1, 14)
+        assert len([one for one in heard.events if one.kind is EventKind.LIMIT]) == 1
+
+    def test_a_trigger_counts_on_and_does_not_fire_again_of_what_was_true(self, bench, client, heard):
+        bench.logger.trigger("once", "x > 20", mode="single")
+        bench.logger.trigger("each", "x > 20", holdoff="0.5s")
+        bench.logger.trigger("still", "x % 10 == 0", holdoff="0.5s")
+        bench.logger.start()
+        bench.ticks(25)
+        heard.wait(EventKind.TRIGGERED)
+        self.cut(bench, client)
+        found = {one.options.name: one for one in client.triggers().triggers}
+        assert {name: one.fires for name, one in found.items()} == {"once": 1, "each": 1, "still": 1}
+        assert (found["once"].state, found["each"].last_tick) == (TriggerWord.FIRED, -1)
+        assert found["each"].last_ns == bench.begin_ns + 20 * bench.tick_ns
+        assert 0.29 < found["still"].holdoff_s < 0.33  # of 0.5 s after tick 9, at tick 3 after 26 of the first stretch
+        bench.x[...] = -21
+        bench.ticks(45)
+        wait_until(lambda: client.triggers().tick == 48)  # of this stretch
+        found = {one.options.name: one for one in client.triggers().triggers}
+        assert {name: one.fires for name, one in found.items()} == {"once": 1, "each": 2, "still": 2}
+        assert found["each"].captures == 2
+
+
 def test_a_client_says_limits_triggers_and_signals_as_a_program_does(client, caplog):
     given = client.limit("x", (None, None, 40, 100), stale="0.5s")
     assert client._set_limits(SignalLimits("x", (None, None, 40, 100), stale_s=0.5)) == given
