@@ -1,6 +1,8 @@
 """The parameters of an open logger: what they are, and what was set from here, which can be undone."""
 
 import asyncio
+import math
+import time
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -11,17 +13,18 @@ from silo_tui.model.lists.parameters import stepped, why_fixed
 from silo_tui.sessions.link import Link
 
 MOST_STEPS_BACK = 100
+ONE_TURN_S = 2.0  # arrows that rest for longer begin another step back
 
 Values = dict[str, ParameterValue]
 
 
 @dataclass(frozen=True)
 class Set:
-    """What was set from here at once: before and after. `turned`: by arrows, so that the next ones may join it."""
+    """What was set from here at once: before and after. `turned_s`: when, by arrows: the next ones may join it."""
 
     before: Values
     after: Values
-    turned: bool = False
+    turned_s: float = -math.inf
 
 
 @dataclass
@@ -82,11 +85,12 @@ class Knobs:
         before = {name: self.check(name).value for name in values}
         words = await self._set(link, values)
         self.undone.clear()
+        now_s = time.monotonic()
         last = self.done[-1] if self.done else None
-        if turned and last is not None and last.turned and last.after == before:
-            self.done[-1] = Set(last.before, dict(values), turned=True)
+        if turned and last is not None and now_s - last.turned_s < ONE_TURN_S and last.after == before:
+            self.done[-1] = Set(last.before, dict(values), now_s)
         else:
-            self.done = [*self.done[-MOST_STEPS_BACK + 1 :], Set(before, dict(values), turned)]
+            self.done = [*self.done[-MOST_STEPS_BACK + 1 :], Set(before, dict(values), now_s if turned else -math.inf)]
         return words
 
     async def undo(self, link: Link, *, again: bool = False) -> str:
@@ -94,7 +98,8 @@ class Knobs:
         async with self._in_turn():
             of, to = (self.undone, self.done) if again else (self.done, self.undone)
             if not of:
-                raise ElementError("nothing to redo" if again else "nothing was set from here")
+                taken_back = "all that was set from here is taken back" if to else "nothing was set from here"
+                raise ElementError("nothing to redo" if again else taken_back)
             last = of[-1]
             is_now, becomes = (last.before, last.after) if again else (last.after, last.before)
             await self.refresh(link)

@@ -1,5 +1,7 @@
 """Parameters on the screen: turned, typed, undone, back to defaults, kept as presets, and why one can't be changed."""
 
+import math
+
 import pytest
 from msgspec.structs import replace
 from textual.widgets import Input
@@ -21,6 +23,7 @@ from silo_tui.model.lists.parameters import (
     why_fixed,
 )
 from silo_tui.screens.plots.monitor import MonitorScreen
+from silo_tui.sessions import parameters as knobs
 from tests.stand_ins.fake_parameters import PARAMETERS
 
 HEIGHT, NAME, KP, FIXED = PARAMETERS
@@ -118,7 +121,26 @@ def values(fake):
     return {one.name.rpartition("/")[2]: one.value for one in fake.parameter_infos}
 
 
-async def test_one_is_turned_typed_undone_and_set_again(fake, opened):
+async def test_turns_of_which_one_looked_between_are_steps_back_of_their_own(fake, opened, monkeypatch):
+    monkeypatch.setattr(knobs, "ONE_TURN_S", 0.0)
+    async with opened(fake) as screen:
+        await screen.do("parameters")
+        await screen.shows("above ground")
+        await screen.press("right")
+        await screen.until(lambda: values(fake)["height"] == 0.485)
+        await screen.shows("height 0.485 m: it holds")
+        await screen.press("right")
+        await screen.until(lambda: values(fake)["height"] == 0.49)
+        await screen.press("u")
+        await screen.until(lambda: values(fake)["height"] == 0.485)
+        await screen.press("u")
+        await screen.until(lambda: values(fake)["height"] == 0.48)
+        await screen.press("u")
+        await screen.shows("all that was set from here is taken back")
+
+
+async def test_one_is_turned_typed_undone_and_set_again(fake, opened, monkeypatch):
+    monkeypatch.setattr(knobs, "ONE_TURN_S", math.inf)  # however slow the machine is
     async with opened(fake) as screen:
         await screen.do("parameters")
         await screen.shows("above ground")
