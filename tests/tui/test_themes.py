@@ -50,6 +50,14 @@ def test_text_is_told_from_the_line_under_the_cursor(of, role):
 
 
 @pytest.mark.parametrize("of", TRUE, ids=lambda each: each.name)
+@pytest.mark.parametrize("ground", [*GROUNDS, "line"])  # a field that has the keys stands on the last
+def test_what_is_selected_in_a_field_is_seen(of, ground):
+    selected = of.variables["input-selection-background"]
+    assert contrast(selected, value(of, ground)) >= 3
+    assert contrast(of.variables["input-selection-foreground"], selected) >= 4.5
+
+
+@pytest.mark.parametrize("of", TRUE, ids=lambda each: each.name)
 def test_a_banner_is_read(of):
     mixed = Color.parse(of.background).blend(Color.parse(value(of, "dead")), 0.25)  # as silo.tcss mixes it
     assert contrast(of.foreground, mixed.hex) >= 4.5
