@@ -25,7 +25,7 @@ UNIT = re.compile(r"[A-Za-zµμΩ°][A-Za-z0-9µμΩ°]*(?:/[A-Za-zµμΩ°][A-Z
 _OPERATOR = re.compile(r"\*\*|[<>=!]=|[-+*/%<>(),]")
 _LETTER = re.compile(r"[^\W\d]|[_/]")
 _CLASS = re.compile(r"\[[^\[\]\s]{1,50}\]")
-_LOGIC = ("and", "or", "not")
+LOGIC = ("and", "or", "not")
 _INSTEAD = {"&": "and", "&&": "and", "|": "or", "||": "or", "!": "not", "=": "=="}
 
 __all__ = ["Call", "ComparisonChain", "Expression", "ExpressionError", "Name", "Node", "Number",
@@ -131,7 +131,7 @@ class _Tokenizer:
         while end < len(text) and (length := self._part(at, end)):
             end += length
         word = text[at:end]
-        if word in _LOGIC:
+        if word in LOGIC:
             self._before = word
             return end
         if len(word) > 1 and word.endswith("/") and text[end : end + 1] != "(":

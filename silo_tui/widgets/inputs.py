@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from textual import events
 from textual.binding import Binding
@@ -32,6 +32,40 @@ class LineSuggester(Suggester):
         """Return the first completion."""
         found = self._complete(value) if value else []
         return found[0] if found else None
+
+
+class NamingLine(Input):
+    """A field in which signals are named: what a name may become stands behind it, and Tab or → takes that.
+
+    Where nothing does, Tab goes to the next field.
+    """
+
+    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
+        Binding("tab", "take", "Take it, or next field", show=False),
+    ]
+
+    def __init__(self, complete: Callable[[str], list[str]], value: str, **options: Any) -> None:
+        self._make_whole = complete
+        super().__init__(value, compact=True, suggester=LineSuggester(complete), **options)
+
+    def on_mount(self) -> None:
+        """Leave out what can't be told from what is typed."""
+        leave_out_unseen(self)
+
+    def action_take(self) -> None:
+        """Take the name that stands behind the cursor, or go to the next field."""
+        found = self._make_whole(self.value) if self.cursor_at_end and self.selection.is_empty else []
+        if found:
+            self.value = found[0]
+            self.cursor_position = len(self.value)
+        else:
+            self.screen.focus_next()
+
+
+def leave_out_unseen(line: Input) -> None:
+    """Leave suggestions out without many colours: they differ by colour alone, and Tab has to do."""
+    if line.app.no_color or line.app.current_theme.name.startswith("ansi"):
+        line.suggester = None
 
 
 class Fleeting(Guarded, Input):
@@ -111,9 +145,8 @@ class Line(Fleeting):
         self._turn: list[str] = []
 
     def on_mount(self) -> None:
-        """Leave suggestions out without many colours: they differ by colour alone, and Tab has to do."""
-        if self.app.no_color or self.app.current_theme.name.startswith("ansi"):
-            self.suggester = None
+        """Leave out what can't be told from what is typed."""
+        leave_out_unseen(self)
 
     def begin_over(self, old: str) -> str:
         """Begin over what was typed last: the first letter takes its place. Return what the keys do."""

@@ -16,7 +16,7 @@ from silo_tui.model.table.cells import sign_of
 from silo_tui.model.table.facts import LIMIT_BITS
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.state import TableState
-from silo_tui.screens.dialogs.form import hints_with
+from silo_tui.screens.dialogs.form import hints_with, named_whole
 
 POWER = Derived("/log/power", "2 * imu/acceleration", "W")
 
@@ -95,6 +95,29 @@ def test_an_example_is_one_of_signals_that_are_logged(table):
     assert hints_with({"is": "{0} * {1}"}, TableState())["is"] == "a * a"
 
 
+@pytest.mark.parametrize(
+    ("typed", "becomes"),
+    [
+        ("imu/acc", ["imu/acceleration", "imu/acceleration_x", "imu/acceleration_y", "imu/acceleration_z"]),
+        ("2 * abs(/imu/tem", ["2 * abs(/imu/temperature"]),
+        ("imu/temperature", []),  # a name already
+        (
+            "imu/temperature < 3 and pow",
+            [f"imu/temperature < 3 and {name}" for name in ("power", *(f"power_{at}" for at in range(3)))],
+        ),
+        ("imu/temperature > 3 im", []),  # a unit
+        ("imu/temperature > 3im", []),
+        ("i", []),  # too little to be sure of
+        ("abs", []),
+        ("imu/temperature an", []),
+        ("nothing/of", []),
+        ("", []),
+    ],
+)
+def test_the_last_name_of_an_expression_is_made_whole(table, typed, becomes):
+    assert named_whole(typed, table) == becomes
+
+
 def test_a_unit_that_follows_is_not_typed_again(table):
     assert derived.present(table) == (POWER,)
     table.load(Table(2, table.elements[: table.own], derived_infos(table.elements[: table.own], "/log",
@@ -142,11 +165,28 @@ async def test_a_signal_is_derived_changed_and_forgotten_without_leaving_the_tab
         await screen.until(lambda: not fake.derived and len(screen.session.table) == len(fake.elements))
 
 
+async def test_tab_makes_a_name_whole_and_then_goes_on(fake, opened):
+    async with opened(fake.run()) as screen:
+        await screen.press("colon", *"derive", "enter")
+        await screen.shows("Derive a signal on robot")
+        await screen.press(*"hot", "tab", *"2 * imu/te")
+        await screen.shows("2 * imu/temperature")  # what it may become
+        form = screen.app.screen
+        assert form.fields["is"] == "2 * imu/te"
+        await screen.press("tab")
+        assert form.fields["is"] == "2 * imu/temperature"
+        await screen.press("tab", "K")
+        assert form.fields == {"name": "hot", "is": "2 * imu/temperature", "unit": "K"}
+
+
 async def test_what_the_robot_refuses_is_said_and_nothing_typed_is_lost(fake, opened):
     async with opened(fake.run()) as screen:
         fake.refuse_derived = "at most 100 signals are derived; nothing was changed"
         await screen.press("colon", *"derive hot imu/temperature > 3", "enter")
         await screen.shows("at most 100 signals")
+        await screen.app.screen._look_now()  # as the form does once it is there
+        await screen.settled()
+        assert "at most 100 signals" in screen.text
         assert "imu/temperature > 3" in screen.text
         fake.refuse_derived = ""
         await screen.press("enter")

@@ -7,7 +7,7 @@ from silo.core.conditions import Derived
 from silo.core.quantities.writing import many
 from silo_tui.context import Context
 from silo_tui.model.table import derived
-from silo_tui.screens.dialogs.form import NUMBER, Form, hints_with, taken
+from silo_tui.screens.dialogs.form import NUMBER, Form, taken
 from silo_tui.screens.dialogs.questions import confirmed
 from silo_tui.sessions.live import Session
 
@@ -19,6 +19,7 @@ class DeriveDialog(Form[Derived]):
     """Answers with the derived signal on Enter."""
 
     KEYS_HERE = "Enter Derives it  Tab Next field  Esc Back"
+    NAMING = ("is",)
     EXPRESSION = "is"
     NEEDED: ClassVar = {"name": derived.UNNAMED, "is": NUMBER}
     ABOUT: ClassVar = {
@@ -30,8 +31,8 @@ class DeriveDialog(Form[Derived]):
     def __init__(self, session: Session, one: Derived, *, is_new: bool, problem: str = "") -> None:
         name = session.short_name(one.name).lstrip("/")
         title = f"Derive a signal on {session.name}" if is_new else f"Derived signal {name} on {session.name}"
-        values, hints = {"name": name, "unit": one.unit, "is": one.expression}, hints_with(HINTS, session.table)
-        super().__init__(title, LINES, values, hints, problem, "is" if name else "name")
+        values = {"name": name, "unit": one.unit, "is": one.expression}
+        super().__init__(title, LINES, values, HINTS, problem, "is" if name else "name", session.table)
         self._session = session
 
     def made(self) -> Derived:

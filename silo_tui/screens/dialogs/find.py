@@ -9,7 +9,7 @@ from silo.judging.checks import table_catalogue
 from silo_tui.model.lists.conditions import tried_lines
 from silo_tui.model.samples.find import WORDS, Search, What
 from silo_tui.model.table import derived
-from silo_tui.screens.dialogs.form import CONDITION, Form, hints_with
+from silo_tui.screens.dialogs.form import CONDITION, Form
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.sessions.live import Session
 
@@ -42,13 +42,16 @@ class ConditionDialog(Form[Search]):
     """Answers with the search for where a condition turns true."""
 
     KEYS_HERE = "Enter Finds it  Esc Back"
+    NAMING = ("when",)
     EXPRESSION = "when"
     AFTER_S = 0.5
     NEEDED: ClassVar = {"when": CONDITION}
 
     def __init__(self, session: Session, begun: str) -> None:
-        hints = hints_with({"when": "abs({0}) > 20 and {1} < 0.1"}, session.table)
-        super().__init__("Find where a condition turns true", (("when",),), {"when": begun}, hints, start="when")
+        hints = {"when": "abs({0}) > 20 and {1} < 0.1"}
+        super().__init__(
+            "Find where a condition turns true", (("when",),), {"when": begun}, hints, start="when", table=session.table
+        )
         self._session = session
 
     def on_mount(self) -> None:

@@ -1,5 +1,6 @@
 """A dialog of labelled lines, with what it says of them below: Tab goes to the next, Enter answers, Esc leaves."""
 
+import re
 from abc import abstractmethod
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar
@@ -13,8 +14,10 @@ from textual.widgets import Input, Static
 
 from silo.errors import ExpressionError, RefusedError, SiloError
 from silo.expressions.operations import FUNCTIONS
+from silo.expressions.parsing import LOGIC
 from silo_tui.actions import BY_ID, key_of
 from silo_tui.modal import Dialog, run_alone
+from silo_tui.widgets.inputs import NamingLine
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -25,6 +28,10 @@ ResultT = TypeVar("ResultT")
 
 NUMBER = f"signals, numbers with units, + - * ** and a / with blanks, {' '.join(FUNCTIONS)}"
 CONDITION = f"the condition: signals, numbers with units, and or not, {' '.join(FUNCTIONS)}"
+
+
+# the last name of an expression that is being typed, or what may become one: what follows a number is its unit
+_LAST_NAME = re.compile(r"(?<![\w./])(?<!\d )/?([^\W\d][\w./]+)$")
 
 
 def hints_with(hints: Mapping[str, str], table: "TableState") -> dict[str, str]:
@@ -39,6 +46,20 @@ def hints_with(hints: Mapping[str, str], table: "TableState") -> dict[str, str]:
     return {name: hint.format(first, next(numbers, first)) for name, hint in hints.items()}
 
 
+def named_whole(typed: str, table: "TableState") -> list[str]:
+    """Return what an expression becomes with its last name made whole; nothing where that is one already."""
+    if (found := _LAST_NAME.search(typed)) is None:
+        return []
+    last, before = found[1], typed[: found.start(1)]
+    names: dict[str, None] = {}
+    for element in table.elements:
+        entries = [element.name + entry.suffix for entry in element.entries]
+        names |= dict.fromkeys(table.shown(name).lstrip("/") for name in (element.name, *entries))
+    if last in names or last in FUNCTIONS or last in LOGIC:
+        return []
+    return [before + name for name in names if name.startswith(last)]
+
+
 class Form(Dialog[ResultT | None], Generic[ResultT]):
     """Answers with what the lines make on Enter, None on Esc; what makes no sense is said, and they stay.
 
@@ -47,6 +68,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
 
     AFTER_S: ClassVar[float] = 0.2  # since the last key, until what is typed is looked at
     EXPRESSION: ClassVar[str] = ""  # the label of a field that is one: mistakes of it have a place
+    NAMING: ClassVar[Sequence[str]] = ()  # the labels of fields in which signals are named
     ABOUT: ClassVar[Mapping[str, str]] = {}  # what a field means, by its label: told of the one that has the keys
     NEEDED: ClassVar[Mapping[str, str]] = {}  # fields that must not stay empty, and what belongs there
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
@@ -63,14 +85,19 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         hints: Mapping[str, str],
         problem: str = "",
         start: str = "",
+        table: "TableState | None" = None,
     ) -> None:
         """`lines` have the labels of their fields from left to right; `problem` is why it was refused a moment ago.
 
-        `start` has the keys at first.
+        `start` has the keys at first. Signals of the `table` stand in hints, and are named.
         """
         super().__init__()
         self._start = start
+        hints = hints_with(hints, table) if table is not None else hints
+        self._names = (lambda typed: named_whole(typed, table)) if table is not None else None
         self._problem = problem
+        typed = {name: values.get(name, "").strip() for line in lines for name in line}
+        self._refused = typed if problem else None  # what was typed then
         self._title, self._lines, self._values, self._hints = title, lines, values, hints
 
     def compose(self) -> ComposeResult:
@@ -82,13 +109,17 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
                 with Horizontal(classes="form-line"):
                     for name in names:
                         yield Static(name, classes="form-label", markup=False)
-                        yield Input(
-                            self._values.get(name, ""), placeholder=self._hints[name], compact=True, id=f"form-{name}"
-                        )
+                        yield self._line(name)
             if self.ABOUT:
                 yield Static("", id="form-about", classes="quiet", markup=False)
             yield Static("", id="form-told", markup=False)
             yield from self.below()
+
+    def _line(self, name: str) -> Input:
+        value, hint, known = self._values.get(name, ""), self._hints[name], f"form-{name}"
+        if self._names is not None and name in self.NAMING:
+            return NamingLine(self._names, value, placeholder=hint, id=known)
+        return Input(value, placeholder=hint, compact=True, id=known)
 
     def above(self) -> ComposeResult:
         """Yield what stands above the lines."""
@@ -132,12 +163,13 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
             line.update(Text(words))
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Look at it when the keys rest."""
-        self.changed()
+        """Look at it when the keys rest; it comes of a field that is made, too."""
+        if self.fields != self._refused:
+            self.changed()
 
     def changed(self) -> None:
         """Look at it when the keys rest: what was refused is another thing now."""
-        self._problem = ""
+        self._problem, self._refused = "", None
         self.look_soon()
 
     def look_soon(self) -> None:
@@ -173,7 +205,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
 
     def refuse(self, words: str) -> None:
         """Say why it can't be, until something else is typed."""
-        self._problem = words
+        self._problem, self._refused = words, self.fields
         self.tell(words, "failed")
 
     @abstractmethod

@@ -14,7 +14,7 @@ from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
 from silo_tui.model.lists.conditions import NOW, held_axis, tried_lines
 from silo_tui.model.plots.limit_line import BOUNDS, fields_of, limits_of_fields
 from silo_tui.model.plots.limits import between, lines_of
-from silo_tui.screens.dialogs.form import Form, hints_with, taken
+from silo_tui.screens.dialogs.form import Form, taken
 from silo_tui.sessions.live import Session
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ class LimitsDialog(Form[LimitsWish]):
     """Answers with the limits on Enter."""
 
     KEYS_HERE = "Enter Sets them  Tab Next field  Esc Back"
+    NAMING = ("signal", "when")
     AFTER_S = 0.5
     NEEDED: ClassVar = {"signal": "the name of a signal, as the table shows it"}
     ABOUT: ClassVar = {
@@ -82,8 +83,7 @@ class LimitsDialog(Form[LimitsWish]):
         """`name` is the whole name of the signal that is `shown`; without one it is to be typed."""
         title = f"Limits of {shown} on {session.name}" if shown else f"Limits of a signal on {session.name}"
         given = {"signal": shown, **(fields_of(limits) if limits is not None else {})}
-        hints = hints_with(HINTS, session.table)
-        super().__init__(title, LINES, given, hints, problem, "LL" if shown else "signal")
+        super().__init__(title, LINES, given, HINTS, problem, "LL" if shown else "signal", session.table)
         self._session, self._shown, self._name = session, shown, name
 
     def made(self) -> LimitsWish:

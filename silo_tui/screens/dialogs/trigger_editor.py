@@ -5,7 +5,7 @@ from typing import ClassVar
 from silo.core.conditions import TriggerOptions
 from silo_tui.context import Context
 from silo_tui.model.lists.conditions import UNNAMED, fields_of, options_of_fields, tried_lines
-from silo_tui.screens.dialogs.form import CONDITION, Form, hints_with, taken, told
+from silo_tui.screens.dialogs.form import CONDITION, Form, taken, told
 from silo_tui.sessions.live import Session
 
 LINES = (("name",), ("when",), ("rearm", "mode"), ("pre", "post"), ("persist", "holdoff"), ("save", "keep"))
@@ -26,6 +26,7 @@ class TriggerEditor(Form[TriggerOptions]):
     """Answers with the trigger on Enter."""
 
     KEYS_HERE = "Enter Sets it  Tab Next field  Esc Back"
+    NAMING = ("when", "rearm")
     AFTER_S = 0.5
     NEEDED: ClassVar = {"name": UNNAMED, "when": CONDITION}
     ABOUT: ClassVar = {
@@ -44,8 +45,7 @@ class TriggerEditor(Form[TriggerOptions]):
     def __init__(self, session: Session, options: TriggerOptions, *, is_new: bool, problem: str = "") -> None:
         where = f"on {session.name}"
         title = f"New trigger {where}" if is_new else f"Trigger {options.name} {where}"
-        hints = hints_with(HINTS, session.table)
-        super().__init__(title, LINES, fields_of(options), hints, problem, "name" if is_new else "when")
+        super().__init__(title, LINES, fields_of(options), HINTS, problem, "name" if is_new else "when", session.table)
         self._session = session
         self._options = options
 
