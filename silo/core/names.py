@@ -164,7 +164,8 @@ class Names:
         known = [*self.places, *(self._scalars if scalars else ()), *more]
         shorts = {name.removeprefix(f"{self.prefix}/"): name for name in known[:MOST_ALIKE]}
         bare = text.removeprefix(f"{self.prefix}/").strip("/*")
-        close = nearest(bare, shorts, most=most)
+        close = begun(list(shorts), bare)[:most] if len(bare) > 2 else []  # somebody did not type it to its end
+        close = close or nearest(bare, shorts, most=most)
         close = close or [name for name in shorts if bare and bare.lower() in name.lower()][:most]
         return [shorts[name] for name in close]
 

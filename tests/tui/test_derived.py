@@ -101,6 +101,8 @@ def test_an_example_is_one_of_signals_that_are_logged(table):
         ("imu/acc", ["imu/acceleration", "imu/acceleration_x", "imu/acceleration_y", "imu/acceleration_z"]),
         ("2 * abs(/imu/tem", ["2 * abs(/imu/temperature"]),
         ("imu/temperature", []),  # a name already
+        ("temperature", []),  # the end of one
+        ("2 * accel", [f"2 * imu/acceleration{of}" for of in ("", "_x", "_y", "_z")]),
         (
             "imu/temperature < 3 and pow",
             [f"imu/temperature < 3 and {name}" for name in ("power", *(f"power_{at}" for at in range(3)))],

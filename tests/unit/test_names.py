@@ -190,6 +190,13 @@ def test_a_regular_expression_is_told_as_the_glob_that_it_is():
     assert [glob_of_regex(text) for text in ("torque", "tor*", "a.b", "(a|b)$", "$")] == [""] * 5
 
 
+def test_what_was_not_typed_to_its_end_is_meant_rather_than_what_is_spelled_alike():
+    names = Names(["/log/base/tilt", "/log/battery/voltage", "/log/legs/voltage_drop"], "/log")
+    assert names.near("batt", 1) == ["/log/battery/voltage"]
+    assert names.near("volt") == ["/log/battery/voltage", "/log/legs/voltage_drop"]
+    assert names.near("base/tild", 1) == ["/log/base/tilt"]
+
+
 def test_a_scalar_has_three_spellings():
     names = Names(["/log/acc", "/imu"], "/log", lambda: [["/log/acc_x", "/log/acc_y"], ["/imu/q/w"]])
     for text in ("acc_y", "acc/y", "/log/acc_y"):
