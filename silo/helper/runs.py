@@ -64,6 +64,7 @@ class Runs:
         taken = False
         for offer in taken_over(self._robot, self.replica, self._held):
             taken = True
+            self._held.tell_starts(self._events)
             self._marks.take_run()
             self._judge.take(self.replica.run)
             self.recording.follow_present()

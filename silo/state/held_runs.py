@@ -74,7 +74,10 @@ class HeldRuns:
         return []
 
     def tell_starts(self, events: EventNotifier, *, at_end: bool = False) -> None:
-        """Tell of runs that began and were followed by another one, or `at_end`, before their program could say so."""
+        """Tell of runs that began and were followed by another one, or `at_end`, before their program could say so.
+
+        And how they ended, with their last tick: a restart may be told in one.
+        """
         for run in [run for run in self.ids() if (at_end or run != self._replica.run) and run not in self._told]:
             self._told.add(run)
             with contextlib.suppress(SegmentError):
@@ -82,6 +85,8 @@ class HeldRuns:
                 if reader is not None:
                     with contextlib.closing(reader):
                         tell_start(reader, events)
+                        if run != self._replica.run and not reader.is_cut:
+                            tell_end(reader, events)
 
     def _add(self, reader: SegmentReader) -> None:
         self._known.add(reader.schema.run)
@@ -164,6 +169,11 @@ class HeldRuns:
 def tell_left(reader: SegmentReader, events: EventNotifier) -> None:
     """Tell what nobody told of a run that began, or ended too, while there was no helper process."""
     tell_start(reader, events)
+    tell_end(reader, events)
+
+
+def tell_end(reader: SegmentReader, events: EventNotifier) -> None:
+    """Tell that a run was stopped, if it was and nobody told."""
     run = reader.schema.run
     if not reader.running and not events.log.texts(EventKind.STOPPED.value, run):
         text = reader.stop_reason or "stopped"

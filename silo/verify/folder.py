@@ -25,22 +25,22 @@ from silo.files.event_log import event_log_path, loggers_with_events, older_even
 from silo.files.formats import read_recording
 from silo.files.manifest import WRITTEN_ENDING, CaptureEntry, number_of, read_captures, read_written
 from silo.files.naming import find_logs
-from silo.files.parts.metadata import EVENTS_RING
+from silo.files.parts.metadata import EVENTS_RING, RingFacts
 from silo.files.parts.scan import PartScan, scan_part
 from silo.files.silo.reader import damage_of
 from silo.recorder.orders import CLOSED
 from silo.rpc.published import EventKind
 from silo.segment.layout import ElementSchema, RingSchema
 from silo.segment.reader import SegmentReader
+from silo.verify.spans import Span, doubled, merged, spans_text, without
 
-Span = tuple[int, int]
 _MOST_SHOWN = 5
-# what tells of a loss, once "0 lost" is taken out
+# what tells of a loss, once "0 lost" and paths are taken out
 _LOSS = re.compile(
     r"lost|missing|not recorded|left out|could not|couldn't|gone|overwritten|deleted|blind|not saved|"
     r"not written|nothing of this run|stays in memory|in no file"
 )
-_NO_LOSS = re.compile(r"\b0 (samples )?lost\b")
+_NO_LOSS = re.compile(r"\b0 (samples )?lost\b|(?<!\S)/\S+")
 _TELL_LOSS = frozenset(
     kind.value
     for kind in (EventKind.LOST, EventKind.RECORDING, EventKind.RECORDING_FAILED, EventKind.BLIND, EventKind.CRASHED,
@@ -62,8 +62,9 @@ _DIED = ("program died", "program died, recovered later", "program ended without
 class Verdict(msgspec.Struct, frozen=True, omit_defaults=True):
     """Something that is not as it should be, or that was told to be so.
 
-    `kind`: "missing", "twice", "disagrees", "damaged", or "not kept": what nobody had asked to be; "newest": looping
-    buffers that hold less of a run than others, as they were asked to. `spans` are ticks of `run`, both ends included.
+    `kind`: "missing", "twice", "disagrees", "damaged", or "not kept": what nobody had asked to be; "not recorded": what
+    came while somebody had stopped a recording; "newest": looping buffers that hold less of a run than others, as they
+    were asked to. `spans` are ticks of `run`, both ends included.
     `told` says who told it; empty: nobody did.
     """
 
@@ -90,8 +91,9 @@ class RunCovered(msgspec.Struct, frozen=True):
 class Verified(msgspec.Struct, frozen=True):
     """What was found. `problems` are what nobody told, `told` what somebody did.
 
-    `not_kept` are ticks that stand nowhere any more, and were to be kept by nobody; `newest` tells of elements of which
-    less is there than of others of their run, as their buffers are shorter.
+    `not_kept` are ticks that stand nowhere any more, and were to be kept by nobody, and those that came while somebody
+    had stopped a recording; `newest` tells of elements of which less is there than of others of their run, as their
+    buffers are shorter.
     """
 
     folder: str
@@ -152,6 +154,12 @@ class _Run:
     trimmed: dict[str, tuple[list[Span], bool]] = field(default_factory=dict)  # by recorder, what its list says it had
     ended: bool = False  # nobody logs in it any more
     lacks: dict[str, int] = field(default_factory=dict)  # by recording, samples that are in no part
+    paused: list[Span] = field(default_factory=list)  # what came while somebody had stopped a recording
+
+    @property
+    def started(self) -> int:
+        """The number of the event that tells of its start, 0 where none does."""
+        return next((event.number for event in self.events if event.kind == EventKind.STARTED.value), 0)
 
     def hold(self, name: str, first: int, last: int, divider: int) -> None:
         """Note what a looping buffer has; before its first sample it held another one for no divider."""
@@ -177,8 +185,8 @@ class _Folder:
         self.runs: dict[str, _Run] = {}
         self.verdicts: list[Verdict] = []
         self.captures: dict[str, list[CaptureEntry]] = {}
-        # by logger and name, the events that tell of a recording that it was begun (True) or ended, by their numbers
-        self.orders: dict[tuple[str, str], list[tuple[int, bool]]] = {}
+        # by logger and name, the events that tell of a recording that it was begun (True) or ended
+        self.orders: dict[tuple[str, str], list[tuple[LoggedEvent, bool]]] = {}
         self.elsewhere: set[tuple[str, str]] = set()  # those that are written to other folders
         self.loggers = loggers_with_events(folder)
         for logger in self.loggers:
@@ -216,7 +224,7 @@ class _Folder:
                 begun = _BEGUN.match(event.text)
                 if (about := begun or _ENDED.match(event.text)) is not None:
                     key = logger, about["name"]
-                    self.orders.setdefault(key, []).append((event.number, begun is not None))
+                    self.orders.setdefault(key, []).append((event, begun is not None))
                     if begun is not None:
                         place = Path(begun["folder"])
                         is_here = self.folder.resolve() in (place, place.parent)
@@ -225,7 +233,7 @@ class _Folder:
                 continue
             run = self.run_of(logger, event.run)
             run.events.append(event)
-            if event.kind != EventKind.STARTED.value:  # which stands at tick 0 of those that have none, too
+            if event.tick or event.stamp_ns:  # at tick 0 stands what comes before the first one, too
                 run.ticks = max(run.ticks, event.tick + 1)
             run.ended |= event.kind in (EventKind.STOPPED.value, EventKind.CRASHED.value)
             if event.kind == EventKind.STARTED.value:
@@ -343,12 +351,14 @@ def verify(folder: Path) -> Verified:
         verdicts += _events(run, there)
     verdicts += _totals(runs)
     named = {one.run for one in verdicts if one.kind == "missing"}
+    asked = [one for one in verdicts if one.kind == "not recorded"]
+    not_kept = (verdict for run in runs if run.run not in named for verdict in _not_kept(run))
     return Verified(
         str(folder),
         tuple(map(_covered, runs)),
-        tuple(one for one in verdicts if not one.told),
-        tuple(one for one in verdicts if one.told),
-        tuple(verdict for run in runs if run.run not in named for verdict in _not_kept(run)),
+        tuple(one for one in verdicts if not one.told and one not in asked),
+        tuple(one for one in verdicts if one.told and one not in asked),
+        (*asked, *not_kept),
         tuple(verdict for run in runs for verdict in _newest(run)),
     )
 
@@ -366,6 +376,7 @@ def _not_kept(run: _Run) -> Iterator[Verdict]:
             text = f"run {run.run}: {spans_text(gone)} of {run.ticks} ticks are in no file: {why}"
             yield Verdict("not kept", text, run.logger, run.run, tuple(gone))
         lacks = without(lacks, had)
+    lacks = without(lacks, run.paused)
     if not lacks:
         return
     why = "its memory was let go of, and nobody had saved them"
@@ -424,13 +435,14 @@ def _recorded_around(run: _Run, runs: Iterable[_Run]) -> set[str]:
 def _recordings(run: _Run, around: set[str], there: _Folder) -> Iterator[Verdict]:
     own = {part.recorder for part in run.parts}
     under_way = {name for logger, name in there.orders if logger == run.logger and _was_to_have(run, name, there)}
-    for name in sorted((around | under_way) - own):
+    over = {name for name in around if _is_under_way(run, name, there) is False}
+    for name in sorted(((around - over) | under_way) - own):
         lacks = without([(0, run.ticks - 1)], run.memory) if run.ticks else []
         if lacks:
             yield _missing(run, name, lacks)
     for name in sorted(own):
         parts = [part for part in run.parts if part.recorder == name]
-        yield from _recording(run, name, parts, is_whole=_is_from_begin(run, name, parts, there))
+        yield from _recording(run, name, parts, there)
 
 
 def _was_to_have(run: _Run, name: str, there: _Folder) -> bool:
@@ -440,63 +452,93 @@ def _was_to_have(run: _Run, name: str, there: _Folder) -> bool:
     """
     if (run.logger, name) in there.elsewhere or not _is_under_way(run, name, there) or not run.ended:
         return False
-    if _ends_in(run, name) and not _is_closed(run, name):
+    if any(_is_end(event) for event, begun in there.orders[run.logger, name] if event.run == run.run and not begun):
         return False
     numbers = [part.number for one in there.runs.values() for part in one.parts if part.recorder == name]
     return not numbers or min(numbers) == 1
 
 
-def _is_under_way(run: _Run, name: str, there: _Folder) -> bool:
-    """Whether a recording was under way when a run began."""
-    started = next((event.number for event in run.events if event.kind == EventKind.STARTED.value), 0)
-    before = [begun for number, begun in there.orders.get((run.logger, name), ()) if number < started]
-    return bool(before) and before[-1]
+def _is_under_way(run: _Run, name: str, there: _Folder) -> bool | None:
+    """Whether a recording was under way when a run began; None where the event log doesn't tell.
+
+    One ends with its program, though that may be told after the start of the next one, which finds what it left.
+    """
+    orders = there.orders.get((run.logger, name), [])
+    before = [at for at, (event, _) in enumerate(orders) if event.number < run.started]
+    if not before:
+        return None
+    _, begun = orders[before[-1]]
+    ended_in = next((there.runs.get(event.run) for event, begins in orders[before[-1] + 1 :] if not begins), None)
+    return begun and (ended_in is None or ended_in.started >= run.started)
 
 
-def _ends_in(run: _Run, name: str) -> list[LoggedEvent]:
-    """The events of a run that tell of ends of a recording."""
-    return [event for event in run.events if (found := _ENDED.match(event.text)) and found["name"] == name]
+def _is_end(event: LoggedEvent) -> bool:
+    """Whether somebody ended a recording: otherwise it was to have its run to the end."""
+    return CLOSED not in event.text and event.kind != EventKind.RECORDING_FAILED.value
 
 
-def _is_closed(run: _Run, name: str) -> bool:
-    """Whether a recording ended with the logger, or failed: it was to have the run to its end."""
-    failed = EventKind.RECORDING_FAILED.value
-    return any(CLOSED in event.text or event.kind == failed for event in _ends_in(run, name))
+def _stops(run: _Run, name: str, there: _Folder) -> list[tuple[LoggedEvent, LoggedEvent | None]]:
+    """The events by which somebody ended a recording in a run, each with the one that tells of its next begin there."""
+    orders = [(event, begun) for event, begun in there.orders.get((run.logger, name), ()) if event.run == run.run]
+    following = [*(event if begun else None for event, begun in orders[1:]), None]
+    return [
+        (event, after) for (event, begun), after in zip(orders, following, strict=False) if not begun and _is_end(event)
+    ]
 
 
 def _is_from_begin(run: _Run, name: str, parts: list[_Part], there: _Folder) -> bool:
     """Whether a recording was under way when the run began, and none of its parts went for newer ones since."""
     numbers = {part.number for one in there.runs.values() for part in one.parts if part.recorder == name}
     first = min(part.number for part in parts)
-    return _is_under_way(run, name, there) and (first == 1 or first - 1 in numbers)
+    return bool(_is_under_way(run, name, there)) and (first == 1 or first - 1 in numbers)
 
 
-def _recording(run: _Run, name: str, parts: list[_Part], *, is_whole: bool) -> Iterator[Verdict]:
+def _recording(run: _Run, name: str, parts: list[_Part], there: _Folder) -> Iterator[Verdict]:
     missing: list[Span] = []
+    paused: list[Span] = []
     again: list[Span] = []
     rings = {ring.ring: ring for part in parts if part.scan.facts for ring in part.scan.facts.value_rings}
     # one that was ended in this run by somebody has what it has, and so have buffers that are full
     full = any(_FULL in event.text and f"'{name}'" in event.text for event in run.events)
-    ended = full or bool(_ends_in(run, name) and not _is_closed(run, name))
+    stops = _stops(run, name, there)
+    ended = full or any(after is None for _, after in stops)
+    pauses = [(stop.tick, after.tick) for stop, after in stops if after is not None]
     for number, ring in rings.items():
         rows = [(first, end - 1) for part in parts for first, end in part.scan.rows.get(number, ())]
         begins = [one.begin for part in parts if part.scan.facts for one in part.scan.facts.rings if one.ring == number]
-        begins += [0] * is_whole
+        begins += [0] * _is_from_begin(run, name, parts, there)
         end = max([0, *(last + 1 for _, last in rows)])
         if run.ended and not ended:
             end = max(end, -(-run.ticks // ring.divider))
         memory = [(-(-first // ring.divider), last // ring.divider) for first, last in run.memory]
         lacks = without([(min(begins), end - 1)], [*rows, *memory]) if end > min(begins) else []
+        # parts of another order don't go on from those before them
+        chosen = [(first, last) for first, last in lacks if last + 1 in begins and _meets((first, last), pauses, ring)]
+        lacks = without(lacks, chosen)
+        paused += [(first * ring.divider, last * ring.divider) for first, last in chosen]
         missing += [(first * ring.divider, last * ring.divider) for first, last in lacks]
         samples = len(ring.channels) * sum(last + 1 - first for first, last in lacks)
         run.lacks[name] = run.lacks.get(name, 0) + samples
         again += [(first * ring.divider, last * ring.divider) for first, last in doubled(rows)]
     if missing:
         yield _missing(run, name, merged(missing))
+    if paused:
+        spans = merged(paused)
+        run.paused += spans
+        told = ", ".join(f"{stop.number} and {after.number}" for stop, after in stops if after is not None)
+        text = f"recording '{name}': {spans_text(spans)} of run {run.run}, of {run.ticks} ticks, were not recorded: "
+        text += f"it was stopped then, and begun again (events {told})"
+        yield Verdict("not recorded", text, run.logger, run.run, tuple(spans))
     if again:
         spans = merged(again)
         text = f"recording '{name}': {spans_text(spans)} of run {run.run} stand in two parts"
         yield Verdict("twice", text, run.logger, run.run, tuple(spans))
+
+
+def _meets(rows: Span, pauses: Iterable[Span], ring: RingFacts) -> bool:
+    """Whether rows lack that were to come in a pause: an end is told after the last row, a begin after the first."""
+    first, last = rows[0] - 1, rows[1] + 1
+    return any(first * ring.divider <= stop <= last * ring.divider <= begun + ring.divider for stop, begun in pauses)
 
 
 def _missing(run: _Run, name: str, spans: list[Span]) -> Verdict:
@@ -611,54 +653,3 @@ def _events(run: _Run, there: _Folder) -> Iterator[Verdict]:
     if known and not kinds[EventKind.STARTED.value]:
         text = f"run {run.run} was recorded or captured, and the event log doesn't say that it was started"
         yield Verdict("missing", text, run.logger, run.run)
-
-
-# ------------------------------------------------------------------------------------- stretches, both ends included
-
-
-def merged(spans: Iterable[Span]) -> list[Span]:
-    """Return the stretches in order, those that touch or overlap as one."""
-    found: list[Span] = []
-    for first, last in sorted(spans):
-        if found and first <= found[-1][1] + 1:
-            found[-1] = (found[-1][0], max(found[-1][1], last))
-        else:
-            found.append((first, last))
-    return found
-
-
-def without(spans: Iterable[Span], others: Iterable[Span]) -> list[Span]:
-    """Return what stretches have that others lack."""
-    left: list[Span] = []
-    taken = merged(others)
-    for first, last in merged(spans):
-        begin = first
-        for other_first, other_last in taken:
-            if other_last < begin or other_first > last:
-                continue
-            if other_first > begin:
-                left.append((begin, other_first - 1))
-            begin = other_last + 1
-        if begin <= last:
-            left.append((begin, last))
-    return left
-
-
-def doubled(spans: Iterable[Span]) -> list[Span]:
-    """Return what stands in more than one of the stretches."""
-    found: list[Span] = []
-    end = -1
-    for first, last in sorted(spans):
-        if first <= end:
-            found.append((first, min(last, end)))
-        end = max(end, last)
-    return merged(found)
-
-
-def spans_text(spans: Iterable[Span]) -> str:
-    """Return the stretches as words: `12 ticks (3-9, 20-24)`."""
-    found = list(spans)
-    shown = [str(first) if first == last else f"{first}-{last}" for first, last in found[:_MOST_SHOWN]]
-    more = ", ..." if len(found) > _MOST_SHOWN else ""
-    count = sum(last + 1 - first for first, last in found)
-    return f"{many(count, 'tick')} ({', '.join(shown)}{more})"

@@ -36,6 +36,20 @@ def test_what_happens_is_logged_with_tick_stamp_and_who(bench, client, heard):
     assert [event.number for event in client.events()] == list(range(1, len(client.events()) + 1))
 
 
+def test_the_last_tick_of_a_run_that_a_restart_followed_is_logged(bench, client):
+    bench.logger.start()
+    bench.ticks(7)
+    first = bench.logger._present.run.id
+    bench.logger.restart()
+    bench.ticks(3)
+    wait_until(lambda: len([event for event in client.events() if event.kind == "started"]) == 2)
+    stopped = logged(client, "stopped")
+    assert (stopped.run, stopped.tick, stopped.stamp_ns) == (first, 6, bench.begin_ns + 6 * bench.tick_ns)
+    kinds_and_runs = [(event.kind, event.run == first) for event in client.events()]
+    assert kinds_and_runs.count(("stopped", True)) == 1
+    assert ("stopped", False) not in kinds_and_runs
+
+
 def test_a_mark_of_the_program_comes_to_the_log_and_to_clients(bench, client, heard):
     bench.logger.start()
     bench.ticks(3)

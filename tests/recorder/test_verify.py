@@ -37,7 +37,10 @@ class Kept:
         return self.truth.direct(self.robot, RecordOrder("bot", str(self.folder / "rec")))
 
     def happens(self, kind: str, text: str, tick: int) -> None:
-        event = LoggedEvent(kind, text, 2_000_000_000_000_000_000 + tick, tick, 0, "bot", self.run, next(self.numbers))
+        number = next(self.numbers)
+        event = LoggedEvent(
+            kind, text, 2_000_000_000_000_000_000 + 1000 * number + tick, tick, 0, "bot", self.run, number
+        )
         append_events(self.folder, "bot", [event])
 
     def recorded(self, ticks: int, *, stopped: bool = True) -> None:
@@ -191,6 +194,85 @@ def test_a_last_run_in_which_somebody_ended_its_recording_or_that_is_recorded_el
     kept.happens("recording", "recording 'bot' ended: stopped by ann; 1 files, 1800 samples, 0 lost", 2)
     kept.happens("stopped", "stopped", 119)
     assert [kind for kind, _ in kept.found()[0]] != ["missing"]
+
+
+def test_ticks_while_a_recording_was_stopped_are_no_loss_and_told_as_not_recorded(kept, capsys):
+    direct = kept.begin()
+    kept.happens("recording", f"recording 'bot' of * to {kept.folder}/rec", -1)
+    kept.robot.ticks(40)
+    direct.step()
+    direct.finish()
+    kept.happens("recording", "recording 'bot' ended: stopped by ann; 1 file, 129 samples, 0 lost", 42)
+    kept.robot.ticks(103)
+    direct = kept.recorder()
+    kept.robot.ticks(57)
+    kept.happens("recording", f"recording 'bot' of * to {kept.folder}/rec", 150)
+    direct.step()
+    direct.finish()
+    kept.robot.log.close()
+    kept.happens("stopped", "stopped", 199)
+    assert kept.found() == [[], []]
+    assert run(["verify", str(kept.folder)]) == 0
+    shown = capsys.readouterr().out
+    assert f"not recorded: recording 'bot': 103 ticks (40-142) of run {kept.run}, of 200 ticks, were not" in shown
+    assert "it was stopped then, and begun again (events 3 and 4)" in shown
+
+
+def test_what_is_lost_at_the_end_of_a_recording_that_was_stopped_once_and_begun_again_is_missing(kept):
+    direct = kept.begin()
+    kept.happens("recording", f"recording 'bot' of * to {kept.folder}/rec", -1)
+    kept.happens("recording", "recording 'bot' ended: stopped by ann; 0 files, 0 samples, 0 lost", 0)
+    kept.happens("recording", f"recording 'bot' of * to {kept.folder}/rec", 0)
+    kept.robot.ticks(40)
+    direct.step()
+    direct.finish()
+    kept.robot.log.close()
+    kept.happens("stopped", "stopped", 49)
+    assert kept.found()[0] == [("missing", ((40, 49),))]
+
+
+@pytest.mark.parametrize("told_late", [False, True])
+def test_a_program_that_was_started_again_without_a_recording_lacks_nothing(kept, told_late):
+    runs = []
+
+    def told_ended(of: str) -> None:
+        kept.run, present = of, kept.run
+        text = "recording 'bot' ended: the logger was closed, or its program ended; 1 files, 300 samples, 0 lost"
+        kept.happens("recording", text, 99)
+        kept.run = present
+
+    for recorded in (True, False, True):
+        if recorded:
+            direct = kept.begin()
+            kept.happens("recording", f"recording 'bot' of * to {kept.folder}/rec", -1)
+        else:
+            kept.robot.start()
+            kept.run = kept.robot.log._present.run.id
+            kept.happens("started", "started", 0)
+            if told_late:
+                told_ended(runs[0])
+        runs.append(kept.run)
+        kept.robot.ticks(100)
+        if recorded:
+            direct.step()
+            direct.finish()
+        kept.robot.log.close()
+        kept.happens("stopped", "stopped", 99)
+        if recorded and not (told_late and len(runs) == 1):
+            told_ended(kept.run)
+        kept.robot = kept.truth.robot(kept.folder)
+    assert [one for one in kept.found()[0] if one[0] == "missing"] == []
+    assert counted(kept.folder)[1] == [((0, 99),)]
+
+
+def test_a_run_that_ended_before_its_first_tick_lacks_none(kept):
+    kept.run = "the only one"
+    kept.happens("started", "started", 0)
+    kept.happens("parameter", "1 parameter at the start", 0)
+    kept.happens("recording", f"recording 'bot' of all elements to {kept.folder / 'rec'}", -1)
+    kept.happens("crashed", "the robot program ended without close()", -1)
+    assert kept.found() == [[], []]
+    assert counted(kept.folder)[0] == [(0, 0, 0, 0, 0)]
 
 
 def test_the_end_of_a_run_that_was_closed_under_a_recording_is_missing(kept):
@@ -365,7 +447,7 @@ def test_a_recorded_run_of_whose_start_the_event_log_lacks_is_told(kept):
     kept.recorded(300)
     path = event_log_path(kept.folder, "bot")
     lines = path.read_bytes().splitlines(keepends=True)
-    path.write_bytes(lines[1].replace(b"2000000000000000299", b"1") + lines[1])
+    path.write_bytes(lines[1].replace(b"2000000000000002299", b"1") + lines[1])
     assert [kind for kind, _ in kept.found()[0]] == ["missing"]
 
 

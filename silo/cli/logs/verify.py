@@ -21,8 +21,9 @@ def verify(folder: Path, as_json: bool) -> int:
 
     Named is every tick that was to be recorded or captured and is in no file, what stands twice, totals that disagree,
     and files that can't be read. What the event log tells to be lost stands apart, and so do ticks that nobody asked to
-    keep: what buffers overwrote before a save, and what the budget of a recording deleted. A buffer of fewer seconds
-    than others keeps the newest; that it is so is said. Nothing is changed.
+    keep: what buffers overwrote before a save, what the budget of a recording deleted, and what came while somebody had
+    stopped a recording. A buffer of fewer seconds than others keeps the newest; that it is so is said. Nothing is
+    changed.
 
     \b
     Examples:
@@ -56,9 +57,8 @@ def _show(found: "Verified") -> None:
         click.echo(one.text)
     runs = f"{many(len(found.runs), 'run')}"
     told = f", {len(found.told)} told before" if found.told else ""
-    parts = (
-        f"all is there that was to be kept, of {len(found.not_kept)} not all ticks were" if found.not_kept else "whole"
-    )
+    less = len({one.run for one in found.not_kept})
+    parts = f"all is there that was to be kept, of {less} not all ticks were" if less else "whole"
     click.echo(f"{len(found.problems)} problems in {runs}{told}" if found.problems else f"{runs}: {parts}{told}")
 
 
