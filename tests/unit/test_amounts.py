@@ -108,3 +108,10 @@ def test_the_span_of_a_long_recording_is_told_in_minutes():
 )
 def test_a_time_that_goes_on_is_told_in_whole_units(seconds, told):
     assert whole_duration(seconds) == told
+
+
+@pytest.mark.parametrize("text", ["0", " 0 ", "0.0", "0s", "0ms"])
+def test_no_time_needs_no_unit(text):
+    assert seconds("pre", text, 10.0) == 0
+    with pytest.raises(ElementError, match="must be a time"):
+        seconds("pre", "1", 10.0)

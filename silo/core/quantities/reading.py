@@ -65,8 +65,10 @@ def read_keep(given: object) -> int:
 
 
 def seconds_of(given: object) -> float | None:
-    """Return the seconds of `10min`, `20ms`, `1d`; None for what is no time with its unit."""
+    """Return the seconds of `10min`, `20ms`, `1d`; None for what is no time with its unit, which 0 needs not."""
     amount = read_amount(given)
+    if amount == (0.0, ""):
+        return 0.0
     factor = SECONDS.get(amount[1].lower()) if amount is not None else None
     return amount[0] * factor if amount is not None and factor is not None else None
 
