@@ -454,7 +454,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         """Subscribe to every sample of a published element: `for batch in client.topic("joints/q"): ...`.
 
         Args:
-            element: its full name, or the name after the prefix.
+            element: its name; also without the prefix, or its end behind a `/`.
 
         Returns:
             The subscription; close it, or use it as a context manager.
@@ -480,7 +480,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         counted, and never holds up the helper process.
 
         Args:
-            names: elements or entries, at least one.
+            names: elements or entries, at least one, as `topic` takes them.
             period_s: time between two deliveries, s.
 
         Returns:
@@ -510,7 +510,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         """Return past samples as minimum and maximum per column, straight from the buffers or of a pin.
 
         Args:
-            names: 1 to 64 entries.
+            names: 1 to 64 entries, as `topic` takes them.
             start_ns: the first time stamp.
             end_ns: the time stamp after the last.
             column_ns: width of a column; there may be at most 4096.
@@ -549,7 +549,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         What comes while it is read is left out.
 
         Args:
-            names: elements or entries, 1 to 10 000.
+            names: elements or entries, 1 to 10 000, as `topic` takes them; the result has them so, too.
             start: the first, see `by`.
             end: the one after the last, see `by`.
             by: `"time"`: the ends are time stamps in ns; `"tick"`: ticks since start; `"row"`: numbers of samples since
@@ -560,7 +560,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
 
         Returns:
             By name: `ticks` and `time_ns` of shape `(n,)`, `values` of shape `(n, *shape of the element)`, oldest
-            first; of a name without samples `why` there are none.
+            first; of a name without samples `why` there are none: it is off, overwritten up to some tick, ...
 
         Raises:
             RefusedError: the logger was started anew meanwhile, a name or `by` is unknown, a number out of range, or

@@ -130,9 +130,9 @@ class Gathering:
             rows = self._rows.get(name.group) or [SampledRows(name.group, 0, 0, b"")]
             found[name.name] += [samples_of(name, some) for some in rows]
         return {
-            name: joined([one for one in parts if len(one)] or parts[:1])
-            if parts
-            else replace(NO_SAMPLES, why=self._missing.get(name, ""))
+            name: joined(some)
+            if (some := [one for one in parts if len(one)])
+            else replace(parts[0] if parts else NO_SAMPLES, why=self._missing.get(name, ""))
             for name, parts in found.items()
         }
 

@@ -47,7 +47,7 @@ def history(
     wanted: dict[int, dict[int, EntrySchema]] = {}
     logged: list[tuple[int, ElementSchema]] = []
     for signal, name in enumerate(request.names):
-        found = now.entry_places.get(name)
+        found = now.entry(name)
         if found is None:
             raise RequestRefusedError(
                 RefusedWhy.NOT_FOUND, f"no entry is called '{name[:200]}'; entries are named like '/log/q_x'"

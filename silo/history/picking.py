@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from silo.core.elements import BufferType
 from silo.history.requests import By, SampledEntry, SampledName
-from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.layout import ElementSchema, EntrySchema, SegmentSchema
 from silo.segment.picking import STAMPS, moved, words_with
 from silo.segment.rows import Rows, Words, stored_type
@@ -61,11 +60,9 @@ class RowSelection:
 
 
 def check_known(names: Sequence[str], now: LoggerSnapshot) -> None:
-    """Raise RequestRefusedError for the first name that is neither an element nor an entry."""
+    """Raise RequestRefusedError for the first name that means neither an element nor an entry."""
     for name in names:
-        if now.element(name) is None and name not in now.entry_places:
-            text = f"no element or entry is called '{name[:200]}'; they are named like '/log/q' and '/log/q_x'"
-            raise RequestRefusedError(RefusedWhy.NOT_FOUND, text)
+        now.meant(name)
 
 
 def pick(
@@ -74,7 +71,7 @@ def pick(
     schema: SegmentSchema | None,
     held: Callable[[int, Words], bool] | None = None,
 ) -> RowSelection:
-    """Return what elements or entries of these names need; they must be known. A name that is both is the element.
+    """Return what elements or entries of these names need, which are told as they were asked; they must be known.
 
     `held` tells whether there are these words of a ring, where there aren't all.
     """
@@ -82,8 +79,8 @@ def pick(
     wanted: dict[tuple[int, int], list[tuple[str, ElementSchema, tuple[EntrySchema, ...], bool]]] = {}
     missing: dict[str, str] = {}
     for name in dict.fromkeys(names):
-        whole = now.element(name) is not None
-        of, number = (name, -1) if whole else now.entry_places[name]
+        of, number = now.meant(name)
+        whole = number < 0
         element = schemas.get(of)
         if element is None or (not whole and number >= len(element.entries)):
             missing[name] = _why_missing(of, now, schema)

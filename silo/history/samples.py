@@ -1,8 +1,13 @@
 """Raw samples of any enabled element: rows straight from the buffers, as many as a reply may hold."""
 
-from silo.history.picking import PinnedRows, RingSource, RowSelection, bounds, check_known, pick
+from collections.abc import Sequence
+
+import numpy as np
+
+from silo.history.picking import PinnedRows, RingSource, RowSelection, bounds, check_known, first_row, pick
 from silo.history.requests import GetSamples, SampledRows, SampleRows
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.segment.picking import STAMPS
 from silo.state.replica import LoggerSnapshot
 
 MAX_NAMES = 10_000
@@ -44,7 +49,40 @@ def samples(request: GetSamples, now: LoggerSnapshot, source: RingSource | None)
         )
     wanted = request.resume or [bounds(source, group, request.start, request.end, request.by) for group in found.groups]
     rows, resume = _read(found, source, wanted, request.reply_bytes)
-    return SampleRows(run, rows, resume, [] if request.resume else found.names, found.missing)
+    if request.resume:
+        return SampleRows(run, rows, resume, [], found.missing)
+    return SampleRows(run, rows, resume, found.names, {**found.missing, **_empty(found, source, wanted, request)})
+
+
+def _empty(
+    found: RowSelection, source: RingSource, wanted: Sequence[tuple[int, int]], request: GetSamples
+) -> dict[str, str]:
+    """Why names have no row of what is wanted, that are there."""
+    groups: dict[str, list[int]] = {}
+    for one in found.names:
+        groups.setdefault(one.name, []).append(one.group)
+    return {
+        name: _why_empty([found.groups[group].ring for group in some], source, request)
+        for name, some in groups.items()
+        if all(wanted[group][0] >= wanted[group][1] for group in some)
+    }
+
+
+def _why_empty(rings: Sequence[int], source: RingSource, request: GetSamples) -> str:
+    ends = [
+        (rows.first, int(rows.words[0, 0].view(np.int64)), int(last.words[-1, 0].view(np.int64)))
+        for ring in rings
+        if len(rows := source.rows(ring, 0, 1, STAMPS))
+        and len(last := source.rows(ring, source.head(ring) - 1, 1, STAMPS))
+    ]
+    if not ends:
+        return "this pin has none of it" if isinstance(source, PinnedRows) else "nothing was logged of it yet"
+    row, oldest, newest = min(ends)[0], min(end[1] for end in ends), max(end[2] for end in ends)
+    if isinstance(source, PinnedRows):
+        return f"this pin has it from tick {oldest} to {newest}"
+    if row > 0 and first_row(source, min(rings), request.by, request.end) <= row:
+        return f"it was overwritten: it is kept from tick {oldest} on"
+    return f"no sample of it lies there: it is kept from tick {oldest} to {newest}"
 
 
 def _read(

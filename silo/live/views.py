@@ -54,24 +54,26 @@ class FrameLayout:
     opened: ViewOpened
     counts: list[int]  # of entries, by element
     plots: list[tuple[str, int]]  # element and number of its entry; ("", 0) for a name that the table lacks
+    values: list[str]  # whole names of elements
 
 
 def layout_of(request: OpenView, now: LoggerSnapshot) -> FrameLayout:
     """How a view of the present table is laid out."""
     counts, entries, missing = [], [], []
     unpublished: dict[str, None] = {}
-    for name in request.values:
+    values = [now.whole(name) for name in request.values]
+    for asked, name in zip(request.values, values, strict=True):
         info = now.element(name)
         counts.append(len(info.entries) if info else 0)
         if info is None:
-            missing.append(name)
+            missing.append(asked)
             continue
         entries += [name + entry.suffix for entry in info.entries]
         if not info.options.enabled:
-            unpublished[name] = None
+            unpublished[asked] = None
     plots = []
     for name in request.plots:
-        found = now.entry_places.get(name)
+        found = now.entry(name)
         plots.append(found or ("", 0))
         if found is None:
             missing.append(name)
@@ -80,7 +82,7 @@ def layout_of(request: OpenView, now: LoggerSnapshot) -> FrameLayout:
         if info is not None and not info.options.enabled:
             unpublished[found[0]] = None
     opened = ViewOpened(request.view, now.generation, entries, list(request.plots), list(unpublished), missing)
-    return FrameLayout(opened, counts, plots)
+    return FrameLayout(opened, counts, plots, values)
 
 
 @dataclass
@@ -117,9 +119,9 @@ class ServedView(Feed[OpenView]):
         if reader is None:
             return layout
         schemas = {element.info.name: element for element in reader.schema.elements}
-        self._sizes = _other_sizes(self.request.values, now, schemas)
-        self._newest = NewestValues(reader, [schemas.get(name) for name in self.request.values], layout.counts)
-        self._liveness = Liveness(reader, [schemas.get(name) for name in self.request.values], self.period_s)
+        self._sizes = _other_sizes(layout.values, now, schemas)
+        self._newest = NewestValues(reader, [schemas.get(name) for name in layout.values], layout.counts)
+        self._liveness = Liveness(reader, [schemas.get(name) for name in layout.values], self.period_s)
         begins: dict[int, int] = {}
         wanted: dict[int, dict[int, EntrySchema]] = {}
         for signal, (name, number) in enumerate(layout.plots):

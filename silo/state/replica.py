@@ -17,12 +17,14 @@ from pathlib import Path
 import msgspec
 
 from silo.core.elements import Control, ElementInfo, LoggerOptions, Present, State, Status, Storage, Table
+from silo.core.names import Names
 from silo.core.recording import alike
 from silo.core.runtime import disk_room, runtime_dir, user_name
 from silo.errors import SegmentError
 from silo.expressions.derived_signals import derived_infos
 from silo.journal.derived_rows import DerivedPlan, DerivedReader, derived_plan
 from silo.journal.holdings import Holdings, RetainedAlike, kept_alike, segment_holdings
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import lost_samples
@@ -67,8 +69,49 @@ class LoggerSnapshot:
     def _derived(self) -> dict[str, ElementInfo]:
         return {info.name: info for info in self.table.derived}
 
+    @functools.cached_property
+    def _names(self) -> Names:
+        every = (*self.table.elements, *self.table.derived)
+        return Names(
+            (info.name for info in every),
+            self.options.prefix,
+            lambda: [[info.name + entry.suffix for entry in info.entries] for info in every],
+        )
+
+    def meant(self, name: str) -> tuple[str, int]:
+        """Return the element and the number of the entry, -1 for all of it, that clients mean by a name.
+
+        A name that is both is the element. Raises RequestRefusedError for what there isn't, or is several.
+        """
+        if self.element(name) is not None:
+            return name, -1
+        if name in self.entry_places:
+            return self.entry_places[name]
+        found = self._names.find(name, scalars=True, namespaces=False)
+        if len(found) != 1:
+            text = f"no element or entry is called '{name[:200]}'; they are named like '/log/q' and '/log/q_x'"
+            raise RequestRefusedError(RefusedWhy.NOT_FOUND, self._names.several(name, found) if found else text)
+        place, number = found[0]
+        return self._names.names[place], -1 if number is None else number
+
+    def whole(self, name: str) -> str:
+        """Return the whole name of the element that clients mean, or the name itself where they mean none."""
+        with contextlib.suppress(RequestRefusedError):
+            of, number = self.meant(name)
+            return of if number < 0 else name
+        return name
+
+    def entry(self, name: str) -> tuple[str, int] | None:
+        """Return the element and the number of the entry that clients mean by a name, None for what is none."""
+        try:
+            of, number = self.meant(name)
+        except RequestRefusedError:
+            return None
+        info = self.element(of)
+        return (of, max(number, 0)) if number >= 0 or (info is not None and len(info.entries) == 1) else None
+
     def element(self, name: str) -> ElementInfo | None:
-        """Return the element, or derived signal, of that name."""
+        """Return the element, or derived signal, of that whole name."""
         place = self.places.get(name)
         return self._derived.get(name) if place is None else self.table.elements[place]
 

@@ -123,6 +123,30 @@ def test_a_wish_that_makes_no_sense_is_refused_in_words(wrong, words):
     assert words in refused.text
 
 
+@pytest.mark.parametrize("name", ["a", "b_y", "/b", "log/c", "b"])
+def test_a_name_means_what_it_means_to_topics_and_stands_as_it_was_asked(robot, name):
+    whole = f"/log/{name.rpartition('/')[2]}"
+    found, expected = (gathered(robot, GetSamples(names=[one]))[one] for one in (name, whole))
+    np.testing.assert_array_equal(found.values, expected.values)
+    np.testing.assert_array_equal(found.ticks, expected.ticks)
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "by", "why"),
+    [
+        (0, 100, By.TICK, "it was overwritten: it is kept from tick {oldest} on"),
+        (0, 100 * 10**6, By.TIME, "it was overwritten: it is kept from tick {oldest} on"),
+        (0, 100, By.ROW, "it was overwritten: it is kept from tick {oldest} on"),
+        (900, 1000, By.TICK, "no sample of it lies there: it is kept from tick {oldest} to 699"),
+        (690, 1000, By.TICK, ""),
+    ],
+)
+def test_of_a_span_without_samples_it_is_told_why(robot, start, end, by, why):
+    oldest = int(gathered(robot, GetSamples(names=["/log/a"]))["/log/a"].ticks[0])
+    found = gathered(robot, GetSamples(names=["/log/a"], start=start, end=end, by=by))["/log/a"]
+    assert (found.why, bool(len(found))) == (why.format(oldest=oldest), not why)
+
+
 def test_a_continuation_of_other_names_is_refused(robot):
     reply = samples(GetSamples(names=["/log/a"], reply_bytes=4096), robot.now, robot.reader)
     other = GetSamples(names=["/log/a", "/log/b"], run=reply.run, resume=reply.resume)
@@ -164,7 +188,7 @@ def test_a_pin_of_any_names_over_any_span_has_what_the_buffers_have_of_it(robot,
     there = gathered(robot, GetSamples(names=names, **span))
     assert opened.missing == {}
     for name in held:
-        assert held[name].why == ""
+        assert bool(held[name].why) is (len(held[name]) == 0)
         np.testing.assert_array_equal(held[name].ticks, there[name].ticks)
         np.testing.assert_array_equal(held[name].values, there[name].values)
 

@@ -32,6 +32,23 @@ def test_samples_are_what_was_logged_each_with_its_tick_and_time_stamp(bench, cl
     assert (found["/log/slow"].divider, found["/log/slow"].values.tolist()) == (5, list(range(1, 41, 5)))
 
 
+def test_samples_histories_streams_pins_and_views_take_names_as_topics_do(bench, client):
+    client.start()
+    bench.ticks(40)
+    end_ns = bench.begin_ns + 40 * bench.tick_ns
+    assert client.samples(["x", "q_y"])["x"].ticks.tolist() == list(range(40))
+    assert client.history(["x"], bench.begin_ns, end_ns, 10**9).low.shape[0] == 1
+    with client.pin(["x"], bench.begin_ns, end_ns) as pin:
+        assert len(client.samples(["x"], pin=pin)["x"]) == 40
+    with client.stream(["x", "q_y"]) as stream:
+        bench.ticks(5)
+        assert set(wait_until(lambda: stream.read(timeout_s=0.1))) == {"x", "q_y"}
+    with client.view(values=["x"], plots=["q_y"]) as view:
+        assert wait_until(view.frame).missing == frozenset()
+    with pytest.raises(RefusedError, match="no element or entry is called 'nothing'"):
+        client.samples(["nothing"])
+
+
 def test_samples_have_the_type_and_shape_of_their_element(bench, client):
     client.start()
     bench.q[:] = 1, 2, 3
