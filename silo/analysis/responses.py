@@ -1,10 +1,11 @@
 """Transfer functions and step responses of a log: which part of it, on which time axis."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Protocol
 
 import numpy as np
 
+from silo.analysis.compute.arithmetic import warn_outside
 from silo.analysis.compute.responses import SEGMENTS, Bode, StepResponse, bode_of, evenly, step_of
 from silo.analysis.parameters import LoggedExcitation
 from silo.analysis.signal import Signal
@@ -15,6 +16,8 @@ from silo.core.tuning.parameters import Excitation, Wave
 from silo.errors import ElementError
 
 PRBS_SHARE = 0.8  # of its rate, at which it has no power
+_STEPS = (Wave.STEP,)
+_WITH_BAND = tuple(wave for wave in Wave if wave is not Wave.STEP)
 BEFORE_STEP = 0.2  # of its time, from which its begin is known
 
 
@@ -42,7 +45,7 @@ def bode_between(
 ) -> Bode:
     """Return the transfer function of a part of a log. Raises ElementError."""
     signals = _signals(log, given, answer)
-    one = _excitation(log, signals[0], start_s, stop_s)
+    one = _excitation(log, signals[0], start_s, stop_s, _WITH_BAND)
     begin, end = _window(signals, one, start_s, stop_s)
     segment = (end - begin) / SEGMENTS if segment_s is None else real("segment_s", segment_s, 0, 1e6, "s")
     if one is not None and segment_s is None and 0 < (period := period_s(one.what)) < end - begin:
@@ -62,7 +65,7 @@ def step_between(
 ) -> StepResponse:
     """Return the answer to the largest step in a part of a log. Raises ElementError."""
     signals = _signals(log, given, answer)
-    one = _excitation(log, signals[0], start_s, stop_s, Wave.STEP)
+    one = _excitation(log, signals[0], start_s, stop_s, _STEPS)
     begin, end = _window(signals, one, start_s, stop_s)
     times, values = _together(signals, begin - (BEFORE_STEP * (end - begin) if one is not None else 0.0), end)
     return step_of(times, values[:, 0], values[:, 1])
@@ -85,16 +88,49 @@ def excites(what: Excitation, name: str) -> bool:
     return name in (what.name, f"{what.name}_{what.index}")
 
 
+def excitation_words(
+    log: ResponseLog, given: str, start_s: float | None, stop_s: float | None, *, step: bool = False
+) -> str:
+    """Return of which excitation a transfer function is, or the answer to a `step`; empty where it is of none."""
+    if start_s is not None or stop_s is not None:
+        return ""
+    found = _excitations(log, log[given], _STEPS if step else _WITH_BAND)
+    return _words(found[-1]) if found else ""
+
+
+def _words(one: LoggedExcitation) -> str:
+    return f"{one.what.text}, from {one.start_s:.6g} to {one.stop_s:.6g} s"
+
+
+def _excitations(log: ResponseLog, given: Signal, waves: Collection[Wave]) -> list[LoggedExcitation]:
+    return [one for one in log.parameters.excitations if excites(one.what, given.name) and one.what.wave in waves]
+
+
 def _excitation(
-    log: ResponseLog, given: Signal, start_s: float | None, stop_s: float | None, wave: Wave | None = None
+    log: ResponseLog, given: Signal, start_s: float | None, stop_s: float | None, waves: Collection[Wave]
 ) -> LoggedExcitation | None:
-    """The last one of this signal, unless somebody says which time is meant."""
+    """The last one of this signal by one of these waves, unless somebody says which time is meant.
+
+    Warns which of several it is. Raises ElementError where a band is wanted, and steps alone were.
+    """
     if start_s is not None or stop_s is not None:
         return None
-    found = [
-        one for one in log.parameters.excitations if excites(one.what, given.name) and wave in (None, one.what.wave)
-    ]
+    every, found = (_excitations(log, given, which) for which in (tuple(Wave), waves))
+    if every and not found and Wave.STEP not in waves:
+        raise ElementError(
+            f"'{given.name}' was excited by a step alone ({_words(every[-1])}), which has no band of frequencies: "
+            f"log.step('{given.name}', ...), or `silo step`, tells the answer to it; a given window is taken as it is"
+        )
+    if len(every) > 1 and found:
+        warn_outside(
+            f"of {len(every)} excitations of '{given.name}' this is of the last {_kind(waves)}: {_words(found[-1])}; "
+            "give a window for another one"
+        )
     return found[-1] if found else None
+
+
+def _kind(waves: Collection[Wave]) -> str:
+    return "step" if Wave.STEP in waves else "that has a band"
 
 
 def _window(

@@ -2,7 +2,10 @@
 
 import json
 import math
+import warnings
+from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -176,6 +179,44 @@ def test_what_can_not_be_told_is_said(ask, words):
         ask(silo.Log(logged(CHIRP, FirstOrder)))
 
 
+def chirp_then_step():
+    one, other = logged(CHIRP, FirstOrder), logged(WAVES["step"], FirstOrder)
+    count = len(one.time_ns)
+    later = [msgspec.structs.replace(event, tick=event.tick + count, number=9) for event in other.events]
+    columns = [
+        np.concatenate([a.entries[0].values, b.entries[0].values])
+        for a, b in zip(one.elements, other.elements, strict=True)
+    ]
+    elements = [
+        replace(element, entries=(replace(element.entries[0], values=column),))
+        for element, column in zip(one.elements, columns, strict=True)
+    ]
+    both = count + len(other.time_ns)
+    times = np.arange(both, dtype=np.int64) * (1_000_000_000 // HZ)
+    return silo.Log(replace(one, time_ns=times, offset=both, elements=elements, events=(*one.events, *later)))
+
+
+def test_a_transfer_function_is_of_the_last_excitation_that_has_a_band_and_that_is_said():
+    log = chirp_then_step()
+    with pytest.warns(
+        silo.LogWarning, match="of 2 excitations of '/log/tau' this is of the last that has a band"
+    ) as told:
+        found = log.bode("tau", "q")
+    assert "chirp 0.2 to 20 Hz, amplitude 2, for 30 s, ramps of 1 s, from 10 to 40 s" in str(told[0].message)
+    assert found.frequency_hz[-1] > 15
+    with pytest.warns(silo.LogWarning, match="of the last step: step, amplitude 2, for 5 s, from 60 to 65 s"):
+        assert log.step("tau", "q").at_s == pytest.approx(60, abs=0.01)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        log.bode("tau", "q", 10.0, 40.0)
+
+
+def test_a_transfer_function_of_a_step_alone_is_refused_with_the_way_out():
+    log = silo.Log(logged(WAVES["step"], FirstOrder))
+    with pytest.raises(ElementError, match=r"by a step alone \(step, amplitude 2.* no band of frequencies: log.step"):
+        log.bode("tau", "q")
+
+
 def test_the_log_tells_what_was_excited_and_when():
     (found,) = silo.Log(logged(CHIRP, FirstOrder)).parameters.excitations
     assert (found.what, found.ended) == (CHIRP, "it is over")
@@ -190,9 +231,11 @@ def test_the_shell_draws_both_and_gives_numbers_to_machines(tmp_path, capsys):
     shown = capsys.readouterr().out
     assert all(words in shown for words in ("magnitude [dB]", "phase [deg]", "coherence", "frequency [Hz]"))
     assert max(map(len, shown.splitlines())) <= 80
+    assert shown.endswith("\nof chirp 0.2 to 20 Hz, amplitude 2, for 30 s, ramps of 1 s, from 10 to 40 s\n")
     assert run(["bode", chirp, "tau", "q", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert set(found) == {"frequency_hz", "magnitude_db", "phase_deg", "coherence"}
+    assert set(found) == {"frequency_hz", "magnitude_db", "phase_deg", "coherence", "excitation"}
+    assert found["excitation"] == "chirp 0.2 to 20 Hz, amplitude 2, for 30 s, ramps of 1 s, from 10 to 40 s"
     assert max(found["magnitude_db"]) == pytest.approx(14.0, abs=0.3)
     assert run(["step", step, "tau", "q", "--width", "80", "--height", "20"]) == 0
     assert "overshoot 72.9%" in capsys.readouterr().out

@@ -1,7 +1,9 @@
 """`silo bode` and `silo step`: how one signal of a log answers to another."""
 
+import contextlib
 import shutil
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -51,8 +53,9 @@ def bode(
 ) -> None:
     """Draw the transfer function from one signal to another: magnitude, phase, coherence.
 
-    Without a window it is that of the last excitation of IN (`silo excite`), in its band, else of the whole log. A
-    coherence well below 1 says that noise, or something else than IN, moves OUT.
+    Without a window it is that of the last excitation of IN that has a band (`silo excite`), which is told, else of the
+    whole log. A step alone is refused: it has none. A coherence well below 1 says that noise, or something else than
+    IN, moves OUT.
 
     \b
     Examples:
@@ -60,10 +63,13 @@ def bode(
       silo bode run.silo command speed --from 2 --to 30 --png speed.png
     """
     from silo.analysis.plots.responses import bode_charts
+    from silo.analysis.responses import excitation_words
 
     log, title = _opened(file, given, output, whole)
-    found = log.bode(given, output, start, stop, segment_s=segment)
-    _show(found, bode_charts(found, title), **shown)
+    with _of_which_alone():
+        found = log.bode(given, output, start, stop, segment_s=segment)
+    of = excitation_words(log, given, start, stop)
+    _show(found, bode_charts(found, title), [f"of {of}"] if of else [], of=of, **shown)
     _warn(Path(log.path), log.recording)
 
 
@@ -82,13 +88,24 @@ def step(
       silo step run.silo command speed --from 2 --to 5 --json
     """
     from silo.analysis.plots.responses import step_chart, step_words
+    from silo.analysis.responses import excitation_words
 
     log, title = _opened(file, given, output, whole)
-    found = log.step(given, output, start, stop)
+    with _of_which_alone():
+        found = log.step(given, output, start, stop)
     unit = log[output].unit
-    words = step_words(found, log[given].unit, unit)
-    _show(found, [step_chart(found, "" if unit == "-" else unit, title)], words, **shown)
+    of = excitation_words(log, given, start, stop, step=True)
+    words = [*step_words(found, log[given].unit, unit), *([f"of {of}"] if of else [])]
+    _show(found, [step_chart(found, "" if unit == "-" else unit, title)], words, of=of, **shown)
     _warn(Path(log.path), log.recording)
+
+
+@contextlib.contextmanager
+def _of_which_alone() -> Iterator[None]:
+    """Have no warning of which excitation it is: that is said below, always."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "of .* excitations of")
+        yield
 
 
 def _opened(file: str, given: str, output: str, whole: bool) -> "tuple[Log, str]":
@@ -103,6 +120,7 @@ def _show(
     charts: "Sequence[Chart]",
     words: Sequence[str] = (),
     *,
+    of: str,
     png: Path | None,
     width: int | None,
     height: int | None,
@@ -111,7 +129,7 @@ def _show(
     from silo.analysis.plots.drawing import draw_png, draw_text
 
     if as_json:
-        facts = found._asdict().items()
+        facts = {**found._asdict(), **({"excitation": of} if of else {})}.items()
         show_json({name: value.tolist() if hasattr(value, "tolist") else value for name, value in facts})
         return
     size = shutil.get_terminal_size((80, 24))
