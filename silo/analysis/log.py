@@ -386,8 +386,9 @@ class Log(Mapping[str, Signal]):
     ) -> Bode:
         """Return the transfer function from one signal to another: `hz, db, deg, coherence = run.bode("tau", "q")`.
 
-        Welch's H1 estimate. Without times it is that of the last excitation of the input, in its band, else of the
-        whole log. Where the coherence is well below 1, noise, something else or what is not linear moves the output.
+        Welch's H1 estimate. Without times it is that of the last excitation of the input that has a band (a step has
+        none), else of the whole log; which of several is told by a `LogWarning`. Where the coherence is well below 1,
+        noise, something else or what is not linear moves the output.
 
         Args:
             input: what was moved.
@@ -401,7 +402,8 @@ class Log(Mapping[str, Signal]):
             Frequencies in Hz at which the input has power, magnitude in dB, phase in degrees, coherence 0 to 1.
 
         Raises:
-            ElementError: too few samples, a hole, no power in the input, or signals of several components.
+            ElementError: too few samples, a hole, no power in the input, signals of several components, or an input
+                that was excited by steps alone.
         """
         return bode_between(self, input, output, start_s, stop_s, segment_s)
 
@@ -433,8 +435,10 @@ class Log(Mapping[str, Signal]):
     def eval(self, expression: str) -> Signal:
         """Return the signal that an expression gives: `log.eval("abs(joints/tau_3) > 20 and mode == STANCE")`.
 
-        It has a value at every tick where one of its signals has a sample, the others hold; it is bool where it is a
-        condition. Ticks at which it can't be told (a signal has no sample yet, or its buffer had ended) are left out.
+        It has a value at every tick that the rates of its signals have in common (of every third tick and every second:
+        every tick), where they hold, as derived signals have. It is bool where it is a condition, int64 where it is a
+        sum or product of integers. Ticks at which it can't be told (a signal has no sample yet, or its buffer had
+        ended) are left out.
 
         Args:
             expression: signals, numbers, operators and functions.
@@ -443,12 +447,14 @@ class Log(Mapping[str, Signal]):
             ExpressionError: it makes no sense; the message shows the place.
         """
         text("expression", expression, "log.eval('abs(joints/tau_3) > 20')")
-        return self._evaluated(expression, expression)
+        return self._evaluated(expression, expression, exact=True)
 
-    def _evaluated(self, expression: str, name: str) -> Signal:
+    def _evaluated(self, expression: str, name: str, *, exact: bool = False) -> Signal:
         recording = narrowed(self.recording, [expression])  # of a bag of others, no more than the expression needs
         judge = self._judge if recording is self.recording else RecordingJudge(recording)
         found = judge.evaluate(expression)
+        if exact:  # derived signals are float64 wherever they are read
+            found = judge.exactly(found)
         dividers = set(found.bound.sources.values())
         return Signal(
             name=name,
@@ -563,6 +569,7 @@ class Log(Mapping[str, Signal]):
             name=name,
             values=assembled(element),
             time_ns=stamps_of(self.recording, element),
+            axis_ns=self.recording.time_ns if element.own_ns is None else None,
             start_ns=self.start_ns,
             components=names,
             labels=(labels[0] if alone else None) or {},

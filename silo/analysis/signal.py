@@ -1,9 +1,9 @@
 """`Signal`: the samples of one element with their times, and what one asks of them.
 
-A signal is a value: every operation returns a new one and leaves the log alone. Signals of different dividers meet on
-the stamps of the faster one, where the slower one has the value that it held; those of different logs on the time since
-the start of each. Where nothing is in common, or units don't go together, there is an error. NaN samples are left out
-of statistics.
+A signal is a value: every operation returns a new one and leaves the log alone. Signals of different dividers meet at
+every tick that their rates have in common (every second and every third: each), where they have the value that they
+held; those of different logs on the time since the start of each. Where nothing is in common, or units don't go
+together, there is an error. NaN samples are left out of statistics.
 Operators are NumPy's, which call `silo.analysis.compute.numpy_functions`; frame changes are in
 `silo.analysis.compute.frames`, tables of other libraries in `silo.analysis.compute.exports`.
 """

@@ -1,9 +1,10 @@
 """Expressions over a recording: what `Log.eval`, `silo plot` and `silo check` compute, and derived signals in files.
 
-The judge is the same as of triggers and limits: an expression has a value at every tick where one of its signals has a
-sample, the others hold (`silo.expressions.evaluation`).
+The judge is the same as of triggers and limits (`silo.expressions.evaluation`). What is computed has a value at every
+tick that the rates of its signals have in common, where they hold (`silo.expressions.derived_signals`).
 """
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -25,10 +26,13 @@ from silo.core.recording import (
     read_ahead,
     samples_between,
 )
-from silo.expressions.binding import BoundExpression, Catalogue, Known, bind
+from silo.expressions.binding import BoundExpression, BoundSignal, Catalogue, Computed, Constant, Known, Part, bind
 from silo.expressions.evaluation import UNOBSERVABLE, Evaluator, Judged, SourceRows
+from silo.expressions.operations import OPERATIONS, columned
 
 BATCH_TICKS = 16_384  # what is computed at once stays in the cache
+_RATE = -2  # a source without values, which has a row at every tick that the rates of the others have in common
+_WHOLE = ("+", "-", "*", "neg")  # of integers they are exact, as long as the result has 64 bits
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,7 @@ class Evaluated:
     bound: BoundExpression
     ticks: NDArray[np.int64]
     time_ns: NDArray[np.int64]
-    values: NDArray[np.float64] | NDArray[np.bool_]
+    values: NDArray[np.float64] | NDArray[np.bool_] | NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -130,7 +134,7 @@ class RecordingJudge:
     def batches(self, *expressions: BoundExpression) -> Iterator[Judged]:
         """Judge bound expressions together from the first tick to the last."""
         evaluator = Evaluator(*expressions)
-        wanted: dict[int, set[tuple[int, int]]] = {}
+        wanted: dict[int, set[tuple[int, int]]] = {source: set() for source in evaluator.sources if source == _RATE}
         for column in (column for bound in expressions for column in bound.columns):
             wanted.setdefault(column.source, set()).add((column.element, column.entry))
         read_ahead(self._elements[place] for keys in wanted.values() for place, _ in keys)
@@ -167,7 +171,7 @@ class RecordingJudge:
 
     def evaluate(self, text: str) -> Evaluated:
         """Return an expression over the whole recording. Raises ExpressionError with the place."""
-        bound = bind(text, self.catalogue)
+        bound = self._with_rate(bind(text, self.catalogue))
         ticks, times, values = [_NO_TICKS], [_NO_TICKS], []
         for judged in self.batches(bound):
             found, known = _known(bound, judged)
@@ -178,8 +182,65 @@ class RecordingJudge:
         empty = np.zeros(shape, bool if bound.logical else np.float64)
         return Evaluated(bound, np.concatenate(ticks), np.concatenate(times), np.concatenate([empty, *values]))
 
+    def exactly(self, found: Evaluated) -> Evaluated:
+        """Return the same as int64, to the last digit, where it is sums and products of integers that fit."""
+        values = found.values
+        if values.dtype != np.float64 or not self._is_whole(found.bound.root) or not (np.abs(values) < 2.0**63).all():
+            return found
+        with np.errstate(over="ignore"):  # what wraps around on the way comes back where the result fits
+            made = self._whole(found.bound.root, found.ticks)
+        return replace(found, values=np.broadcast_to(made, values.shape))
+
+    def _is_whole(self, part: Part) -> bool:
+        if isinstance(part, Constant):
+            return part.value.is_integer() and abs(part.value) < 2**53
+        if isinstance(part, BoundSignal):
+            entries = [self._elements[column.element].entries[column.entry].values for column in part.columns]
+            return all(one.dtype.kind in "iu" for one in entries)
+        if not isinstance(part, Computed) or not all(map(self._is_whole, part.parts)):
+            return False
+        return part.operator in _WHOLE or 0 <= _power(part) < 2**63
+
+    def _whole(self, part: Part, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
+        if isinstance(part, Constant):
+            return np.asarray(int(part.value), np.int64)
+        if isinstance(part, BoundSignal):
+            columns = []
+            for column in part.columns:
+                layout = self._layouts[column.source]
+                places = np.searchsorted(layout.numbers(0, layout.count), ticks, "right") - 1
+                columns.append(self._elements[column.element].entries[column.entry].values[places].astype(np.int64))
+            return np.stack(columns, axis=1) if part.vector else columns[0]
+        assert isinstance(part, Computed)
+        if part.operator == "**":
+            return np.asarray(_power(part), np.int64)
+        values = [self._whole(one, ticks) for one in part.parts]
+        meeting = [columned(value) for value in values] if any(value.ndim == 2 for value in values) else values
+        return np.asarray(OPERATIONS[part.operator](meeting), np.int64)
+
+    def _with_rate(self, bound: BoundExpression) -> BoundExpression:
+        """Return it with what has it judged at every tick that its rates have in common, too; a bag of others has none.
+
+        That of every third tick and every second is every tick: where none has a sample, all hold.
+        """
+        layouts = [self._layouts[source] for source in bound.sources]
+        divider = math.gcd(*bound.sources.values())
+        if divider in bound.sources.values() or any(one.own is not None for one in layouts) or not layouts:
+            return bound  # the fastest is at each of them, or nobody is
+        first = layouts[0].first % divider
+        self._layouts[_RATE] = _Ticks(first, divider, max(0, -((first - len(self.time_ns)) // divider)))
+        return replace(bound, sources={**bound.sources, _RATE: divider})
+
 
 _NO_TICKS = np.zeros(0, np.int64)
+
+
+def _power(part: Computed) -> int:
+    """The whole number that one constant to the power of another is, as in `2**60`; -1 where it is none of them."""
+    base, exponent = part.parts if part.operator == "**" else (None, None)
+    if isinstance(base, Constant) and isinstance(exponent, Constant) and base.value >= 0 and 0 <= exponent.value < 64:
+        return int(int(base.value) ** int(exponent.value))
+    return -1
 
 
 def _own_ticks(axis: NDArray[np.int64], stamps: NDArray[np.int64]) -> _Ticks:

@@ -77,6 +77,40 @@ def test_nothing_is_told_where_nothing_is_left_out(ten):
         ten["x"] * ten["x"]
 
 
+@pytest.fixture
+def thirds(tmp_path):
+    """A log whose `two` and `three` have every second and every third of 20 ticks, the stamps of which are uneven."""
+    stamps = (10**18 + np.cumsum(np.random.default_rng(3).integers(10**6, 10**7, 20))).tolist()
+    now = stamps[:1]
+    log = silo.Logger("thirds", folder=tmp_path, script=tmp_path / "no.yaml", clock=lambda: now[0])
+    two, three = log.array("two", (), np.int64, divider=2), log.array("three", (), np.int64, divider=3)
+    log.derive("sum", "two + three")
+    log.start()
+    for tick, now[0] in enumerate(stamps):
+        two[...] = three[...] = tick
+        log.collect()
+    (saved,) = log.save()
+    log.close()
+    return silo.open_log(saved.path), stamps
+
+
+def test_what_is_made_of_every_second_and_every_third_tick_has_each_however_it_is_written(thirds):
+    log, stamps = thirds
+    expected = [tick // 2 * 2 + tick // 3 * 3 for tick in range(20)]
+    for made in (log["two"] + log["three"], log["three"] + log["two"], log.eval("two + three"), log["sum"]):
+        assert (made.values.tolist(), made.time_ns.tolist(), made.divider) == (expected, stamps, 1), made.name
+    truths = log.eval("two > three")
+    assert truths.values.tolist() == [tick // 2 * 2 > tick // 3 * 3 for tick in range(20)]
+
+
+@pytest.mark.filterwarnings("ignore::silo.LogWarning")
+def test_a_part_of_a_signal_meets_another_rate_at_each_tick_too_and_other_stamps_as_before(thirds):
+    log, stamps = thirds
+    assert (log["two"][2:5] + log["three"]).time_ns.tolist() == stamps[4:10]
+    two = log["two"].resample(log["two"].times + 1e-4)
+    assert (two + log["three"]).time_ns.tolist() == two.time_ns.tolist()
+
+
 def test_the_last_value_holds_on_when_asked(ten, five):
     held = ten["x"] - five["x"].resample(ten["x"])
     assert len(held) == 1000

@@ -68,6 +68,42 @@ def test_long_logs_are_judged_in_batches_without_seams():
     np.testing.assert_array_equal(log.eval("diff(x)").values[1:], np.diff(values))
 
 
+BIG = 2**60
+
+
+@pytest.fixture
+def whole():
+    """Integers of which float64 loses digits; `slow` has every second, `v` are three, `u` has no sign."""
+    return Log(recording(
+        element("n", BIG + np.arange(10)),
+        element("slow", BIG + np.arange(5) * 2, divider=2),
+        element("v", [BIG + np.arange(10) * at for at in range(3)], kind="array"),
+        element("u", np.arange(10, dtype=np.uint8)),
+        element("x", np.arange(10.0)),
+    ))  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        ("n", [BIG + at for at in range(10)]),
+        ("n - slow", [at % 2 for at in range(10)]),
+        ("-n + 2**60 + 1", [1 - at for at in range(10)]),
+        ("3 * u - 1", [3 * at - 1 for at in range(10)]),
+        ("n - v", [[at, 0, -at] for at in range(10)]),
+        ("n - n + u", list(range(10))),
+    ],
+)
+def test_sums_and_products_of_integers_keep_all_digits(whole, expression, expected):
+    found = whole.eval(expression)
+    assert (found.values.dtype, found.values.tolist()) == (np.int64, expected)
+
+
+@pytest.mark.parametrize("expression", ["n + x", "n / 2", "n * n", "mean(n, 3ms)", "n + 0.5", "n + 2**64"])
+def test_what_is_no_sum_of_integers_or_has_no_room_in_64_bits_is_a_float(whole, expression):
+    assert whole.eval(expression).values.dtype == np.float64
+
+
 def test_a_derived_signal_is_in_the_log_like_any_other(log):
     power = log["power"]
     assert list(log)[-2:] == ["/log/power", "/log/total"]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from silo.analysis.compute.samples import Samples, in_order
 from silo.core import units
 from silo.core.arguments import shown
+from silo.core.recording import falls
 from silo.errors import ElementError, LogWarning
 
 One = TypeVar("One", bound=Samples)
@@ -120,8 +121,10 @@ def wide(signal: Samples) -> NDArray[Any]:
 
 
 def aligned(one: One, other: Other, what: str, two_clocks: bool = False) -> tuple[One, Other]:
-    """Return both at the stamps of the faster one, as far as both go: the time that both have.
+    """Return both at the ticks that their rates have in common, as far as both go: the time that both have.
 
+    Of every second tick and every fourth that is the faster one's, of every second and third each tick; of two logs, or
+    of what has stamps of its own, the stamps of the faster one.
     A value holds until the next would come: from a slow signal's first sample to one step behind its last; a single
     sample, as of a map, holds on. What goes on longer is asked for by `resample`. The other one of another log is moved
     to the start of `one`; there, and of `two_clocks`, samples of one rate within half a step are of one tick, as no
@@ -138,6 +141,10 @@ def aligned(one: One, other: Other, what: str, two_clocks: bool = False) -> tupl
     slow: Samples = other if fast is one else one
     half = fast._step_ns / 2 if len(fast) > 1 else 0.0
     one_rate = two_clocks and slow._step_ns < 1.5 * fast._step_ns
+    time_ns = None if two_clocks else _common_ticks(one, other)
+    if time_ns is not None and len(time_ns):
+        divider = math.gcd(one.divider, other.divider)
+        return replace(one._held(time_ns), divider=divider), replace(other._held(time_ns), divider=divider)
     places = slow._places(fast.time_ns + int(half) if one_rate else fast.time_ns)
     inside = (places >= 0) & (slow._holding(fast.time_ns, half) | (fast.time_ns < slow._bounds[0]))
     if not inside.any():
@@ -148,6 +155,24 @@ def aligned(one: One, other: Other, what: str, two_clocks: bool = False) -> tupl
         replace(one, values=made[id(one)], time_ns=time_ns, divider=fast.divider),
         replace(other, values=made[id(other)], time_ns=time_ns, divider=fast.divider),
     )
+
+
+def _common_ticks(one: Samples, other: Samples) -> NDArray[np.int64] | None:
+    """Return the stamps of the ticks that two rates of one log have in common, where both hold, by their ticks.
+
+    None where the faster one has them, and for what isn't of one log.
+    """
+    axis, divider = one.axis_ns, math.gcd(one.divider, other.divider)
+    if axis is None or axis is not other.axis_ns or divider in (one.divider, other.divider):
+        return None
+    if one._falls or other._falls or falls(axis):
+        return None
+    places = [int(np.searchsorted(axis, each.time_ns[0])) for each in (one, other)]
+    for place, each in zip(places, (one, other), strict=True):
+        if not np.array_equal(axis[place :: each.divider][: len(each)], each.time_ns):
+            return None  # what was made of it has other stamps
+    end = min(place + each.divider * len(each) for place, each in zip(places, (one, other), strict=True))
+    return axis[max(places) : end : divider]
 
 
 def common_words(one: Samples, other: Samples, common: Samples) -> str:

@@ -47,6 +47,8 @@ class Samples:
         description: a line about it.
         failures: the ticks at which its element could not be read; what is made of a signal keeps them (of two signals,
             those of the left one).
+        axis_ns: time stamps of all ticks of its log, None where it has stamps of its own: at which tick two rates meet
+            isn't to be read off their own.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Samples:
     description: str = ""
     failures: Failures = NO_FAILURES
     component_labels: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
+    axis_ns: NDArray[np.int64] | None = None
 
     # ------------------------------------------------------------------------------------------------- what it is
 
