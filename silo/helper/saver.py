@@ -145,19 +145,20 @@ class Saver:
         )
         report = write_log(job.reader, order, self._events.progress(f"saving {names}", by=by, job=job.number))
         files = report.files
+        if files:  # in some formats, at least
+            self._replica.mark_saved(job.segment, report.ticks)
         if report.error:
-            self._failed(job, report.error, files)
+            self._failed(job, report.error, files, report.ticks)
             return
-        self._replica.mark_saved(job.segment, report.ticks)
         self._events.publish(
             EventKind.SAVED, f"saved {describe(files)}", by=by, job=job.number, progress=1.0, files=files
         )
         self._robot.tell(LinkSaved(job.number, files, "", job.reader.schema.run, report.ticks))
 
-    def _failed(self, job: _Job, text: str, files: list[SavedFile]) -> None:
+    def _failed(self, job: _Job, text: str, files: list[SavedFile], ticks: int = 0) -> None:
         self._events.publish(EventKind.SAVE_FAILED, text, by=job.request.client, job=job.number, files=files)
-        if job.for_robot:
-            self._robot.tell(LinkSaved(job.number, files, text))
+        if job.for_robot or ticks:
+            self._robot.tell(LinkSaved(job.number, files, text, job.reader.schema.run, ticks))
 
 
 def _why(request: Save) -> str:

@@ -38,7 +38,7 @@ class LinkReply(msgspec.Struct, frozen=True, tag=True):
 class LinkSaved(msgspec.Struct, frozen=True, tag=True):
     """Helper to robot: a save of any client came to its end; `error` is empty when it worked.
 
-    Then the first `ticks` of the run of that id stand in files.
+    The first `ticks` of the run of that id stand in files; after an error of some formats those of the others.
     """
 
     job: int

@@ -5,7 +5,7 @@ import dataclasses
 import logging
 import os
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import ParamSpec
@@ -154,7 +154,8 @@ class RunData:
                 self._life.check_open()
                 run = self._present.run or run
                 recording, conditions, ticks = run.reader.snapshot(), self._conditions.now, run.segment.ticks
-            saved = save_run(recording, run.id, self._options, why, conditions, chosen, name, where)
+            with self._noting_parts(run, ticks):
+                saved = save_run(recording, run.id, self._options, why, conditions, chosen, name, where)
         with self._life.lock:
             self._present.mark_saved(run, ticks)
         return SavedFiles([*before, *saved])
@@ -190,13 +191,28 @@ class RunData:
                         if run not in self._present.cut_off:
                             continue  # another thread started, or closed
                         recording, conditions = run.reader.snapshot(), self._conditions.now
-                    saved = save_run(recording, run.id, self._options, "saved at a cut", conditions, types, name, where)
+                    why = "saved at a cut"
+                    with self._noting_parts(run, ticks):
+                        saved = save_run(recording, run.id, self._options, why, conditions, types, name, where)
                 files += saved
                 with self._life.lock:
                     self._present.mark_saved(run, ticks)
             with self._life.lock:
                 self._present.settle_cut()
         return files
+
+    @contextlib.contextmanager
+    def _noting_parts(self, run: Run, ticks: int) -> Iterator[None]:
+        """Where some formats can't be written the others have the ticks all the same."""
+        from silo.files import PartlySavedError
+
+        try:
+            yield
+        except PartlySavedError as error:
+            if error.saved:
+                with self._life.lock:
+                    self._present.mark_saved(run, ticks)
+            raise
 
     def _saved_by_helper(
         self, types: list[FileType], name: str, folder: str, run: Run | None = None

@@ -53,7 +53,7 @@ class WriteOrder(msgspec.Struct, frozen=True, rename={"conditions": "extras"}):
 
 
 class WriteReport(msgspec.Struct, frozen=True):
-    """A line of the writing process: how far it is, and at last what became of it."""
+    """A line of the writing process: how far it is, and at last what became of it: `ticks` stand in `files`."""
 
     progress: float
     done: bool = False
@@ -79,13 +79,15 @@ def _write(reader: RunReader, order: WriteOrder, progress: Callable[[float], Non
             recording, order.folder, order.logger, order.types, order.name or None, progress, order.why,
             events=events, conditions=order.conditions, damage=damaged,
         )  # fmt: skip
+    except PartlySavedError as error:
+        return _partly(error, recording.offset)
     except SiloError as error:
-        return _failed(error)
+        return WriteReport(1.0, True, error=str(error))
     return WriteReport(1.0, True, recording.offset, files, damage=damaged)
 
 
-def _failed(error: SiloError) -> WriteReport:
-    return WriteReport(1.0, True, 0, list(error.saved) if isinstance(error, PartlySavedError) else [], str(error))
+def _partly(error: PartlySavedError, ticks: int) -> WriteReport:
+    return WriteReport(1.0, True, ticks if error.saved else 0, list(error.saved), str(error))
 
 
 def save_apart(
@@ -143,8 +145,10 @@ def _written(order: WriteOrder, progress: Callable[[float], None]) -> WriteRepor
     try:
         recording = read_recording(Path(order.log))
         files = write(recording, order.folder, order.logger, order.types, order.name or None, progress)
+    except PartlySavedError as error:
+        return _partly(error, recording.offset)
     except SiloError as error:
-        return _failed(error)
+        return WriteReport(1.0, True, error=str(error))
     return WriteReport(1.0, True, recording.offset, files)
 
 

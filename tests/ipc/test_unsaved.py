@@ -196,3 +196,14 @@ def test_a_large_request_waits_for_a_helper_process_that_gets_no_processor_for_a
         assert b"can't be understood" in replies[0].ok.payload.to_bytes()
     finally:
         close(session)
+
+
+def test_what_the_helper_process_could_write_in_some_of_several_formats_is_saved(bench, client, tmp_path):
+    bench.logger.start()
+    bench.ticks(5)
+    (tmp_path / "x.csv.json").mkdir()
+    with pytest.raises(silo.SaveError, match=r"x\.csv.*; saved: .*x\.silo"):
+        bench.logger.save(["silo", "csv"], name="x", folder=tmp_path)
+    assert not bench.logger.has_unsaved
+    client.stop()
+    client.start()  # which is refused over what is in no file

@@ -346,3 +346,23 @@ def test_a_log_of_a_working_directory_that_was_deleted_is_not_found_in_words(tmp
     gone.rmdir()
     with pytest.raises(silo.SiloError, match="the working directory of this process was deleted"):
         look()
+
+
+def test_what_some_of_several_formats_have_is_saved(new_logger, tmp_path, capsys):
+    log = new_logger()
+    log.array("x")
+    log.start()
+    log.collect()
+    (tmp_path / "x.csv.json").mkdir()
+    with pytest.raises(silo.SaveError, match=r"x\.csv.*; saved: .*x\.silo"):
+        log.save(["silo", "csv"], name="x", folder=tmp_path)
+    assert not log.has_unsaved
+    log.collect()
+    assert log.has_unsaved
+    (tmp_path / "y.silo").mkdir()
+    with pytest.raises(silo.SaveError):
+        log.save(name="y", folder=tmp_path)
+    assert log.has_unsaved
+    log.save()
+    log.close()
+    assert "was closed without save()" not in capsys.readouterr().err
