@@ -169,7 +169,7 @@ class ScriptedTable:
                 names each).
             labels: names of an integer's values: an enumeration, or a mapping.
             description: a line about it, kept in files.
-            string_bytes: room for a string, in bytes.
+            string_bytes: room for a string, in bytes; for each of several as many letters.
             limits: (red_low, yellow_low, yellow_high, red_high), as `log.limit` takes them.
 
         Raises:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.loop.sources import Reference, Source, ValuePath
+from silo.loop.sources import Reference, Source, ValuePath, tell_cut
 from silo.segment.layout import STAMP_WORDS
 
 logger = logging.getLogger("silo")
@@ -52,16 +52,31 @@ class Slot:
     view: NDArray[Any]
     offset: int = 0  # bytes from the start of the scratch
     said: bool = False
+    said_cut: bool = False
     first: bytes = b""  # what stands there before the first tick
 
     def try_store(self) -> bool:
         """Read and store this one source; False where that failed: the view is then what it was, or zero."""
         try:
-            self.view[...] = fitting(self._value(), self.view.dtype, self.view.shape)
+            value = fitting(self._value(), self.view.dtype, self.view.shape)
+            self.view[...] = value
+            if self.view.dtype.kind in "SU":
+                self._look_for_cut(np.asarray(value))
         except Exception as error:  # noqa: BLE001  # whatever a user's attribute or function raises
             self._say(error)
             return False
         return True
+
+    def _look_for_cut(self, given: NDArray[Any]) -> None:
+        """Tell once that one of several texts is longer than their room; of one alone `silo.loop.sources` does."""
+        letters = {"S": 1, "U": 4}
+        room = self.view.dtype.itemsize // letters[self.view.dtype.kind]
+        if self.said_cut or not self.view.shape or given.dtype.itemsize // letters[given.dtype.kind] <= room:
+            return
+        longest = int(np.char.str_len(given).max())
+        if longest > room:
+            self.said_cut = True
+            tell_cut(self.name, longest, room, "letters" if self.view.dtype.kind == "U" else "bytes")
 
     @property
     def needs_last(self) -> bool:

@@ -294,6 +294,8 @@ def express(
     dtype, shape, convert, labels = made
     if convert is encode_text:
         convert = _fitting_text(name, dtype.itemsize)
+    elif isinstance(value, bytes):
+        convert = _fitting_bytes(name, dtype.itemsize)
     return ValuePath(root, steps, dtype, shape, convert, labels)
 
 
@@ -307,7 +309,7 @@ def _check_fits(value: object, made: "_Stored", name: str, string_bytes: int | N
             f"{name}: {too_large[0]} doesn't fit into 64 bits ({info.min} to {info.max}); "
             "log it as a float, or as two numbers"
         )
-    if string_bytes is not None and dtype.kind == "S":
+    if string_bytes is not None and dtype.kind == "S" and not isinstance(value, list | tuple | np.ndarray):
         size = len(convert(value) if convert else value)  # type: ignore[arg-type]
         if size > string_bytes:
             raise SourceError(f"{name}: {value!r} takes {size} bytes, string_bytes is {string_bytes}: raise it")
@@ -323,7 +325,7 @@ def _stored_as(value: object, string_bytes: int | None) -> _Stored | None:
     if isinstance(value, np.bool_):
         return np.dtype(np.bool_), (), as_bool, None
     if isinstance(value, np.ndarray | np.generic) and not isinstance(value, str | bytes):
-        return None if value.dtype.hasobject or value.size == 0 else (value.dtype, value.shape, None, None)
+        return _items_stored_as(np.asarray(value), string_bytes)
     if isinstance(value, bool):
         return np.dtype(np.bool_), (), as_bool, None
     for kind, dtype in ((int, np.int64), (float, np.float64), (complex, np.complex128)):
@@ -339,9 +341,17 @@ def _stored_as(value: object, string_bytes: int | None) -> _Stored | None:
     if isinstance(value, datetime.timedelta):
         return np.dtype("<m8[us]"), (), as_duration, None
     if isinstance(value, list | tuple):
-        items = np.asarray(value)
-        return None if items.dtype.hasobject or items.size == 0 else (items.dtype, items.shape, None, None)
+        return _items_stored_as(np.asarray(value), string_bytes)
     return None
+
+
+def _items_stored_as(items: NDArray[Any], string_bytes: int | None) -> _Stored | None:
+    if items.dtype.hasobject or items.size == 0:
+        return None
+    dtype = items.dtype
+    if dtype.kind in "SU" and string_bytes:  # of letters as many
+        dtype = np.dtype(f"{dtype.kind}{max(string_bytes, int(np.char.str_len(items).max()))}")
+    return dtype, items.shape, None, None
 
 
 # what is true or false by its value; None, 2 and 0.5 are neither. A dict's own lookup costs a third of a function
@@ -362,16 +372,32 @@ def _fitting_text(name: str, size_bytes: int) -> Callable[[str], bytes]:
         text = value.encode("utf-8", "replace")
         if len(text) > size_bytes and not told:
             told = True
-            log.warning(
-                "%s: a text of %d bytes is cut to %d: give string_bytes=%d or more where it is added",
-                name,
-                len(text),
-                size_bytes,
-                len(text),
-            )
+            tell_cut(name, len(text), size_bytes)
         return text
 
     return encode
+
+
+def _fitting_bytes(name: str, size_bytes: int) -> Callable[[bytes], bytes]:
+    """The same of bytes, which are stored as they are."""
+    told = False
+
+    def check(value: bytes) -> bytes:
+        nonlocal told
+        if len(value) > size_bytes and not told:
+            told = True
+            tell_cut(name, len(value), size_bytes)
+        return value
+
+    return check
+
+
+def tell_cut(name: str, length: int, room: int, unit: str = "bytes") -> None:
+    """Tell of a text that is longer than its room."""
+    log.warning(
+        "%s: a text of %d %s is cut to %d: give string_bytes=%d or more where it is added",
+        name, length, unit, room, length,
+    )  # fmt: skip
 
 
 def as_utc(value: datetime.datetime | datetime.date) -> np.datetime64:

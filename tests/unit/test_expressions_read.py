@@ -72,6 +72,31 @@ def test_a_string_is_cut_at_its_room_and_that_is_told(logged, caplog):
     assert warning.startswith("/log/x: a text of 7 bytes is cut to 4: give string_bytes=7 or more")
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "cut", "words"),
+    [
+        (b"", b"walking", b"walk", "7 bytes is cut to 4"),
+        (["ab", "c"], ["ab", "walking"], "walk", "7 letters is cut to 4"),
+        (("ab", "c"), ("ab", "walking"), "walk", "7 letters is cut to 4"),
+        (np.array(["ab", "c"]), np.array(["ab", "walking"]), "walk", "7 letters is cut to 4"),
+        (np.array([b"ab", b"c"], "S4"), np.array([b"ab", b"walking"]), b"walk", "7 bytes is cut to 4"),
+    ],
+)
+def test_bytes_and_texts_in_a_list_that_are_cut_are_told_too_once(logged, caplog, first, second, cut, words):
+    robot = Robot(x=first)
+    found = logged(robot, lambda: setattr(robot, "x", second), lambda: None, attr="x", string_bytes=4)
+    assert found[-1][1:] == [cut, cut]
+    (warning,) = caplog.messages
+    assert warning == f"/log/x: a text of {words}: give string_bytes=7 or more where it is added"
+
+
+@pytest.mark.parametrize("value", [b"walk", ["walk", "ab"], np.array(["walk"], "U40")])
+def test_texts_that_fill_their_room_are_not_cut(logged, caplog, value):
+    robot = Robot(x=value)
+    logged(robot, lambda: setattr(robot, "x", value), attr="x", string_bytes=4)
+    assert caplog.messages == []
+
+
 def test_a_string_that_fills_its_room_is_not_cut(logged, caplog):
     robot = Robot(x="")
     assert logged(robot, lambda: setattr(robot, "x", "walk"), attr="x", string_bytes=4) == [[b"", b"walk"]]
