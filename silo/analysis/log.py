@@ -35,7 +35,7 @@ from silo.core.names import did_you_mean, is_glob
 from silo.core.printing import html_table
 from silo.core.recording import RecordedElement, Recording, alike, common_axis, has_own_stamps, read_ahead, stamps_of
 from silo.errors import ArgumentError, ElementError, SaveError, UnknownSignalError
-from silo.expressions.derived_signals import bound_derived
+from silo.expressions.derived_samples import NOTHING_IN_COMMON, computable
 from silo.expressions.over_recordings import RecordingJudge, narrowed
 from silo.files.added import added_formats
 from silo.files.formats import writer_for
@@ -105,11 +105,11 @@ class Log(Mapping[str, Signal]):
         elements = names_of(recording)
         # an element of the same name stands for itself
         defined = [one.name for one in recording.conditions.derived if one.name not in elements.places]
-        told = {one.name: why for one, _, why in bound_derived(self._judge.catalogue)} if defined else {}
+        told = computable(self._judge) if defined else {}
         self._elements = elements.names
         self._derived = [name for name in defined if not told[name]]
-        blind = [name for name in defined if told[name]]  # what they need isn't in the log
-        self._names = names_of(recording, [*self._derived, *blind]) if defined else elements
+        self._blind = {name: told[name] for name in defined if told[name]}  # what they need isn't in the log
+        self._names = names_of(recording, [*self._derived, *self._blind]) if defined else elements
 
     # ------------------------------------------------------------------------------------------------------- mapping
 
@@ -129,6 +129,8 @@ class Log(Mapping[str, Signal]):
             raise UnknownSignalError(f"the log has no signal '{name}'{self._hint(name)}")
         place, index = found[0]
         key = self._names.name(found[0])
+        if self._blind.get(key) == NOTHING_IN_COMMON:
+            raise UnknownSignalError(f"'{key}' is derived, and can't be computed of this log: {NOTHING_IN_COMMON}")
         if place >= len(self._elements):
             return self._evaluated(f"`{key}`", key)
         element = self.recording.elements[place]

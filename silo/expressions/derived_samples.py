@@ -18,6 +18,8 @@ from silo.expressions.derived_signals import bound_derived, entries_of, info_of,
 from silo.expressions.evaluation import UNOBSERVABLE
 from silo.expressions.over_recordings import RecordingJudge
 
+NOTHING_IN_COMMON = "its signals have no sample in common"
+
 
 def with_derived(recording: Recording) -> Recording:
     """Return the recording with its derived signals among its elements; what can't be computed is a warning.
@@ -37,7 +39,7 @@ def with_derived(recording: Recording) -> Recording:
         if element is not None and element.count:
             made.append(element)
             continue
-        text = f"{one.name} = {one.expression} is not in it: {why or 'its signals have no sample in common'}"
+        text = f"{one.name} = {one.expression} is not in it: {why or NOTHING_IN_COMMON}"
         if text not in warnings:
             warnings.append(text)
     if not made and len(warnings) == len(recording.warnings):
@@ -53,9 +55,7 @@ def _computed(judge: RecordingJudge, recording: Recording, one: Derived, bound: 
     """
     info = info_of(one, bound)
     divider = math.gcd(*bound.sources.values())
-    sources = [judge.span(source) for source in bound.sources]
-    first = max(begin for begin, _ in sources)
-    end = min(len(recording.time_ns), *(end for _, end in sources))
+    first, end = judge.common_span(bound)
     buffer_type = _buffer(recording, bound)
     until = len(recording.time_ns) if buffer_type is BufferType.LOOPING and end > first else end
     wanted = np.arange(first, max(first, until), divider, dtype=np.int64)
@@ -100,3 +100,16 @@ def _buffer(recording: Recording, bound: BoundExpression) -> BufferType:
     elements = list(recording.elements)
     kinds = [elements[column.element].buffer_type for column in bound.columns]
     return BufferType.LOOPING if BufferType.LOOPING in kinds else kinds[0]
+
+
+def computable(judge: RecordingJudge) -> dict[str, str]:
+    """Return the names of derived signals, each with why it can't be computed of a recording; empty where it can."""
+    return {
+        one.name: why or ("" if bound is None or _has_span(judge, bound) else NOTHING_IN_COMMON)
+        for one, bound, why in bound_derived(judge.catalogue)
+    }
+
+
+def _has_span(judge: RecordingJudge, bound: BoundExpression) -> bool:
+    first, end = judge.common_span(bound)
+    return first < end

@@ -157,6 +157,11 @@ class RecordingJudge:
             return int(layout.own[0]), int(layout.own[-1]) + layout.divider
         return layout.first, layout.first + layout.divider * layout.count
 
+    def common_span(self, bound: BoundExpression) -> tuple[int, int]:
+        """Return the time stamps, by number, from which on and before which all signals of an expression hold."""
+        spans = [self.span(source) for source in bound.sources] or [(0, len(self.time_ns))]
+        return max(begin for begin, _ in spans), min(len(self.time_ns), *(end for _, end in spans))
+
     def has_sample(self, bound: BoundExpression, ticks: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return at which ticks a signal of an expression has a sample of its own, not one that is held."""
         found = np.zeros(len(ticks), bool)

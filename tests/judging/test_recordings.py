@@ -14,7 +14,7 @@ from silo.cli.codes import EXIT_BLIND, EXIT_FAILED, EXIT_FOUND
 from silo.cli.main import run
 from silo.core.conditions import Conditions, Derived, SignalLimits
 from silo.core.recording import Recording
-from silo.errors import ExpressionError
+from silo.errors import ExpressionError, UnknownSignalError
 from silo.expressions.over_recordings import BATCH_TICKS
 from silo.files import write
 from silo.files.convert import convert
@@ -113,6 +113,20 @@ def test_a_derived_signal_is_in_the_log_like_any_other(log):
     assert log.names("*/tot*") == ["/log/total"]
     assert log.eval("total > 30").values.sum() == 6
     assert len(log.namespace("joints")) == 2
+
+
+def test_what_is_derived_of_signals_without_a_sample_in_common_is_not_in_the_log():
+    log = Log(recording(
+        element("first", np.arange(3.0)),
+        element("last", np.arange(3.0), first=7),
+        conditions=Conditions((Derived("/log/both", "first + last"), Derived("/log/more", "both * 2"),
+                               Derived("/log/alone", "first * 2"))),
+    ))  # fmt: skip
+    assert (list(log), "both" in log) == (["/log/first", "/log/last", "/log/alone"], False)
+    for name in ("both", "/log/more"):
+        with pytest.raises(UnknownSignalError, match="can't be computed of this log: its signals have no sample"):
+            log[name]
+    assert log.names("b*") == []
 
 
 @pytest.mark.parametrize("ending", ["silo", "csv", "mcap", ""])
