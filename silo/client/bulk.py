@@ -98,7 +98,7 @@ def saving(client: Client, types: Sequence[FileType], name: str = "", timeout_s:
 def loading(client: Client, path: str, *, cut: bool = False) -> Answer:
     """Load a script of the robot's own folder."""
     applied = client.load_script(path, cut=cut)
-    unknown = f", {len(applied.unknown)} names of it unknown" if applied.unknown else ""
+    unknown = f", {many(len(applied.unknown), 'name')} of it unknown" if applied.unknown else ""
     return f"loaded {path or 'its script'}: {many(applied.changed, 'element')} changed{unknown}", ()
 
 

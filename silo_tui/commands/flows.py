@@ -1,6 +1,7 @@
 """What takes several steps with questions in between: starting, stopping, applying, scripts, quitting.
 
-Each flow is a coroutine that runs in a worker of the app; errors of the logger are shown as they are worded.
+Each flow is a coroutine that runs in a worker of the app; errors of the logger are shown as they are worded. At its end
+`Context.run_flow` has the screens follow what it changed: a flow tells them only before it asks something else.
 """
 
 import time
@@ -51,8 +52,6 @@ async def start_stop(context: Context) -> None:
             await _stop_and_save(context)
         elif answer == "restart":
             await restart(context)
-            return
-    context.status_changed()
 
 
 async def restart(context: Context) -> None:
@@ -75,7 +74,6 @@ async def restart(context: Context) -> None:
         return
     await session.restart(unsaved)
     context.say("restarted")
-    context.status_changed()
 
 
 def _is_unsaved(session: Session) -> bool:
@@ -167,7 +165,6 @@ async def apply(context: Context) -> None:
         answer = await _ask_to_apply(context, changes)
         if answer == "discard":
             session.table.discard(list(range(len(session.table))))
-            context.table_changed()
             context.say(f"all pending edits discarded; {key_of('undo')} brings them back")
         if answer not in {"apply", "cut", "save", "drop", "go"}:
             return
@@ -235,8 +232,6 @@ async def _carry_out(context: Context, *, around: bool, cut: bool, unsaved: Unsa
         raise
     if around:
         await session.start(unsaved)
-    context.table_changed()
-    context.status_changed()
     context.say(
         f"applied to {many(applied.changed, 'element')}"
         + (", logging again" if around else ", it goes on" if cut else "")
@@ -289,8 +284,7 @@ async def _chosen_script(context: Context, path: str) -> tuple[str, list[FieldCh
         return "", []
     diff = await link.read(lambda client: client.diff_script(name))
     if not diff.changes and not diff.conditions:
-        unknown = f"; {len(diff.unknown)} names of it are not in the table" if diff.unknown else ""
-        context.say(f"{name} says what the logger has already: nothing to load{unknown}")
+        context.say(f"{name} says what the logger has already: nothing to load{_unknown_words(diff.unknown)}")
         return "", []
     if seen:
         return name, diff.conditions
@@ -330,10 +324,7 @@ async def load_script(context: Context, path: str = "") -> None:
     await session.reload()
     if conditions:
         await session.refresh_conditions()
-    context.table_changed()
-    context.status_changed()
-    unknown = f"; {len(loaded.unknown)} names of it are not in the table" if loaded.unknown else ""
-    told = f"{many(loaded.changed, 'element')} changed{_conditions_words(conditions)}{unknown}"
+    told = f"{many(loaded.changed, 'element')} changed{_conditions_words(conditions)}{_unknown_words(loaded.unknown)}"
     context.say(f"loaded {name}: {told}{'; it goes on' if cut else '; logging again' if around else ''}")
     _warn(context, loaded)
 
@@ -343,6 +334,11 @@ def _conditions_words(conditions: Sequence[FieldChange]) -> str:
     names = list(dict.fromkeys(change.name for change in conditions))
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     return f"; {', '.join(names[:3])}{more}" if names else ""
+
+
+def _unknown_words(names: Sequence[str]) -> str:
+    """Return how many names of a script the table doesn't have."""
+    return f"; not in the table: {many(len(names), 'name')} of it" if names else ""
 
 
 def _script_name(given: str) -> str:
@@ -458,6 +454,5 @@ async def take_up_edits(context: Context) -> None:
         path.unlink(missing_ok=True)
     if answer == "take":
         taken = session.table.take_up(edits)
-        context.table_changed()
         context.say(f"{many(taken, 'edit')} pending again; {key_of('undo')} takes that back")
     context.keep_edits()

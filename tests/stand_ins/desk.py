@@ -1,0 +1,121 @@
+"""Flows and commands without a screen: what they ask is answered by keys, and kept with what they say."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Any, cast
+
+from silo.core.elements import FileType, SavedFile
+from silo_tui.context import Context
+from silo_tui.model.table.fields import Field
+from silo_tui.screens.dialogs.questions import Question
+from silo_tui.screens.files.save_data import SaveDialog
+from silo_tui.sessions.live import Session
+from tests.stand_ins.fake_logger import FakeClient
+
+ESC, LEFT = "escape", "left without saving"
+NAME = "/log/base/orientation"
+SAVED = SavedFile("/home/ann/logs/robot_00001.silo", FileType.SILO, 1_234_567)
+
+
+class Straight:
+    """A link that answers at once."""
+
+    connected, identity = True, "@local me"
+
+    def __init__(self, client: FakeClient) -> None:
+        self.client = client
+
+    async def call(self, job: Callable[[Any], Any]) -> Any:
+        return job(self.client)
+
+    read = aside = call
+
+    def watch_again(self) -> None:
+        pass
+
+
+class Line:
+    """A line to type, of which a real one can't be made without an app."""
+
+    def __init__(self, title: str, body: str, value: str = "", placeholder: str = "", *, label: str = "") -> None:
+        self.title, self.body, self.value = title, body, value
+
+
+class Desk(Context):
+    """What a flow sees of the app, and the user before it: keys, or a line, for what is asked in turn."""
+
+    def __init__(self, fake: FakeClient, *answers: str | None, read_only: bool = False) -> None:
+        super().__init__(cast(Any, self), read_only=read_only)
+        self.fake = fake
+        self.asked: list[str] = []
+        self.said: list[str] = []
+        self.noted: list[str] = []
+        self.ended = False
+        self._work: list[Any] = []
+        self.answers = list(answers)
+        self.screen_stack: list[Any] = []
+        session = Session(fake.name)
+        session.own_name = "ann@here silo-tui 1"
+        self.take_session(session)
+        asyncio.run(session.attach(cast(Any, Straight(fake))))
+        fake.calls.clear()
+
+    async def push_screen_wait(self, dialog: Any) -> Any:
+        answer = self.answers.pop(0)
+        if isinstance(dialog, SaveDialog):
+            self.asked.append("save")
+            if answer == LEFT:
+                return None
+            self.fake.calls.append(("save",))
+            self.fake.saved = True
+            return [SAVED]
+        if isinstance(dialog, Line):
+            self.asked.append("\n".join([dialog.title, dialog.body, dialog.value]))
+            return answer
+        assert isinstance(dialog, Question)
+        offered = [f"({each.key}) {each.label}{'!' * each.loses}" for each in dialog._choices]
+        self.asked.append("\n".join([dialog._title, str(dialog._body), *offered]))
+        chosen = next((each.value for each in dialog._choices if each.key and each.key == answer), None)
+        assert chosen is not None or answer in (ESC, None), f"{answer} is none of {offered}"
+        return chosen or None
+
+    def say(self, words: str) -> None:
+        self.said.append(self._with_saved(words))
+
+    def fail(self, words: str) -> None:
+        self.said.append(f"failed: {words}")
+
+    def notify(self, words: str, **_: Any) -> None:
+        self.noted.append(words)
+
+    def exit(self) -> None:
+        self.ended = True
+
+    def run_worker(self, work: Any, **_: Any) -> None:
+        self._work.append(work)
+
+    def run_flow(self, flow: Any) -> None:
+        self.does(flow)
+
+    def does(self, flow: Any = None) -> str:
+        """Carry out a flow, or what was begun; return what was said last. All must be asked that has an answer."""
+        asyncio.run(self._carried_out(flow))
+        assert not self.answers, "this was never asked for"
+        return self.said[-1] if self.said else ""
+
+    async def _carried_out(self, flow: Any) -> None:
+        if flow is not None:
+            await flow
+        while self._work:
+            await self._work.pop(0)()
+            await asyncio.sleep(0)  # what its threads told
+
+    @property
+    def done(self) -> str:
+        """What was asked of the logger."""
+        return " ".join(str(call[0]) for call in self.fake.calls)
+
+    def edit(self, name: str = NAME, divider: int = 5) -> "Desk":
+        """Edit, as the table does."""
+        self.session.table.edit([self.session.table.row(name)], Field.DIVIDER, divider)
+        return self
