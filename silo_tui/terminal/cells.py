@@ -127,8 +127,8 @@ def difference(
     styles: Styles,
     budget: int,
     *,
-    erases: bool = False,
-    deletes: bool = False,
+    erases: bool,
+    deletes: bool,
 ) -> tuple[str, int | None]:
     """Return what makes a terminal that shows `sent` show `wanted` in these rows, and write it into `sent`.
 

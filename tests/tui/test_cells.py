@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.cells import cell_len, set_cell_size
 
-from silo_tui.terminal.cells import TAIL, UNKNOWN, Grid, difference
+from silo_tui.terminal.cells import LONG_BLANK, TAIL, UNKNOWN, Grid, difference
 from silo_tui.terminal.parser import Follower
 from silo_tui.terminal.styles import DEFAULT, Styles
 from tests.tui.emulator import Emulator
@@ -156,7 +156,7 @@ def test_the_picture_after_differences_is_that_of_full_repaints(draw, erases, de
 
 
 @pytest.mark.parametrize("column", [WIDTH - 2, WIDTH - 1, WIDTH, WIDTH + 3])
-@pytest.mark.parametrize("words", ["漢", "a漢", "漢字", "ab漢c", "漢e\u0301"])
+@pytest.mark.parametrize("words", ["ab", "漢", "a漢", "漢字", "ab漢c", "漢e\u0301"])
 @pytest.mark.parametrize("before", ["", "漢" * (WIDTH // 2), "a" + "漢" * (WIDTH // 2)])
 def test_a_wide_character_has_no_half_at_the_end_of_a_line(column, words, before):
     grid = Grid(WIDTH, 1)
@@ -167,6 +167,35 @@ def test_a_wide_character_has_no_half_at_the_end_of_a_line(column, words, before
     for place, char in enumerate(chars):
         followed = chars[place + 1] if place + 1 < WIDTH else " "
         assert (cell_len(char) == 2) == (followed == TAIL), (place, char, followed)
+
+
+@pytest.mark.parametrize(
+    ("column", "words", "end"),
+    [(2, "ab", "  ab"), (2, "abcd", "  ad"), (4, "ab", "   b"), (9, "a", "   a"), (3, "é", "   é")],
+)
+def test_what_is_written_beyond_the_end_of_a_line_stays_in_its_last_cell(column, words, end):
+    grid = Grid(4, 1)
+    grid.put(0, column, words, DEFAULT)
+    assert grid.chars[0] == list(end)
+
+
+def test_a_mark_without_a_width_is_laid_over_the_character_before_it_or_over_none():
+    grid = Grid(4, 1)
+    grid.put(0, 0, "\u0301", DEFAULT)
+    grid.put(0, 0, "e漢", DEFAULT)
+    grid.put(0, 1, "\u0301", DEFAULT)
+    grid.put(0, 3, "\u0302", DEFAULT)
+    assert grid.chars[0] == ["e\u0301", "漢\u0302", TAIL, " "]
+
+
+@pytest.mark.parametrize(
+    ("size", "rows"),
+    [((6, 3), ["ab漢  ", "      ", "      "]), ((4, 1), ["ab漢"]), ((3, 1), ["ab "]), ((2, 2), ["ab", "  "])],
+)
+def test_of_a_screen_of_another_size_what_has_room_stays(size, rows):
+    grid = Grid(4, 1)
+    grid.put(0, 0, "ab漢", DEFAULT)
+    assert ["".join(row) for row in grid.resized(*size).chars] == rows
 
 
 @given(SEEDS)
@@ -206,6 +235,15 @@ def test_an_equal_style_is_not_said_twice():
     assert line.send()[0] == "\x1b[1;1H\x1b[31mab cd\x1b[m"
 
 
+@pytest.mark.parametrize(
+    ("count", "sent"), [(LONG_BLANK - 1, " " * (LONG_BLANK - 1)), (LONG_BLANK, "\x1b[12X\x1b[12C")]
+)
+def test_few_blanks_are_sent_and_many_erased(count, sent):
+    line = Line()
+    line.paint(painted((0, 0), [(" " * count + "a", "44")]))
+    assert line.send()[0] == f"\x1b[1;1H\x1b[44m{sent}a\x1b[m"
+
+
 def test_blanks_are_erased_only_where_the_terminal_erases_to_its_background():
     blank = painted((0, 0), [(" " * WIDTH, "44")])
     line = Line()
@@ -228,13 +266,38 @@ def test_after_blanks_were_erased_what_changed_behind_them_is_at_its_place():
 CURVE = "".join(random.Random(1).choices("⠉⣿⠒⡇", k=WIDTH))
 
 
-def test_of_a_curve_that_went_on_only_what_is_new_is_sent():
-    line = Line()
-    line.paint(painted((0, 0), [(f"1 │{CURVE[:60]}│", "")]))
+@pytest.mark.parametrize(("by", "before"), [(3, "1 │"), (1, "1 │"), (3, ""), (12, "1 │")])
+def test_of_a_curve_that_went_on_only_what_is_new_is_sent(by, before):
+    line, room = Line(), WIDTH - len(before) - 7
+    curve = CURVE + CURVE[::-1]
+    line.paint(painted((0, 0), [(f"{before}{curve[:room]}│", "")]))
     line.send()
-    line.paint(painted((0, 0), [(f"1 │{CURVE[3:63]}│", "")]))
-    assert line.send()[0] == f"\x1b[1;4H\x1b[3P\x1b[57C{CURVE[60:63]}│      "
-    assert line.terminal.text.splitlines()[0] == f"1 │{CURVE[3:63]}│"
+    line.paint(painted((0, 0), [(f"{before}{curve[by : room + by]}│", "")]))
+    moved = f"\x1b[1;{len(before) + 1}H\x1b[{by}P\x1b[{room - by}C"
+    assert line.send()[0].startswith(f"{moved}{curve[room : room + by]}│")
+    assert line.send() == ("", None)
+    assert line.terminal.text.splitlines()[0] == f"{before}{curve[by : room + by]}│"
+
+
+def test_a_line_of_which_nothing_is_as_it_was_is_sent_anew():
+    line = Line()
+    line.paint(painted((0, 0), [(CURVE, "")]))
+    line.send()
+    line.paint(painted((0, 0), [(CURVE[::-1], "")]))
+    assert "P" not in line.send()[0]
+    assert line.terminal.text.splitlines()[0] == CURVE[::-1]
+
+
+@pytest.mark.parametrize(
+    ("shown", "wanted"), [("漢", "a"), ("a", "漢"), ("漢", "漢"), ("🙂", "🙂"), ("∑", "a"), ("a", "∑")]
+)
+def test_a_line_with_a_character_of_another_width_is_not_moved(shown, wanted):
+    line = Line()
+    line.paint(painted((0, 0), [(f"{shown}{CURVE[:60]}", "")]))
+    line.send()
+    line.paint(painted((0, 0), [(f"{wanted}{CURVE[3:63]}", "")]))
+    assert "P" not in line.send()[0]
+    assert line.terminal.text.splitlines()[0].startswith(f"{wanted}{CURVE[3:63]}")
 
 
 def test_a_terminal_that_can_t_take_out_characters_is_not_asked_to():

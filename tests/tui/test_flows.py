@@ -433,7 +433,7 @@ def test_another_logger_is_opened_after_a_question_where_edits_are_pending(edite
 )
 def test_edits_that_a_lost_terminal_left_are_offered(answer, pending, file, said, saved):
     before = Desk(saved).edit().edit("/log/imu/temperature")
-    edits = [*before.session.table.kept(), kept.KeptEdit("/log/gone", 1, 1, 5), kept.KeptEdit(NAME, 99, 1, 5)]
+    edits = [*before.session.table.kept(), kept.KeptEdit("/log/gone", 1, 1, 5), kept.KeptEdit(NAME, len(Field), 1, 5)]
     path = kept.path_of("anymal", "robot")
     kept.keep(path, edits)
     desk = Desk(saved, answer)
@@ -543,7 +543,14 @@ class Asked:
 
 
 def asked_of_many(desk: Desk, states: str, what: str) -> tuple[str, list[str]]:
-    """What is said in the end, and what was asked of whom: loggers a, b, c in these states, `x` is silent."""
+    """What is said in the end, and what was asked of whom."""
+    finder = Asked()
+    begun(many.Many(desk, lambda: finder), states, what)
+    return desk.does(), finder.jobs
+
+
+def begun(asking: many.Many, states: str, what: str) -> None:
+    """Begin it for loggers a, b, c in these states; `x` is silent."""
     lines, found = [], []
     for name, letter in zip("abc", states, strict=False):
         state, saved = STATES.get(letter, (State.RUNNING, True))
@@ -551,9 +558,7 @@ def asked_of_many(desk: Desk, states: str, what: str) -> tuple[str, list[str]]:
         member = Member(LoggerAddress(name, 0, "", ""), told, letter != "x")
         lines.append(LoggerLine(f"{name}.1", name, "", member))
         found.append(FoundLogger(name, 1, "ann", f"{name}.1", member=member))
-    finder = Asked()
-    many.Many(desk, lambda: finder).begin(what, lines, found)
-    return desk.does(), finder.jobs
+    asking.begin(what, lines, found)
 
 
 @pytest.mark.parametrize(
@@ -610,6 +615,18 @@ def test_of_many_loggers_each_is_asked_what_the_answer_says(states, what, answer
 def test_of_loggers_that_are_all_silent_nothing_is_asked(fake):
     desk = Desk(fake)
     assert asked_of_many(desk, "xx", "save") == ("none of them is there: ^l looks again", [])
+
+
+def test_one_that_never_answered_holds_up_no_other_command(fake, monkeypatch):
+    desk = Desk(fake, "y")
+    asking = many.Many(desk, Asked)
+    with monkeypatch.context() as patch:
+        patch.setattr(Asked, "ask_many", lambda *_: iter(()))
+        begun(asking, "r", "start_stop")
+        assert desk.does() == ""
+    desk.answers = ["y"]
+    begun(asking, "r", "save")
+    assert desk.does() == "save: 1 did, 0 did not, 0 waiting"
 
 
 def test_many_loggers_are_asked_one_thing_at_a_time(fake):
