@@ -11,7 +11,7 @@ from rich.text import Text
 
 from silo.core.conditions import TriggerWord
 from silo.core.elements import FieldChange
-from silo.core.quantities.writing import duration, many
+from silo.core.quantities.writing import and_more, duration, many
 from silo.errors import RefusedError
 from silo.rpc.refusals import RefusedWhy
 from silo.state.requests import EditsApplied, Unsaved
@@ -332,8 +332,7 @@ async def load_script(context: Context, path: str = "") -> None:
 def _conditions_words(conditions: Sequence[FieldChange]) -> str:
     """Return which derived signals, limits and triggers a script changed, the first few by name."""
     names = list(dict.fromkeys(change.name for change in conditions))
-    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-    return f"; {', '.join(names[:3])}{more}" if names else ""
+    return f"; {and_more(names, 3)}" if names else ""
 
 
 def _unknown_words(names: Sequence[str]) -> str:

@@ -296,21 +296,23 @@ async def view_shown(context: Context, name: str) -> str:
 
     `robot:NAME` is one that the robot keeps, whose name alone will do where no other has it; only then it is asked.
     """
-    is_here = name.startswith(ROBOT) or name in {LOST, *BY_NAME, *files.names()}
+    kept = files.names()
+    is_here = name.startswith(ROBOT) or name in {LOST, *BY_NAME, *kept}
     if not is_here and ROBOT + name in await kept_names(context):
         name = ROBOT + name
+    preset = BY_NAME.get(name) if name not in kept else None
     try:
-        if name == LOST and LOST not in files.names() and (left := files.left_behind(context.session.name)):
+        if name == LOST and LOST not in kept and (left := files.left_behind(context.session.name)):
             layout, problems = files.load_file(left[-1])
             for path in left:
                 path.unlink(missing_ok=True)
-        elif name == NEAR and NEAR not in files.names():
+        elif preset is not None and name == NEAR:
             await context.session.refresh_conditions()
             layout, words = near_limit(context.session.limits)
             missing = await views.show(context, layout)
             return "; ".join(filter(None, [words, missing]))
-        elif name in BY_NAME and name not in files.names():
-            layout, problems = within(BY_NAME[name], context.session.rows.filter.text), []
+        elif preset is not None:
+            layout, problems = within(preset, context.session.rows.filter.text), []
         elif name.startswith(ROBOT):
             plain = name.removeprefix(ROBOT)
             layout, problems = read((await context.link.read(lambda client: client._kept_view(plain))).text)
@@ -320,9 +322,9 @@ async def view_shown(context: Context, name: str) -> str:
         raise RefusedError(str(error)) from error
     missing = await views.show(context, layout)
     rows = context.session.rows
-    if name in BY_NAME and not len(rows.shown) and not rows.filter.measured:
+    if preset is not None and not len(rows.shown) and not rows.filter.measured:
         before = " ".join(rows.filter.text.split()[:-1])
-        missing = await views.show(context, BY_NAME[name].layout)
+        missing = await views.show(context, preset.layout)
         missing = "; ".join(filter(None, [f"of all: '{before}' lets nothing of it pass" if before else "", missing]))
     return "; ".join(filter(None, [f"view {name}", missing, *problems[:1]]))
 

@@ -88,6 +88,9 @@ class Desk(Context):
     def notify(self, words: str, **_: Any) -> None:
         self.noted.append(words)
 
+    def call_after_refresh(self, do: Any, *given: Any) -> None:
+        do(*given)
+
     def exit(self) -> None:
         self.ended = True
 

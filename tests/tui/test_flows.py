@@ -11,10 +11,11 @@ import pytest
 from silo.client.bulk import Outcome
 from silo.conditions.standing import TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
-from silo.core.elements import Control, FileType, Present, State
+from silo.core.elements import Control, FileType, Present, RecorderState, State
 from silo.errors import RefusedError
 from silo.fleet.member import Member
 from silo.net.found import LoggerAddress
+from silo.recorder.requests import RecorderInfo
 from silo.rpc.published import Summary
 from silo.rpc.refusals import RefusedWhy
 from silo_tui.commands import flows, many
@@ -25,6 +26,7 @@ from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.questions import Question
 from silo_tui.sessions import kept
 from silo_tui.sessions.finder import FoundLogger
+from silo_tui.sessions.live import Session
 from tests.stand_ins.desk import ESC, LEFT, NAME, SAVED, Desk, Line
 from tests.stand_ins.fake_logger import FakeClient
 from tests.stand_ins.fake_signals import refused
@@ -343,7 +345,7 @@ def test_a_script_that_can_t_be_loaded_leaves_the_logger_running(running):
 
 
 @pytest.mark.parametrize(
-    ("names", "words"), [("", ""), ("a a", "; a"), ("a b c", "; a, b, c"), ("a b c d e", "; a, b, c and 2 more")]
+    ("names", "words"), [("", ""), ("a a", "; a"), ("a b c", "; a, b, c"), ("a b c d", "; a, b, c and 1 more")]
 )
 def test_what_a_script_changes_beside_elements_is_told_by_name(names, words):
     changes = [flows.FieldChange(name, "condition", "x", "y") for name in names.split()]
@@ -389,6 +391,8 @@ def test_a_refusal_to_save_a_script_that_is_about_something_else_is_told(saved):
 
 # ----------------------------------------------------------------------------------------------------------- leaving
 
+RECORDED = RecorderInfo("all", "/logs", RecorderState.RECORDING, [], 0, 0.0, 0, "part1.mcap", since_ns=1, by="ann")
+
 
 @pytest.mark.parametrize(
     ("edited", "answers", "ends"), [(False, (), True), (True, ("y",), True), (True, (ESC,), False)]
@@ -412,6 +416,32 @@ def test_a_demo_ends_with_the_program_and_says_so(saved):
     desk.has_demo = lambda: True
     desk.does(flows.leave(desk))
     assert "The demo ends with silo-tui." in desk.asked[0]
+
+
+@pytest.mark.parametrize(
+    ("state", "changes", "says"),
+    [
+        ("saved", {}, "robot is stopped"),
+        ("fake", {"saved": False}, "robot is stopped"),
+        ("unsaved", {}, "robot is stopped, and 4800 ticks stand in no file: `silo save robot`"),
+        ("running", {}, "robot logs on"),
+        ("running", {"recorder_infos": [RECORDED]}, "robot logs on, 1 recording with it"),
+        ("unsaved", {"state": State.DEAD}, "robot is dead"),
+    ],
+)
+def test_how_a_logger_is_left_says_what_goes_on_and_what_no_file_has(state, changes, says, request):
+    fake = request.getfixturevalue(state)
+    for name, value in changes.items():
+        setattr(fake, name, value)
+    session = Desk(fake).session
+    assert flows.left_words(session) == says
+    if session.dead:
+        session.left_files = [SAVED, SAVED]
+        assert flows.left_words(session) == f"robot is dead: {SAVED.path}, {SAVED.path}"
+
+
+def test_of_a_logger_that_never_answered_nothing_is_said():
+    assert flows.left_words(Session("robot")) == ""
 
 
 @pytest.mark.parametrize(("edited", "answers", "may"), [(False, (), True), (True, ("y",), True), (True, (ESC,), False)])

@@ -1,0 +1,348 @@
+"""The `:` line and the commands that need no screen, without one: what they do, and what they say."""
+
+import os
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from silo.conditions.standing import LimitStatus, LimitWord
+from silo.errors import RefusedError
+from silo.rpc.refusals import RefusedWhy
+from silo_tui.commands import runner
+from silo_tui.commands.runner import CommandRunner
+from silo_tui.layouts import files, views
+from silo_tui.layouts.layout import KeptLayout, write
+from silo_tui.layouts.presets import BY_NAME
+from silo_tui.model.words.command_line import BY_KEY, read
+from tests.stand_ins.desk import ESC, Desk
+from tests.stand_ins.fake_signals import refused
+
+
+@pytest.fixture
+def shown(monkeypatch):
+    """What is put on the screen; of a view that has plots, something is missing."""
+    found: list[KeptLayout] = []
+
+    async def show(context: Any, layout: KeptLayout) -> str:
+        found.append(layout)
+        context.session.rows.set_filter(layout.filter)
+        return "not on this logger: 1 of 1 plots" if layout.plots else ""
+
+    monkeypatch.setattr(views, "show", show)
+    return found
+
+
+def typed(desk: Desk, line: str) -> str:
+    """What is said of a line."""
+    command = read(line)
+    getattr(CommandRunner(desk), f"command_{command.word}")(command)
+    return desk.said[-1]
+
+
+# ------------------------------------------------------------------------------------------------------------- views
+
+ONE, PLOTS = KeptLayout(filter="one"), KeptLayout(plots=(("a",), ("b",)))
+
+
+def test_a_view_is_kept_by_its_name_and_a_second_time_over_the_first(fake, monkeypatch):
+    desk = Desk(fake)
+    for layout, words in ((ONE, "kept"), (PLOTS, "written over with 2 plots")):
+        monkeypatch.setattr(views, "capture", lambda _, layout=layout: layout)
+        assert typed(desk, "view save my walk") == (
+            f"view my walk {words}: `:view my walk` opens it, or silo-tui --view my walk"
+        )
+        assert files.load("my walk")[0] == layout
+
+
+def test_without_a_screen_there_is_no_view_to_keep(fake, monkeypatch):
+    monkeypatch.setattr(views, "capture", lambda _: None)
+    with pytest.raises(RefusedError, match="nothing to keep"):
+        typed(Desk(fake), "view save a")
+
+
+@pytest.mark.parametrize("name", ["walk", "save"])
+def test_a_view_that_was_kept_is_opened_by_its_name(name, fake, shown):
+    files.save(files.place(name), ONE)
+    assert typed(Desk(fake), f"view {name}") == f"view {name}"
+    assert shown == [ONE]
+
+
+def test_what_a_logger_lacks_of_a_view_is_told(fake, shown):
+    files.save(files.place("walk"), PLOTS)
+    assert typed(Desk(fake), "view walk") == "view walk; not on this logger: 1 of 1 plots"
+
+
+def test_what_was_left_out_of_the_file_of_a_view_is_told(fake, shown):
+    files.save(files.place("walk"), ONE)
+    files.place("walk").write_text(files.place("walk").read_text() + "\nsmell: nice\ntaste: sweet\n")
+    said = typed(Desk(fake), "view walk")
+    assert said.startswith("view walk; ")
+    assert ("smell" in said) is not ("taste" in said)
+
+
+def test_a_view_of_the_robot_is_opened_by_its_name_alone_where_no_other_has_it(fake, shown):
+    fake.views_kept = {"walk": write(ONE), "run": write(PLOTS)}
+    files.save(files.place("run"), ONE)
+    desk = Desk(fake)
+    assert typed(desk, "view walk") == "view robot:walk"
+    assert typed(desk, "view run") == "view run"
+    assert typed(desk, "view robot:run") == "view robot:run; not on this logger: 1 of 1 plots"
+    assert shown == [ONE, ONE, PLOTS]
+
+
+def test_a_view_that_nobody_has_is_refused_with_those_that_are_near(fake, shown):
+    files.save(files.place("walk"), ONE)
+    with pytest.raises(RefusedError, match=r"there is no view 'wall'; did you mean 'walk'"):
+        typed(Desk(fake), "view wall")
+
+
+def test_what_lost_terminals_showed_is_opened_once_the_newest_of_it(fake, shown, monkeypatch):
+    monkeypatch.setattr(files, "lives", lambda pid: False)
+    for pid, layout in ((7, PLOTS), (8, ONE)):
+        path = files.left_by_us("robot").with_name(f".left-robot.{pid}.yaml")
+        files.save(path, layout)
+        os.utime(path, (pid, pid))
+    desk = Desk(fake)
+    assert typed(desk, "view lost") == "view lost"
+    assert shown == [ONE]
+    assert not files.left_behind("robot")
+    with pytest.raises(RefusedError, match="there is no view 'lost'"):
+        typed(desk, "view lost")
+
+
+def test_a_view_that_somebody_called_lost_is_his(fake, shown, monkeypatch):
+    monkeypatch.setattr(files, "lives", lambda pid: False)
+    files.save(files.left_by_us("robot"), ONE)
+    files.save(files.place("lost"), PLOTS)
+    typed(Desk(fake), "view lost")
+    assert shown == [PLOTS]
+    assert files.left_behind("robot")
+
+
+def test_a_view_that_is_always_there_is_of_what_the_filter_shows_or_of_all_where_that_is_nothing(fake, shown):
+    desk = Desk(fake)
+    desk.session.rows.set_filter("imu")
+    assert typed(desk, "view hottest") == "view hottest"
+    desk.session.rows.set_filter("nothing-like-it")
+    assert typed(desk, "view hottest") == "view hottest; of all: 'nothing-like-it' lets nothing of it pass"
+    assert [layout.filter for layout in shown] == ["imu unit:degC", "nothing-like-it unit:degC", "unit:degC"]
+    assert shown[-1] == BY_NAME["hottest"].layout
+
+
+@pytest.mark.parametrize("name", ["hottest", "near-limit"])
+def test_a_view_that_was_kept_by_the_name_of_another_wins(name, fake, shown):
+    files.save(files.place(name), ONE)
+    assert typed(Desk(fake), f"view {name}") == f"view {name}"
+    assert shown == [ONE]
+
+
+def test_what_is_near_a_limit_is_looked_for_as_it_is_now(fake, shown):
+    fake.limit_statuses = [
+        LimitStatus(
+            "/log/imu/temperature", "/log/imu/temperature", LimitWord.OK, bounds=(None, None, 9.0, None), value=8.9
+        )
+    ]
+    said = typed(Desk(fake), "view near-limit")
+    assert said == "1 of 1 signals with limits are within a tenth of one, or beyond"
+    assert shown[0].filter == "~/log/imu/temperature$"
+
+
+def test_views_are_listed_with_those_of_the_robot(fake):
+    desk = Desk(fake)
+    always = f"; always there: {', '.join(BY_NAME)}"
+    assert typed(desk, "view").startswith("no views yet; `:view save NAME` makes one")
+    files.save(files.place("walk"), ONE)
+    fake.views_kept = {"run": write(ONE)}
+    assert typed(desk, "view") == f"views: walk, robot:run{always}"
+    desk.session.link = None
+    with pytest.raises(RefusedError):
+        desk.session.connection.call(len)
+
+
+@pytest.mark.parametrize(
+    ("exists", "answers", "kept"), [(False, (), True), (True, ("y",), True), (True, (ESC,), False)]
+)
+def test_a_view_is_kept_on_the_robot_and_over_another_after_a_question(exists, answers, kept, fake, monkeypatch):
+    monkeypatch.setattr(views, "capture", lambda _: ONE)
+    fake.views_kept = {"walk": write(PLOTS)} if exists else {}
+    desk = Desk(fake, *answers)
+    CommandRunner(desk).command_view(read("view save robot:walk"))
+    told = [
+        "view kept on the robot: /home/ann/config/views/walk.yaml: `:view robot:walk` opens it, or silo-tui --view "
+        "robot:walk"
+    ]
+    assert desk.said == told * kept
+    assert fake.views_kept == {"walk": write(ONE if kept else PLOTS)}
+    assert [each.partition("?")[0] for each in desk.asked] == ["Write over view walk"] * exists
+
+
+def test_a_robot_that_can_t_keep_a_view_says_why(fake, monkeypatch):
+    def refuses(*_: Any, **__: Any) -> None:
+        raise refused(RefusedWhy.FAILED, "the disk is full")
+
+    monkeypatch.setattr(views, "capture", lambda _: ONE)
+    fake._keep_view = refuses
+    with pytest.raises(RefusedError, match="disk is full"):
+        typed(Desk(fake), "view save robot:walk")
+
+
+@pytest.mark.parametrize(
+    ("answers", "said"),
+    [
+        (("h",), ["view hottest"]), (("1",), ["view gait"]), (("2",), ["view walk"]), (("r", "1"), ["view robot:run"]),
+        (("r", ESC), []), ((ESC,), []),
+    ],
+)  # fmt: skip
+def test_what_to_look_at_is_chosen_by_a_letter_or_a_digit(answers, said, fake, shown):
+    files.save(files.place("walk"), ONE)
+    files.save(files.place("gait"), ONE)
+    fake.views_kept = {"run": write(ONE)}
+    desk = Desk(fake, *answers)
+    CommandRunner(desk).command_view(BY_KEY)
+    assert desk.said == said
+    assert desk.asked[0].endswith(
+        "(1) View gait\n(2) View walk\n(r) Views that the robot keeps\n(w) Keep what is on the screen, by a name"
+    )
+
+
+def test_of_ten_views_the_tenth_has_no_digit():
+    assert [each.key for each in runner.numbered([f"v{at}" for at in range(11)])] == [*"123456789", "", ""]
+
+
+def test_a_robot_without_views_says_how_one_is_kept(fake):
+    with pytest.raises(RefusedError, match="`:view save robot:NAME` keeps what is on the screen"):
+        CommandRunner(Desk(fake, "r")).command_view(BY_KEY)
+
+
+def test_what_is_on_the_screen_is_kept_by_a_name_that_is_typed(fake, monkeypatch):
+    desk, begun = Desk(fake, "w"), []
+    monkeypatch.setattr(Desk, "upper_screen", SimpleNamespace(begin_command=begun.append), raising=False)
+    CommandRunner(desk).command_view(BY_KEY)
+    assert begun == ["view save"]
+
+
+def test_where_there_is_no_link_no_views_of_the_robot_are_offered(fake):
+    desk = Desk(fake, ESC)
+    desk.session.link = None
+    CommandRunner(desk).command_view(BY_KEY)
+    assert "robot keeps" not in desk.asked[0]
+
+
+# ----------------------------------------------------------------------------------------------------------- picture
+
+
+@pytest.mark.parametrize(
+    ("line", "name", "note"),
+    [
+        ("picture", "silo-tui.svg", ""),
+        ("picture a", "a.svg", " (an SVG: browsers open it)"),
+        ("picture a.svg", "a.svg", ""),
+        ("picture a.PNG", "a.svg", " (an SVG: browsers open it)"),
+        ("picture run.2", "run.2.svg", " (an SVG: browsers open it)"),
+    ],
+)
+def test_a_picture_is_an_svg_whatever_it_is_called(line, name, note, fake, monkeypatch):
+    monkeypatch.setattr("silo_tui.screens.dialogs.exporting.picture", lambda _: "<svg/>")
+    assert typed(Desk(fake), line) == f"picture of the screen: {Path(name).absolute()}{note}"
+    assert Path(name).read_text() == "<svg/>"
+
+
+def test_a_picture_that_can_t_be_written_says_why(fake, monkeypatch):
+    monkeypatch.setattr("silo_tui.screens.dialogs.exporting.picture", lambda _: "<svg/>")
+    assert typed(Desk(fake), "picture none/a.svg").startswith("failed: can't write the picture: [Errno 2]")
+
+
+# ------------------------------------------------------------------------------------------------------------ themes
+
+KEEPS = "g s w keeps"
+
+
+@pytest.mark.parametrize(
+    ("line", "answers", "theme", "said"),
+    [
+        ("theme light", (), "silo-light", f"theme: light; {KEEPS} it"),
+        ("theme nord", (), "nord",
+         f"theme: nord, until silo-tui ends; {KEEPS} none but dark, light, contrast, 16"),
+        ("theme", ("c",), "silo-contrast", f"theme: contrast; {KEEPS} it"),
+    ],
+)  # fmt: skip
+def test_a_theme_is_chosen_by_its_word_or_its_letter(line, answers, theme, said, fake):
+    desk = Desk(fake)
+    desk.theme, desk.available_themes, taken = "silo-dark", {"nord": 1, "silo-dark": 1, "silo-light": 1}, []
+    desk.take_settings = taken.append
+    desk.app.app = desk  # as a screen has one
+
+    def push_screen(dialog: Any, then: Any) -> None:
+        assert dialog._choices[dialog._begin].value == "dark"
+        then(next(each.value for each in dialog._choices if each.key == answers[0]))
+
+    desk.push_screen = push_screen
+    typed(desk, line)
+    assert (desk.theme, desk.said[-1]) == (theme, said)
+    assert [each.theme for each in taken] == [theme.removeprefix("silo-")] * theme.startswith("silo-")
+
+
+def test_a_theme_that_is_none_is_refused_with_those_that_are(fake):
+    desk = Desk(fake)
+    desk.available_themes = {"nord": 1, "silo-dark": 1, "gruvbox": 1}
+    with pytest.raises(ValueError, match=r"themes: dark, light, contrast, 16; Textual's: gruvbox, nord$"):
+        typed(desk, "theme dark light")
+
+
+# ------------------------------------------------------------------------------------------- lines, their completion
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        (":stat", "failed: there is no command 'stat'; did you mean 'start', 'stop'?"),
+        (":xyz", "failed: there is no command 'xyz'; `:help` shows what there is"),
+        (":start", "failed: no logger is open"),
+        (":", "failed: an empty command; `:help` lists them"),
+    ],
+)
+def test_a_line_that_can_t_be_carried_out_says_why(line, says, fake):
+    desk = Desk(fake)
+    CommandRunner(desk).run(line)
+    assert desk.said == [says]
+
+
+def test_a_file_to_open_is_asked_for_by_an_example(fake):
+    with pytest.raises(ValueError, match="open which file"):
+        typed(Desk(fake), "open")
+    desk = Desk(fake)
+    desk.take_session(None)
+    with pytest.raises(RefusedError, match="open the file by `silo-tui FILE`"):
+        typed(desk, "open a.silo")
+
+
+@pytest.mark.parametrize(
+    ("line", "lines"),
+    [
+        (":contr", ["control"]),
+        (":control ", ["control take", "control force", "control release", "control give"]),
+        (":data csv cs", []),
+        (":data c", ["data csv"]),
+        (":view no", ["view noisiest"]),
+        (":view wa", ["view walk"]),
+        (":goto /log/imu/t", ["goto /log/imu/temperature"]),
+        (":load q", ["load quiet.yaml"]),
+        (":nothing a", []),
+    ],
+)
+def test_a_line_is_completed_by_what_it_may_become(line, lines, fake):
+    files.save(files.place("walk"), ONE)
+    desk = Desk(fake)
+    desk.available_themes = {}
+    desk.script_names = ("quiet.yaml", "robot.yaml")
+    assert CommandRunner(desk).complete(line) == lines
+
+
+@pytest.mark.parametrize("line", ["goto /log/imu/t", "sort di"])
+def test_without_a_logger_nothing_of_it_completes_a_line(line, fake):
+    desk = Desk(fake)
+    assert CommandRunner(desk).complete(line)
+    desk.take_session(None)
+    assert CommandRunner(desk).complete(line) == []
