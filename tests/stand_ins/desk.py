@@ -33,6 +33,9 @@ class Straight:
     def watch_again(self) -> None:
         pass
 
+    def try_now(self) -> None:
+        self.client._try_now()
+
 
 class Line:
     """A line to type, of which a real one can't be made without an app."""
@@ -63,6 +66,7 @@ class Desk(Context):
     async def push_screen_wait(self, dialog: Any) -> Any:
         answer = self.answers.pop(0)
         if isinstance(dialog, SaveDialog):
+            assert dialog._at_once and dialog._go_on, "one that is part of a flow saves, and goes by itself"
             self.asked.append("save")
             if answer == LEFT:
                 return None

@@ -325,6 +325,15 @@ def test_a_script_that_changes_nothing_but_has_unknown_names_says_so(saved):
     assert said == f"old.yaml says what the logger has already: nothing to load{UNKNOWN}"
 
 
+def test_what_a_script_changes_beside_elements_is_told_and_known(saved):
+    saved.trigger_statuses = [TriggerStatus(TriggerOptions("fall", "imu/temperature > 1"), TriggerWord.ARMED)]
+    saved.save_script("fall.yaml")
+    saved.trigger_statuses = []
+    desk = Desk(saved, "l")
+    assert desk.does(flows.load_script(desk, "fall")) == "loaded fall.yaml: 0 elements changed; trigger fall"
+    assert [one.options.name for one in desk.session.triggers] == ["fall"]
+
+
 @pytest.mark.parametrize(("answers", "done"), [(("l", ESC), ""), (("l", "y"), "load_script")])
 def test_a_script_over_pending_edits_is_asked_about(answers, done, saved):
     desk = Desk(saved, *answers).edit()
