@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any, cast
 
 from silo.core.elements import FileType, SavedFile
-from silo_tui.context import Context
+from silo_tui.context import Context, SiloScreen
 from silo_tui.model.table.fields import Field
 from silo_tui.screens.dialogs.questions import Question
 from silo_tui.screens.files.save_data import SaveDialog
@@ -126,3 +126,65 @@ class Desk(Context):
         """Edit, as the table does."""
         self.session.table.edit([self.session.table.row(name)], Field.DIVIDER, divider)
         return self
+
+
+class Sheet(SiloScreen):
+    """A full screen that keeps what it is told."""
+
+    scope = "table"
+
+    def __init__(self, *, is_there: bool = True, is_modal: bool = False) -> None:
+        super().__init__()
+        self.there, self.modal = is_there, is_modal
+        self.told: list[Any] = []
+
+    is_there = property(lambda self: self.there)  # type: ignore[assignment]
+    is_modal = property(lambda self: self.modal)  # type: ignore[assignment]
+
+    def say(self, words: str, *, failed: bool = False) -> None:
+        self.told.append(("failed: " if failed else "") + words)
+
+    def show_news(self, news: str) -> None:
+        self.told.append(news)
+
+    def table_changed(self) -> None:
+        self.told.append("table")
+
+    def status_changed(self) -> None:
+        self.told.append("status")
+
+    def update_keys(self) -> None:
+        self.told.append("keys")
+
+    def request_view(self) -> None:
+        self.told.append("view")
+
+
+class Plain(Desk):
+    """A desk whose words go to a sheet, as the app has it."""
+
+    say, fail, run_flow = Context.say, Context.fail, Context.run_flow
+    kind: type[Sheet] = Sheet  # of its screen
+
+    def __init__(self, *given: Any, **named: Any) -> None:
+        super().__init__(*given, **named)
+        self.sheet = self.kind()
+        self.screen_stack = [self.sheet]
+
+    @property
+    def screen(self) -> Any:
+        return self.screen_stack[-1]
+
+    def pop_screen(self) -> None:
+        self.screen_stack.pop()
+
+    def push_screen(self, screen: Any) -> None:
+        self.holding = screen
+
+    @property
+    def context(self) -> Context:
+        return self
+
+    @property
+    def heard(self) -> str:
+        return self.sheet.told[-1] if self.sheet.told else ""

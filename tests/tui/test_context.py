@@ -12,69 +12,11 @@ from silo.errors import ConnectionLostError, RefusedError
 from silo.rpc.refusals import RefusedWhy
 from silo_tui import context as module
 from silo_tui.actions import BY_ID
-from silo_tui.context import Context, SiloScreen
 from silo_tui.sessions import kept
 from silo_tui.settings.reading import SettingsProblem
 from silo_tui.widgets.messages import READ_S
-from tests.stand_ins.desk import NAME, Desk
+from tests.stand_ins.desk import NAME, Plain, Sheet
 from tests.stand_ins.fake_signals import refused
-
-
-class Sheet(SiloScreen):
-    """A full screen that keeps what it is told."""
-
-    scope = "table"
-
-    def __init__(self, *, is_there: bool = True, is_modal: bool = False) -> None:
-        super().__init__()
-        self.there, self.modal = is_there, is_modal
-        self.told: list[Any] = []
-
-    is_there = property(lambda self: self.there)  # type: ignore[assignment]
-    is_modal = property(lambda self: self.modal)  # type: ignore[assignment]
-
-    def say(self, words: str, *, failed: bool = False) -> None:
-        self.told.append(("failed: " if failed else "") + words)
-
-    def show_news(self, news: str) -> None:
-        self.told.append(news)
-
-    def table_changed(self) -> None:
-        self.told.append("table")
-
-    def status_changed(self) -> None:
-        self.told.append("status")
-
-    def update_keys(self) -> None:
-        self.told.append("keys")
-
-    def request_view(self) -> None:
-        self.told.append("view")
-
-
-class Plain(Desk):
-    """A desk whose words go to a sheet, as the app has it."""
-
-    say, fail, run_flow = Context.say, Context.fail, Context.run_flow
-
-    def __init__(self, *given: Any, **named: Any) -> None:
-        super().__init__(*given, **named)
-        self.sheet = Sheet()
-        self.screen_stack = [self.sheet]
-
-    @property
-    def screen(self) -> Any:
-        return self.screen_stack[-1]
-
-    def pop_screen(self) -> None:
-        self.screen_stack.pop()
-
-    def push_screen(self, screen: Any) -> None:
-        self.holding = screen
-
-    @property
-    def heard(self) -> str:
-        return self.sheet.told[-1] if self.sheet.told else ""
 
 
 @pytest.fixture
