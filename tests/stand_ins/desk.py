@@ -62,8 +62,20 @@ class Desk(Context):
         self.take_session(session)
         asyncio.run(session.attach(cast(Any, Straight(fake))))
         fake.calls.clear()
+        self._seen = self._now
+
+    @property
+    def _now(self) -> tuple[Any, int]:
+        return self.session.status.state, self.session.table.revision
+
+    def status_changed(self) -> None:
+        self._seen = self._now[0], self._seen[1]
+
+    def table_changed(self) -> None:
+        self._seen = self._seen[0], self._now[1]
 
     async def push_screen_wait(self, dialog: Any) -> Any:
+        assert self._seen == self._now, "below a question the screens still show what was"
         answer = self.answers.pop(0)
         if isinstance(dialog, SaveDialog):
             assert dialog._at_once and dialog._go_on, "one that is part of a flow saves, and goes by itself"
@@ -164,6 +176,7 @@ class Plain(Desk):
     """A desk whose words go to a sheet, as the app has it."""
 
     say, fail, run_flow = Context.say, Context.fail, Context.run_flow
+    table_changed, status_changed = Context.table_changed, Context.status_changed
     kind: type[Sheet] = Sheet  # of its screen
 
     def __init__(self, *given: Any, **named: Any) -> None:

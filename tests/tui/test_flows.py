@@ -178,6 +178,7 @@ def conflict(fake: FakeClient, *answers: str) -> Desk:
     desk = Desk(fake, *answers).edit()
     fake.somebody_edits(NAME, divider=7)
     asyncio.run(desk.session.reload())
+    desk.table_changed()
     return desk
 
 
@@ -207,6 +208,7 @@ def test_of_many_conflicts_the_first_are_listed_and_the_rest_counted(count, more
     ]
     fake.revision += 1
     asyncio.run(desk.session.reload())
+    desk.table_changed()
     desk.does(flows.apply(desk))
     assert desk.asked[0].count("theirs 7") == 200
     assert f"yours 5\n{more}\n(" in desk.asked[0]
@@ -376,6 +378,13 @@ def test_a_table_is_saved_as_a_script_and_over_another_after_a_question(path, an
     desk = Desk(saved, *answers)
     assert desk.does(flows.save_script(desk, path)) == said
     assert (saved.calls[-1] if saved.calls else None) == done
+
+
+def test_the_script_of_the_logger_itself_has_no_name(saved):
+    saved.files[""] = ""
+    desk = Desk(saved, "y")
+    assert desk.does(flows.save_script(desk, "")) == "saved /home/ann/config/"
+    assert desk.asked[0].startswith("Overwrite the script?")
 
 
 def test_a_script_has_no_pending_edits_and_says_so_before_and_after(saved):

@@ -16,7 +16,7 @@ from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout, write
 from silo_tui.layouts.presets import BY_NAME
 from silo_tui.model.words.command_line import BY_KEY, read
-from tests.stand_ins.desk import ESC, Desk
+from tests.stand_ins.desk import ESC, Desk, Line
 from tests.stand_ins.fake_signals import refused
 
 
@@ -289,6 +289,17 @@ def test_a_theme_that_is_none_is_refused_with_those_that_are(fake):
     desk.available_themes = {"nord": 1, "silo-dark": 1, "gruvbox": 1}
     with pytest.raises(ValueError, match=r"themes: dark, light, contrast, 16; Textual's: gruvbox, nord$"):
         typed(desk, "theme dark light")
+
+
+@pytest.mark.parametrize(("given", "asked"), [(BY_KEY, 1), (read("save walk"), 0), (read("save"), 0)])
+def test_a_script_is_saved_by_a_name_that_is_asked_for_by_its_key_alone(given, asked, fake, monkeypatch):
+    monkeypatch.setattr("silo_tui.commands.flows.Prompt", Line)
+    desk = Desk(fake, *["walk"] * asked)
+    CommandRunner(desk).command_save_script(given)
+    assert (len(desk.asked), fake.calls) == (
+        asked,
+        [("save_script", "walk.yaml" if given.word != "save" or given.arguments else "", False)],
+    )
 
 
 # ------------------------------------------------------------------------------------------- lines, their completion
