@@ -6,15 +6,19 @@ from typing import Any
 
 import msgspec
 import pytest
+from textual import events
 
 from silo.core.elements import Problem, State
 from silo.errors import ConnectionLostError, RefusedError
 from silo.rpc.refusals import RefusedWhy
 from silo_tui import context as module
 from silo_tui.actions import BY_ID
+from silo_tui.context import SiloScreen
+from silo_tui.model.words.command_line import Spelled
 from silo_tui.sessions import kept
 from silo_tui.settings.reading import SettingsProblem
-from silo_tui.widgets.messages import READ_S
+from silo_tui.widgets.inputs import Fleeting
+from silo_tui.widgets.messages import READ_S, MessageLine
 from tests.stand_ins.desk import NAME, Plain, Sheet
 from tests.stand_ins.fake_signals import refused
 
@@ -300,3 +304,196 @@ def test_edits_are_offered_where_there_are_some(there, desk):
         desk.edit().keep_edits()
     desk.offer_edits()
     assert offered == [True] * there
+
+
+# ----------------------------------------------------------------------------------------- how a screen does commands
+
+
+class Line(MessageLine):
+    """The line of messages of a screen, which keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.told: list[str] = []
+
+    def read(self) -> None:
+        self.told.append("read")
+
+    def say(self, words: str, *, failed: bool = False) -> None:
+        self.told.append(("failed: " if failed else "") + words)
+
+    def tell(self, news: str) -> None:
+        self.told.append(f"news: {news}")
+
+
+class Bar:
+    """The key bar."""
+
+    def __init__(self) -> None:
+        self.told: list[str] = []
+
+    def update(self) -> None:
+        self.told.append("new")
+
+    def show_instead(self, keys: str) -> None:
+        self.told.append(keys)
+
+
+class Paper(SiloScreen):
+    """A screen as it is, but for the widgets."""
+
+    scope = "table"
+    focused: Any = None
+    is_there: Any = True
+
+    def __init__(self, desk: Plain) -> None:
+        super().__init__()
+        self.desk, self.line, self.bar, self.done = desk, Line(), Bar(), []
+        desk.screen_stack = [self]
+        desk.runner = SimpleNamespace(
+            run=lambda line: self.done.append(f":{line}"), command_apply=lambda: self.done.append("apply")
+        )
+
+    app = property(lambda self: self.desk)
+    context = property(lambda self: self.desk)
+
+    def query(self, kind: Any) -> Any:
+        return [self.line] if kind is MessageLine else [self.bar]
+
+    def begin_command(self, word: str) -> None:
+        self.done.append(f":{word} ")
+
+    def command_filter(self, typed: Spelled) -> None:
+        self.done.append(f"filter {typed.rest}")
+
+
+class Part:
+    """A part of a screen that carries out commands of it."""
+
+    def __init__(self, done: list[str]) -> None:
+        self.done = done
+
+    def command_toggle(self) -> None:
+        self.done.append("toggle")
+
+    def command_filter(self, typed: Spelled) -> None:
+        self.done.append("never: the screen has it")
+
+
+@pytest.fixture
+def paper(desk):
+    found = Paper(desk)
+    found.parts = (Part(found.done),)
+    desk.command_quit = lambda: found.done.append("quit")
+    return found
+
+
+@pytest.mark.parametrize(
+    ("scope", "command", "done"),
+    [
+        ("table", ("filter", Spelled("filter", ("a", "b"))), "filter a b"),
+        ("table", ("filter",), "filter "),
+        ("table", ("toggle",), "toggle"),
+        ("table", ("apply",), "apply"),
+        ("table", ("quit",), "quit"),
+        ("table", ("fold",), ""),  # nobody here does it
+        ("triggers", ("toggle",), ""),  # it is no key there, and has no word
+        ("triggers", ("apply",), ":apply"),
+        ("triggers", ("sort",), ":sort "),
+        ("triggers", ("goto",), ":goto "),
+        ("table", ("unmark",), ":unmark"),
+        ("table", ("picture",), ":picture "),
+        ("file", ("apply",), ""),
+        ("settings", ("apply", Spelled("apply", ())), "apply"),
+    ],
+)
+def test_a_command_is_done_by_the_screen_its_parts_the_runner_or_the_app(scope, command, done, paper):
+    paper.scope = scope
+    paper.action_command(*command)
+    assert paper.done == [done] * bool(done)
+
+
+def test_a_command_that_is_refused_is_not_done_and_answers_are_read_before(paper):
+    viewer(paper.desk)
+    paper.action_command("toggle")
+    assert (paper.done, paper.line.told) == ([], ["read", "On/Off: bob may look"])
+    assert paper.bar.told == []
+    paper.action_command("filter")
+    assert paper.bar.told == ["new"]
+
+
+@pytest.mark.parametrize(("typing", "says"), [(False, ["Q is no key of silo-tui; ? shows those that are"]), (True, [])])
+def test_a_key_without_a_use_says_so_unless_it_is_typed_into_a_line(typing, says, paper, monkeypatch):
+    if typing:
+        monkeypatch.setattr(Fleeting, "display", True)
+        paper.focused = Fleeting.__new__(Fleeting)
+    paper.on_key(events.Key("Q", "Q"))
+    assert paper.line.told == says
+    assert (paper.check_action("x", ("toggle",)), paper.check_action("x", ("quit_now",))) == (not typing, True)
+
+
+@pytest.mark.parametrize(
+    ("state", "command", "label"),
+    [
+        ("STOPPED", "start_stop", "Start"), ("RUNNING", "start_stop", "Stop"), ("DEAD", "start_stop", ""),
+        ("DEAD", "save_data", ""), ("STOPPED", "save_data", "Save"), ("STOPPED", "again", ""),
+    ],
+)  # fmt: skip
+def test_the_bar_calls_keys_by_what_they_do_now(state, command, label, paper):
+    paper.desk.fake.state = State[state]
+    asyncio.run(paper.desk.session.refresh_status())
+    assert paper.label_now(BY_ID[command]) == label
+    paper.repeated = "toggle"
+    assert paper.label_now(BY_ID["again"]) == "again: On/Off"
+
+
+def test_without_a_logger_the_bar_calls_keys_as_always(paper):
+    paper.desk.take_session(None)
+    assert paper.label_now(BY_ID["start_stop"]) == "Start/Stop"
+
+
+@pytest.mark.parametrize(("above", "keys"), [("Enter Saves", "Enter Saves"), (None, "Enter Does it  Esc Closes")])
+def test_the_keys_of_a_dialog_stand_in_the_bar_while_it_is_there(above, keys, paper):
+    dialog = SimpleNamespace(is_modal=True, **({"KEYS_HERE": above} if above else {}))
+    paper.desk.screen_stack.append(dialog)
+    paper.on_screen_suspend()
+    assert paper.bar.told == [keys]
+    dialog.is_modal = False
+    paper.on_screen_suspend()
+    assert paper.bar.told == [keys]
+
+
+@pytest.mark.parametrize(("typing", "bar"), [(False, ["new", ""]), (True, ["new"])])
+def test_back_on_a_screen_its_keys_and_news_are_there_and_old_answers_read(typing, bar, paper):
+    if typing:
+        paper.focused = Fleeting.__new__(Fleeting)
+    paper.desk.hear("bob edited")
+    paper.line.told.clear()
+    paper.on_screen_resume()
+    assert paper.bar.told == bar
+    assert paper.line.told == ["read", f"news: {paper.desk.news}"]
+
+
+@pytest.mark.parametrize("failed", [True, False])
+def test_what_is_said_of_a_screen_that_is_still_made_is_shown_when_it_is_there(failed, paper):
+    paper.say("/log/imu is up", failed=failed)
+    shown = f"{'failed: ' * failed}/imu is up"
+    assert paper.line.told == [shown]
+    paper.is_there, later = False, []
+    paper.call_later = lambda do, *given, **named: later.append((do, given, named))
+    paper.say("b", failed=failed)
+    assert paper.line.told == [shown]
+    do, given, named = later[0]
+    do(*given, **named)
+    assert paper.line.told == [shown, f"{'failed: ' * failed}b"]
+    assert [one.words for one in paper.desk.told] == ["/imu is up", "b"]
+
+
+@pytest.mark.parametrize("upper", [True, False])
+def test_the_tour_follows_what_is_done_on_the_uppermost_screen(upper, paper):
+    followed: list[Any] = []
+    paper.desk.tour = SimpleNamespace(words="1 of 5", follow=followed.append)
+    if not upper:
+        paper.desk.screen_stack.append(Sheet())
+    paper.update_keys()
+    assert followed == [paper] * upper
+    assert paper.line.told == ["news: ‣ tour 1 of 5"] * upper
