@@ -10,6 +10,7 @@ from silo.settings.typed import examples
 from silo_tui.actions import BY_WORD, COMMANDS
 from silo_tui.app import SiloApp
 from silo_tui.commands.runner import CommandRunner
+from silo_tui.keymap import in_bar, use_keys
 from silo_tui.model.samples.live import LiveValues
 from silo_tui.model.table.cells import Sight
 from silo_tui.model.table.columns import (
@@ -110,6 +111,59 @@ def test_a_command_without_keys_can_be_typed_and_is_carried_out():
             assert any(hasattr(kind, f"command_{command.id}") for kind in (CommandRunner, TableScreen, SiloApp)), (
                 command.id
             )
+
+
+WRITES = """
+acknowledge alarm_limits alarm_new alarm_remove apply default_parameter delete_recording derive edit edit_all
+edit_divider edit_size episode episode_bad episode_good episode_redo excite forget_derived limits_of_row
+load_into_loggers load_preset load_script new_of_row next_action next_buffer plot_trigger record restart restart_loggers
+save_data save_loggers save_script set set_marker start_stop start_stop_loggers stop_recording toggle trigger_edit
+trigger_force trigger_new trigger_remove trigger_toggle turn_down turn_far_down turn_far_up turn_plotted_down
+turn_plotted_up turn_up type_parameter
+"""
+# they edit the table alone, or ask other loggers than the one that is open
+NEED_NO_LINK = """
+edit edit_all edit_divider edit_size load_into_loggers next_action next_buffer restart_loggers save_loggers set
+start_stop_loggers toggle
+"""
+
+
+def test_what_changes_something_is_refused_who_only_looks_and_needs_a_link_unless_it_edits_the_table():
+    assert [one.id for one in sorted(COMMANDS, key=lambda one: one.id) if one.writes] == WRITES.split()
+    asking = {one.id for one in COMMANDS if one.asks}
+    assert set(WRITES.split()) - asking == set(NEED_NO_LINK.split())
+    looking = asking - set(WRITES.split())
+    assert " ".join(sorted(looking)) == "catch control fetch_recording list_read parameters recordings refresh try_link"
+    assert {one.id for one in COMMANDS if one.retries} == {"list_read", "refresh", "try_link"}
+
+
+BARS = {
+    ("two-layer", "table"): "mark monitor fold filter menu_edit menu_go menu_view menu_record sort apply undo "
+    "start_stop save_data again help command quit mark_shown",
+    ("two-layer", "monitor"): "pause detail closer wider cursor_left find menu_plots menu_edit menu_go menu_view "
+    "menu_record start_stop export_plots again earlier later arrange_plots newest help command quit",
+    ("two-layer", "detail"): "pause closer wider cursor_left find menu_plots menu_edit menu_go menu_view menu_record "
+    "export_plots again mode earlier detail_refresh later newest help command quit",
+    ("two-layer", "triggers"): "list_mark trigger_capture trigger_toggle trigger_new plot_conditions list_filter "
+    "menu_edit menu_go menu_view menu_record list_order trigger_remove again help command quit",
+    ("two-layer", "file"): "mark plot fold filter menu_go menu_view sort again help command quit mark_shown",
+    ("classic", "table"): "mark filter sort fold edit apply monitor start_stop save_data help command quit mark_shown "
+    "toggle undo",
+    ("classic", "monitor"): "pause closer wider cursor_left find scale detail cursor_b earlier start_stop later "
+    "arrange_plots newest all_held drop_plot help export_plots command quit",
+    ("classic", "detail"): "pause mode closer level wider cursor_left find scale cursor_b earlier detail_refresh later "
+    "detail_swap newest all_held help export_plots command quit",
+    ("classic", "alarms"): "acknowledge list_mark alarm_worst alarm_limits alarm_new alarm_remove plot_conditions "
+    "list_filter list_order help command quit",
+    ("classic", "recordings"): "open_recording list_mark fetch_recording overlay_recording delete_recording record "
+    "stop_recording list_filter list_order help command quit",
+}
+
+
+@pytest.mark.parametrize(("keys", "scope"), BARS)
+def test_the_bar_of_a_screen_names_first_what_one_is_there_for(keys, scope):
+    use_keys(keys, {})
+    assert " ".join(command.id for command, _ in in_bar(scope, read_only=False)) == BARS[keys, scope]
 
 
 async def test_every_argument_that_can_be_completed_has_its_choices(fake, opened):

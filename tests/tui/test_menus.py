@@ -174,6 +174,15 @@ def test_a_menu_has_its_title_the_way_back_and_values(reading):
     assert "  brackets: not now" in reading.reader.picture(reading.sheet, 78).plain
 
 
+@pytest.mark.parametrize("width", [30, 48, 78])
+def test_on_a_narrow_screen_the_title_gives_way_to_the_way_back(width, reading):
+    reading.typed("p")
+    title, *rows = reading.reader.picture(reading.sheet, width).plain.split("\n")
+    assert (len(title), title[-11:]) == (width, "…  Esc back" if width < 78 else "   Esc back")
+    assert len(rows) == 7
+    assert all(len(row) <= width for row in rows)
+
+
 @pytest.mark.parametrize(
     ("change", "entry"),
     [

@@ -16,7 +16,7 @@ from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout, write
 from silo_tui.layouts.presets import BY_NAME
 from silo_tui.model.words.command_line import BY_KEY, read
-from tests.stand_ins.desk import ESC, Desk, Line
+from tests.stand_ins.desk import ESC, Desk, Line, Plain, Sheet
 from tests.stand_ins.fake_signals import refused
 
 
@@ -318,6 +318,60 @@ def test_a_line_that_can_t_be_carried_out_says_why(line, says, fake):
     desk = Desk(fake)
     CommandRunner(desk).run(line)
     assert desk.said == [says]
+
+
+class Asked(Sheet):
+    """A screen that keeps what it is asked to do."""
+
+    def action_command(self, command_id: str, typed: Any = None) -> None:
+        self.told.append(f"{command_id} {typed.rest}".strip())
+
+
+@pytest.mark.parametrize(
+    ("screens", "line", "by", "does"),
+    [
+        ("table", "restart", 0, "restart"),
+        ("table monitor", "restart", 0, "restart"),  # the plots have it, but the table too
+        ("table triggers", "load x", 0, "load_script x"),
+        ("table monitor", "theme light", 1, "theme light"),
+        ("table monitor", "goto a b", 1, "goto a b"),
+        ("table file", "theme light", 1, "theme light"),
+        ("table file file_monitor", "theme light", 2, "theme light"),
+        ("table file file_monitor", "filter a", 2, "filter a"),
+        ("table file table", "filter a", 2, "filter a"),
+        ("loggers", "restart", None, "no logger is open"),
+        ("table file", "restart", None, ":restart: a saved file: nothing to edit, no logger to command"),
+    ],
+)
+def test_a_line_is_carried_out_by_the_uppermost_screen_that_can_else_by_the_table(screens, line, by, does, fake):
+    desk = Plain(fake)
+    desk.screen_stack = [Asked() for _ in screens.split()]
+    for sheet, scope in zip(desk.screen_stack, screens.split(), strict=True):
+        sheet.scope = scope
+    CommandRunner(desk).run(f":{line}")
+    told = [sheet.told for sheet in desk.screen_stack]
+    at = len(told) - 1 if by is None else by
+    assert told[at] == [does if by is not None else f"failed: {does}"]
+    assert not [words for other, words in enumerate(told) if other != at and words]
+
+
+def test_a_screen_that_has_a_command_itself_is_asked_before_the_table(fake):
+    desk = Plain(fake)
+    desk.screen_stack = [Asked(), Asked()]
+    desk.screen_stack[1].scope = "events"
+    desk.screen_stack[1].command_sort = True
+    CommandRunner(desk).run(":sort div")
+    assert desk.screen_stack[1].told == ["sort div"]
+
+
+@pytest.mark.parametrize(
+    ("command", "answers", "said"),
+    [("restart", ("D",), "restarted"), ("apply", (), "nothing is pending"), ("try_link", (), "the link is there")],
+)
+def test_a_key_begins_its_flow(command, answers, said, fake):
+    desk = Desk(fake.run(), *answers)
+    getattr(CommandRunner(desk), f"command_{command}")()
+    assert desk.said == [said]
 
 
 def test_a_file_to_open_is_asked_for_by_an_example(fake):

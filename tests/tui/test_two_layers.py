@@ -110,6 +110,17 @@ def test_own_keys_may_be_paths_and_conflicts_cost_their_line():
     assert read("keys: {recordings: e d f}")[0].keys == {}
 
 
+@pytest.mark.parametrize(
+    ("base", "own", "letter"),
+    [("two-layer", {}, "t"), ("classic", {}, "t"), ("two-layer", {"toggle": "e J"}, "J"),
+     ("classic", {"toggle": "e J"}, "J"), ("two-layer", {"toggle": "f9"}, "t")],
+)  # fmt: skip
+def test_a_command_stands_in_its_menu_by_the_path_that_the_user_gave_it_else_by_its_own(base, own, letter):
+    use_keys(base, own)
+    found = in_menu("menu_edit", "table")
+    assert [key for key, commands in found.items() if BY_ID["toggle"] in commands] == [letter]
+
+
 def test_ids_of_before_still_work():
     assert read("keymap: two-layer\nkeys: {next_logger: J}\n")[0].keys == {"list_down": "J"}
 
@@ -229,6 +240,21 @@ def test_a_letter_that_has_no_use_here_says_where_it_has_one_and_how_one_gets_th
     menu, letter = letters.split()
     opener = OPENERS[menu]
     assert says in where(in_menu(opener, scope)[letter], scope)[1]
+
+
+@pytest.mark.parametrize(
+    ("command", "scope", "says"),
+    [
+        ("list_mark", "table", ("triggers", "it is a key of triggers (g t), alarms (g a), parameters (g p) and "
+         "others")),
+        ("episode", "settings", ("table", "it is a key of table (g h), plots (g h, then m), large plot (g h, then m, "
+         "then Enter) and others")),
+        ("fold", "loggers", ("table", "it is a key of table (g h)")),
+        ("goto", "loggers", ("", "it is a key of ")),
+    ],
+)  # fmt: skip
+def test_of_many_screens_with_a_use_for_a_key_three_are_named(command, scope, says):
+    assert where([BY_ID[command]], scope) == says
 
 
 @pytest.mark.slow
