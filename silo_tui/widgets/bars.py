@@ -202,7 +202,7 @@ def since_words(seconds: float | None) -> str:
     if seconds is None:
         return "…"
     whole = 1 if seconds < 120 else 60 if seconds < 7200 else 3600
-    return text.span(float(seconds // whole * whole))
+    return text.span(float(seconds // whole * whole)) if seconds >= 1 else "0 s"
 
 
 def left_a_file(session: Session) -> bool:

@@ -1,0 +1,444 @@
+"""The lines around the table, without an app: the head, the banner, the key bar, and the line of messages."""
+
+import time
+from types import SimpleNamespace
+from typing import Any
+
+import msgspec
+import pytest
+from rich.console import Console
+from textual.geometry import Size
+
+from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
+from silo.core.conditions import TriggerOptions, TriggerWord
+from silo.core.elements import Control, Present, State
+from silo_tui.actions import BY_ID
+from silo_tui.keymap import use_keys
+from silo_tui.model.table.fields import Field
+from silo_tui.sessions.live import Session
+from silo_tui.widgets import bars, messages
+from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
+from tests.stand_ins.desk import NAME, SAVED, Desk
+
+
+class Drawn:
+    """A widget of so many cells, in an app whose colours are their names."""
+
+    width = 80
+    screen: Any = None
+
+    @property
+    def app(self) -> Any:
+        console = Console(width=self.width, color_system=None)
+        return SimpleNamespace(
+            theme_variables=Colours(), size=Size(self.width, 24), console=console, no_color=False, _driver=None
+        )
+
+    size = content_size = property(lambda self: Size(self.width, 1))
+
+    painted = 0
+
+    def refresh(self, *_: Any, **__: Any) -> None:
+        self.painted += 1
+
+
+class Colours(dict[str, str]):
+    """Each name has a colour of its own."""
+
+    def get(self, name: str, default: str = "") -> str:
+        return f"#{sum(map(ord, name)):06x}"
+
+
+class Head(Drawn, StatusBar):
+    """The head."""
+
+
+class Top(Drawn, Banner):
+    """The banner."""
+
+    display = False
+
+
+class Keys(Drawn, KeyBar):
+    """The key bar."""
+
+
+class Said(Drawn, messages.InfoLine):
+    """The line of messages of a table."""
+
+
+@pytest.fixture
+def desk(fake):
+    return Desk(fake.run())
+
+
+def head(desk: Desk, width: int = 80, *, read_only: bool = False) -> str:
+    drawn = Head(desk.session, read_only=read_only)
+    drawn.width = width
+    return drawn.render().plain
+
+
+def told(desk: Desk, **status: Any) -> Desk:
+    """As the logger tells of itself."""
+    desk.session.status = msgspec.structs.replace(desk.session.status, **status)
+    return desk
+
+
+# ------------------------------------------------------------------------------------------------------------- the head
+
+RUNS = "silo anymal/robot  ● RUNNING 00:12"
+ALL_ON = "  72/72 elements on"
+
+
+@pytest.mark.parametrize(
+    ("width", "line"),
+    [
+        (44, "silo robot  ● RUNNING 00:12  400 Hz  lost 0"),
+        (59, "silo robot  ● RUNNING 00:12  72/72 on  400 Hz  lost 0"),
+        (60, f"{RUNS}  72/72 on  400 Hz  lost 0"),
+        (99, f"{RUNS}  72/72 on  400 Hz  lost 0"),
+        (100, f"{RUNS}{ALL_ON}  400 Hz  4 800 ticks  lost 0"),
+    ],
+)
+def test_the_head_says_who_in_what_state_how_long_and_how_fast_as_far_as_it_has_room(width, line, desk):
+    assert head(desk, width) == line
+
+
+@pytest.mark.parametrize(
+    ("change", "width", "line"),
+    [
+        ({"state": State.STOPPED}, 80, "silo anymal/robot  ■ STOPPED 00:12  72/72 on  400 Hz  lost 0"),
+        ({"state": State.DEAD}, 80, "silo anymal/robot  ✖ DEAD 00:12  72/72 on  400 Hz  lost 0"),
+        ({"started_ns": 0}, 80, "silo anymal/robot  ● RUNNING  72/72 on  400 Hz  lost 0"),
+        ({"host": ""}, 80, "silo robot  ● RUNNING 00:12  72/72 on  400 Hz  lost 0"),
+        ({"helper_pid": 0}, 80, "silo anymal/robot  connecting …"),
+        ({"recorders": 2}, 80, f"{RUNS}  400 Hz  lost 0  REC 2"),
+        ({"recorders": 2}, 100, f"{RUNS}{ALL_ON}  400 Hz  4 800 ticks  lost 0  REC 2"),
+        ({"derived": 3}, 100, f"{RUNS}{ALL_ON} +3 derived  400 Hz  4 800 ticks  lost 0"),
+        ({"before_ticks": 1200}, 100, f"{RUNS}{ALL_ON}  400 Hz  1 200 + 4 800 ticks  lost 0"),
+        ({"durable_ticks": 0}, 100, f"{RUNS}{ALL_ON}  400 Hz  lost 0  durable to tick 0"),
+        ({"durable_ticks": 4000}, 160, f"{RUNS}{ALL_ON}  400 Hz  4 800 ticks  lost 0  durable to tick 4 000"),
+        ({"control": Control("me@here silo 1", "@local me", 0, 0)}, 80,
+         f"{RUNS}  400 Hz  lost 0  your silo 1 has control"),
+        ({"clients": [Present("a", 0), Present("b", 0)]}, 80, f"{RUNS}  72/72 on  400 Hz  lost 0  1 other client"),
+    ],
+)  # fmt: skip
+def test_the_head_follows_what_the_logger_tells(change, width, line, desk):
+    assert head(told(desk, **change), width) == line
+
+
+@pytest.mark.parametrize(
+    ("change", "width", "line"),
+    [
+        ({"lost_total": 3}, 80, f"{RUNS}  72/72 on  400 Hz  lost 3"),
+        ({"measured_hz": 399.6}, 80, f"{RUNS}  72/72 on  399.6 Hz  lost 0"),
+        ({"measured_hz": 0.0}, 80, f"{RUNS}  72/72 on  … of 400 Hz  lost 0"),
+        ({"measured_hz": 200.0}, 80, f"{RUNS}  72/72 on  200 of 400 Hz slow  lost 0"),
+        ({"measured_hz": 200.0, "jitter_s": 0.0012}, 80, f"{RUNS}  72/72 on  200 of 400 Hz slow  lost 0"),
+        ({"measured_hz": 200.0, "jitter_s": 0.0012}, 120, f"{RUNS}{ALL_ON}  200 of 400 Hz slow, jitter 1.2 ms  "
+         "4 800 ticks  lost 0"),
+        ({"idle_s": 60.0}, 80, f"{RUNS}  72/72 on  ‼ no tick for 60 s  lost 0"),
+        ({"may_edit": False}, 80, f"{RUNS}  72/72 on  400 Hz  lost 0  read-only"),
+        ({"address": "here/robot"}, 80, "silo here/robot  ● RUNNING 00:12  72/72 on  400 Hz  lost 0"),
+        ({"link": None}, 80, "silo anymal/robot  connecting …"),
+    ],
+)  # fmt: skip
+def test_the_head_follows_what_is_measured_and_who_one_is(change, width, line, desk):
+    desk.session.measured_hz = 400.0
+    for name, value in change.items():
+        setattr(desk.session, name, value)
+    assert head(desk, width) == line
+
+
+def test_who_looks_alone_is_told_so(desk):
+    assert head(desk, read_only=True).endswith("  read-only")
+
+
+def test_without_a_link_the_head_says_since_when_and_what_it_was(desk, monkeypatch):
+    desk.session.lose()
+    now_s = desk.session.lost_since
+    monkeypatch.setattr(time, "monotonic", lambda: now_s + 75)
+    assert head(desk) == "silo anymal/robot  ~ NO LINK 75 s, was RUNNING"
+    desk.session.lost_total = 2
+    assert head(desk) == "silo anymal/robot  ~ NO LINK 75 s, was RUNNING  lost 2"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(None, "…"), (0.9, "0 s"), (1.0, "1 s"), (119.9, "119 s"), (120, "2 min"), (7199, "119 min"), (7200, "2 h")],
+)
+def test_since_when_is_told_in_whole_units(seconds, words):
+    assert bars.since_words(seconds) == words
+
+
+@pytest.mark.parametrize(
+    ("width", "line"),
+    [
+        (100, f"{RUNS}   paused, 3 s ago  y held {ALL_ON}  400 Hz  lost 0"),
+        (54, "silo robot  ● RUNNING 00:12   paused, 3 s ago  y held "),
+        (48, "silo robot  ● RUNNING   paused, 3 s ago  y held "),
+        (36, "silo robot  ● RUNNING   paused "),
+        (25, "robot  ● RUNNING   paused, y "),
+    ],
+)
+def test_a_mode_stands_behind_the_state_and_is_shortened_before_it_goes(width, line, desk):
+    drawn = Head(desk.session, read_only=False)
+    drawn.width, drawn.mode = width, "paused, 3 s ago  y held"
+    assert drawn.render().plain == line
+
+
+@pytest.mark.parametrize(
+    ("word", "alarm", "words", "style"),
+    [
+        ("HH", True, "1 alarm HH", "alarm"),
+        ("H", True, "1 alarm H", "warning"),
+        ("H", False, "1 alarm H seen", "warning"),
+    ],
+)
+def test_an_alarm_stands_in_the_head_and_its_words_give_way_at_last(word, alarm, words, style, desk):
+    desk.session.limits = [LimitStatus(NAME, NAME, LimitWord(word), alarm=alarm)]
+    drawn = Head(desk.session, read_only=False)
+    parts = drawn.parts()
+    (part,) = (part for part in parts if part.words.strip() == words)
+    assert part.style == f"bold {drawn.app.theme_variables.get(style)}"
+    drawn.width = 24
+    assert drawn.render().plain.endswith(f"  {word} 1")
+
+
+def test_triggers_stand_in_the_head_while_there_is_room(desk):
+    options = TriggerOptions("fall", "x > 1")
+    desk.session.triggers = [TriggerStatus(options, TriggerWord.ARMED)]
+    assert head(desk).endswith("lost 0  1 trigger armed")
+    assert head(desk, 30).endswith("  1 armed")
+    desk.session.triggers = [TriggerStatus(options, TriggerWord.FIRING)]
+    assert head(desk).endswith("lost 0  trigger fall fires")
+
+
+def test_a_thin_link_is_told_at_the_end_with_as_much_as_has_room(desk, monkeypatch):
+    def thin(_: Any, room: int) -> str:
+        return "THIN 1.2 of 5 Hz" if room >= 16 else "1.2 Hz"
+
+    monkeypatch.setattr(bars, "thin_head", thin)
+    assert head(desk, 80) == f"{RUNS}  72/72 on  400 Hz  lost 0  THIN 1.2 of 5 Hz"
+    line = head(desk, 50)
+    assert line.endswith("  1.2 Hz")
+    assert len(line) <= 50
+
+
+def test_a_head_is_painted_when_it_reads_differently(desk):
+    drawn = Head(desk.session, read_only=False)
+    drawn.render()
+    drawn.painted = 0
+    drawn.update()
+    before = drawn.painted
+    desk.session.lost_total = 1
+    drawn.update()
+    assert (before, drawn.painted) == (0, 1)
+
+
+# ----------------------------------------------------------------------------------------------------------- the banner
+
+
+def banner(desk: Desk, scope: str = "table") -> tuple[str, bool]:
+    drawn = Top(desk.session)
+    drawn.screen = SimpleNamespace(scope=scope)
+    drawn.update()
+    return drawn.render().plain, drawn.display
+
+
+def test_where_all_is_well_there_is_no_banner(desk):
+    assert banner(desk) == ("", False)
+    desk.session.link = None
+    assert banner(desk) == ("", False)
+
+
+@pytest.mark.parametrize(
+    ("scope", "edited", "words"),
+    [
+        ("table", False, "No link to robot. Values are 75 s old. ^l tries now."),
+        ("table", True, "No link to robot. Values are 75 s old, pending edits are kept. ^l tries now."),
+        ("settings", False, "No link to robot. Values are 75 s old."),
+    ],
+)
+def test_a_lost_link_is_told_with_what_can_be_done(scope, edited, words, desk, monkeypatch):
+    if edited:
+        desk.edit()
+    desk.session.lose()
+    now_s = desk.session.lost_since
+    monkeypatch.setattr(time, "monotonic", lambda: now_s + 75)
+    assert banner(desk, scope) == (words, True)
+
+
+@pytest.mark.parametrize(
+    ("reason", "files", "scope", "words"),
+    [
+        ("", [], "table", "nothing is known of why"),
+        ("killed by SIGSEGV", [], "table", "killed by SIGSEGV"),
+        ("killed; saved a.silo", [], "table", "killed; saved a.silo m opens it."),
+        ("killed: saved a.silo", [], "table", "killed: saved a.silo m opens it."),
+        ("killed", [SAVED], "monitor", "killed Enter opens it."),
+        ("killed", [SAVED], "recordings", "killed It is in this list."),
+        ("killed", [SAVED], "settings", "killed g r lists it."),
+    ],
+)
+def test_how_a_robot_program_died_is_told_with_how_its_file_is_opened(reason, files, scope, words, desk):
+    told(desk, state=State.DEAD, reason=reason)
+    desk.session.left_files = files
+    assert banner(desk, scope) == (f"robot died: {words}", True)
+
+
+def test_that_nothing_is_logged_is_told_with_the_keys_that_change_it(desk):
+    off = [
+        msgspec.structs.replace(one, options=msgspec.structs.replace(one.options, enabled=False))
+        for one in desk.session.table.elements
+    ]
+    desk.session.table.load(desk.fake.table().__class__(9, off))
+    assert banner(desk)[0].startswith("Nothing is logged, every element is off: mark elements, press ")
+    told(desk, state=State.STOPPED)
+    assert banner(desk) == ("", False)
+
+
+# ---------------------------------------------------------------------------------------------------------- the key bar
+
+
+def keys(width: int = 80, scope: str = "table", *, lost: bool = False, mode: Any = (), read_only: bool = False) -> str:
+    drawn = Keys(scope, read_only=read_only)
+    drawn.width = width
+    session = SimpleNamespace(lost_s=3.0 if lost else None)
+    drawn.screen = SimpleNamespace(mode_keys=lambda: mode, label_now=lambda command: command.label, session=session)
+    return drawn.render().plain
+
+
+def test_the_bar_has_as_many_keys_as_fit_help_and_quit_always_at_its_end():
+    lines = {width: keys(width) for width in (40, 60, 80, 120, 240)}
+    assert all(len(line) == width for width, line in lines.items())
+    assert all(line.endswith(("? Help  q Quit", "? Help q Quit")) for line in lines.values())
+    shown = [line.count(" ") for line in lines.values()]
+    assert shown == sorted(shown)
+    assert "space Mark" in lines[240]
+    assert "S Start/Stop" not in keys(240, read_only=True)
+
+
+@pytest.mark.parametrize("base", ["two-layer", "classic"])
+def test_keys_stand_close_together_before_one_gives_way(base):
+    use_keys(base, {})
+    whole = keys(300).rstrip()
+    length = len(" ".join(whole.split("  ")).strip())
+    needed = next(width for width in range(40, 300) if "space Mark" in keys(width) and "Start/Stop" in keys(width))
+    assert ("  " in keys(needed).strip().removesuffix("  q Quit").removesuffix("? Help").rstrip()) is (
+        base == "classic"
+    )
+    assert length
+
+
+def test_what_a_mode_asks_for_comes_first_by_its_own_name():
+    line = keys(60, mode=[("filter", "Find it"), ("mark", "Take it")])
+    assert line.startswith(" / Find it space Take it ")
+    assert "Filter" not in line
+
+
+def test_where_the_link_is_lost_the_key_that_tries_it_comes_first():
+    assert keys(80, lost=True).startswith(" ^l Try now")
+    assert "Try now" not in keys(80)
+
+
+def test_other_keys_stand_in_the_bar_for_a_while():
+    drawn = Keys("table")
+    drawn.painted = 0
+    drawn.show_instead("Enter Saves")
+    assert drawn.render().plain == " Enter Saves"
+    assert drawn.painted == 1
+
+
+def test_a_click_on_a_key_does_what_it_does():
+    drawn = Keys("table")
+    word = drawn._word(BY_ID["apply"])
+    assert {span.style.meta["@click"] for span in word.spans if getattr(span.style, "meta", None)} == {
+        "screen.command('apply')"
+    }
+
+
+# ------------------------------------------------------------------------------------------------- the line of messages
+
+
+@pytest.fixture
+def said(desk):
+    return Said(desk.session)
+
+
+def test_a_table_says_how_much_of_it_there_is(said):
+    assert said.words().plain == "72 in 0 name spaces" or "72" in said.words().plain
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda rows, table: rows.set_filter("torque"), "/torque: 12 of 72"),
+        (lambda rows, table: rows.marked.__setitem__(slice(0, 3), True), "3 marked"),
+        (lambda rows, table: table.edit([0, 1], Field.DIVIDER, 5), "2 pending in 2 rows (a to apply)"),
+        (lambda rows, table: setattr(rows, "sort", "div"), "by div ↓; o l: by name"),
+    ],
+)
+def test_of_a_table_it_is_told_what_is_marked_pending_filtered_and_ordered(change, words, desk, said):
+    change(desk.session.rows, desk.session.table)
+    desk.session.rows.refresh()
+    assert said.words().plain == words
+
+
+def test_an_answer_stands_behind_the_facts_and_alone_where_it_has_no_room(desk, said):
+    desk.session.rows.set_filter("torque")
+    said.say("done")
+    assert said.words().plain == "/torque: 12 of 72 │ done"
+    said.say("x" * 70)
+    assert said.words().plain == "x" * 70
+    said.say("it failed " + "x" * 70, failed=True)
+    assert said.words().plain == "it failed " + "x" * 70
+    said.ask("what is to be typed")
+    assert said.words().plain == "what is to be typed"
+
+
+def test_an_answer_goes_once_it_could_be_read(said, monkeypatch):
+    said.say("done")
+    begin_s = time.monotonic()
+    said._said_s = begin_s
+    monkeypatch.setattr(messages.time, "monotonic", lambda: begin_s + messages.READ_S - 0.1)
+    said.read()
+    assert said.said == "done"
+    monkeypatch.setattr(messages.time, "monotonic", lambda: begin_s + messages.READ_S)
+    said.read()
+    assert said.said == ""
+
+
+def test_news_stand_above_and_leave_the_answer_its_rows(said):
+    said.say("done")
+    said.tell("news " + "word " * 60)
+    lines = said.words().wrap(Console(width=78), 78)
+    assert len(lines) == messages.MOST_ROWS
+    assert lines[1].plain.rstrip().endswith("… (g m)")
+    assert "done" in lines[2].plain
+    said.say("answer " * 60)
+    lines = said.words().wrap(Console(width=78), 78)
+    assert lines[0].plain.rstrip().endswith("… (g m)")
+    assert lines[2].plain.rstrip().endswith("… (g m)")
+    assert len(lines) == messages.MOST_ROWS
+
+
+def test_a_tour_stands_above_the_news(said):
+    said.tell("‣ tour 1 of 5\n‣ news")
+    assert said.words().plain.split("\n")[:2] == ["‣ tour 1 of 5", "‣ news"]
+
+
+def test_the_line_is_laid_out_anew_where_it_takes_other_rows(said):
+    painted = []
+    said.refresh = lambda *_, layout=False: painted.append(layout)
+    said.say("a")
+    said.say("b " * 80)
+    said.say("c " * 80)
+    said.tell("news")
+    said.tell("news")
+    said.say("")
+    assert painted == [False, True, False, False, True]
+
+
+def test_of_a_session_without_rows_nothing_is_told():
+    assert Said(Session("robot")).words().plain == ""
