@@ -2,7 +2,11 @@
 
 import asyncio
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any, cast
+
+from rich.console import Console
+from textual.geometry import Size
 
 from silo.core.elements import FileType, SavedFile
 from silo_tui.context import Context, SiloScreen
@@ -201,3 +205,31 @@ class Plain(Desk):
     @property
     def heard(self) -> str:
         return self.sheet.told[-1] if self.sheet.told else ""
+
+
+class Drawn:
+    """A widget of so many cells, in an app whose colours are their names."""
+
+    width, height = 80, 1
+    screen: Any = None
+
+    @property
+    def app(self) -> Any:
+        console = Console(width=self.width, color_system=None)
+        return SimpleNamespace(
+            theme_variables=Colours(), size=Size(self.width, 24), console=console, no_color=False, _driver=None
+        )
+
+    size = content_size = property(lambda self: Size(self.width, self.height))
+
+    painted = 0
+
+    def refresh(self, *_: Any, **__: Any) -> None:
+        self.painted += 1
+
+
+class Colours(dict[str, str]):
+    """Each name has a colour of its own."""
+
+    def get(self, name: str, default: str = "") -> str:
+        return f"#{sum(map(ord, name)):06x}"

@@ -5,48 +5,23 @@ from types import SimpleNamespace
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 from rich.console import Console
-from textual.geometry import Size
 
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import Control, Present, State
 from silo_tui.actions import BY_ID
 from silo_tui.keymap import use_keys
+from silo_tui.model.samples.live import Reading
+from silo_tui.model.table.facts import Facts
 from silo_tui.model.table.fields import Field
 from silo_tui.sessions.live import Session
 from silo_tui.widgets import bars, messages
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
-from tests.stand_ins.desk import NAME, SAVED, Desk
-
-
-class Drawn:
-    """A widget of so many cells, in an app whose colours are their names."""
-
-    width = 80
-    screen: Any = None
-
-    @property
-    def app(self) -> Any:
-        console = Console(width=self.width, color_system=None)
-        return SimpleNamespace(
-            theme_variables=Colours(), size=Size(self.width, 24), console=console, no_color=False, _driver=None
-        )
-
-    size = content_size = property(lambda self: Size(self.width, 1))
-
-    painted = 0
-
-    def refresh(self, *_: Any, **__: Any) -> None:
-        self.painted += 1
-
-
-class Colours(dict[str, str]):
-    """Each name has a colour of its own."""
-
-    def get(self, name: str, default: str = "") -> str:
-        return f"#{sum(map(ord, name)):06x}"
+from tests.stand_ins.desk import NAME, SAVED, Desk, Drawn
+from tests.stand_ins.fake_signals import scalar
 
 
 class Head(Drawn, StatusBar):
@@ -65,6 +40,10 @@ class Keys(Drawn, KeyBar):
 
 class Said(Drawn, messages.InfoLine):
     """The line of messages of a table."""
+
+
+class OfPlots(Drawn, messages.MonitorLine):
+    """The line of messages of plots."""
 
 
 @pytest.fixture
@@ -367,7 +346,12 @@ def said(desk):
 
 
 def test_a_table_says_how_much_of_it_there_is(said):
-    assert said.words().plain == "72 in 0 name spaces" or "72" in said.words().plain
+    rows = said.session.rows
+    rows.refresh()
+    assert said.words().plain == "1 of 72"
+    rows.order_by("tree")
+    rows.refresh()
+    assert said.words().plain == f"72 in {len(rows.tree.branches)} name spaces"
 
 
 @pytest.mark.parametrize(
@@ -442,3 +426,49 @@ def test_the_line_is_laid_out_anew_where_it_takes_other_rows(said):
 
 def test_of_a_session_without_rows_nothing_is_told():
     assert Said(Session("robot")).words().plain == ""
+
+
+@pytest.mark.parametrize(
+    ("state", "span_s", "held", "said", "words"),
+    [
+        ("live", 10.0, False, "", "10 s shown │ live │ y follows │ A 3 s"),
+        ("paused", 10.0, True, "", "10 s shown │ paused │ y held │ A 3 s"),
+        (None, 10.0, True, "", "10 s shown │ y held │ A 3 s"),
+        (None, 10.0, False, "", "10 s shown │ A 3 s"),
+        (None, 60.0, False, "", "whole file │ A 3 s"),
+        ("live", 60.0, False, "", "60 s shown │ live │ y follows │ A 3 s"),
+        ("live", 10.0, False, "x" * 40, f"live │ y follows │ A 3 s │ {'x' * 40}"),
+    ],
+)
+def test_below_plots_it_is_told_what_is_shown_of_what(state, span_s, held, said, words):
+    window = SimpleNamespace(span_s=span_s, spans=(1.0, 60.0), fixed_scale=held)
+    line = OfPlots(window, lambda: ["A 3 s"], None if state is None else lambda: state)
+    line.width = 70
+    line.said = said
+    assert line.words().plain == words
+
+
+def test_of_the_row_under_the_cursor_it_is_told_what_its_columns_have_no_room_for(desk, said):
+    rows, table = desk.session.rows, desk.session.table
+    rows.refresh()
+    assert said.words().plain == "1 of 72"
+    rows.move_to(3)
+    name = table.names[rows.row]
+    assert said.words().plain == "4 of 72"
+    table.facts = Facts({}, 0, 0, {name: {"bad": 2.0}})
+    assert said.words().plain.endswith(" │ 2 samples nan or inf, left out of min to std")
+    said.width = 160
+    table.take_beyond({name: "HH"})
+    assert " │ HH " in said.words().plain
+    desk.session.lose()
+    assert " │ HH " not in said.words().plain
+    said.say("done")
+    assert "2 samples" not in said.words().plain
+
+
+@pytest.mark.parametrize(("text", "shown"), [("12345678901", True), ("1234567890", False)])
+def test_a_whole_number_that_a_column_has_no_room_for_is_told(text, shown, new_fake):
+    desk = Desk(new_fake([scalar("/log/a/count", dtype="<i8"), scalar("/log/b")]).run())
+    desk.session.rows.refresh()
+    desk.session.live.readings["/log/a/count"] = Reading(np.array([np.nan]), {0: text}, 1, 0, 0)
+    assert Said(desk.session).words().plain.endswith(f" │ {text}") is shown
