@@ -170,7 +170,8 @@ class Inspector(Guarded, Widget):
         if not self.spread:
             self._facts(pane, element, row, reading)
             self._values(pane, element, row, reading)
-            return [*pane.lines[:-1], *self._plots(row, width, height - len(pane.lines))]
+            lines = pane.lines[:-1]
+            return [*lines, *self._plots(row, width, height - len(lines))]
         facts, values, title = InspectorLines(), InspectorLines(), pane.lines[:-1]
         self._facts(facts, element, row, reading)
         self._values(values, element, row, reading)

@@ -7,15 +7,19 @@ import msgspec
 import numpy as np
 import pytest
 from rich.style import Style
+from textual.geometry import Region
 from textual.widget import Widget
 
 from silo.analysis.reports import ElementReport
 from silo.core.arrays.columns import HistoryColumns
 from silo.core.elements import State
+from silo.core.recording import Failures
 from silo.rpc.published import NOT_LIVE_TEXTS, NotLive
 from silo_tui.model.drawing.columns import ColumnStore
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.table.fields import Field
+from silo_tui.terminal.thinness import Pace
+from silo_tui.widgets import inspector
 from silo_tui.widgets.inspector import Inspector, beside, cut_to
 from tests.stand_ins.desk import Desk, Drawn
 from tests.stand_ins.fake_signals import scalar, vector
@@ -206,6 +210,7 @@ def report(**more: Any) -> ElementReport:
     ("more", "shown"),
     [
         ({}, ["divider   40", "samples   1 200", "rate      10 Hz", "buffer    looping", "lost      0"]),
+        ({"failures": Failures(2, ((0, 1),))}, ["not read  at 2 ticks"]),
         ({"rate_hz": None, "lost": 1200}, ["rate      -", "lost      1 200"]),
         ({"labels": {at: "abcdefghij"[at] for at in range(8)}}, ["0 a, 1 b, 2 c, 3 d, 4 e, 5 f, 6 g, 7 h"]),
         ({"labels": {at: "abcdefghij"[at] for at in range(9)}}, ["0 a, 1 b, 2 c, 3 d, 4 e, 5 f, 6 g, 7 h, …"]),
@@ -248,12 +253,35 @@ def test_small_plots_stand_below_with_their_range_and_span(desk):
     assert shown[18:] == [""] * 6
 
 
-@pytest.mark.parametrize(("height", "plots"), [(23, 3), (22, 2), (19, 2), (18, 1), (15, 1), (14, 0)])
-def test_there_are_as_many_plots_as_have_room(height, plots, desk):
+@pytest.mark.parametrize(
+    ("height", "titles"),
+    [(26, [10, 14, 18, 22]), (22, [10, 14, 18]), (21, [10, 15]), (18, [10, 14]), (17, [10]), (14, [10]), (13, [])],
+)
+def test_there_are_as_many_plots_as_have_room(height, titles, desk):
     names = [f"{TURN}_{each}" for each in "xyzw"]
     plotted(desk, *names)
     shown = lines(pane(desk, TURN, height=height))
-    assert sum("  0 … 10  " in line for line in shown) == plots
+    assert [at for at, line in enumerate(shown) if "  0 … 10  " in line] == titles
+
+
+def test_what_is_not_of_now_is_quiet(desk):
+    plotted(desk, HEAT)
+    shown, quiet = pane(desk), {}
+    for now in (True, False):
+        if not now:
+            desk.session.lose()
+        shown.live_changed()
+        shown._lines = shown._plotted_of = None
+        quiet[now] = shown.render_line(12)._segments[0].style.color
+    assert quiet[True] != quiet[False]
+
+
+def test_of_a_file_what_was_lost_is_told_loudly(desk):
+    one = pane(desk)
+    one.session.at_s, one.session.rows_of = 1.25, {HEAT: report(lost=3)}
+    told = {line: one.render_line(at)._segments[1].style.color for at, line in enumerate(lines(one)) if at in (1, 9)}
+    assert sorted(told) == ["kind      scalar", "lost      3"]
+    assert len(set(told.values())) == 2
 
 
 def test_texts_are_not_plotted(desk):
@@ -271,6 +299,36 @@ def test_a_wide_pane_below_the_table_has_values_and_plots_beside_the_facts(width
     second = lines(shown)[1]
     assert second == (f"{'scalar f8 [degC]':<27}21.5000" if spread else "scalar f8 [degC]")
     assert lines(shown)[2].startswith(f"{'logging      on':<27}value  3 … 10  5.4 s") is spread
+
+
+def test_beside_the_facts_plots_have_the_room_below_the_values(desk):
+    reads(desk, TURN, 1.0, 0.5, -0.25, 0.0)
+    plotted(desk, *(f"{TURN}_{each}" for each in "xyzw"))
+    shown = lines(pane(desk, TURN, width=80, height=13, below=True))
+    assert [at for at, line in enumerate(shown) if "  0 … 10  " in line] == [5, 9]
+
+
+def test_plots_are_drawn_once_a_second_and_at_once_where_all_is_painted(desk, monkeypatch):
+    clock = SimpleNamespace(s=100.0)
+    monkeypatch.setattr(inspector.time, "monotonic", lambda: clock.s)
+    monkeypatch.setattr(Widget, "refresh", lambda self, *_, **__: self)
+    plotted(desk, HEAT)
+    shown = pane(desk)
+    before = lines(shown)
+    ramp = np.linspace(0.0, 50.0, 80)[None]
+    desk.session.columns.take(HistoryColumns((HEAT,), 0, 100_000_000, ramp, ramp))
+    clock.s += Pace().trend_s - 0.1
+    shown.live_changed()
+    assert lines(shown) == before
+    clock.s += 0.1
+    shown.live_changed()
+    assert lines(shown)[10].startswith("value  0 … 50")
+    ramp = np.linspace(0.0, 90.0, 80)[None]
+    desk.session.columns.take(HistoryColumns((HEAT,), 0, 100_000_000, ramp, ramp))
+    Inspector.refresh(shown, Region(0, 1, 1, 1))
+    assert lines(shown)[10].startswith("value  0 … 50")
+    Inspector.refresh(shown)
+    assert lines(shown)[10].startswith("value  0 … 100")
 
 
 @pytest.mark.parametrize(
