@@ -5,13 +5,8 @@ import subprocess
 import sys
 from dataclasses import replace
 
-import h5py
 import numpy as np
-import pandas as pd
-import polars as pl
-import pyarrow.parquet as pq
 import pytest
-import scipy.io
 from click.testing import CliRunner
 
 import silo
@@ -23,7 +18,10 @@ from silo.files.bags.writer import write_bag
 from silo.files.convert import convert
 from silo.files.formats import format_of, read_recording, writer_for
 from silo.files.silo.writer import write_silo
+from tests.later import Later
 from tests.stand_ins import saved
+
+h5py, pd, pl, pq, scipy_io = map(Later, ("h5py", "pandas", "polars", "pyarrow.parquet", "scipy.io"))
 
 TICKS = 20
 TIMES = 1_700_000_000_000_000_001 + 2_500_001 * np.arange(TICKS, dtype=np.int64)
@@ -121,7 +119,7 @@ class TestMatlab:
     @pytest.fixture
     def variables(self, source, tmp_path):
         convert(source, tmp_path / "out.mat")
-        return scipy.io.loadmat(tmp_path / "out.mat", simplify_cells=True)
+        return scipy_io.loadmat(tmp_path / "out.mat", simplify_cells=True)
 
     def test_an_element_is_a_struct_with_its_times(self, variables):
         slow = variables["log_slow"]
@@ -149,7 +147,7 @@ class TestMatlab:
         table = [element(name, [np.zeros(TICKS)]) for name in names]
         write_silo(Recording("robot", TIMES, TICKS, table), tmp_path / "in.silo")
         convert(tmp_path / "in.silo", tmp_path / "out.mat")
-        found = [name for name in scipy.io.loadmat(tmp_path / "out.mat") if not name.startswith("__")]
+        found = [name for name in scipy_io.loadmat(tmp_path / "out.mat") if not name.startswith("__")]
         assert len(found) == 7
         assert all(name.isidentifier() and len(name) <= 63 for name in found)
 

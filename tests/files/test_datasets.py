@@ -8,8 +8,6 @@ import sys
 from dataclasses import replace
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -21,6 +19,9 @@ from silo.datasets.check import check_lerobot
 from silo.datasets.frames import Wanted, frames, wanted_of
 from silo.datasets.lerobot import write_lerobot
 from silo.datasets.moments import Moments, merged
+from tests.later import Later
+
+pa, pq = Later("pyarrow"), Later("pyarrow.parquet")
 
 FPS = 30
 TEN = ("min", "max", "mean", "std", "count", "q01", "q10", "q50", "q90", "q99")

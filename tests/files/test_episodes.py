@@ -6,7 +6,6 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 
@@ -17,6 +16,9 @@ from silo.datasets.lerobot import write_lerobot
 from silo.run_index.apart import what_tells
 from silo.run_index.facts import RunFacts, SignalFacts
 from silo.run_index.listed import ListedRun
+from tests.later import Later
+
+pq = Later("pyarrow.parquet")
 
 
 @pytest.fixture(scope="module")

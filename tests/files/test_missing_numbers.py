@@ -2,12 +2,8 @@
 
 import json
 
-import h5py
 import numpy as np
-import polars
-import pyarrow.parquet
 import pytest
-import scipy.io
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
@@ -15,6 +11,9 @@ import silo
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files.formats import read_recording
+from tests.later import Later
+
+h5py, polars, parquet, scipy_io = map(Later, ("h5py", "polars", "pyarrow.parquet", "scipy.io"))
 
 START = 1_700_000_000_000_000_000
 STEP = 10_000_000
@@ -135,7 +134,7 @@ def test_a_bag_that_is_cut_off_keeps_what_is_missing(log, tmp_path):
 
 
 def test_parquet_has_null(log, tmp_path):
-    table = pyarrow.parquet.read_table(log.save(tmp_path / "run.parquet"))
+    table = parquet.read_table(log.save(tmp_path / "run.parquet"))
     for name in ("small", "large", "on"):
         assert table[f"/j/{name}"].to_pylist() == expected(name)
     assert [table[f"/j/list_{at}"].to_pylist() for at in range(3)] == [list(one) for one in zip(*LISTS, strict=True)]
@@ -152,7 +151,7 @@ def test_hdf5_has_a_fill_value_that_no_sample_is(log, tmp_path):
 
 
 def test_matlab_has_nan_and_a_number_of_its_own_where_doubles_are_too_coarse(log, tmp_path):
-    structs = scipy.io.loadmat(log.save(tmp_path / "run.mat"), simplify_cells=True)
+    structs = scipy_io.loadmat(log.save(tmp_path / "run.mat"), simplify_cells=True)
     small = structs["j_small"]["data"]
     assert [None if np.isnan(each) else int(each) for each in small] == expected("small")
     large = structs["j_large"]

@@ -3,23 +3,23 @@
 import json
 from dataclasses import replace
 
-import h5py
 import numpy as np
-import pyarrow.parquet
 import pytest
-import scipy.io
 
 import silo
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files.formats import FORMATS, writer_for
+from tests.later import Later
+
+h5py, parquet, scipy_io = Later("h5py"), Later("pyarrow.parquet"), Later("scipy.io")
 
 START = 1_700_000_000_000_000_000
 TOLD = ("/log/x: nobody but silo holds this array any more", "12 samples were lost", "einmal ü, \0 und \n")
 
 
 def of_parquet(path):
-    return json.loads(pyarrow.parquet.read_metadata(path).metadata.get(b"warnings", b"[]"))
+    return json.loads(parquet.read_metadata(path).metadata.get(b"warnings", b"[]"))
 
 
 def of_hdf5(path):
@@ -28,7 +28,7 @@ def of_hdf5(path):
 
 
 def of_matlab(path):
-    found = scipy.io.loadmat(path, simplify_cells=True)["silo"].get("warnings", [])
+    found = scipy_io.loadmat(path, simplify_cells=True)["silo"].get("warnings", [])
     return [found] if isinstance(found, str) else [str(text) for text in found]
 
 
