@@ -28,6 +28,7 @@ from silo.core.runtime import shared_memory_root
 from tests.examples import load_profile
 from tests.waiting import wait_until
 from tests.warm import ADDRESS, COLD, Nursery, WarmPopen
+from tests.watchdog import pytest_timeout_set_timer  # noqa: F401
 
 SLOW_FIXTURES = {"bench", "robots"}  # they start helper processes
 SLOW_FOLDERS = {"crash"}
@@ -136,8 +137,10 @@ def runtime_folder(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setenv("XDG_STATE_HOME", str(state))
     monkeypatch.setenv("XDG_CONFIG_HOME", str(folder / "no-config"))  # no remotes of this user
     yield folder
-    for one in (folder, *folder.parent.glob(f"{folder.name}-*")):  # of groups, and of the state of a user
-        shutil.rmtree(one, ignore_errors=True)
+    shutil.rmtree(folder, ignore_errors=True)
+    for name in os.listdir(folder.parent):  # noqa: PTH208 - a glob compiles an expression for each test
+        if name.startswith(f"{folder.name}-"):  # of groups, and of the state of a user
+            shutil.rmtree(folder.parent / name, ignore_errors=True)
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:

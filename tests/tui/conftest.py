@@ -21,9 +21,10 @@ from textual.pilot import Pilot
 from textual.screen import ModalScreen
 
 from silo.core.elements import Action, ElementInfo
+from silo_tui import actions
 from silo_tui.actions import BY_ID, with_keys
 from silo_tui.app import SiloApp
-from silo_tui.keymap import DEFAULT, use_keys
+from silo_tui.keymap import BASES, DEFAULT, keys_in, use_keys
 from silo_tui.model.table.fields import Field, phrase_for
 from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.sessions.recorded import open_file
@@ -143,6 +144,7 @@ first_contact fitting_lines keys_of_screens large_plot leaving limits_and_log_ax
 monitor_screen mouse nonsense nonsense_everywhere painted_lines parameters pause real_logger recorders
 recordings_screen scope settings_doors settings_screen table_screen terminal typed_early views
 """
+DEFAULT_KEYS = {command: keys_in(DEFAULT, command) for command in BASES[DEFAULT]}
 
 
 @pytest.fixture(autouse=True)
@@ -153,7 +155,8 @@ def keys_of_nobody(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPat
         monkeypatch.setattr(Settings.__init__, "__defaults__", tuple(defaults))
         use_keys("classic", {})
     yield
-    use_keys(DEFAULT, {})
+    if actions._own != DEFAULT_KEYS:
+        use_keys(DEFAULT, {})
 
 
 @pytest.fixture
