@@ -188,6 +188,13 @@ class Judge:
         )
         return count
 
+    def settle(self) -> None:
+        """Return when what is logged by now is judged, and told; or a little later, where that takes long."""
+        try:
+            self._ordered(lambda: None)
+        except ElementError as error:
+            log.warning("what is saved now may lack the newest events of triggers and limits: %s", error)
+
     def _ordered(self, order: Callable[[], Any], *, changes: bool = False) -> Any:
         """Have the judge thread do it between two looks at the rings; what it changes is stored before the answer."""
         if changes:

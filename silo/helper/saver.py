@@ -3,6 +3,7 @@
 import logging
 import queue
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from silo.core.conditions import Conditions
@@ -42,7 +43,11 @@ class _Job:
 class Saver:
     """Owns the saver thread. The other methods may be called by any thread."""
 
-    def __init__(self, replica: Replica, events: EventNotifier, robot: RobotLink) -> None:
+    def __init__(
+        self, replica: Replica, events: EventNotifier, robot: RobotLink, settle: Callable[[], object] = lambda: None
+    ) -> None:
+        """`settle` returns when triggers and limits have come to what is logged: what they tell stands in the file."""
+        self._settle = settle
         self._replica = replica
         self._events = events
         self._robot = robot
@@ -132,6 +137,7 @@ class Saver:
         names = ", ".join(file_type.name.lower() for file_type in job.request.types)
         by = job.request.client
         self._events.publish(EventKind.SAVING, f"saving {names}", by=by, job=job.number)
+        self._settle()
         events = self._events.log.of_run(job.reader.schema.run)
         order = WriteOrder(
             job.folder,

@@ -326,6 +326,27 @@ class TestCommands:
         assert '"word":"H"' in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("ends", ["stop", "go on", "cut"])
+def test_what_fires_at_the_last_tick_stands_in_the_file_that_is_saved_at_once(bench, client, tmp_path, ends):
+    bench.logger.limit("x", (None, None, 20, 30))
+    bench.logger.trigger("hit", "x > 40", pre=0, post=0)
+    for begin in range(3):
+        bench.x[...] = 0
+        bench.logger.start(unsaved="clear")
+        bench.ticks(10)
+        wait_until(lambda: client.alarms().tick == 10)
+        bench.x[...] = 50
+        bench.ticks(1)
+        if ends == "stop":
+            bench.logger.stop()
+        elif ends == "cut":
+            bench.logger.set("q", cut=True, divider=2 + begin)
+            bench.ticks(1)
+        kinds = [event.kind for event in silo.open_log(bench.logger.save()[-1].path).events]  # of both stretches
+        assert (kinds.count("limit"), kinds.count("triggered")) == (1, 1)
+        bench.logger.stop()
+
+
 class TestCuts:
     """An edit of the table while it runs ends a stretch, and nothing of what somebody has yet to see."""
 
