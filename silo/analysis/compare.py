@@ -20,7 +20,7 @@ from silo.analysis.reports import table, type_text
 from silo.analysis.signal import Signal
 from silo.core import units
 from silo.core.arguments import real, shown, text
-from silo.core.arrays.values import as_floats
+from silo.core.arrays.values import as_floats, difference, from_base
 from silo.core.calls import told, told_class, told_names
 from silo.core.printing import html_table
 from silo.core.quantities.writing import and_more
@@ -510,7 +510,7 @@ def _of_finite(gaps: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
 
 def _spread(rows: Sequence[NDArray[Any]]) -> NDArray[np.float64]:
     """How far each signal moves: metres and volts stand in one list."""
-    floats = [as_floats(row) for row in rows]
+    floats = [as_floats(from_base(row)) for row in rows]
     if all(np.isfinite(one).all() for one in floats):
         return np.stack(floats).std(axis=1) if len(floats[0]) else np.zeros(len(floats))
     finite = [one[np.isfinite(one)] for one in floats]
@@ -528,10 +528,10 @@ def _gap(first: NDArray[Any], second: NDArray[Any]) -> NDArray[np.float64]:
     with np.errstate(invalid="ignore", over="ignore"):
         # the raw values: integers beyond 2**53 are not told apart as floats
         same = np.asarray(np.ma.filled(first == second, False))
-        mine, theirs = as_floats(first), as_floats(second)
-        gap = theirs - mine
+        gap = difference(first, second)
+        neither = np.isnan(as_floats(first)) & np.isnan(as_floats(second))
     gap[~same & (gap == 0)] = np.finfo(float).tiny
-    gap[same | (np.isnan(mine) & np.isnan(theirs))] = 0.0
+    gap[same | neither] = 0.0
     return gap
 
 

@@ -454,9 +454,7 @@ class Log(Mapping[str, Signal]):
     def _evaluated(self, expression: str, name: str, *, exact: bool = False) -> Signal:
         recording = narrowed(self.recording, [expression])  # of a bag of others, no more than the expression needs
         judge = self._judge if recording is self.recording else RecordingJudge(recording)
-        found = judge.evaluate(expression)
-        if exact:  # derived signals are float64 wherever they are read
-            found = judge.exactly(found)
+        found = judge.evaluate(expression, whole=exact)  # derived signals are float64 wherever they are read
         dividers = set(found.bound.sources.values())
         return Signal(
             name=name,

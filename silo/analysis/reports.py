@@ -6,14 +6,15 @@ A report is made from a `Recording`, printed as a table that fits the terminal o
 from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime, timezone
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from silo.analysis.compute.calculus import Floats
 from silo.analysis.plots.events import LogEvent, event_lines, events_of
-from silo.core.arrays.values import text_of
+from silo.core.arrays.values import from_base, text_of
 from silo.core.printing import printable
 from silo.core.quantities.writing import size_text
 from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, alike, stamps_of
@@ -130,6 +131,7 @@ def statistics(signal: "CurveSource") -> SignalStats:
     Of the finite samples; of strings and enumerations the most common values too.
     """
     values, names = signal.as_numbers()
+    offsets = from_base(signal.values) if signal.values.dtype.kind in "iu" else values
     common: tuple[str, ...] = ()
     if signal.is_text:
         texts = Counter(printable(text_of(value)) for value in signal.values.tolist())
@@ -141,7 +143,7 @@ def statistics(signal: "CurveSource") -> SignalStats:
     plain = SignalStats(signal.name, signal.unit, len(values), 0, None, None, None, None, None, common)
     if signal.is_text or not len(finite):
         return msgspec.structs.replace(plain, not_finite=0 if signal.is_text else len(values))
-    least, most, mean, std, rms = moments(finite)
+    least, most, mean, std, rms = moments(finite, offsets)
     return msgspec.structs.replace(
         plain, not_finite=len(values) - len(finite), minimum=least, maximum=most, mean=mean, std=std, rms=rms
     )
@@ -153,11 +155,15 @@ def finite_of(values: Floats) -> Floats:
     return values if kept.all() else values[kept]
 
 
-def moments(finite: Floats) -> tuple[float, float, float, float, float]:
-    """Return the minimum, maximum, mean, standard deviation and RMS of one finite number at least."""
+def moments(finite: Floats, offsets: NDArray[Any] | None = None) -> tuple[float, float, float, float, float]:
+    """Return the minimum, maximum, mean, standard deviation and RMS of one finite number at least.
+
+    `offsets` are the same less what they have in common, of which the deviation is taken, where not all is finite too.
+    """
+    spread = finite if offsets is None else finite_of(offsets)
     with np.errstate(over="ignore", invalid="ignore"):
         return (
-            float(finite.min()), float(finite.max()), float(finite.mean()), float(finite.std()),
+            float(finite.min()), float(finite.max()), float(finite.mean()), float(spread.std()),
             float(np.sqrt(np.mean(finite**2))),
         )  # fmt: skip
 

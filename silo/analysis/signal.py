@@ -22,7 +22,7 @@ from silo.analysis.compute.arithmetic import warn_outside, wide
 from silo.analysis.compute.samples import Samples, new_times
 from silo.core import units
 from silo.core.arguments import INT64, shown, text
-from silo.core.arrays.values import with_nan
+from silo.core.arrays.values import from_base, with_nan
 from silo.core.calls import no_attribute, told_class
 from silo.core.printing import html_table
 from silo.core.recording import within
@@ -251,7 +251,7 @@ class Signal(Samples, _Operators):
             start_s: seconds since start; None: from the first sample.
             stop_s: seconds since start; None: to the last sample.
         """
-        return self._statistic(np.nanvar, start_s, stop_s)
+        return self._statistic(np.nanvar, start_s, stop_s, taken=from_base)
 
     def mean(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
         """Return the mean of the samples in a window (whole signal by default), per component.
@@ -282,7 +282,7 @@ class Signal(Samples, _Operators):
             start_s: seconds since start; None: from the first sample.
             stop_s: seconds since start; None: to the last sample.
         """
-        return self._statistic(np.nanstd, start_s, stop_s)
+        return self._statistic(np.nanstd, start_s, stop_s, taken=from_base)
 
     def min(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
         """Return the smallest value in a window.
@@ -309,7 +309,7 @@ class Signal(Samples, _Operators):
 
         Over a time without samples it goes straight, as `integral` does; beside a NaN sample it is NaN.
         """
-        columns = [calculus.derivative(self.times, column) for column in self._columns("differentiate")]
+        columns = [calculus.derivative(self.times, column) for column in self._columns("differentiate", from_base)]
         return self._with(columns, units.quotient(self.unit, "s"), f"d({self.name})")
 
     def integral(self) -> "Signal":
@@ -520,7 +520,12 @@ class Signal(Samples, _Operators):
         return self._stamps(time)
 
     def _statistic(
-        self, function: Callable[..., Any], start_s: float | None, stop_s: float | None, exact: bool = False
+        self,
+        function: Callable[..., Any],
+        start_s: float | None,
+        stop_s: float | None,
+        exact: bool = False,
+        taken: Callable[[NDArray[Any]], NDArray[Any]] = with_nan,
     ) -> Any:
         values = self._numbers("take statistics of")[self._window(start_s, stop_s)]
         if not len(values):
@@ -533,6 +538,7 @@ class Signal(Samples, _Operators):
             # integers stay exact
             return np.asarray(values.min(axis=0) if function is np.nanmin else values.max(axis=0))[()]
         if not exact and values.dtype.kind != "c":
+            values = taken(values)
             values = values.astype(np.promote_types(values.dtype, np.float64), copy=False)
         empty = np.isnan(values).all(axis=0) if values.dtype.kind in "fc" else np.False_
         if not empty.any():

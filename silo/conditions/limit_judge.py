@@ -147,7 +147,7 @@ class _Together:
     def feed(self, rows: SourceRows) -> None:
         if not len(rows.ticks):
             return
-        block = np.stack([rows.columns[key] for key in self.keys], axis=1)
+        block = np.stack([rows.columns[key].astype(np.float64, copy=False) for key in self.keys], axis=1)
         # False too where there is a NaN
         green = (block.min(axis=0) >= self.low) & (block.max(axis=0) <= self.high)
         quiet = np.logical_and.reduceat(green, self.starts).tolist()

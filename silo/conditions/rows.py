@@ -124,7 +124,7 @@ class JudgedRows:
             lost = (rows.first - cursor) * divider
             rows = self._reader.rows(ring, rows.first, max(-(-until // divider) - rows.first, 0), picker.words)
         self._cursors[ring] = rows.first + len(rows)
-        return SourceRows(rows.ticks, rows.time_ns, picker.floats(rows)), lost
+        return SourceRows(rows.ticks, rows.time_ns, picker.numbers(rows)), lost
 
     def infos_of(self, names: Collection[str]) -> list[ElementInfo]:
         """Return what is known of these elements."""

@@ -7,6 +7,8 @@ it is compared. `prev`, `diff` and `rate` step per sample of their own signals, 
 that are missing both begin anew. However the rows are cut into batches, the results are the same, to the last bit.
 """
 
+import functools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,7 +16,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.expressions.binding import OFF, BoundExpression, BoundSignal, Computed, Constant, Part, Remembered, columns_of
+from silo.core.arrays.values import EXACT
+from silo.expressions.binding import (
+    OFF,
+    BoundExpression,
+    BoundSignal,
+    Computed,
+    Constant,
+    Part,
+    Remembered,
+    ScalarPlace,
+    columns_of,
+)
 from silo.expressions.operations import OPERATIONS, REDUCING, Truth, Value, as_numbers, as_truth, columned, raw, spread
 from silo.expressions.windows import Window, WindowMemory
 
@@ -27,11 +40,14 @@ FALSE, TRUE, UNOBSERVABLE = 0, 1, -1
 
 @dataclass(frozen=True)
 class SourceRows:
-    """New rows of one source: ticks and time stamps of shape `(n,)`, and by (element, entry) values of that shape."""
+    """New rows of one source: ticks and time stamps of shape `(n,)`, and by (element, entry) values of that shape.
+
+    They are float64, integers int64: sums, products and comparisons of these are exact.
+    """
 
     ticks: Ints
     time_ns: Ints
-    columns: Mapping[tuple[int, int], Floats]
+    columns: Mapping[tuple[int, int], Floats | Ints]
 
 
 @dataclass(frozen=True)
@@ -47,7 +63,10 @@ class Judged:
     seen: tuple[Bools | None, ...]
 
     def numbers(self, which: int = 0) -> Floats:
-        """Return the results of an expression as float64, NaN where they are unobservable."""
+        """Return the results of an expression as float64, NaN where they are unobservable.
+
+        Of an evaluator of what is `whole` those that are: int64, whatever they are where they are unobservable.
+        """
         value = self.values[which]
         return as_numbers(value) if isinstance(value, Truth) else value  # type: ignore[no-any-return]
 
@@ -66,7 +85,7 @@ class _Source:
 
     divider: int
     tick: int | None = None
-    values: dict[tuple[int, int], float] = field(default_factory=dict)
+    values: dict[tuple[int, int], int | float] = field(default_factory=dict)
 
 
 class _Grid:
@@ -157,6 +176,7 @@ class _Memory:
 
     last: Any = np.nan
     sample: Any = np.nan
+    whole: Ints | None = None  # the same, where it is one that a float64 can't hold
     time_ns: int = 0
     window: Window | None = None
 
@@ -167,7 +187,7 @@ class SourceMemory:
 
     source: int
     tick: int | None
-    values: list[tuple[int, int, float]]
+    values: list[tuple[int, int, int | float]]
 
 
 @dataclass
@@ -191,10 +211,12 @@ class EvaluatorMemory:
 class Evaluator:
     """Computes expressions over the rows of one run, batch after batch. A new run needs a new one.
 
-    The expressions are judged together, at every tick where a signal of any of them has a sample.
+    The expressions are judged together, at every tick where a signal of any of them has a sample. With `whole` those
+    that are sums and products of columns of int64 give int64, where 64 bits hold that.
     """
 
-    def __init__(self, *expressions: BoundExpression) -> None:
+    def __init__(self, *expressions: BoundExpression, whole: bool = False) -> None:
+        self._gives_whole, self._has_whole = whole, False
         self._roots = [expression.root for expression in expressions]
         dividers = {source: divider for one in expressions for source, divider in one.sources.items()}
         self._sources = {source: _Source(dividers[source]) for source in sorted(dividers)}
@@ -228,12 +250,14 @@ class Evaluator:
         A batch is whole up to some tick: no later one may bring a row with a tick that an earlier one went beyond.
         """
         self._rows, self._grids, self._made = rows, {}, {}
+        columns = [column for one in rows.values() for column in one.columns.values()]
+        self._has_whole = any(column.dtype.kind == "i" for column in columns)
         grid = self._grid(self.sources)
         count = len(grid.ticks)
         with np.errstate(all="ignore"):
             for part in reversed(self._memories):  # the innermost were noted last, and others need them
                 self._made[part] = self._remembered(part)
-            values = tuple(spread(self._value(root, grid), count) for root in self._roots)
+            values = tuple(spread(self._result(root, grid), count) for root in self._roots)
         seen = tuple(self._seen(sources, grid) for sources in self._seen_by)
         self._keep()
         self._rows, self._grids, self._made = {}, {}, {}
@@ -284,7 +308,7 @@ class Evaluator:
                 kept = self._sources[source]
                 kept.tick = int(rows.ticks[-1])
                 if len(self._sources) > 1:  # alone it never has to hold
-                    kept.values = {key: float(rows.columns[key][-1]) for key in self._wanted[source]}
+                    kept.values = {key: rows.columns[key][-1].item() for key in self._wanted[source]}
         for part, memory in self._memories.items():
             if part in self._made and len(self._made[part]):
                 memory.last = self._made[part][-1].copy()
@@ -305,7 +329,70 @@ class Evaluator:
         # a scalar beside a vector meets each of its values
         if any(raw(value).ndim == 2 for value in values if not isinstance(value, float)):
             values = [columned(value) for value in values]
-        return OPERATIONS[part.operator](values)
+        made = OPERATIONS[part.operator](values)
+        return self._exactly(part, grid, values, made) if self._has_whole else made
+
+    # ---------------------------------------------------------------------- integers that a float64 can't hold
+
+    def _result(self, part: Part, grid: _Grid) -> Value:
+        """The value of an expression; where whole ones are asked for, and it is one, int64."""
+        made = self._value(part, grid)
+        if not self._gives_whole or isinstance(made, Truth) or (whole := self._whole(part, grid)) is None:
+            return made
+        return whole if not (np.abs(made) >= 2.0**63).any() else made
+
+    def _exactly(self, part: Computed, grid: _Grid, values: Sequence[Value], made: Value) -> Value:
+        """What was made of float64 to the last digit, as far as it is made of integers."""
+        if isinstance(made, Truth):
+            sides = [self._whole(one, grid) for one in part.parts] if part.operator in _COMPARING else [None]
+            if any(side is None for side in sides):
+                return made
+            true = _COMPARING[part.operator](*_meeting(sides))
+            fits = functools.reduce(np.logical_and, [np.abs(as_numbers(value)) < _LARGEST for value in values])
+            return Truth(np.where(fits, true, made.true), made.unknown)
+        whole = self._whole(part, grid)
+        # modulo 2^64 what is added up is right where the result fits; a NaN is none
+        return made if whole is None else np.where(np.abs(made) < _LARGEST, whole, made)
+
+    def _whole(self, part: Part, grid: _Grid) -> Ints | None:
+        """A sum or product of integers modulo 2^64, None of anything else; any number where samples are missing."""
+        if isinstance(part, Constant):
+            is_whole = part.value.is_integer() and abs(part.value) < EXACT
+            return np.asarray(int(part.value), np.int64) if is_whole else None
+        if isinstance(part, BoundSignal):
+            columns = [self._whole_column(column, grid) for column in part.columns]
+            found = [column for column in columns if column is not None]
+            if len(found) < len(columns):
+                return None
+            return np.stack(found, axis=1) if part.vector else found[0]
+        if not isinstance(part, Computed):
+            return None
+        if part.operator == "**":
+            return _power(*part.parts)
+        if part.operator not in _ADDING:
+            return None
+        parts = [self._whole(one, grid) for one in part.parts]
+        if any(one is None for one in parts):
+            return None
+        return _added(_ADDING[part.operator], _meeting(parts))
+
+    def _whole_column(self, place: ScalarPlace, grid: _Grid) -> Ints | None:
+        key, source = (place.element, place.entry), place.source
+        rows = self._rows.get(source)
+        if source == OFF:
+            return None
+        column: Any = rows.columns[key] if rows is not None and len(rows.ticks) else _NO_WHOLE
+        if column.dtype.kind != "i":
+            return None
+        if grid.alike:
+            return column  # type: ignore[no-any-return]
+        before = self._sources[source].values.get(key, 0)
+        if isinstance(before, float) and abs(before) > EXACT:
+            return None  # it was rounded
+        held = 0 if math.isnan(before) else int(before)  # of a NaN there is no result either
+        return np.concatenate([np.asarray([held], np.int64), column])[grid.places(source) + 1]
+
+    # ------------------------------------------------------------------------------------------------------------
 
     def _isnan(self, part: Computed, value: Value, grid: _Grid) -> Truth:
         """Whether a value is no number: of what has no sample at all nobody can tell."""
@@ -323,7 +410,8 @@ class Evaluator:
             return np.full(len(grid.ticks), np.nan)
         rows = self._rows.get(source)
         column = rows.columns[key] if rows is not None and len(rows.ticks) else _NO_VALUES
-        return grid.held(source, column, self._sources[source].values.get(key, np.nan))
+        floats = column.astype(np.float64, copy=False)
+        return grid.held(source, floats, self._sources[source].values.get(key, np.nan))
 
     def _recalled(self, part: Remembered, grid: _Grid) -> Floats:
         """What a remembering function gave, held at the ticks of a grid."""
@@ -355,6 +443,10 @@ class Evaluator:
         before = np.concatenate([np.broadcast_to(memory.sample, (1, *samples.shape[1:])), samples[:-1]])
         before[breaks] = np.nan
         made = before if part.function == "prev" else samples - before
+        whole = self._whole(part.part, grid) if self._has_whole else None
+        if whole is not None and part.function != "prev":
+            made = _steps(whole, memory.whole, memory.sample, made)
+        memory.whole = whole[-1].copy() if whole is not None else None
         if part.function == "rate":
             elapsed = np.diff(grid.time_ns, prepend=memory.time_ns) * 1e-9
             elapsed[elapsed <= 0] = np.nan  # the clock was set back: no rate can be told
@@ -364,6 +456,41 @@ class Evaluator:
 
 
 _NO_VALUES = np.zeros(0)
+_NO_WHOLE = np.zeros(0, np.int64)
+_LARGEST = 2.0**62
+_ADDING: dict[str, Any] = {"+": np.add, "-": np.subtract, "*": np.multiply, "neg": np.negative}
+_COMPARING: dict[str, Any] = {
+    "<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal, "==": np.equal, "!=": np.not_equal,
+}  # fmt: skip
+
+
+def _meeting(values: Sequence[Any]) -> Sequence[Any]:
+    """A scalar beside a vector meets each of its values."""
+    return [columned(value) for value in values] if any(np.ndim(value) == 2 for value in values) else values
+
+
+def _added(function: Any, values: Sequence[Any]) -> Ints:
+    made: Ints = function(values[0]) if len(values) == 1 else functools.reduce(function, values)
+    return made
+
+
+def _power(base: Part, exponent: Part) -> Ints | None:
+    """The whole number that one constant to the power of another is, as in `2**60`; None where it is none of them."""
+    if not (isinstance(base, Constant) and isinstance(exponent, Constant)):
+        return None
+    if not (base.value.is_integer() and exponent.value.is_integer() and 0 <= exponent.value < 64):
+        return None
+    made = int(base.value) ** int(exponent.value)
+    return np.asarray(made, np.int64) if abs(made) < 2**63 else None
+
+
+def _steps(whole: Ints, before: Ints | None, sample: Floats, made: Floats) -> Floats:
+    """Differences to the sample before to the last digit, as far as there are some."""
+    if before is None and (np.abs(sample) <= EXACT).all():
+        before = np.broadcast_to(np.asarray(sample, np.int64), whole.shape[1:])
+    if before is None:
+        made[0], before = np.nan, whole[0]  # what came before was rounded, if anybody knew it
+    return np.where(np.abs(made) < _LARGEST, np.diff(whole, axis=0, prepend=before[None]), made)
 
 
 def trailing(part: Part) -> tuple[int, ...]:

@@ -8,12 +8,13 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.arrays.values import as_floats
+from silo.core.arrays.values import as_exact
 from silo.core.conditions import Derived
 from silo.core.elements import Entry
 from silo.core.recording import (
@@ -26,13 +27,11 @@ from silo.core.recording import (
     read_ahead,
     samples_between,
 )
-from silo.expressions.binding import BoundExpression, BoundSignal, Catalogue, Computed, Constant, Known, Part, bind
+from silo.expressions.binding import BoundExpression, Catalogue, Known, bind
 from silo.expressions.evaluation import UNOBSERVABLE, Evaluator, Judged, SourceRows
-from silo.expressions.operations import OPERATIONS, columned
 
 BATCH_TICKS = 16_384  # what is computed at once stays in the cache
 _RATE = -2  # a source without values, which has a row at every tick that the rates of the others have in common
-_WHOLE = ("+", "-", "*", "neg")  # of integers they are exact, as long as the result has 64 bits
 
 
 @dataclass(frozen=True)
@@ -131,23 +130,23 @@ class RecordingJudge:
         ]  # fmt: skip
         self.catalogue = Catalogue(known, recording.prefix, recording.conditions.derived)
 
-    def batches(self, *expressions: BoundExpression) -> Iterator[Judged]:
-        """Judge bound expressions together from the first tick to the last."""
-        evaluator = Evaluator(*expressions)
+    def batches(self, *expressions: BoundExpression, whole: bool = False) -> Iterator[Judged]:
+        """Judge bound expressions together from the first tick to the last; what is `whole` gives int64."""
+        evaluator = Evaluator(*expressions, whole=whole)
         wanted: dict[int, set[tuple[int, int]]] = {source: set() for source in evaluator.sources if source == _RATE}
         for column in (column for bound in expressions for column in bound.columns):
             wanted.setdefault(column.source, set()).add((column.element, column.entry))
         read_ahead(self._elements[place] for keys in wanted.values() for place, _ in keys)
         for begin in range(0, len(self.time_ns), BATCH_TICKS):
             end = begin + BATCH_TICKS
-            yield evaluator.feed({source: self.rows(source, keys, begin, end) for source, keys in wanted.items()})
+            yield evaluator.feed({at: self.rows(at, keys, begin, end) for at, keys in wanted.items()})
 
     def rows(self, source: int, keys: set[tuple[int, int]], begin: int, end: int) -> SourceRows:
         """Return the samples of some columns of a source at the ticks `begin ... end - 1`."""
         layout = self._layouts[source]
         low, high = layout.between(begin, end)
         ticks = layout.numbers(low, high)
-        columns = {key: as_floats(self._elements[key[0]].entries[key[1]].values[low:high]) for key in keys}
+        columns = {key: as_exact(self._elements[key[0]].entries[key[1]].values[low:high]) for key in keys}
         return SourceRows(ticks, self.time_ns[ticks], columns)
 
     def span(self, source: int) -> tuple[int, int]:
@@ -174,54 +173,22 @@ class RecordingJudge:
         found = self.catalogue.before(name)
         return found and found[0]
 
-    def evaluate(self, text: str) -> Evaluated:
-        """Return an expression over the whole recording. Raises ExpressionError with the place."""
+    def evaluate(self, text: str, *, whole: bool = False) -> Evaluated:
+        """Return an expression over the whole recording; of integers alone as int64, if what is `whole` is asked for.
+
+        Raises ExpressionError with the place.
+        """
         bound = self._with_rate(bind(text, self.catalogue))
-        ticks, times, values = [_NO_TICKS], [_NO_TICKS], []
-        for judged in self.batches(bound):
+        ticks, times = [_NO_TICKS], [_NO_TICKS]
+        values: list[NDArray[Any]] = []
+        for judged in self.batches(bound, whole=whole):
             found, known = _known(bound, judged)
             ticks.append(judged.ticks[known])
             times.append(judged.time_ns[known])
             values.append(found[known])
         shape = (0, bound.width) if bound.width else (0,)
         empty = np.zeros(shape, bool if bound.logical else np.float64)
-        return Evaluated(bound, np.concatenate(ticks), np.concatenate(times), np.concatenate([empty, *values]))
-
-    def exactly(self, found: Evaluated) -> Evaluated:
-        """Return the same as int64, to the last digit, where it is sums and products of integers that fit."""
-        values = found.values
-        if values.dtype != np.float64 or not self._is_whole(found.bound.root) or not (np.abs(values) < 2.0**63).all():
-            return found
-        with np.errstate(over="ignore"):  # what wraps around on the way comes back where the result fits
-            made = self._whole(found.bound.root, found.ticks)
-        return replace(found, values=np.broadcast_to(made, values.shape))
-
-    def _is_whole(self, part: Part) -> bool:
-        if isinstance(part, Constant):
-            return part.value.is_integer() and abs(part.value) < 2**53
-        if isinstance(part, BoundSignal):
-            entries = [self._elements[column.element].entries[column.entry].values for column in part.columns]
-            return all(one.dtype.kind in "iu" for one in entries)
-        if not isinstance(part, Computed) or not all(map(self._is_whole, part.parts)):
-            return False
-        return part.operator in _WHOLE or 0 <= _power(part) < 2**63
-
-    def _whole(self, part: Part, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
-        if isinstance(part, Constant):
-            return np.asarray(int(part.value), np.int64)
-        if isinstance(part, BoundSignal):
-            columns = []
-            for column in part.columns:
-                layout = self._layouts[column.source]
-                places = np.searchsorted(layout.numbers(0, layout.count), ticks, "right") - 1
-                columns.append(self._elements[column.element].entries[column.entry].values[places].astype(np.int64))
-            return np.stack(columns, axis=1) if part.vector else columns[0]
-        assert isinstance(part, Computed)
-        if part.operator == "**":
-            return np.asarray(_power(part), np.int64)
-        values = [self._whole(one, ticks) for one in part.parts]
-        meeting = [columned(value) for value in values] if any(value.ndim == 2 for value in values) else values
-        return np.asarray(OPERATIONS[part.operator](meeting), np.int64)
+        return Evaluated(bound, np.concatenate(ticks), np.concatenate(times), np.concatenate(values or [empty]))
 
     def _with_rate(self, bound: BoundExpression) -> BoundExpression:
         """Return it with what has it judged at every tick that its rates have in common, too; a bag of others has none.
@@ -238,14 +205,6 @@ class RecordingJudge:
 
 
 _NO_TICKS = np.zeros(0, np.int64)
-
-
-def _power(part: Computed) -> int:
-    """The whole number that one constant to the power of another is, as in `2**60`; -1 where it is none of them."""
-    base, exponent = part.parts if part.operator == "**" else (None, None)
-    if isinstance(base, Constant) and isinstance(exponent, Constant) and base.value >= 0 and 0 <= exponent.value < 64:
-        return int(int(base.value) ** int(exponent.value))
-    return -1
 
 
 def _own_ticks(axis: NDArray[np.int64], stamps: NDArray[np.int64]) -> _Ticks:

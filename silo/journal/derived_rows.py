@@ -252,7 +252,7 @@ class DerivedReader(SegmentReader):
             first, last = -(-begin // divider), -(-end // divider)
             picker = signal.pickers[ring]
             rows = super().rows(ring, first, last - first, picker.words).part(first, last)
-            found[ring] = SourceRows(rows.ticks, rows.time_ns, picker.floats(rows))
+            found[ring] = SourceRows(rows.ticks, rows.time_ns, picker.numbers(rows))
         return found
 
 

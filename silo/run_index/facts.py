@@ -4,7 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from silo.analysis.plots.curves import CurveSource, picked
 from silo.analysis.plots.events import episodes_of
 from silo.analysis.reports import finite_of, moments
+from silo.core.arrays.values import from_base
 from silo.core.elements import MARKER, LoggedEvent
 from silo.core.episodes.words import Episode, said_by
 from silo.core.recording import Recording, read_ahead, stamps_of, within
@@ -194,9 +195,12 @@ def _of_signal(
     signal: CurveSource, element: str, pieces: Sequence[slice | NDArray[np.bool_]]
 ) -> tuple[SignalFacts, NDArray[np.float64]]:
     values, _ = signal.as_numbers()
+    offsets = from_base(signal.values) if signal.values.dtype.kind in "iu" else values
     kind = "text" if signal.is_text else "enum" if signal.labels else "number"
-    parts = np.array([_numbers(values[piece], signal.is_text) for piece in pieces]).reshape(-1, len(NUMBERS))
-    return signal_facts(signal.name, element, signal.unit, _numbers(values, signal.is_text), kind), parts
+    parts = np.array([_numbers(values[piece], offsets[piece], signal.is_text) for piece in pieces]).reshape(
+        -1, len(NUMBERS)
+    )
+    return signal_facts(signal.name, element, signal.unit, _numbers(values, offsets, signal.is_text), kind), parts
 
 
 def signal_facts(name: str, element: str, unit: str, numbers: Sequence[float], kind: str) -> SignalFacts:
@@ -205,10 +209,10 @@ def signal_facts(name: str, element: str, unit: str, numbers: Sequence[float], k
     return SignalFacts(name, element, unit, int(numbers[0]), least, most, mean, std, rms, last, kind)
 
 
-def _numbers(values: NDArray[np.float64], is_text: bool) -> tuple[float, ...]:
+def _numbers(values: NDArray[np.float64], offsets: NDArray[Any], is_text: bool) -> tuple[float, ...]:
     """Count, minimum, maximum, mean, standard deviation, RMS of the finite ones, and the last one; NaN for none."""
     finite = finite_of(values)
     if is_text or not len(finite):
         return (len(finite), *[math.nan] * 6)
     last = float(values[-1])
-    return (len(finite), *moments(finite), last if math.isfinite(last) else math.nan)
+    return (len(finite), *moments(finite, offsets), last if math.isfinite(last) else math.nan)

@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.arrays.values import Floats, as_floats
+from silo.core.arrays.values import as_exact
 from silo.segment.layout import STAMP_WORDS, EntrySchema
 from silo.segment.rows import HasPlace, Placed, Rows, Words, placed, stored_type, strided
 
@@ -111,9 +111,9 @@ class RowPicker(Generic[Key]):
         """Return each entry, shape `(len(rows),)`, in its own type."""
         return ((key, rows.at(entry)) for key, entry in self._placed)
 
-    def floats(self, rows: Rows) -> dict[Key, Floats]:
-        """Return each entry as the nearest float64, shape `(len(rows),)`."""
-        return {key: as_floats(values) for key, values in self.columns(rows)}
+    def numbers(self, rows: Rows) -> dict[Key, NDArray[Any]]:
+        """Return each entry as float64, shape `(len(rows),)`, integers as int64."""
+        return {key: as_exact(values) for key, values in self.columns(rows)}
 
     @functools.cached_property
     def _blocks(self) -> list[_Block]:

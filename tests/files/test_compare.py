@@ -233,6 +233,15 @@ def test_an_episode_that_is_not_there_is_told_with_those_that_are(several):
         silo.compare(several / "run0.silo", several / "run1.silo", episode="place")
 
 
+@pytest.mark.parametrize(("dtype", "base"), [(np.int64, 2**60), (np.uint64, 2**63), (np.int64, -(2**60))])
+def test_integers_that_no_float_holds_are_compared_to_the_last_digit(dtype, base):
+    values = [np.array([base + at + more for at in range(COUNT)], dtype) for more in (0, 1)]
+    a, b = (silo.Log(recorded([element("n", one)])) for one in values)
+    (row,) = silo.compare(a, b).rows
+    assert (row.largest, row.rms, row.mean, row.count) == (1, 1, 1, COUNT)
+    assert not silo.compare(a, b, tolerance=1).rows
+
+
 def test_gaps_are_measured_over_their_finite_numbers():
     rows = np.array([[3.0, -4.0, 0.0], [1.0, np.nan, -5.0], [np.nan, np.inf, -np.inf]])
     rms, mean, most = comparing._of_finite(rows)

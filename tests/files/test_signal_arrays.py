@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import silo
+from silo.analysis.plots.curves import CurveSource
+from silo.analysis.reports import statistics
 
 COUNT = 20
 
@@ -351,6 +353,37 @@ def test_every_operator_of_numpy_is_one_of_signals(log):
     assert (log["x"] == None) is False  # noqa: E711
     with pytest.raises(silo.ElementError, match="has no meaning for signals"):
         divmod(gait, 2)
+
+
+@pytest.mark.parametrize("dtype", [np.int64, np.uint64])
+class TestStamps:
+    """Integers of which a float64 tells no two within 256 apart: stamps in ns."""
+
+    BEGIN = 1_790_000_000_000_000_000
+
+    def stamps(self, dtype, steps=(0, 3, 4, 9)):
+        values = (self.BEGIN + np.array(steps)).astype(dtype)
+        return silo.Signal("sent", values, np.arange(len(values)) * 10**9)
+
+    def test_differences_are_exact(self, dtype):
+        sent, received = self.stamps(dtype), self.stamps(dtype, (5, 1, 4, 10))
+        assert (received - sent).values.tolist() == [5, -2, 0, 1]
+        assert (sent - sent.values[0]).values.tolist() == [0, 3, 4, 9]
+        assert (sent - self.BEGIN).values.tolist() == [0, 3, 4, 9]
+
+    def test_what_does_not_depend_on_where_zero_is_is_exact(self, dtype):
+        sent = self.stamps(dtype)
+        assert sent.std() == pytest.approx(np.std([0, 3, 4, 9]))
+        assert sent.var() == pytest.approx(np.var([0, 3, 4, 9]))
+        assert sent.derivative().values.tolist() == np.gradient([0.0, 3.0, 4.0, 9.0]).tolist()
+        curve = CurveSource(sent.name, sent.unit, sent.time_ns, sent.values)
+        assert statistics(curve).std == pytest.approx(np.std([0, 3, 4, 9]))
+
+    def test_so_it_is_per_component(self, dtype):
+        values = np.stack([self.stamps(dtype).values, np.array([1, 2, 3, 4], dtype)], axis=1)
+        both = silo.Signal("both", values, np.arange(4) * 10**9)
+        assert both.std().tolist() == pytest.approx([np.std([0, 3, 4, 9]), np.std([1, 2, 3, 4])])
+        assert both.derivative().values[:, 1].tolist() == [1.0] * 4
 
 
 class TestNumpysStatistics:

@@ -126,7 +126,7 @@ def both(function, one, other):
 
 
 def number(value):
-    return each(lambda x: math.nan if x is None else float(x), value)
+    return each(lambda x: math.nan if x is None else x if type(x) is int else float(x), value)
 
 
 def truth(value):

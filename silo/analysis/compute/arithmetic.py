@@ -77,6 +77,8 @@ def _both(
         _check_operand(one, other, sign)
         _unit(one, other, sign, swapped)
         mine = numbers(one)
+        if isinstance(theirs, np.uint64) and theirs < 2**63:  # beside int64 NumPy would make both floats
+            theirs = np.int64(theirs)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         values = function(theirs, mine) if swapped else function(mine, theirs)
     made = one if values.ndim == one.values.ndim or not isinstance(other, Samples) else other
@@ -115,7 +117,7 @@ def _words(other: object) -> str:
 def wide(signal: Samples) -> NDArray[Any]:
     """Return the values in a type that doesn't wrap around: small integers and bools as int64."""
     values = signal._numbers("calculate with")
-    if values.dtype.kind == "u" and values.dtype.itemsize == 8:
+    if values.dtype.kind == "u" and values.dtype.itemsize == 8 and values.size and int(values.max()) >= 2**63:
         return values.astype(np.float64)
     return values.astype(np.int64) if values.dtype.kind in "iu" else values
 

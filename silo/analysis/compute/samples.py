@@ -5,7 +5,7 @@ stands in `silo.analysis.signal` and in the modules that it calls, which all tak
 """
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeVar
@@ -168,9 +168,11 @@ class Samples:
             raise ElementError(f"can't {purpose} '{self.name}': its values are no numbers ({self.dtype})")
         return self.values.astype(np.int64) if self.values.dtype.kind == "b" else self.values
 
-    def _columns(self, purpose: str) -> list[NDArray[np.float64]]:
+    def _columns(
+        self, purpose: str, taken: Callable[[NDArray[Any]], NDArray[Any]] = with_nan
+    ) -> list[NDArray[np.float64]]:
         """Return each component as float64 of shape `(m,)`. Raises ElementError for what are no real numbers."""
-        values = with_nan(self._numbers(purpose))
+        values = with_nan(taken(self._numbers(purpose)))
         if values.dtype.kind == "c":
             raise ElementError(f"can't {purpose} complex '{self.name}': take .component('real') or ('imag')")
         flat = values.reshape(len(self), -1) if len(self) else values.reshape(0, max(1, len(self.components)))

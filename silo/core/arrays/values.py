@@ -90,6 +90,36 @@ def as_floats(column: NDArray[Any]) -> Floats:
     return found.offsets + found.base if found.base else found.offsets
 
 
+def as_exact(column: NDArray[Any]) -> NDArray[Any]:
+    """Return integers as int64, shape `(n,)`, any other values (and what needs the 64th bit) as the nearest float64."""
+    if column.dtype.kind not in "iu" or np.ma.is_masked(column):
+        return as_floats(column)
+    if column.dtype.kind == "u" and column.dtype.itemsize == 8 and len(column) and int(column.max()) >= 2**63:
+        return as_floats(column)
+    return np.asarray(column, np.int64)
+
+
+def difference(first: NDArray[Any], second: NDArray[Any]) -> Floats:
+    """Return `second - first` as float64, of integers to the last digit; NaN where one of them is no number."""
+    made = as_floats(second) - as_floats(first)
+    if any(each.dtype.kind not in "iu" or np.ma.is_masked(each) for each in (first, second)):
+        return made
+    with np.errstate(over="ignore"):  # modulo 2^64 it is right where it fits
+        steps = np.asarray(second).astype(np.int64) - np.asarray(first).astype(np.int64)
+    return np.where(np.abs(made) < 2.0**62, steps, made)
+
+
+def from_base(values: NDArray[Any]) -> NDArray[Any]:
+    """Return large integers less what they have in common, per component; all else as it is, NaN where it is missing.
+
+    What doesn't depend on where zero is (a deviation, a slope) is exact then. `values` has shape `(n,)` or `(n, ...)`.
+    """
+    if values.dtype.kind not in "iu" or values.dtype.itemsize < 8 or not len(values):
+        return with_nan(values)
+    columns = values.reshape(len(values), -1)
+    return np.stack([numbers(column).offsets for column in columns.T], axis=1).reshape(values.shape)
+
+
 def _distances(values: NDArray[Any], base: int) -> Floats:
     """How far 64-bit integers lie from a base: modulo 2^64 there is no overflow, exact up to 2^53."""
     words = np.ascontiguousarray(values).view(np.uint64)
