@@ -26,6 +26,8 @@ from silo.live.views import Views
 from silo.net import keys
 from silo.net.keys import Root
 from silo.rpc.published import EventKind, Summary
+from silo.segment.reader import SegmentReader
+from silo.segment.reasons import LOST_ADVICE, lost_text
 from silo.segment.rows import lost_samples
 from silo.state.events import EventNotifier
 from silo.state.replica import Replica
@@ -294,6 +296,8 @@ class Publisher:
             self._ticks.clear()
             self._replica.measured_hz = 0.0
             self._idle_s = 0.0
+            if reader is not None:
+                self._tell_lost(reader)  # the last of a run that ended
             return
         self._idle_s = self._replica.idle_s(reader.ticks)
         self._ticks.append((now_s, reader.ticks))
@@ -302,10 +306,12 @@ class Publisher:
         span_s = now_s - self._ticks[0][0]
         if span_s > 0.2:
             self._replica.measured_hz = (self._ticks[-1][1] - self._ticks[0][1]) / span_s
-        if now_s >= self._lost_due_s and (lost := lost_samples(reader)) > self._lost_seen:
+        if now_s >= self._lost_due_s:
             self._lost_due_s = now_s + LOST_PERIOD_S
+            self._tell_lost(reader)
+
+    def _tell_lost(self, reader: SegmentReader) -> None:
+        lost = lost_samples(reader)
+        if lost > self._lost_seen:
             more, self._lost_seen = lost - self._lost_seen, lost
-            self._events.publish(
-                EventKind.LOST,
-                f"{more} samples could not be kept (memory limit): save and restart, or raise memory_limit_mb",
-            )
+            self._events.publish(EventKind.LOST, f"{lost_text(more, reader.lost_whys())}: {LOST_ADVICE}")

@@ -1,6 +1,7 @@
 """Why a logger stopped, and why rows were lost: numbers in the segment, and their words, each once."""
 
 import enum
+from collections.abc import Iterable
 
 
 class StopReason(enum.IntEnum):
@@ -40,3 +41,9 @@ LOST_TEXTS = {
     LostWhy.MEMORY_LIMIT: "the memory limit was reached (memory_limit_mb)",
     LostWhy.NO_ROOM: "the folder of the buffers was full",
 }
+LOST_ADVICE = "save and restart, or take smaller buffers"
+
+
+def lost_text(count: int, whys: Iterable[LostWhy]) -> str:
+    """Say how many samples could not be kept, and why."""
+    return f"{count} samples could not be kept: {' and '.join(LOST_TEXTS[why] for why in whys)}"

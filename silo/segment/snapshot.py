@@ -20,7 +20,7 @@ from silo.core.recording import (
     with_events,
 )
 from silo.segment.layout import TIME_RING, ElementSchema, SegmentSchema
-from silo.segment.reasons import LOST_TEXTS
+from silo.segment.reasons import lost_text
 from silo.segment.retention import kept_rows
 from silo.segment.rows import Rows, RowSource, lost_samples
 
@@ -110,8 +110,7 @@ def _warnings(source: RowSource, elements: list[RecordedElement], ticks: int) ->
     warnings = []
     lost = lost_samples(source)
     if lost:
-        texts = " and ".join(LOST_TEXTS[why] for why in source.lost_whys())
-        warnings.append(f"{lost} samples could not be kept: {texts}")
+        warnings.append(lost_text(lost, source.lost_whys()))
     failed = [element for element in elements if element.failures.count]
     warnings += [f"{element.name}: {failures_text(element.failures)}" for element in failed]
     unheld = source.unheld()

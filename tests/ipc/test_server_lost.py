@@ -39,3 +39,13 @@ def test_status_views_and_events_count_the_samples_that_the_elements_lost(
                 return sum(int(event.text.split()[0]) for event in heard if event.kind is EventKind.LOST)
 
             until(lambda: told() == lost)
+            assert all(
+                "could not be kept: the memory limit was reached (memory_limit_mb): save" in event.text
+                for event in heard
+                if event.kind is EventKind.LOST
+            )
+            for _ in range(50):
+                log.collect()
+            log.stop()
+            lost = sum(element.lost for element in log.snapshot().elements)
+            until(lambda: told() == lost)  # the last of it, too
