@@ -275,7 +275,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         lease_s: float | None = None,
         on_lost: Callable[[str], None] | None = None,
     ) -> str:
-        """Take control: from now on nobody else changes anything, until it is released, given away or taken.
+        """Take control: from now on no other user changes anything, until it is released, given away or taken.
 
         It is kept while this client lives and its link does, and ends 15 s after; with a `lease_s` of your own it goes
         on without this client.

@@ -8,7 +8,7 @@ LONGEST_LEASE_S = 24 * 3600.0
 
 
 class TakeControl(Do[Done], frozen=True):
-    """From now on nobody else changes anything, for `lease_s`, or longer if this is sent again with `renew`.
+    """From now on no other user changes anything, for `lease_s`, or longer if this is sent again with `renew`.
 
     A renewal is refused where somebody else has control by now; `force` takes it from whoever has it.
     """

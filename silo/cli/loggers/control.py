@@ -35,7 +35,7 @@ def control() -> None:
 @click.option("--for", "lasting", default="10min", show_default=True, metavar="TIME", help="How long: 30s, 10min, 2h.")
 @click.option("--force", is_flag=True, help="From whoever has it; everybody is told.")
 def take(client: "Client", lasting: str, force: bool) -> str:
-    """Take control: from now on nobody else changes anything.
+    """Take control: from now on no other user changes anything; programs of one user share it.
 
     \b
     Example:
