@@ -190,7 +190,9 @@ def _placed(parts: Sequence[tuple[Recording, Stretch]]) -> tuple[list[_Piece], N
         elements = [_fresh(element, first, taken) for element in part.elements] if stretch.recorder else part.elements
         if not pieces or stretch.part != pieces[-1].stretch.part:
             told += _missing(pieces[-1].stretch if pieces else None, stretch, first)
-            taken, elements, after = {}, part.elements, 0 if pieces and stretch.recorder else first
+            taken, elements, after = {}, part.elements, first
+            if stretch.recorder and (pieces or stretch.since >= 0) and len(part.time_ns):
+                after = min(first, max(0, stretch.since))
         if any(one.count for one in part.elements) and not any(one.count for one in elements):
             continue  # a copy
         over = max(0, after - first) if len(part.time_ns) else 0

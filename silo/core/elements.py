@@ -222,13 +222,15 @@ class Sought(str, enum.Enum):
 class Stretch(msgspec.Struct, frozen=True, omit_defaults=True):
     """What a recording is of a run that was cut, by the id of its first: stretch `part`, from 1, or `parts` as one.
 
-    What a `recorder` wrote is a file of a stretch, of which there may be several, also where nothing was cut.
+    What a `recorder` wrote is a file of a stretch, of which there may be several, also where nothing was cut; it has
+    recorded that stretch since a tick, -1 where that isn't known.
     """
 
     run: str
     part: int = 0
     parts: int = 1
     recorder: str = ""
+    since: int = -1
 
     @property
     def text(self) -> str:

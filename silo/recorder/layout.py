@@ -100,15 +100,17 @@ class ChannelLayout:
         """The schema and channel records."""
         return definitions(self.template, self.channels, events=True)
 
-    def facts(self, recorder: str, begin: Mapping[int, int]) -> PartFacts:
-        """What a part says of itself that begins with these rows."""
+    def facts(self, recorder: str, begin: Mapping[int, int], since: Mapping[int, int]) -> PartFacts:
+        """What a part says of itself that begins with these rows, of a run that is recorded since those."""
         rings = [
             RingFacts(ring, self.schema.rings[ring].divider, begin.get(ring, 0), list(channels))
             for ring, channels in self.ring_channels.items()
             if channels
         ]
+        since_tick = min((since.get(ring.ring, 0) * ring.divider for ring in rings), default=0)
         rings.append(RingFacts(EVENTS_RING, 1, begin.get(EVENTS_RING, 0), [self.events_channel]))
-        return PartFacts(PART_VERSION, recorder, self.schema.run, rings, recording_facts(self.template, self.channels))
+        about = recording_facts(self.template, self.channels)
+        return PartFacts(PART_VERSION, recorder, self.schema.run, rings, about, since_tick)
 
     def samples(self, rows: Rows) -> list[RecordedElement]:
         """All elements; those of the rows' ring with values, the others as in the template."""

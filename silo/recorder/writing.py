@@ -70,9 +70,15 @@ class OpenPart:
     """A part that is open. Every method may raise OSError of the disk."""
 
     def __init__(
-        self, folder: Path, recorder: str, layout: ChannelLayout, begin: Mapping[int, int], write: Write | None
+        self,
+        folder: Path,
+        recorder: str,
+        layout: ChannelLayout,
+        begin: Mapping[int, int],
+        since: Mapping[int, int],
+        write: Write | None,
     ) -> None:
-        """Make the file, locked as long as it is open."""
+        """Make the file, locked as long as it is open; it begins with rows of a run that is recorded `since` some."""
         run_number = next_run_number(folder, recorder)
         self.final = log_path(folder, recorder, run_number, datetime.now().astimezone(), ".mcap")
         self.path = part_path(folder, self.final.name)
@@ -81,7 +87,7 @@ class OpenPart:
         self._file = open_part(self.path)
         self.inode = os.fstat(self._file.fileno()).st_ino
         self._mcap = McapWriter(self._file, *layout.definitions, write=write)
-        self._mcap.attach(PART_ATTACHMENT, "application/zstd", pack_part(layout.facts(recorder, begin)))
+        self._mcap.attach(PART_ATTACHMENT, "application/zstd", pack_part(layout.facts(recorder, begin, since)))
         self._rows: dict[int, int] = dict.fromkeys(layout.rings, 0)
         self._span: tuple[int, int] | None = None
         self._synced_s, self._synced_bytes = self.begun_s, 0
@@ -394,7 +400,10 @@ class Writing:
     def _open_part(self) -> OpenPart:
         if self._part is None:
             told, begin = self._told_at_begin()
-            part = OpenPart(self._folder, self._order.name, self._present_layout, begin, self._disk.write)
+            layout = self._present_layout
+            entry = self._ledger.written.entry(layout.schema.run)
+            since = entry.begin if entry is not None else begin
+            part = OpenPart(self._folder, self._order.name, layout, begin, since, self._disk.write)
             self._part = part
             with contextlib.suppress(OSError, RuntimeError):  # then `silo recover` must be told the folder
                 remember_folder(self._folder, RECORDINGS)

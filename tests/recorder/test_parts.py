@@ -700,6 +700,24 @@ def test_ticks_that_are_in_no_part_are_told_and_what_comes_after_stands_at_its_t
         log.save(tmp_path / "whole.silo")
 
 
+def test_oldest_ticks_that_a_budget_deleted_are_told_and_none_from_before_the_recording(
+    robot, tmp_path, truth, recwarn
+) -> None:
+    robot.start()
+    robot.ticks(70)
+    found = recorded(robot, tmp_path, truth)
+    begin = truth.span(silo.open_log(found).recording)[0]
+    assert not told_of(recwarn)
+    first = truth.span(read_bag(found[2]))[0]
+    for path in found[:2]:
+        path.unlink()
+    with pytest.warns(
+        silo.LogWarning, match=f"ticks {begin} to {first - 1} are missing: the file that has them was del"
+    ):
+        log = silo.open_log(found[3], alone=False)
+    assert log["x"].values.tolist() == list(range(first, robot.tick))
+
+
 @pytest.mark.parametrize("ending", [".silo", ".csv", ".rosbag2", ".mcap"])
 def test_parts_that_were_converted_are_read_as_one_as_well(robot, tmp_path, truth, ending) -> None:
     robot.start()

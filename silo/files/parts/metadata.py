@@ -35,13 +35,17 @@ class RingFacts(msgspec.Struct, frozen=True):
 
 
 class PartFacts(msgspec.Struct, frozen=True):
-    """`recording` has counts and time stamps of none: they follow from the messages. `run` is the logger's run."""
+    """`recording` has counts and time stamps of none: they follow from the messages. `run` is the logger's run.
+
+    `since` is the tick from which on that is recorded, of which there may be parts before this one; -1 in older parts.
+    """
 
     version: int
     recorder: str
     run: str
     rings: list[RingFacts]
     recording: RecordingFacts
+    since: int = -1
 
     @property
     def value_rings(self) -> list[RingFacts]:

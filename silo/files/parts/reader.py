@@ -128,7 +128,9 @@ def open_part(file: Path, data: memoryview, index: Index, facts: PartFacts) -> R
         facts.recording,
         offset=end,
         time_looping=True,
-        stretch=msgspec.structs.replace(facts.recording.stretch or Stretch(facts.run, 1), recorder=facts.recorder),
+        stretch=msgspec.structs.replace(
+            facts.recording.stretch or Stretch(facts.run, 1), recorder=facts.recorder, since=facts.since
+        ),
         warnings=tuple(warnings),
         events=tuple(sorted(events, key=lambda event: (event.time_ns, event.number))),
         elements=tuple(
