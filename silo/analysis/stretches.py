@@ -30,6 +30,8 @@ from silo.core.recording import (
     stamps_of,
     within,
 )
+from silo.expressions.derived_signals import bound_derived, lookback
+from silo.expressions.over_recordings import RecordingJudge
 
 
 def clipped(recording: Recording, first_ns: int, last_ns: int) -> Recording:
@@ -141,7 +143,7 @@ def joined(parts: Sequence[Recording]) -> Recording:
             by_name.setdefault(element.name, []).append((piece, element))
     own: dict[tuple[tuple[int, int, int], ...], NDArray[np.int64]] = {}
     events = _events(pieces, begin)
-    return replace(
+    whole = replace(
         last.part,
         time_ns=time_ns,
         offset=begin + len(time_ns),
@@ -152,6 +154,49 @@ def joined(parts: Sequence[Recording]) -> Recording:
         events=tuple(once_each(events)),
         stretch=Stretch(last.stretch.run, parts=len(pieces), recorder=last.stretch.recorder),
     )
+    cuts = [
+        int(time_ns[piece.place])
+        for before, piece in pairwise(pieces)
+        if piece.stretch.part != before.stretch.part and piece.place < len(time_ns)
+    ]
+    return _over_cuts(whole, cuts) if cuts else whole
+
+
+def _over_cuts(whole: Recording, cuts: Sequence[int]) -> Recording:
+    """Return it with the windows of derived signals reaching over cuts, at these stamps: files have none of before."""
+    known = {one.name for one in whole.conditions.derived}
+    plain = [element for element in whole.elements if element.name not in known]
+    if len(plain) == len(whole.elements):
+        return whole
+    judge = RecordingJudge(replace(whole, elements=tuple(plain)))
+    windows = {
+        one.name: lookback(bound).window_ns
+        for one, bound, why in bound_derived(judge.catalogue)
+        if bound is not None and not why
+    }
+
+    def values(element: RecordedElement, number: int) -> NDArray[Any]:
+        stored, stamps = element.entries[number].values, stamps_of(whole, element)
+        within_ns = windows[element.name]
+        late = np.logical_or.reduce([(stamps >= cut) & (stamps < cut + within_ns) for cut in cuts])
+        found = judge.evaluate(f"`{element.name}`")
+        places = np.searchsorted(found.time_ns, stamps[late], "right") - 1
+        made = stored.copy()
+        columns = found.values if found.values.ndim == 2 else found.values[:, None]
+        made[late] = np.where(places >= 0, columns[places, number], made[late]) if len(columns) else made[late]
+        whole_column: NDArray[Any] = made
+        return whole_column
+
+    def over(element: RecordedElement) -> RecordedElement:
+        if not windows.get(element.name):
+            return element
+        entries = tuple(
+            lazy_entry(entry.name, entry.entry, partial(values, element, number), entry.dtype, entry.count)
+            for number, entry in enumerate(element.entries)
+        )
+        return replace(element, entries=entries)
+
+    return replace(whole, elements=tuple(map(over, whole.elements)))
 
 
 def _first(part: Recording) -> int:

@@ -370,20 +370,20 @@ class Judge:
         if run and reader is None:
             return
         before = self._judge
-        self._end_run("a new run began")
+        goes_on = reader is not None and before is not None and reader.schema.follows(before.reader.schema)
+        self._end_run("the run was cut" if goes_on else "a new run began")
         self._run, self._closed, self._failed = run, False, ""
         if reader is not None:
-            self._go_over(reader, before)
+            self._go_over(reader, before if goes_on else None)
 
     def _go_over(self, reader: SegmentReader, before: "SegmentJudge | None") -> None:
-        """Judge the run that has just begun, after the one of `before`."""
+        """Judge the run that has just begun; `before` judged the stretch that it goes on, if it does."""
         run = reader.schema.run
         if self._go_on(reader) or not reader.schema.conditions.judged:
             return
         # of a damaged state nobody knows what it had fired for: nothing fires twice
         is_damaged = self._memory is not None and self._memory.was_damaged(run)
-        goes_on = before if before is not None and reader.schema.follows(before.reader.schema) else None
-        self._begin(reader, reader.schema.conditions, since=reader.ticks if is_damaged else 0, after=goes_on)
+        self._begin(reader, reader.schema.conditions, since=reader.ticks if is_damaged else 0, after=before)
 
     def _judge_left(self, run: str) -> None:
         """Judge a run that is over, from where a predecessor stood; told is what nobody told before."""

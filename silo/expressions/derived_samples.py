@@ -88,7 +88,8 @@ def _computed(judge: RecordingJudge, recording: Recording, one: Derived, bound: 
 def _looks_before(recording: Recording, bound: BoundExpression, first: int, at: NDArray[np.int64]) -> NDArray[np.bool_]:
     """At which time stamps a window isn't full, as what it reaches back to was there and is not kept."""
     window_ns = lookback(bound).window_ns
-    kept_whole = recording.offset - len(recording.time_ns) + first == 0
+    stretch = recording.stretch  # one that goes on another is not whole by itself
+    kept_whole = recording.offset - len(recording.time_ns) + first == 0 and (stretch is None or stretch.part <= 1)
     if kept_whole or not window_ns or not len(at):
         return np.zeros(len(at), np.bool_)
     early: NDArray[np.bool_] = recording.time_ns[at] - recording.time_ns[first] < window_ns

@@ -116,7 +116,9 @@ class RecordingJudge:
     def __init__(self, recording: Recording) -> None:
         self._elements = list(recording.elements)
         stamps = [element.own_ns for element in self._elements if element.own_ns is not None]
-        self.time_ns = common_axis(stamps) if stamps else recording.time_ns
+        # of a run that was cut some have stamps of their own, all of them from among those of the recording
+        alone = bool(stamps) and len(stamps) == len(self._elements)
+        self.time_ns = common_axis(stamps) if alone else recording.time_ns
         # elements of one topic have the same array
         own = {id(each): _own_ticks(self.time_ns, each) for each in {id(each): each for each in stamps}.values()}
         numbers: dict[tuple[int, int, int, int], int] = {}

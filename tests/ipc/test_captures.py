@@ -85,6 +85,21 @@ def test_a_new_run_within_post_closes_the_capture_and_begins_anew(bench, client,
     assert len(silo.open_log(second)["x"]) == 106
 
 
+def test_a_capture_over_a_cut_says_what_it_lacks_before_and_behind(bench, client, events):
+    bench.logger.trigger("beat", "x == 58 or x == 63", pre="50ms", post="50ms")
+    bench.logger.start()
+    bench.ticks(60)
+    bench.logger.set("q", divider=2, cut=True)
+    bench.ticks(60)
+    (first,), (second,) = captured(events, 2)
+    with pytest.warns(silo.LogWarning, match="the run was cut, 3 ticks before its end"):
+        assert silo.open_log(first)["x"].values.tolist() == list(range(53, 61))
+    with pytest.warns(silo.LogWarning, match="the run was cut, and its first 3 ticks are of the stretch before"):
+        assert silo.open_log(second)["x"].values.tolist() == list(range(61, 69))
+    told = [event.text for event in events if event.kind is EventKind.CAPTURED]
+    assert ["the run was cut" in text for text in told] == [True, True]
+
+
 def test_only_the_newest_captures_stay_if_it_is_asked_for(bench, client, events, tmp_path):
     bench.logger.trigger("beat", "x % 50 == 0", pre="50ms", post="50ms", keep=2)
     bench.logger.start()

@@ -396,3 +396,46 @@ def test_parts_of_a_recording_whose_rings_end_at_other_ticks_are_read_whole_in_a
     assert slow.entries[0].values.tolist() == list(range(0, 200, 5))
     assert (whole.time_ns.tolist(), whole.warnings) == ((10**18 + 10**6 * np.arange(200)).tolist(), ())
     assert (slow.stamp_indices.tolist(), slow.own_ns) == (list(range(0, 200, 5)), None)
+
+
+@pytest.fixture
+def windowed(tmp_path):
+    """A run of 60 ticks of 10 ms that was cut twice, a sixth of it each time, with what is derived by windows."""
+    ticks = itertools.count()
+    log = silo.Logger(
+        "w", frequency=100, folder=tmp_path, script=tmp_path / "no.yaml", clock=lambda: 10**18 + next(ticks) * 10**7
+    )
+    n, x = log.array("n", (), "int64", buffer="growing"), log.array("x", buffer="growing")
+    log.derive("smooth", "mean(n, 50ms)")
+    log.derive("twice", "2 * smooth")
+    log.derive("most", "max(n, 50ms) > 30")
+    log.derive("plain", "n + 1")
+    log.start()
+    for tick in range(60):
+        if tick in (10, 20):
+            log.set("x", divider=3 - log["x"].options.divider, cut=True)
+        n[...] = x[...] = tick
+        log.collect()
+    log.save()
+    log.close()
+    return tmp_path
+
+
+def test_windows_of_derived_signals_reach_over_the_cuts_of_a_run(windowed):
+    log = silo.open_log(windowed)
+    expected = [np.mean(range(max(0, tick - 4), tick + 1)) for tick in range(60)]
+    for name, factor in (("smooth", 1), ("twice", 2)):
+        assert log[name].values == pytest.approx(np.array(expected) * factor), name
+    assert log["most"].values.tolist() == [tick > 30 for tick in range(60)]
+    assert log["plain"].values.tolist() == list(range(1, 61))
+    np.testing.assert_array_equal(log.eval("mean(n, 50ms)").values, log["smooth"].values)
+    assert len(log.eval("n + x")) == 60
+
+
+@pytest.mark.filterwarnings("ignore::silo.LogWarning")
+def test_windows_in_the_file_of_a_stretch_are_nan_where_they_reach_back_into_the_one_before(windowed):
+    (path,) = windowed.glob("*_part2.silo")
+    log = silo.open_log(path, alone=True)
+    assert np.flatnonzero(np.isnan(log["smooth"].values)).tolist() == list(range(5))
+    assert log["smooth"].values[5:].tolist() == [tick - 2 for tick in range(15, 20)]
+    assert not np.isnan(log["plain"].values).any()

@@ -9,6 +9,7 @@ import numpy as np
 from silo.core.conditions import CaptureFacts, Conditions, TriggerOptions
 from silo.core.elements import BufferType, LoggedEvent
 from silo.core.episodes.words import within_ticks
+from silo.core.quantities.writing import many
 from silo.core.recording import Recording, once_each, with_events
 from silo.judging.triggers import Capture, longest_capture
 from silo.segment.layout import TIME_RING, SegmentSchema
@@ -69,9 +70,17 @@ class CaptureBuffer:
     @property
     def why(self) -> str:
         """Why the capture is shorter than what fired; empty where it isn't."""
-        if self.ended or not self.capture.full:
-            return self.ended
-        return f"closed as it fired on and on: capture {self.capture.number + 1} goes on"
+        full = f"closed as it fired on and on: capture {self.capture.number + 1} goes on" if self.capture.full else ""
+        return "; ".join(filter(None, (self._before_cut, self.ended or full)))
+
+    @property
+    def _before_cut(self) -> str:
+        """What it lacks of the past, as that is of the stretch before a cut."""
+        schema, fires = self._reader.schema, self.capture.fires
+        missing = round(self.options.pre_s * schema.frequency_hz) - fires[0].tick if schema.cut and fires else 0
+        return (
+            f"the run was cut, and its first {many(missing, 'tick')} are of the stretch before" if missing > 0 else ""
+        )
 
     def append(self, until: int) -> bool:
         """Copy the rows of ticks before `until` that are new; whether the capture is whole then."""
