@@ -116,7 +116,7 @@ def write_lerobot(
                     progress(number / len(runs))
                 source = run.path or run.name if isinstance(run, Log) else os.fspath(run)
                 try:
-                    opened = run if isinstance(run, Log) else open_log(run)
+                    opened = run if isinstance(run, Log) else open_log(run, alone=False)
                     stretch = opened.recording.stretch
                     first = source
                     if stretch is not None and not stretch.part:

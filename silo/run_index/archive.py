@@ -28,9 +28,8 @@ import msgspec
 
 from silo.core.recording import Recording, has_own_stamps
 from silo.errors import ElementError, FileFormatError, LogNotFoundError, SaveError, SiloError
-from silo.files.added import added_formats
 from silo.files.atomic import PART_ENDING, atomic_file, reason, sweep_parts
-from silo.files.formats import read_recording, writer_for
+from silo.files.formats import writer_for
 from silo.files.optional_packages import need
 from silo.files.tables.parquet import read_parquet
 from silo.run_index.index import Told
@@ -206,7 +205,7 @@ class Archive:
                 raise ElementError(
                     f"a run of this name was archived from {before.source}; give these another one (--as)"
                 )
-        recording = read_recording(run.path, added_formats)
+        recording = run.read()
         if has_own_stamps(recording):
             raise ElementError(
                 "each of its topics has times of its own: convert it at a rate first (silo convert --rate)"

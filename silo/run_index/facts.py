@@ -2,7 +2,9 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -41,7 +43,9 @@ class RunFacts(msgspec.Struct, frozen=True, omit_defaults=True):
 
     prefix: of the names of its elements. kind: `run`, or `capture` of a trigger. begun_ns: by the wall clock. span_s:
     from the first tick to the last. rate_hz: of its ticks. lost: samples. limits, triggers, marks: how often; a mark of
-    an episode is none. in_episodes: of each of `episodes`. problem: why it can't be read, then all else is empty.
+    an episode is none. in_episodes: of each of `episodes`. problem: why it can't be read, then all else is empty. run:
+    its id, of a run that was cut that of its first stretch; empty where the file doesn't tell. Of a file that is one of
+    several, part is the stretch, and recorder who wrote it. stamp_ns: the first time stamp, by the clock of the logger.
     """
 
     path: str
@@ -67,6 +71,13 @@ class RunFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     episodes: tuple[Episode, ...] = ()
     in_episodes: tuple[EpisodeFacts, ...] = ()
     problem: str = ""
+    run: str = ""
+    part: int = 0
+    recorder: str = ""
+    stamp_ns: int = 0
+
+
+Piece = tuple[str, int | None]  # of a run of several files: one of them, and an episode in it; None: all of it
 
 
 class SignalFacts(msgspec.Struct, frozen=True, array_like=True):
@@ -170,7 +181,17 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
         about=recording.told_about,
         parameters=parameters,
         episodes=tuple(episodes_of(recording, int(stamps[0]) if ticks else 0)),
+        run=recording.stretch.run if recording.stretch is not None else _run_of(recording.events),
+        part=recording.stretch.part if recording.stretch is not None else 0,
+        recorder=recording.stretch.recorder if recording.stretch is not None else "",
+        stamp_ns=int(stamps[0]) if ticks else 0,
     )
+
+
+def _run_of(events: Iterable[LoggedEvent]) -> str:
+    """The run of which most events are; empty where there are none."""
+    found = Counter(event.run for event in events if event.run).most_common(1)
+    return found[0][0] if found else ""
 
 
 def _happened(events: Iterable[LoggedEvent]) -> tuple[int, int, int]:
@@ -216,3 +237,158 @@ def _numbers(values: NDArray[np.float64], offsets: NDArray[Any], is_text: bool) 
         return (len(finite), *[math.nan] * 6)
     last = float(values[-1])
     return (len(finite), *moments(finite, offsets), last if math.isfinite(last) else math.nan)
+
+
+# ------------------------------------------------------------------------------------------- several files of one run
+
+
+def by_run(files: Sequence[RunFacts]) -> list[tuple[tuple[RunFacts, ...], tuple[str, ...]]]:
+    """Return what there is as one or more files for each run, in their order; captures are runs of their own.
+
+    With the paths of others of that run, of which these have more.
+    """
+    runs: dict[tuple[str, str], list[RunFacts]] = {}
+    found: list[tuple[tuple[RunFacts, ...], tuple[str, ...]]] = []
+    for one in files:
+        if one.run and one.kind == "run" and not one.problem:
+            runs.setdefault((one.robot, one.run), []).append(one)
+        else:
+            found.append(((one,), ()))
+    for some in runs.values():
+        together = [list(its) for _, its in groupby(sorted(some, key=_place), key=lambda one: _place(one)[:2])]
+        saved = [save for group in together if not group[0].recorder for save in _saves(group)]
+        recorded = [tuple(group) for group in together if group[0].recorder]
+        best = max([*saved, *recorded], key=_amount)
+        # recordings of other elements, and saves of other times, are each a thing of their own
+        kept = saved if not recorded else recorded if best in recorded else [best]
+        paths = {one.path for group in kept for one in group}
+        others = tuple(one.path for one in some if one.path not in paths)
+        found += [(group, () if place else others) for place, group in enumerate(kept)]
+    return found
+
+
+def _place(one: RunFacts) -> tuple[str, str, int, int, str]:
+    """Where a file stands among those of its run: copies in another folder are apart."""
+    return one.recorder, one.path.rpartition("/")[0], one.part, one.begun_ns, one.path
+
+
+def _amount(files: Sequence[RunFacts]) -> tuple[int, int]:
+    return sum(one.ticks * one.elements for one in files), not files[0].recorder
+
+
+def _saves(files: Sequence[RunFacts]) -> list[tuple[RunFacts, ...]]:
+    """The saves of a run: one that was not cut each, of one that was its parts, of each what has most."""
+    whole: list[tuple[RunFacts, ...]] = [(one,) for one in files if not one.part]
+    parts: dict[int, RunFacts] = {}
+    for one in files:
+        if one.part and (one.part not in parts or one.ticks > parts[one.part].ticks):
+            parts[one.part] = one
+    return [*whole, tuple(parts[part] for part in sorted(parts))] if parts else whole
+
+
+def _shifts(files: Sequence[RunFacts]) -> list[float]:
+    """By how many seconds each file begins after the first one."""
+    return [(one.stamp_ns - files[0].stamp_ns) * 1e-9 if one.ticks else 0.0 for one in files]
+
+
+def merged(files: Sequence[RunFacts]) -> tuple[RunFacts, tuple[tuple[Piece, ...], ...]]:
+    """Return the facts of several files as one, with where the pieces of each episode stand."""
+    first, shifts = files[0], _shifts(files)
+    episodes, happened, pieces = _episodes(files, shifts)
+    ticks = sum(one.ticks for one in files)
+    span_s = max(shift + one.span_s for shift, one in zip(shifts, files, strict=True))
+    facts = msgspec.structs.replace(
+        first,
+        span_s=span_s,
+        ticks=ticks,
+        elements=max(one.elements for one in files),
+        rate_hz=(ticks - 1) / span_s if span_s > 0 else first.rate_hz,
+        about={key: value for one in files for key, value in one.about.items()},
+        parameters={key: value for one in files for key, value in one.parameters.items()},
+        episodes=tuple(episodes),
+        in_episodes=tuple(happened),
+        part=0,
+        **{
+            name: sum(getattr(one, name) for one in files)
+            for name in ("marks", "limits", "triggers", "lost", "failed", "warnings", "size_bytes")
+        },
+    )
+    return facts, tuple(map(tuple, pieces))
+
+
+def _episodes(
+    files: Sequence[RunFacts], shifts: Sequence[float]
+) -> tuple[list[Episode], list[EpisodeFacts], list[list[Piece]]]:
+    """The episodes of all files; one that goes on in another file is one, also over files without a word of it."""
+    found: list[Episode] = []
+    happened: list[EpisodeFacts] = []
+    pieces: list[list[Piece]] = []
+    before = 0  # ticks
+    between: list[Piece] = []  # since the last episode
+    for one, shift in zip(files, shifts, strict=True):
+        for number, (episode, what) in enumerate(zip(one.episodes, one.in_episodes, strict=True)):
+            moved = replace(
+                episode,
+                first=episode.first + before, last=episode.last + before, number=len(found),
+                start_s=episode.start_s + shift, stop_s=episode.stop_s + shift,
+            )  # fmt: skip
+            goes_on = found and not found[-1].whole and not episode.whole and not number
+            if goes_on and found[-1].name == episode.name and pieces[-1][-1][0] != one.path:
+                open_one = found[-1]
+                found[-1] = replace(
+                    moved, first=open_one.first, start_s=open_one.start_s, number=open_one.number, whole=True,
+                    about={**open_one.about, **moved.about}, verdict=moved.verdict or open_one.verdict,
+                )  # fmt: skip
+                numbers = [a + b for a, b in zip(*map(msgspec.structs.astuple, (happened[-1], what)), strict=True)]
+                happened[-1] = EpisodeFacts(*numbers)
+                pieces[-1] += [*between, (one.path, number)]
+            else:
+                found.append(moved)
+                happened.append(what)
+                pieces.append([(one.path, number)])
+            between = []
+        if not one.episodes:
+            between.append((one.path, None))
+        before += one.ticks
+    return found, happened, pieces
+
+
+def signals_of(several: Sequence[Sequence[SignalFacts]]) -> list[SignalFacts]:
+    """Return the facts of scalars over the samples of several pieces, which follow one another."""
+    if len(several) == 1:
+        return list(several[0])
+    found: dict[str, list[SignalFacts]] = {}
+    for some in several:
+        for one in some:
+            found.setdefault(one.name, []).append(one)
+    return [_signal(some) for _, some in sorted(found.items())]
+
+
+def _signal(some: Sequence[SignalFacts]) -> SignalFacts:
+    numbers = [one for one in some if one.mean is not None and one.rms is not None]
+    last = some[-1]
+    count = sum(one.count for one in some)
+    if not numbers:
+        return msgspec.structs.replace(last, count=count)
+    of = sum(one.count for one in numbers)
+    mean = sum((one.mean or 0.0) * one.count for one in numbers) / of
+    spread = sum(((one.std or 0.0) ** 2 + ((one.mean or 0.0) - mean) ** 2) * one.count for one in numbers) / of
+    return msgspec.structs.replace(
+        last,
+        count=count,
+        least=min(one.least for one in numbers if one.least is not None),
+        most=max(one.most for one in numbers if one.most is not None),
+        mean=mean,
+        std=math.sqrt(spread),
+        rms=math.sqrt(sum((one.rms or 0.0) ** 2 * one.count for one in numbers) / of),
+        last=next((one.last for one in reversed(some) if one.last is not None), None),
+    )
+
+
+def events_of(files: Sequence[RunFacts], found: Mapping[str, Sequence[EventFacts]]) -> list[EventFacts]:
+    """Return what happened in several files, in seconds since the first one begins."""
+    return [
+        msgspec.structs.replace(event, at_s=event.at_s + shift)
+        for one, shift in zip(files, _shifts(files), strict=True)
+        for event in found.get(one.path, ())
+    ]

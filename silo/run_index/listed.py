@@ -1,6 +1,7 @@
 """One run of a list: its facts, what people say of it, the way to its log."""
 
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
@@ -10,8 +11,12 @@ import msgspec
 
 from silo.analysis.opening import open_log
 from silo.core.episodes.words import Episode
+from silo.core.recording import Recording
+from silo.errors import LogWarning
+from silo.files.added import added_formats
+from silo.files.formats import read_recording
 from silo.run_index import labels
-from silo.run_index.facts import RunFacts, SignalFacts
+from silo.run_index.facts import Piece, RunFacts, SignalFacts, signals_of
 
 if TYPE_CHECKING:
     from silo.analysis.log import Log
@@ -26,7 +31,31 @@ class ListedRun:
     facts: RunFacts
     folder: Path
     _labels: dict[str, labels.Labels] = field(default_factory=dict)
-    _signals: Callable[[int | None], list[SignalFacts]] = lambda episode: []
+    _of: Callable[[str, int | None], list[SignalFacts]] = lambda path, episode: []
+    files: tuple[RunFacts, ...] = ()  # all that it is of, where that is several, in their order
+    pieces: tuple[tuple[Piece, ...], ...] = ()  # where each of its episodes stands then
+    others: Mapping[str, dict[str, labels.Labels]] = field(default_factory=dict)  # more files of it, with their labels
+
+    @property
+    def paths(self) -> list[str]:
+        """The paths of its files, relative to the folder of the index."""
+        return [one.path for one in self.files] or [self.facts.path]
+
+    def signals_in(
+        self,
+        runs: Mapping[str, Sequence[SignalFacts]],
+        _episodes: Mapping[tuple[str, int], Sequence[SignalFacts]],
+    ) -> list[SignalFacts]:
+        """The facts of its scalars among those of all files, and of all episodes in them."""
+        return signals_of([runs.get(path, ()) for path in self.paths])
+
+    def has(self, path: Path) -> bool:
+        """Whether a file is of it, though another one may be listed."""
+        return path.absolute() in [(self.folder / one).absolute() for one in (*self.paths, *self.others)]
+
+    def pieces_of(self, episode: int) -> Sequence[Piece]:
+        """Where an episode stands."""
+        return self.pieces[episode] if self.pieces else [(self.facts.path, episode)]
 
     @property
     def path(self) -> Path:
@@ -61,11 +90,21 @@ class ListedRun:
     @property
     def signals(self) -> list[SignalFacts]:
         """Each scalar in a few numbers, from the index."""
-        return self._signals(None)
+        return signals_of([self._of(path, None) for path in self.paths])
 
     def open(self) -> "Log":
         """Open the log. Raises as `silo.open_log`."""
+        if self.files:
+            return open_log([self.folder / path for path in self.paths])
         return open_log(self.path, alone=True)
+
+    def read(self) -> Recording:
+        """Read its files as one recording. Raises SiloError."""
+        if not self.files:
+            return read_recording(self.path, added_formats)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LogWarning)  # they stand in it
+            return self.open().recording
 
     def tag(self, *tags: str) -> None:
         """Give it tags. Raises ElementError for one that is no word, SaveError."""
@@ -95,7 +134,12 @@ class ListedRun:
 
     @property
     def _said(self) -> labels.Labels:
-        return self._labels.get(self.name, labels.Labels())
+        own = dict.fromkeys(self.paths, self._labels)
+        said = [known.get(Path(path).stem, labels.Labels()) for path, known in {**own, **self.others}.items()]
+        if len(said) == 1:
+            return said[0]
+        tags = dict.fromkeys(tag for one in said for tag in one.tags)
+        return labels.Labels(tuple(tags), tuple(note for one in said for note in one.notes))
 
     def _reread(self) -> None:
         self._labels.clear()
@@ -116,11 +160,24 @@ class ListedEpisode(ListedRun):
     @property
     def signals(self) -> list[SignalFacts]:
         """Each scalar in a few numbers, those of this episode, from the index."""
-        return self._signals(self.episode.number)
+        return signals_of([self._of(*piece) for piece in self.pieces_of(self.episode.number)])
+
+    def signals_in(
+        self,
+        runs: Mapping[str, Sequence[SignalFacts]],
+        episodes: Mapping[tuple[str, int], Sequence[SignalFacts]],
+    ) -> list[SignalFacts]:
+        """The same, of this episode."""
+        pieces = self.pieces_of(self.episode.number)
+        return signals_of(
+            [runs.get(path, ()) if number is None else episodes.get((path, number), ()) for path, number in pieces]
+        )
 
     def open(self) -> "Log":
         """Open its part of the log. Raises as `silo.open_log`, and ElementError where the log lacks it by now."""
-        return super().open().clip(self.episode.start_s, self.episode.stop_s)
+        log = super().open()
+        one = next((one for one in log.episodes if self.files and one.number == self.episode.number), self.episode)
+        return log.clip(one.start_s, one.stop_s)
 
     def __repr__(self) -> str:
         one = self.episode
@@ -150,7 +207,10 @@ def episodes_of(run: ListedRun) -> list[ListedEpisode]:
             ),
             run.folder,
             run._labels,
-            run._signals,
+            run._of,
+            run.files,
+            run.pieces,
+            run.others,
             one,
         )
         for one, happened in zip(run.facts.episodes, run.facts.in_episodes, strict=True)

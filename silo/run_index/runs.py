@@ -1,9 +1,8 @@
 """`silo.runs("logs")`: the runs of folders as a list that can be narrowed, tagged and opened."""
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime, timedelta, timezone
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -13,7 +12,7 @@ from silo.core.calls import told, told_names
 from silo.core.quantities.writing import many, size_text
 from silo.errors import ElementError
 from silo.run_index import labels
-from silo.run_index.facts import SignalFacts
+from silo.run_index.facts import SignalFacts, by_run, merged
 from silo.run_index.index import RunIndex, Told
 from silo.run_index.listed import EPOCH, ListedEpisode, ListedRun, episodes_of
 from silo.run_index.where import Query
@@ -211,20 +210,15 @@ class RunList(Sequence[ListedRun]):
 
     def signals(self, names: Sequence[str] | None = None) -> list[Sequence[SignalFacts]]:
         """Return the facts of scalars, by their whole names, of each of these; of all scalars without names."""
-        runs: dict[Path, dict[str, list[SignalFacts]]] = {}
+        runs: dict[Path, Mapping[str, list[SignalFacts]]] = {}
         episodes: dict[Path, dict[tuple[str, int], list[SignalFacts]]] = {}
         for index in self.indexes:
             mine = [run for run in self if run.folder == index.root]
             if any(isinstance(run, ListedEpisode) for run in mine):
                 episodes[index.root] = index.signals_of_episodes(names)
-            if not all(isinstance(run, ListedEpisode) for run in mine):
+            if not all(isinstance(run, ListedEpisode) and not run.files for run in mine):
                 runs[index.root] = index.signals(names)
-        return [
-            episodes[run.folder].get((run.facts.path, run.episode.number), ())
-            if isinstance(run, ListedEpisode)
-            else runs[run.folder].get(run.facts.path, ())
-            for run in self
-        ]
+        return [run.signals_in(runs.get(run.folder, {}), episodes.get(run.folder, {})) for run in self]
 
     def _kept(self, places: Sequence[int]) -> "RunList":
         return RunList([self._runs[place] for place in places], self.indexes)
@@ -264,11 +258,14 @@ def runs(
     said: dict[Path, dict[str, labels.Labels]] = {}
     for index in indexes:
         index.refresh(told, anew=rebuild)
-        for facts in index.runs():
-            folder = (index.root / facts.path).parent
-            if folder not in said:
-                said[folder] = labels.read_labels(folder)
-            every.append(ListedRun(facts, index.root, said[folder], partial(index.of_run, facts.path)))
+        for files, more in by_run(index.runs()):
+            facts, pieces = merged(files) if len(files) > 1 else (files[0], ())
+            beside = {path: (index.root / path).parent for path in (facts.path, *more)}
+            for folder in beside.values():
+                if folder not in said:
+                    said[folder] = labels.read_labels(folder)
+            its, others = said[beside[facts.path]], {path: said[beside[path]] for path in more}
+            every.append(ListedRun(facts, index.root, its, index.of_run, files[1:] and files, pieces, others))
     every.sort(key=lambda run: (run.facts.begun_ns, run.facts.path))
     found = RunList(every, indexes).between(since, until)
     return found.where(where) if where else found

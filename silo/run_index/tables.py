@@ -26,12 +26,10 @@ from silo.analysis.compute.exports import log_to_polars
 from silo.analysis.log import Log
 from silo.core.recording import Recording, common_axis, has_own_stamps
 from silo.errors import LogWarning
-from silo.files.added import added_formats
-from silo.files.formats import read_recording
 from silo.files.optional_packages import need
-from silo.run_index.facts import SignalFacts
+from silo.run_index.facts import SignalFacts, events_of
 from silo.run_index.index import RunIndex
-from silo.run_index.listed import ListedRun
+from silo.run_index.listed import ListedRun, episodes_of
 
 EXTRA = "query"
 COLUMNS: dict[str, dict[str, str]] = {
@@ -112,23 +110,23 @@ class Folders:
 
     def read(self, run: str, signals: Sequence[str]) -> Any:
         """Return signals of a run. Raises SiloError for a log that can't be read."""
-        return read_signals(read_recording(self.runs[run].path, added_formats), signals)
+        return read_signals(self.runs[run].read(), signals)
 
     def _signals(self) -> list[tuple[Any, ...]]:
         every = {index.root: index.signals() for index in self._indexes}
         return [
             (name, *_signal(run, one))
             for name, run in self.runs.items()
-            for one in every[run.folder].get(run.facts.path, ())
+            for one in run.signals_in(every[run.folder], {})
         ]
 
     def _episode_signals(self) -> list[tuple[Any, ...]]:
-        every = {index.root: index.signals_of_episodes() for index in self._indexes}
+        every = {index.root: (index.signals(), index.signals_of_episodes()) for index in self._indexes}
         return [
-            (name, episode.number, *_signal(run, one))
+            (name, episode.episode.number, *_signal(run, one))
             for name, run in self.runs.items()
-            for episode in run.facts.episodes
-            for one in every[run.folder].get((run.facts.path, episode.number), ())
+            for episode in episodes_of(run)
+            for one in episode.signals_in(*every[run.folder])
         ]
 
     def _events(self) -> list[tuple[Any, ...]]:
@@ -136,7 +134,7 @@ class Folders:
         return [
             (name, one.at_s, one.tick, one.time_ns, one.kind, one.text, one.who)
             for name, run in self.runs.items()
-            for one in every[run.folder].get(run.facts.path, ())
+            for one in events_of(run.files or (run.facts,), every[run.folder])
         ]
 
     def _facts(self) -> list[tuple[Any, ...]]:

@@ -22,7 +22,7 @@ from silo.core.recording import Recording
 from silo.core.tuning.parameters import ParameterChange
 from silo.errors import ExpressionError
 from silo.run_index import finding, index, labels
-from silo.run_index.facts import EpisodeFacts, RunFacts, SignalFacts, facts_of, read_facts
+from silo.run_index.facts import EpisodeFacts, RunFacts, SignalFacts, by_run, facts_of, read_facts
 from silo.run_index.finding import There
 from silo.run_index.where import FACTS, FUNCTIONS, Query
 from tests.stand_ins.saved import element
@@ -479,3 +479,95 @@ def test_a_run_that_went_before_it_was_read_says_so_and_began_at_no_time(tmp_pat
     gone = read_facts(tmp_path, "gone.silo", 7).run
     assert (gone.path, gone.begun_ns, gone.size_bytes) == ("gone.silo", 0, 7)
     assert "gone.silo" in gone.problem
+
+
+# ------------------------------------------------------------------------------------------ several files of one run
+
+
+@pytest.fixture
+def cut(tmp_path):
+    """A run of 60 ticks in three files: it was cut twice, `x` has half of the samples in the middle one."""
+    clock = itertools.count(1_700_000_000_000_000_000, 10_000_000).__next__
+    log = silo.Logger("anymal", frequency=100, folder=tmp_path, script=tmp_path / "none.yaml", clock=clock)
+    n, x = log.array("n", (), "int64", buffer="growing"), log.array("x", buffer="growing")
+    log.start()
+    for tick in range(60):
+        if tick in (20, 40):
+            log.set("x", divider=3 - log["x"].options.divider, cut=True)
+        n[...], x[...] = tick, -tick
+        log.collect()
+        if tick == 4:
+            log.mark("pushed")
+        if tick == 9:
+            log.episode("walk", speed=0.5).__enter__()
+        if tick == 49:
+            log.mark('episode "walk" end')
+    log.save()
+    log.close()
+    return tmp_path
+
+
+def test_a_run_that_was_cut_is_one_run_of_all_its_files(cut):
+    runs = silo.runs(cut)
+    (run,) = runs
+    facts = run.facts
+    assert (facts.ticks, facts.marks, facts.elements) == (60, 1, 2)
+    assert (facts.span_s, facts.rate_hz) == (pytest.approx(0.59), pytest.approx(100))
+    x = np.array([-tick for tick in range(60) if not 20 <= tick < 40 or tick % 2 == 0], float)
+    (of_x,) = [one for one in run.signals if one.name == "/log/x"]
+    assert (of_x.count, of_x.least, of_x.most, of_x.last) == (len(x), -59, 0, -59)
+    assert (of_x.mean, of_x.std) == (pytest.approx(x.mean()), pytest.approx(x.std()))
+    assert of_x.rms == pytest.approx(math.sqrt(np.mean(x**2)))
+    assert runs.values("max(n)") == [59]
+    assert run.open()["n"].values.tolist() == list(range(60))
+    found = runs.sql("select signal, count(*) as of from samples group by signal order by signal").rows()
+    assert found == [("n", 60), ("x", len(x))]
+
+
+def test_an_episode_over_the_cuts_of_a_run_is_one(cut, tmp_path):
+    (episode,) = silo.runs(cut).episodes()
+    one = episode.episode
+    assert (one.whole, one.about, one.first, one.last) == (True, {"speed": 0.5}, 10, 49)
+    log = episode.open()
+    assert log["n"].values.tolist() == list(range(10, 50))
+    (of_n,) = [one for one in episode.signals if one.name == "/log/n"]
+    assert (of_n.count, of_n.least, of_n.most, of_n.mean) == (40, 10, 49, 29.5)
+    assert silo.runs(cut).episodes().values("count(n)") == [40]
+
+
+def files(*several):
+    return [
+        RunFacts(path, robot="bot", ticks=ticks, elements=3, run="a", part=part, recorder=recorder, begun_ns=place)
+        for place, (path, ticks, part, recorder) in enumerate(several)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("there", "expected"),
+    [
+        ([("1.silo", 9, 0, ""), ("rec/1.mcap", 9, 1, "bot")], [["1.silo"]]),
+        ([("1.silo", 5, 0, ""), ("rec/1.mcap", 5, 1, "bot"), ("rec/2.mcap", 4, 1, "bot")],
+         [["rec/1.mcap", "rec/2.mcap"]]),
+        ([("1.silo", 5, 0, ""), ("2.silo", 9, 0, "")], [["1.silo"], ["2.silo"]]),
+        ([("1_part1.silo", 5, 1, ""), ("2_part1.silo", 4, 1, ""), ("3_part2.silo", 4, 2, "")],
+         [["1_part1.silo", "3_part2.silo"]]),
+        ([("a/1.mcap", 9, 1, "bot"), ("b/1.mcap", 9, 1, "cam"), ("1.silo", 3, 0, "")], [["a/1.mcap"], ["b/1.mcap"]]),
+    ],
+    ids=["recorded and saved", "saved is less", "saved twice", "cut", "two recordings"],
+)  # fmt: skip
+def test_files_of_one_run_are_one_run(there, expected):
+    found = by_run(files(*there))
+    assert [[one.path for one in group] for group, _ in found] == expected
+    assert sorted(path for group, others in found for path in (*(one.path for one in group), *others)) == sorted(
+        path for path, *_ in there
+    )
+
+
+def test_a_tag_of_any_file_of_a_run_is_one_of_the_run(cut):
+    for path in sorted(cut.glob("*_part?.silo")):
+        assert CliRunner().invoke(cli, ["tag", str(path), f"of{path.stem[-1]}"]).exit_code == 0
+    (run,) = silo.runs(cut)
+    assert run.tags == ("of1", "of2", "of3")
+    run.tag("more")
+    assert run.tags == ("of1", "more", "of2", "of3")
+    assert len(silo.runs(cut).where("of3")) == 1

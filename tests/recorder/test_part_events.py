@@ -17,6 +17,7 @@ from silo import open_log, runs
 from silo.cli.main import run
 from silo.core.conditions import Derived
 from silo.core.elements import LoggedEvent, RecorderState
+from silo.datasets.lerobot import write_lerobot
 from silo.errors import FileFormatError
 from silo.files.bag_reader import read_bag
 from silo.files.bags.writer import write_bag
@@ -159,7 +160,7 @@ def test_an_episode_over_two_parts_lacks_its_end_in_the_first_and_its_beginning_
     assert (other.last, other.success, other.whole) == (robot.tick - 11, True, False)
     assert other.start_s == 0
     found = runs(tmp_path / "rec").episodes()
-    assert [(run.episode.success, run.episode.whole) for run in found] == [(None, False), (True, False)]
+    assert [(run.episode.success, run.episode.whole) for run in found] == [(True, True)]  # of all parts
     assert [int(signal.most) for run in found for signal in run.signals if signal.name == "/log/x"] == [
         int(run.open()["x"].values.max()) for run in found
     ]
@@ -636,3 +637,21 @@ def test_signals_that_come_later_count_from_where_they_begin(robot, tmp_path, tr
     assert direct.ledger.written.runs[0].begin[max(direct.drain.layout.rings)] == 103
     assert ["d1" in open_log(path) for path in parts(tmp_path)] == [False, True]
     assert derived_of(tmp_path, "d1") == [(tick, 3.0 * tick) for tick in range(103, 150)]
+
+
+def test_an_episode_over_the_parts_of_a_recording_is_one_in_data_sets_and_lists(
+    robot, tmp_path, truth, happens
+) -> None:
+    robot.start()
+    for word, tick, begun in (("begin", 20, 1), ("end", 70, 2)):
+        direct = truth.direct(robot, order(tmp_path, resume=begun == 2))
+        robot.ticks(50)
+        happens(f'episode "walk" {word}', tick)
+        direct.step()
+        direct.finish()
+    assert len(parts(tmp_path)) == 2
+    made = write_lerobot(parts(tmp_path), tmp_path / "set", fps=1000, state=["x"], episodes="episodes", to="episodes")
+    assert (made.episodes, [source for source, _ in made.left_out]) == (1, [str(parts(tmp_path)[1])])
+    robot.log.save(folder=tmp_path)
+    (listed,) = runs(tmp_path)
+    assert (listed.facts.ticks, [(one.first, one.last) for one in listed.facts.episodes]) == (100, [(21, 70)])

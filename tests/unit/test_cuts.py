@@ -432,6 +432,21 @@ def test_windows_of_derived_signals_reach_over_the_cuts_of_a_run(windowed):
     assert len(log.eval("n + x")) == 60
 
 
+def test_a_run_of_which_an_element_became_slower_at_a_cut_is_a_table(tmp_path):
+    ticks = itertools.count()
+    log = silo.Logger("t", folder=tmp_path, script=tmp_path / "no.yaml", clock=lambda: 10**18 + next(ticks) * 10**7)
+    n, x = log.array("n", buffer="growing"), log.array("x", buffer="growing")
+    log.start()
+    for tick in range(50):
+        if tick == 20:
+            log.set("x", divider=2, cut=True)
+        n[...] = x[...] = tick
+        log.collect()
+    log.save()
+    log.close()
+    assert silo.open_log(tmp_path).to_polars()["/log/x"].to_list()[18:24] == [18, 19, 20, None, 22, None]
+
+
 @pytest.mark.filterwarnings("ignore::silo.LogWarning")
 def test_windows_in_the_file_of_a_stretch_are_nan_where_they_reach_back_into_the_one_before(windowed):
     (path,) = windowed.glob("*_part2.silo")

@@ -136,7 +136,7 @@ def _ticks(signal: Samples, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
     if not len(steps):
         return steps
     # a clock that stepped back gives a stamp twice
-    for first in np.flatnonzero(time_ns[: len(time_ns) - int(steps[-1])] == signal.time_ns[0]).tolist():
+    for first in np.flatnonzero(time_ns[: max(0, len(time_ns) - int(steps[-1]))] == signal.time_ns[0]).tolist():
         if np.array_equal(time_ns[first + steps], signal.time_ns):
             return np.asarray(first + steps)
     return places_on(time_ns, signal.time_ns)

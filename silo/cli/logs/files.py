@@ -346,7 +346,7 @@ def _compare_many(
     if begin.absolute().parent != end.absolute().parent or len(pattern) > 1:
         raise click.UsageError("A..B are runs of one folder; behind them stands one PATTERN at most")
     every = runs(begin.absolute().parent)
-    places = [place for place, run in enumerate(every) if run.path.absolute() in (begin.absolute(), end.absolute())]
+    places = [place for place, run in enumerate(every) if run.has(begin) or run.has(end)]
     found = every[places[0] : places[-1] + 1].compare(*pattern, **options)
     none = [""] * 5
     rows = [(run.facts.path, str(len(one)), *(one.rows[0].cells[:5] if one.rows else none)) for run, one in found]
