@@ -119,7 +119,6 @@ class CellDriver(LinuxDriver):
         else:
             self._disable_mouse_support()
             self._mouse = False
-        self.flush()
 
     def may_paint(self, wished_hz: float) -> bool:
         """Return whether values are to be painted now; asked `wished_hz` times a second."""

@@ -1,6 +1,7 @@
 """The driver between Textual and the terminal, without either: what is sent when, and what becomes of answers."""
 
 import os
+import sys
 from types import SimpleNamespace
 from typing import Any
 
@@ -440,3 +441,25 @@ def test_a_terminal_that_is_gone_hangs_up(driver):
     driver.run_input_thread()
     assert driver._hung_up
     os.close(driver.fileno)
+
+
+class Unknown(Exception):
+    """As curses has one of its own."""
+
+
+@pytest.mark.parametrize(
+    ("flag", "dch", "told"),
+    [
+        (1, b"\x1b[%p1%dP", (True, True)), (0, b"\x1b[%p1%dP", (False, True)), (-1, None, (False, False)),
+        (1, b"\x1b[%p1%dX", (True, False)), (None, None, (False, False)),
+    ],
+)  # fmt: skip
+def test_what_the_terminal_can_is_told_by_its_description(flag, dch, told, monkeypatch):
+    def asked(_: str) -> int:
+        if flag is None:
+            raise Unknown
+        return flag
+
+    curses = SimpleNamespace(setupterm=lambda *_: None, tigetflag=asked, tigetstr={"dch": dch}.get)
+    monkeypatch.setitem(sys.modules, "curses", curses)
+    assert module._told_of_terminal() == told
