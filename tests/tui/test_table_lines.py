@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 from rich.style import Style
 from textual.geometry import Offset, Region, Size
+from textual.scroll_view import ScrollView
 
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.table.columns import LIVE_COLUMNS
 from silo_tui.model.table.fields import Field
+from silo_tui.terminal.thinness import Pace
+from silo_tui.widgets import element_table
 from silo_tui.widgets.element_table import FLAGS, ElementTable, TableHead, fitted
 from tests.stand_ins.desk import Desk, Drawn
 from tests.stand_ins.fake_signals import vector
@@ -162,9 +165,12 @@ def test_the_cursor_s_line_and_its_cell_look_different(table):
 
 
 def test_a_range_is_seen_while_it_is_made(table):
+    assert table.text
     table.rows.begin_range()
+    table.areas.clear()
     table.rows.move_to(2)
     table.show_cursor()
+    assert sorted(table.areas) == [(0, 0), (0, 1), (0, 2)]
     assert ["table--range" in names for names in (table.looks(y)["both"] for y in range(4))] == [True] * 3 + [False]
     assert [line[1] for line in table.text[:4]] == ["+", "+", "+", " "]
 
@@ -208,6 +214,37 @@ def test_a_move_of_the_cursor_paints_two_lines_and_new_values_what_is_measured_o
     table.areas.clear()
     table.live_changed()
     assert table.areas == []
+
+
+def test_of_a_scroll_other_panes_are_told_where_it_is_by_whole_lines(table, monkeypatch):
+    monkeypatch.setattr(ScrollView, "watch_scroll_y", lambda *_: None)
+    table.posted.clear()
+    table.watch_scroll_y(1.0, 1.2)
+    assert table.posted == []
+    table.watch_scroll_y(1.0, 2.0)
+    assert isinstance(table.posted[0], ElementTable.Moved)
+
+
+def test_trends_are_drawn_once_a_second_and_when_something_of_the_past_came(table, monkeypatch):
+    clock, drawn = SimpleNamespace(s=table._trends_due_s + 1), []
+
+    def trends(rows: Any, width: int) -> dict[int, str]:
+        drawn.append(len(rows))
+        return dict.fromkeys(rows, "⣀" * width)
+
+    monkeypatch.setattr(element_table.time, "monotonic", lambda: clock.s)
+    monkeypatch.setattr(table.session, "trends", trends)
+    table.width = 120
+    table.lay_out(trend=True)
+    assert table.shows_trends
+    for after_s, made in ((0.0, 1), (Pace().trend_s - 0.1, 1), (0.2, 2), (0.1, 2)):
+        clock.s += after_s
+        table.live_changed()
+        assert len(drawn) == made, after_s
+    assert "⣀" * 10 in table.text[0]
+    table.session.columns.past_until_ns = 5
+    table.live_changed()
+    assert len(drawn) == 3
 
 
 def click(table: Table, x: int, y: int, chain: int = 1) -> list[Any]:

@@ -1,0 +1,202 @@
+"""Finding and opening a logger, without an app: what is kept of a view and offered again, which one is meant."""
+
+import asyncio
+import os
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from silo.errors import SiloError
+from silo_tui.commands import opening
+from silo_tui.commands.opening import Opener
+from silo_tui.layouts import files, views
+from silo_tui.layouts.layout import KeptLayout
+from silo_tui.settings.options import Settings
+from tests.stand_ins.desk import Desk
+
+ONE, TWO, NOTHING = KeptLayout(filter="one"), KeptLayout(filter="two"), KeptLayout()
+
+
+@pytest.fixture
+def screen(monkeypatch):
+    """What is on the screen, and what is put on it."""
+    found = SimpleNamespace(layout=ONE, shown=[])
+
+    async def show(_: Any, layout: KeptLayout) -> str:
+        found.shown.append(layout)
+        return ""
+
+    monkeypatch.setattr(views, "capture", lambda _: found.layout)
+    monkeypatch.setattr(views, "show", show)
+    monkeypatch.setattr(files, "lives", lambda pid: pid == 1)
+    return found
+
+
+@pytest.fixture
+def opener(fake, screen, new_finder):
+    return made(Desk(fake), new_finder(fake))
+
+
+def made(desk: Desk, finder: Any, *, view: str = "", wish: str = "lost", demo: Any = None) -> Opener:
+    desk.settings = Settings(view=wish)
+    found = Opener(desk, finder, "", demo, 5.0, view)
+    found.desk = desk
+    return found
+
+
+def left(pid: int, layout: KeptLayout) -> Any:
+    """What a process left."""
+    path = files.left_by_us("robot").with_name(f".left-robot.{pid}.yaml")
+    files.save(path, layout)
+    os.utime(path, (pid, pid))
+    return path
+
+
+def wishes(opener: Opener, wish: str) -> None:
+    opener._context.settings = replace(opener._context.settings, view=wish)
+
+
+# --------------------------------------------------------------------------------------------------- what is kept of it
+
+
+@pytest.mark.parametrize(("wish", "file"), [("lost", files.left_by_us), ("last", files.last_of), ("none", None)])
+def test_what_is_on_the_screen_is_kept_as_is_wished(wish, file, opener, screen):
+    wishes(opener, wish)
+    opener.keep_view()
+    paths = [files.left_by_us("robot"), files.last_of("robot")]
+    assert [path for path in paths if path.exists()] == ([file("robot")] if file else [])
+    if file:
+        assert files.load_file(file("robot"))[0] == ONE
+
+
+def test_a_view_is_written_when_it_is_another_one(opener, screen):
+    opener.keep_view()
+    files.left_by_us("robot").unlink()
+    opener.keep_view()
+    assert not files.left_by_us("robot").exists()
+    screen.layout = TWO
+    opener.keep_view()
+    assert files.load_file(files.left_by_us("robot"))[0] == TWO
+
+
+def test_for_a_lost_terminal_a_view_like_the_first_one_is_not_kept_but_as_the_last_it_is(opener, screen):
+    opener.keep_view()
+    screen.layout = NOTHING
+    opener.keep_view()
+    assert not files.left_by_us("robot").exists()
+    wishes(opener, "last")
+    opener._kept = None
+    opener.keep_view()
+    assert files.last_of("robot").exists()
+
+
+@pytest.mark.parametrize("nothing", ["screen", "yet to be shown", "quits"])
+def test_there_is_not_always_something_to_keep(nothing, opener, screen):
+    if nothing == "screen":
+        screen.layout = None
+    elif nothing == "quits":
+        opener.quit()
+    else:
+        opener._view_is_there = False
+    opener.keep_view()
+    assert not files.left_by_us("robot").exists()
+
+
+def test_a_view_that_can_t_be_kept_is_told_of(opener, monkeypatch):
+    def full(*_: Any) -> None:
+        raise OSError("the disk is full")
+
+    monkeypatch.setattr(files, "save", full)
+    opener.keep_view()
+    assert opener.desk.said == ["the disk is full"]
+
+
+def test_a_logger_that_was_left_on_purpose_leaves_nothing_behind(opener):
+    opener.keep_view()
+    others = left(7, TWO)
+    opener.forget_view()
+    assert not files.left_by_us("robot").exists()
+    assert others.exists()
+    opener.keep_view()  # of the next one
+    assert files.left_by_us("robot").exists()
+
+
+def test_who_quits_leaves_nothing_behind_nor_what_was_offered(opener):
+    opener.keep_view()
+    offered, others = left(7, TWO), left(1, TWO)
+    opener.quit()
+    assert [path.exists() for path in (files.left_by_us("robot"), offered, others)] == [False, False, True]
+
+
+# ----------------------------------------------------------------------------------------------------- what is offered
+
+
+@pytest.mark.parametrize(
+    ("view", "wish", "says", "shown"),
+    [
+        ("walk", "lost", "view walk", [TWO]),
+        ("", "last", "", [ONE]),
+        ("", "none", "", []),
+        ("gone", "last", "there is no view 'gone'; did you mean", []),
+    ],
+)
+def test_what_was_asked_for_or_was_left_last_is_put_on_the_screen(view, wish, says, shown, fake, screen, new_finder):
+    files.save(files.place("walk"), TWO)
+    files.save(files.place("gone2"), TWO)
+    files.save(files.last_of("robot"), ONE)
+    opener = made(Desk(fake), new_finder(fake), view=view, wish=wish)
+    assert asyncio.run(opener._show_view()).startswith(says)
+    assert screen.shown == shown
+    if view:  # once
+        wishes(opener, "none")
+        assert asyncio.run(opener._show_view()) == ""
+
+
+def test_what_a_lost_terminal_showed_is_offered_and_what_older_ones_showed_forgotten(opener, screen):
+    older, newest, others = left(7, ONE), left(8, TWO), left(1, ONE)
+    words = asyncio.run(opener._show_view())
+    assert words.startswith("a terminal was lost at ")
+    assert words.endswith(": `:view lost` shows what was on it")
+    assert [path.exists() for path in (older, newest, others)] == [False, True, True]
+    assert screen.shown == []
+
+
+def test_where_nothing_was_left_nothing_is_said(opener, screen):
+    assert asyncio.run(opener._show_view()) == ""
+    wishes(opener, "last")
+    assert asyncio.run(opener._show_view()) == ""
+
+
+# -------------------------------------------------------------------------------------------------- looking for loggers
+
+
+def test_the_only_logger_that_there_is_is_told_at_once(opener, new_fake, new_finder, fake):
+    assert asyncio.run(opener.only_one()).name == "robot"
+    opener._finder = new_finder(fake, new_fake(name="arm"))
+    assert asyncio.run(opener.only_one()) is None
+    opener.demo = SimpleNamespace(owns=lambda pid: True)
+    assert asyncio.run(opener.only_one()) is None
+
+
+def test_a_look_around_that_fails_or_takes_long_tells_of_none(opener, monkeypatch):
+    def fails() -> None:
+        raise SiloError("no network")
+
+    monkeypatch.setattr(opener._finder, "find", fails)
+    assert asyncio.run(opener.only_one()) is None
+    assert asyncio.run(opener._look())[1] == "no network"
+    monkeypatch.setattr(opening, "AT_ONCE_S", 0.0)
+    assert asyncio.run(opener.only_one()) is None
+
+
+def test_a_search_is_begun_again_with_what_failed_before_where_nothing_is_open(opener, monkeypatch):
+    begun: list[Any] = []
+    monkeypatch.setattr(opening, "run_alone", lambda of, group, *work: begun.append(group))
+    opener._failed["robot.4711"] = "no answer"
+    opener.try_again()
+    assert (opener._failed, begun) == ({}, [])
+    opener.desk.take_session(None)
+    opener.try_again()
+    assert begun == ["search"]
