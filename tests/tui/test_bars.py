@@ -42,6 +42,10 @@ class Said(Drawn, messages.InfoLine):
     """The line of messages of a table."""
 
 
+class OfList(Drawn, messages.ListLine):
+    """The line of messages of a list."""
+
+
 class OfPlots(Drawn, messages.MonitorLine):
     """The line of messages of plots."""
 
@@ -321,6 +325,28 @@ def test_where_the_link_is_lost_the_key_that_tries_it_comes_first():
     assert "Try now" not in keys(80)
 
 
+def test_the_bar_is_painted_when_other_keys_count():
+    drawn, mode = Keys("table"), []
+    session = SimpleNamespace(lost_s=None)
+    drawn.screen = SimpleNamespace(mode_keys=lambda: mode, label_now=lambda command: command.label, session=session)
+    drawn.render()
+    drawn.painted = 0
+    drawn.update()
+    assert drawn.painted == 0
+    mode.append(("mark", "Take it"))
+    drawn.update()
+    assert drawn.painted == 1
+
+
+def test_without_colours_keys_are_bold_alone(monkeypatch):
+    drawn = Keys("table")
+    app = drawn.app
+    monkeypatch.setattr(Keys, "app", app)
+    with_colour = drawn._word(BY_ID["apply"]).spans[0].style
+    app.no_color = True
+    assert (str(drawn._word(BY_ID["apply"]).spans[0].style), with_colour != "bold") == ("bold", True)
+
+
 def test_other_keys_stand_in_the_bar_for_a_while():
     drawn = Keys("table")
     drawn.painted = 0
@@ -472,3 +498,13 @@ def test_a_whole_number_that_a_column_has_no_room_for_is_told(text, shown, new_f
     desk.session.rows.refresh()
     desk.session.live.readings["/log/a/count"] = Reading(np.array([np.nan]), {0: text}, 1, 0, 0)
     assert Said(desk.session).words().plain.endswith(f" │ {text}") is shown
+
+
+def test_of_a_list_a_failure_stands_alone_and_an_answer_before_what_is_told():
+    line = OfList()
+    line.told = ["2 marked", "", "by name"]
+    assert line.words().plain == "2 marked │ by name"
+    line.say("done")
+    assert line.words().plain == "done │ 2 marked │ by name"
+    line.say("it failed", failed=True)
+    assert line.words().plain == "it failed"

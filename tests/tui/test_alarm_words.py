@@ -1,0 +1,96 @@
+"""What the list of alarms says of the line under the cursor, and of itself, without an app."""
+
+from typing import Any
+
+import pytest
+
+from silo.conditions.standing import LimitStatus, LimitWord
+from silo_tui.screens.lists.alarms import MOST_LINES, AlarmsScreen
+from tests.stand_ins.desk import Desk, Drawn
+
+HEAT = "/log/imu/temperature"
+
+
+class Alarms(Drawn, AlarmsScreen):
+    """The list, with its cursor on a line."""
+
+    chosen: Any = None
+
+    def __init__(self, session: Any) -> None:
+        self.session = session
+
+
+def limit(name: str = HEAT, word: str = "OK", **more: Any) -> LimitStatus:
+    return LimitStatus(name, name, LimitWord(word), **more)
+
+
+@pytest.fixture
+def alarms(fake):
+    return Alarms(Desk(fake.run()).session)
+
+
+def of(alarms: Alarms, one: LimitStatus, *others: LimitStatus) -> str:
+    alarms.session.limits = [one, *others]
+    alarms.chosen = one
+    return alarms.words().partition(" │ ")[0]
+
+
+@pytest.mark.parametrize(
+    ("one", "words"),
+    [
+        (limit(bounds=(None, None, None, 90.0)), "within HH 90"),
+        (limit(bounds=(1.0, 2.0, 3.0, 4.0)), "within LL 1 L 2 H 3 HH 4"),
+        (limit(bounds=(1.0, None, None, None), stale_s=2.0), "within LL 1, never the same for 2 s"),
+        (limit(stale_s=2.0), "never the same for 2 s"),
+        (limit(bounds=(None, None, None, 90.0), count=1), "within HH 90 again"),
+        (limit(bounds=(None, None, None, 90.0), count=1, alarm=True), "within HH 90 again, seen by nobody yet"),
+        (limit(bounds=(None, None, None, 90.0), count=3, alarm=True, seen_by="bob", since_seen=2),
+         "within HH 90 again, 2 × again since bob saw it (e e: persist or hyst keep one quiet that flaps)"),
+        (limit(word="~~", why="no element x"), f"{HEAT} is blind: no element x"),
+    ],
+)  # fmt: skip
+def test_of_the_line_under_the_cursor_it_is_told_what_it_does_and_who_has_seen_it(one, words, alarms):
+    assert of(alarms, one) == words
+
+
+def test_what_is_beyond_its_limits_is_told_by_what_its_sign_means(alarms):
+    one = limit(word="HH", count=1, alarm=True, bounds=(None, None, None, 90.0))
+    assert of(alarms, one).endswith(", seen by nobody yet")
+    assert "within" not in of(alarms, one)
+
+
+def test_without_a_line_nothing_is_told(alarms):
+    assert alarms.words() == ""
+    assert alarms.none() == "No limits. r n gives some"
+
+
+@pytest.mark.parametrize(("count", "more"), [(MOST_LINES, False), (MOST_LINES + 1, True)])
+def test_of_very_many_the_first_have_lines_those_that_are_quiet_come_last(count, more, alarms):
+    quiet = [limit(f"/log/{at}") for at in range(count - 1)]
+    alarms.session.limits = [*quiet[:5], limit(word="HH", count=1), *quiet[5:]]
+    shown = alarms.all
+    assert (shown[0].name, len(shown)) == (HEAT, MOST_LINES)
+    alarms.chosen = shown[0]
+    assert (f"the first {MOST_LINES} of {count}" in alarms.words()) is more
+
+
+@pytest.mark.parametrize(
+    ("word", "count", "styles"),
+    [("HH", 1, "alarm"), ("LL", 1, "alarm"), ("H", 1, "warning"), ("L", 1, "warning"), ("~~", 0, "warning"),
+     ("OK", 0, "dim"), ("OK", 1, "")],
+)  # fmt: skip
+def test_a_line_looks_as_it_stands(word, count, styles, alarms):
+    one = limit(word=word, count=count)
+    alarms.prepare([one], 80)
+    line = alarms.row_of(one, 80)
+    assert "temperature" in line.plain
+    color = alarms.app.theme_variables.get(styles)
+    wanted = [] if not styles else ["dim"] if styles == "dim" else [f"bold {color}"]
+    assert [str(span.style) for span in line.spans] == wanted
+
+
+def test_a_filter_looks_in_what_a_line_says(alarms):
+    assert alarms.told(limit(word="HH")).startswith("HH /imu/temperature")
+    assert alarms.told(limit(word="~~", why="no such thing")).endswith("no such thing")
+    assert alarms.signals_of(limit(HEAT)) == [HEAT]
+    assert alarms.signals_of(limit("/log/gone")) == []
