@@ -335,7 +335,7 @@ class PlotStack(Guarded, Styled):
                     cells[cell] = braille.SHADE if hole.why is not Gap.BEFORE else BLANK
                     styles[cell] = self._style("plot--quiet")
             line = "".join(cells)
-        word = text.cut(word, self.right_width - 1)
+        word = text.cut(word, self.right_width - 2)  # the axis takes a cell beside its numbers
         axis = Segment(f"{self.letter(plotted):>{AXIS - 1}} │", self._style("plot--quiet"))
         return [axis, *self._cells(line, styles, [plotted]), Segment("│" + word, self._style("plot--quiet"))]
 

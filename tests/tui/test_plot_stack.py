@@ -142,6 +142,7 @@ def test_signals_that_share_a_plot_have_their_names_side_by_side_with_letters_in
     stack.fill()
     found = [line.rstrip() for line in stack.text if "/base/position" in line]
     assert [line.count("/base/position") for line in found] == [2, 1]
+    assert found[0].index(">c /base/position_y") == 40
     heads = [stack._title(1, 0)[at].style.color for at in (0, 4)]
     assert len(set(heads)) == 2
     stack.fresh = False
@@ -228,6 +229,49 @@ def test_what_happened_is_a_line_in_the_plots_of_its_time(stack):
     stack.window.cursor = 20
     stack.redraw()
     assert stack.text[1][AXIS + 1 + cell] == "│"
+    stack.window.cursor = None
+    at_ns -= 20 * COLUMN_NS
+    stack.source.happened.append(LoggedEvent("marker", "up", at_ns, 0, at_ns, "ann", "run1", 2))
+    stack.redraw()
+    assert [at - AXIS - 1 for at, char in enumerate(stack.text[1]) if char == "╎"] == [cell - 10, cell]
+
+
+GAIT = scalar("/log/state/gait", dtype="<i4", labels={0: "stand", 1: "walk"})
+OPERATOR = scalar("/log/state/operator", dtype="|S16")
+
+
+def test_of_words_it_is_drawn_since_when_which_is_and_which_is_now():
+    stack = Stack(GAIT, OPERATOR)
+    steps = np.tile(np.repeat([0.0, 1.0], stack.columns // 2), (2, 1))
+    names = GAIT.name, OPERATOR.name
+    stack.store = ColumnStore(names, stack.columns, COLUMN_NS)
+    stack.store.take(HistoryColumns(names, 0, COLUMN_NS, steps, steps))
+    stack.redraw()
+    assert stack.text[0].rstrip() == ">a /state/gait                                        now -"
+    assert stack.text[1].rstrip() == f"        a │{'stand':<21}│{'walk':<20}│-"
+    assert stack.text[3].rstrip() == f"        b │{'':<42}│"
+    stack.readings = {
+        GAIT.name: Reading(np.array([1.0]), {}, 1, 0, 0),
+        OPERATOR.name: Reading(np.array([np.nan]), {0: "ann of the lab"}, 1, 0, 0),
+    }
+    stack.redraw()
+    assert stack.text[1].rstrip().endswith("│walk")
+    assert stack.text[3].rstrip() == f"        b │{'ann of the lab':<42}│ann o…"
+    stack.events = {OPERATOR.name: [(0, "bob"), (6 * 10**9, "ann of the lab")]}
+    stack.redraw()
+    assert stack.text[3].startswith("        b │bob  ")
+    assert "│ann of the…│" in stack.text[3]
+
+
+def test_a_curve_alone_has_the_colour_of_curves_and_several_each_their_own():
+    stack = Stack(HEAT, POSITION).share((0,), (1, 2, 3))
+    alone = {one.style.color for one in stack._line(3) if one.text.strip("│┤ ") and one.style.color}
+    assert stack._style("plot--line").color in alone
+    shared = {one.style.color for y in range(8, 13) for one in stack._line(y)}
+    assert stack._style("plot--line").color not in shared
+    stack.fresh = False
+    stack.redraw()
+    assert stack._style("plot--stale").color in {one.style.color for one in stack._line(3)}
 
 
 # ------------------------------------------------------------------------------------- which are there, which is chosen
