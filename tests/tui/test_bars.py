@@ -138,9 +138,8 @@ def test_who_looks_alone_is_told_so(desk):
 
 
 def test_without_a_link_the_head_says_since_when_and_what_it_was(desk, monkeypatch):
-    desk.session.lose()
-    now_s = desk.session.lost_since
-    monkeypatch.setattr(time, "monotonic", lambda: now_s + 75)
+    desk.session.lost_since = 100.0
+    monkeypatch.setattr(time, "monotonic", lambda: 175.0)
     assert head(desk) == "silo anymal/robot  ~ NO LINK 75 s, was RUNNING"
     desk.session.lost_total = 2
     assert head(desk) == "silo anymal/robot  ~ NO LINK 75 s, was RUNNING  lost 2"
@@ -246,9 +245,8 @@ def test_where_all_is_well_there_is_no_banner(desk):
 def test_a_lost_link_is_told_with_what_can_be_done(scope, edited, words, desk, monkeypatch):
     if edited:
         desk.edit()
-    desk.session.lose()
-    now_s = desk.session.lost_since
-    monkeypatch.setattr(time, "monotonic", lambda: now_s + 75)
+    desk.session.lost_since = 100.0
+    monkeypatch.setattr(time, "monotonic", lambda: 175.0)
     assert banner(desk, scope) == (words, True)
 
 
@@ -409,12 +407,11 @@ def test_an_answer_stands_behind_the_facts_and_alone_where_it_has_no_room(desk, 
 
 def test_an_answer_goes_once_it_could_be_read(said, monkeypatch):
     said.say("done")
-    begin_s = time.monotonic()
-    said._said_s = begin_s
-    monkeypatch.setattr(messages.time, "monotonic", lambda: begin_s + messages.READ_S - 0.1)
+    said._said_s = 100.0
+    monkeypatch.setattr(messages.time, "monotonic", lambda: 100.0 + messages.READ_S - 0.1)
     said.read()
     assert said.said == "done"
-    monkeypatch.setattr(messages.time, "monotonic", lambda: begin_s + messages.READ_S)
+    monkeypatch.setattr(messages.time, "monotonic", lambda: 100.0 + messages.READ_S)
     said.read()
     assert said.said == ""
 
