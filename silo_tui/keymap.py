@@ -5,7 +5,7 @@ command without a place, no key twice on a screen, no menu that is a command too
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from types import MappingProxyType
 
 from silo_tui import actions
@@ -273,16 +273,26 @@ def clashes(keymap: str, keys: Mapping[str, str]) -> Iterator[tuple[str, str, st
 
     The letter of a menu is taken by its commands: who wants it for another one gives these others first.
     """
-    for scope in dict.fromkeys(scope for command in COMMANDS for scope in command.scopes if scope != "any"):
+    keys_of = {command.id: keys_in(keymap, command.id, keys).split(",") for command in COMMANDS}
+    for scope, commands in _on_screens():
         taken: dict[str, str] = {}
-        for command in COMMANDS:
-            if not {scope, "any"} & set(command.scopes) and (command.scopes or not typed_on(scope, command)):
-                continue
-            for key in filter(None, keys_in(keymap, command.id, keys).split(",")):
+        for command in commands:
+            for key in filter(None, keys_of[command.id]):
                 other = taken.setdefault(key, command.id)
                 if other != command.id:
                     mine, theirs = (command.id, other) if command.id in keys else (other, command.id)
                     yield mine, theirs, key, scope
+
+
+@cache
+def _on_screens() -> list[tuple[str, list[Command]]]:
+    """Return each screen with the commands that count or can be typed there, whatever their keys are."""
+    scopes = dict.fromkeys(scope for command in COMMANDS for scope in command.scopes if scope != "any")
+    return [(scope, [each for each in COMMANDS if _is_on(scope, each)]) for scope in scopes]
+
+
+def _is_on(scope: str, command: Command) -> bool:
+    return bool({scope, "any"} & set(command.scopes)) or (not command.scopes and typed_on(scope, command))
 
 
 def _check() -> None:
