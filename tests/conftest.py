@@ -45,6 +45,11 @@ def pytest_configure(config: pytest.Config) -> None:
     if "PYTEST_DEBUG_TEMPROOT" not in os.environ and shutil.disk_usage(root).free > ROOM_BYTES:
         # a file that is written anew goes to the disk as it is closed: half of the time of those that do so often
         os.environ["PYTEST_DEBUG_TEMPROOT"] = str(root)
+    if paths := os.environ.get("PYTHONPATH"):
+        # `PYTHONPATH=.` is this folder for processes that start in another one as well: else they find an installed
+        # silo in place of this one, and none starts warm
+        absolute = [path and str(Path(path).absolute()) for path in paths.split(os.pathsep)]
+        os.environ["PYTHONPATH"] = os.pathsep.join(absolute)
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background job: programs would not hear
         signal.signal(signal.SIGINT, signal.default_int_handler)
     load_profile(fast=config.option.markexpr == "not slow")
