@@ -72,11 +72,13 @@ def derived_infos(elements: Sequence[ElementInfo], prefix: str, derived: Sequenc
 
     Their buffers are as long as the shortest of those that they are computed from.
     """
+    if not derived:
+        return []
     known = [
         Known(info.name, info.entries, info.unit, place if info.options.enabled else OFF, info.options.divider)
         for place, info in enumerate(elements)
     ]
-    names = {info.name for info in elements} if derived else set()
+    names = {info.name for info in elements}
     found = []
     for one, bound, why in bound_derived(Catalogue(known, prefix, derived)):
         if one.name in names:
