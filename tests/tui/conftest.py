@@ -1,6 +1,7 @@
 """The app in a headless terminal, on a logger that exists only in the test."""
 
 import asyncio
+import functools
 import inspect
 import time
 import traceback
@@ -11,14 +12,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from textual import events
-from textual._compositor import Compositor
+from textual import _callback, events
+from textual._compositor import Compositor, LayoutUpdate
 from textual.app import App
 from textual.css.model import RuleSet
 from textual.css.stylesheet import Stylesheet
 from textual.keys import REPLACED_KEYS, _character_to_key, _get_unicode_name_from_key
+from textual.message import Message
+from textual.message_pump import MessagePump
 from textual.pilot import Pilot
 from textual.screen import ModalScreen
+from textual.strip import Strip
 
 from silo.core.elements import Action, ElementInfo
 from silo_tui import actions
@@ -70,20 +74,78 @@ def painted_when_looked_at() -> Iterator[None]:
         unseen = compositor.root is not None and compositor.root.app.is_headless
         return None if unseen and not full else paint(compositor, full, **options)
 
-    def strips_of_now(compositor: Compositor, *size: Any) -> Any:
+    def painted(compositor: Compositor) -> Any:
         if (top := compositor.root) is not None and top is top.app.screen:
-            paint(compositor, screen_stack=top.app._background_screens)
+            return paint(compositor, screen_stack=top.app._background_screens)
+        return None
+
+    def strips_of_now(compositor: Compositor, *size: Any) -> Any:
+        update = painted(compositor)
+        if isinstance(update, LayoutUpdate) and not size:  # the whole, which need not be drawn again
+            return [Strip.join(each) for each in update.strips[: compositor.size.height]]
         return strips(compositor, *size)
 
     def pop_painted(app: App[Any]) -> Any:
         if app.is_headless and app.screen_stack:  # what stood there only between two keys, too
-            app.screen._compositor.render_strips()
+            painted(app.screen._compositor)
         return pop(app)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(App, "pop_screen", pop_painted)
         patch.setattr(Compositor, "render_update", paint_later)
         patch.setattr(Compositor, "render_strips", strips_of_now)
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def parameters_counted_once() -> Iterator[None]:
+    """Keep how many parameters a function has: Textual looks at the signature of each callback that is made anew."""
+    count, known = _callback._count_parameters, {}
+
+    def count_once(function: Any) -> int:
+        code = getattr(function, "__code__", None)
+        if code is None or hasattr(function, "__wrapped__"):
+            return count(function)
+        if code not in known:
+            known[code] = count(function)
+        return known[code]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_callback, "_count_parameters", count_once)
+        yield
+
+
+@functools.cache
+def handlers_of(node: type, message: type, name: str) -> list[tuple[type, Any]] | None:
+    """Return which classes of a node handle a message by the name of a method; None where a decorator has a say."""
+    found = []
+    for each in node.__mro__:
+        decorated = each.__dict__.get("_decorated_handlers") or {}
+        method = each.__dict__.get(f"_{name}") or each.__dict__.get(name)
+        if any(one in decorated for one in message.__mro__) or hasattr(method, "_textual_on"):
+            return None
+        if method is not None:
+            found.append((each, method))
+    return found
+
+
+@pytest.fixture(autouse=True, scope="session")
+def handlers_looked_up_once() -> Iterator[None]:
+    """Keep which methods handle a message, for one test: Textual goes through all classes of a widget for each."""
+    look = MessagePump._get_dispatch_methods
+
+    def look_once(pump: MessagePump, name: str, message: Message) -> Iterator[tuple[type, Any]]:
+        found = handlers_of(type(pump), type(message), name)
+        if found is None:
+            yield from look(pump, name, message)
+            return
+        for each, method in found:
+            if message._no_default_action:
+                break
+            yield each, method.__get__(pump, each)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(MessagePump, "_get_dispatch_methods", look_once)
         yield
 
 
@@ -155,6 +217,7 @@ def keys_of_nobody(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPat
         monkeypatch.setattr(Settings.__init__, "__defaults__", tuple(defaults))
         use_keys("classic", {})
     yield
+    handlers_of.cache_clear()  # a test may have put another method into a class
     if actions._own != DEFAULT_KEYS:
         use_keys(DEFAULT, {})
 
