@@ -2,10 +2,10 @@
 
 import itertools
 import json
-import multiprocessing
 import os
 import signal
-from contextlib import contextmanager
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,7 +16,6 @@ from click.testing import CliRunner
 import silo
 from silo.cli.group import cli
 from silo.errors import ElementError, LogNotFoundError, SiloError
-from silo.run_index import archive as archives
 from silo.run_index import tables
 from silo.run_index.archive import Archive
 
@@ -304,31 +303,36 @@ def test_a_store_elsewhere_is_one_too_and_a_password_in_a_url_is_refused(runs):
     assert "nothing" in str(refused.value)
 
 
-def _archived(folder, to, steps):
-    """Archive, and die at the n-th time that something is written."""
-    left = itertools.count(steps, -1)
-    real = archives.atomic_file
+ARCHIVED = """
+import itertools, os, signal, sys
+from contextlib import contextmanager
+import silo
+from silo.run_index import archive
+folder, to, steps = sys.argv[1:]
+left, real = itertools.count(int(steps), -1), archive.atomic_file
 
-    @contextmanager
-    def dying(path):
-        with real(path) as file:
-            if next(left) <= 0:
-                os.kill(os.getpid(), signal.SIGKILL)
-            yield file
+@contextmanager
+def dying(path):
+    with real(path) as file:
+        if next(left) <= 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+        yield file
 
-    archives.atomic_file = dying
-    Archive(to).add(silo.runs(folder))
+archive.atomic_file = dying
+archive.Archive(to).add(silo.runs(folder))
+"""
 
 
 @pytest.mark.slow
-def test_what_was_interrupted_anywhere_goes_on_without_loss_and_without_double(written, tmp_path):
+def test_what_was_interrupted_anywhere_goes_on_without_loss_and_without_double(warm, written, tmp_path):
     to = str(tmp_path / "kept")
-    for steps in range(1, 12, 2):
-        process = multiprocessing.get_context("spawn").Process(target=_archived, args=(written, to, steps))
-        process.start()
-        process.join()
+    ends = []
+    for steps in range(1, 12, 2):  # it dies at the n-th time that something is written
+        ends.append(subprocess.run([sys.executable, "-c", ARCHIVED, written, to, str(steps)], check=False).returncode)
         there = Archive(to)
         assert not there.exists or not there.check()
+    assert ends[0] == -signal.SIGKILL
+    assert set(ends) <= {-signal.SIGKILL, 0}
     assert not there.add(silo.runs(written)).problems
     assert there.sql("select count(*), count(distinct run) from runs").row(0) == (RUNS, RUNS)
     assert there.sql("select count(slow) from wide").item() == RUNS * TICKS // 4
