@@ -54,7 +54,7 @@ def styles_parsed_once() -> Iterator[None]:
     parse, parsed = Stylesheet._parse_rules, {}
 
     def parse_once(sheet: Stylesheet, *arguments: Any, **named: Any) -> Any:
-        key = (arguments, *sorted(named.items()), *sorted(sheet._variables.items()))
+        key = (arguments, *sorted(named.items()), *sheet._variables.items())  # in whatever order: it is that of a theme
         if key not in parsed:
             parsed[key] = parse(sheet, *arguments, **named)
         return parsed[key]
