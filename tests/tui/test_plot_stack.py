@@ -191,7 +191,7 @@ def test_the_cursor_stands_where_no_curve_is(cursor, cell):
     assert column_of(line, "│")[-1] == stack.plot_width + cell
 
 
-def test_both_cursors_have_their_letters_below_and_a_is_drawn_over_b():
+def test_both_cursors_have_their_letters_below():
     stack = Stack(HEAT)
     stack.window.cursor = 14
     stack.redraw()
@@ -204,9 +204,6 @@ def test_both_cursors_have_their_letters_below_and_a_is_drawn_over_b():
         stack.plot_width - 31,
     )
     assert column_of(stack.text[1], "┊") == [stack.plot_width - 31]
-    stack.window.cursor = 60
-    stack.redraw()
-    assert column_of(stack.text[1], "┊") == []
 
 
 @pytest.mark.parametrize(("columns_ago", "there"), [(0, True), (1, True), (-1, False), (95, True), (96, False)])
