@@ -288,7 +288,8 @@ class RecordedTotals(msgspec.Struct):
     def text(self) -> str:
         """All of it, fit to show."""
         more = f", and the end of {self.gone} runs" if self.gone > 1 else ", and the end of a run" if self.gone else ""
-        return f"{many(self.parts, 'file')}, {many(self.samples, 'sample')}, {self.lost} lost{more}"
+        size = f", {size_text(self.size_bytes)}" if self.size_bytes else ""
+        return f"{many(self.parts, 'file')}, {many(self.samples, 'sample')}, {self.lost} lost{more}{size}"
 
 
 class Written(msgspec.Struct):

@@ -47,10 +47,10 @@ _TELL_LOSS = frozenset(
                  EventKind.RECOVERED, EventKind.SAVE_FAILED, EventKind.DELETED, EventKind.FILES_DELETED)
 )  # fmt: skip
 _TOTALS = re.compile(
-    r"recording '(?P<name>[^']+)'.*?(?P<parts>\d+) files, (?P<samples>\d+) samples, (?P<lost>\d+) lost"
+    r"recording '(?P<name>[^']+)'.*?(?P<parts>\d+) files?, (?P<samples>\d+) samples?, (?P<lost>\d+) lost"
 )
 _LOST_AT = re.compile(r"recording '(?P<name>[^']+)': (?P<lost>\d+) samples were lost, of ticks")
-_ENDED = re.compile(r"recording '(?P<name>[^']+)'.*(ended|stopped|files, \d+ samples)")
+_ENDED = re.compile(r"recording '(?P<name>[^']+)'.*(ended|stopped|files?, \d+ samples?)")
 _BEGUN = re.compile(r"recording '(?P<name>[^']+)' of .* to (?P<folder>/.*)")
 _UNCOUNTED = re.compile(r"lost, and the end of (a run|\d+ runs)")
 _FULL = "come to an end when their buffers are full"

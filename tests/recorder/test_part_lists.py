@@ -67,4 +67,5 @@ def test_a_file_that_somebody_put_in_the_place_of_a_part_is_none(place, tmp_path
 
 def test_what_became_of_a_recording_counts_one_file_as_one():
     assert RecordedTotals(1, 1, 0).text == "1 file, 1 sample, 0 lost"
+    assert RecordedTotals(1, 5, 0, 2_500_000).text == "1 file, 5 samples, 0 lost, 2.5 MB"
     assert RecordedTotals(2, 0, 3, gone=1).text == "2 files, 0 samples, 3 lost, and the end of a run"

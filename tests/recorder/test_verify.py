@@ -111,7 +111,7 @@ def test_nothing_lost_is_no_word_of_a_loss(kept):
 
 def test_a_recording_that_somebody_ended_before_the_run_lacks_nothing(kept):
     kept.recorded(300, stopped=False)
-    kept.happens("recording", "recording 'bot' ended: 1 files, 1800 samples, 0 lost", 299)
+    kept.happens("recording", "recording 'bot' ended: 1 file, 1800 samples, 0 lost", 299)
     kept.happens("stopped", "stopped", 999)
     assert [kind for kind, _ in kept.found()[0]] != ["missing"]
 
@@ -178,7 +178,7 @@ def test_a_last_run_of_which_a_recording_that_was_under_way_has_nothing_is_missi
     assert kept.found() == [[("missing", ((0, 119),))], []]
     kept.happens(
         "recording",
-        "recording 'bot' ended: the logger was closed, or its program ended; 1 files, 1 samples, 0 lost",
+        "recording 'bot' ended: the logger was closed, or its program ended; 1 file, 1 sample, 0 lost",
         119,
     )
     assert ("missing", ((0, 119),)) in kept.found()[0]
@@ -191,7 +191,7 @@ def test_a_last_run_in_which_somebody_ended_its_recording_or_that_is_recorded_el
     kept.recorded(300)
     kept.run = "the last one"
     kept.happens("started", "started", 0)
-    kept.happens("recording", "recording 'bot' ended: stopped by ann; 1 files, 1800 samples, 0 lost", 2)
+    kept.happens("recording", "recording 'bot' ended: stopped by ann; 1 file, 1800 samples, 0 lost", 2)
     kept.happens("stopped", "stopped", 119)
     assert [kind for kind, _ in kept.found()[0]] != ["missing"]
 
@@ -237,7 +237,7 @@ def test_a_program_that_was_started_again_without_a_recording_lacks_nothing(kept
 
     def told_ended(of: str) -> None:
         kept.run, present = of, kept.run
-        text = "recording 'bot' ended: the logger was closed, or its program ended; 1 files, 300 samples, 0 lost"
+        text = "recording 'bot' ended: the logger was closed, or its program ended; 1 file, 300 samples, 0 lost"
         kept.happens("recording", text, 99)
         kept.run = present
 
@@ -284,7 +284,7 @@ def test_the_end_of_a_run_that_was_closed_under_a_recording_is_missing(kept):
 
 def test_what_comes_after_a_recording_failed_is_missing_and_told_by_that(kept):
     kept.recorded(300, stopped=False)
-    text = "the disk is nearly full; the end of 1 run is in no file; 1 files, 960 samples, 0 lost, and the end of a run"
+    text = "the disk is nearly full; the end of 1 run is in no file; 1 file, 960 samples, 0 lost, and the end of a run"
     kept.happens("recording failed", f"recording 'bot' ended: {text}", 339)
     kept.happens("stopped", "stopped", 339)
     assert kept.found() == [[], [("missing", ((300, 339),))]]
@@ -294,7 +294,7 @@ def test_what_comes_after_a_recording_failed_is_missing_and_told_by_that(kept):
 def test_samples_that_are_told_to_be_lost_at_the_end_are_held_against_where(kept, lost, text):
     kept.recorded(300)
     samples = 300 * 3 + 60  # x, q and word, and each fifth tick slow
-    kept.happens("recording", f"recording 'bot' ended: stopped; 1 files, {samples} samples, {lost} lost", 299)
+    kept.happens("recording", f"recording 'bot' ended: stopped; 1 file, {samples} samples, {lost} lost", 299)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         problems = verify(kept.folder).problems
@@ -308,7 +308,7 @@ def test_samples_that_are_told_to_be_lost_at_the_end_are_held_against_where(kept
 def test_samples_that_are_missing_and_told_as_none_lost_disagree(kept):
     kept.recorded(300, stopped=False)
     samples = 300 * 3 + 60
-    text = f"the logger was closed, or its program ended; 1 files, {samples} samples, 0 lost"
+    text = f"the logger was closed, or its program ended; 1 file, {samples} samples, 0 lost"
     kept.happens("recording", f"recording 'bot' ended: {text}", 339)
     kept.happens("stopped", "stopped", 339)
     assert [kind for kind, _ in kept.found()[0]] == ["missing", "disagrees"]
@@ -424,7 +424,7 @@ def test_values_of_a_saved_log_that_are_damaged_are_told_as_damage(tmp_path, tru
 
 def test_totals_that_are_not_those_of_the_parts_disagree(kept):
     kept.recorded(300, stopped=False)
-    kept.happens("recording", "recording 'bot' ended; 1 files, 5 samples, 0 lost", 299)
+    kept.happens("recording", "recording 'bot' ended; 1 file, 5 samples, 0 lost", 299)
     kept.happens("stopped", "stopped", 299)
     assert [kind for kind, _ in kept.found()[0]] == ["disagrees"]
 
