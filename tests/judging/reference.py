@@ -29,8 +29,9 @@ class Stream:
 
 
 class Reference:
-    def __init__(self, bound: BoundExpression, streams: dict[int, Stream]) -> None:
-        self.bound, self.streams = bound, streams
+    def __init__(self, bound: BoundExpression, streams: dict[int, Stream], *, whole: bool = False) -> None:
+        """`whole`: constants are integers of Python, where they are some, as the samples."""
+        self.bound, self.streams, self.whole = bound, streams, whole
         self.memory = {}
 
     def judged(self):
@@ -45,7 +46,7 @@ class Reference:
 
     def value(self, part, tick):
         if isinstance(part, Constant):
-            return part.value
+            return int(part.value) if self.whole and part.value.is_integer() else part.value
         if isinstance(part, BoundSignal):
             found = [self.sample(column, tick) for column in part.columns]
             return found if part.vector else found[0]

@@ -109,11 +109,14 @@ def test_entries_of_one_type_are_packed_as_a_matrix(case: Case, swapped: bool) -
 
 
 @given(cases(types=("<f8", "<i8", "|b1")))
-def test_floats_are_the_nearest_of_each_entry(case: Case) -> None:
+def test_numbers_are_integers_or_the_nearest_float_of_each_entry(case: Case) -> None:
     picker = RowPicker(dict(enumerate(case.entries)))
     rows = rows_of(case, picker.words)
     for key, column in picker.columns(rows):
-        np.testing.assert_array_equal(picker.floats(rows)[key], as_floats(column))
+        made = picker.numbers(rows)[key]
+        large = column.dtype == np.uint64 and (column >= 2**63).any()
+        assert made.dtype == (np.int64 if column.dtype.kind in "iu" and not large else np.float64)
+        np.testing.assert_array_equal(made, as_floats(column) if made.dtype.kind == "f" else column.astype(np.int64))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,8 @@ from tests.stand_ins.fake_signals import scalar, vector
 
 ELEMENTS = {one.name: one for one in (scalar("/log/q"), vector("/log/p", "m"), scalar("/log/off", enabled=False))}
 PLACES = {name + entry.suffix: (name, at) for name, one in ELEMENTS.items() for at, entry in enumerate(one.entries)}
-NOW = SimpleNamespace(element=ELEMENTS.get, entry_places=PLACES, generation=7)
+ALONE = {name: (name, 0) for name, one in ELEMENTS.items() if len(one.entries) == 1}
+NOW = SimpleNamespace(element=ELEMENTS.get, whole=str, entry=(PLACES | ALONE).get, generation=7)
 
 
 def test_values_and_plots_stand_in_the_order_that_was_asked_for():
