@@ -101,9 +101,8 @@ def _samples(arrow: Any, file: Any, name: str, element: RecordedElement, count: 
     """The cells of a column that are samples of an element; those that are null are missing."""
     rows = arrow.array(element.first + np.arange(count) * element.divider)
     cells = file.read(columns=[name]).column(name).take(rows).combine_chunks()
-    if arrow.types.is_timestamp(cells.type) or arrow.types.is_duration(cells.type):
-        cells = cells.cast(arrow.int64())
-    if not cells.null_count:
+    is_date = arrow.types.is_timestamp(cells.type) or arrow.types.is_duration(cells.type)  # null is its NaT
+    if is_date or not cells.null_count:
         return np.asarray(cells.to_numpy(zero_copy_only=False))
     missing = cells.is_null().to_numpy(zero_copy_only=False)
     zero: object = b"" if arrow.types.is_binary(cells.type) else False if arrow.types.is_boolean(cells.type) else 0
