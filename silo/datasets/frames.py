@@ -1,10 +1,10 @@
 """Frames of a run: signals of different rates at one rate, side by side.
 
 A frame holds what was known at its time: the newest sample of each signal, the mean of the samples since the frame
-before, or the newest few (a window).
+before, or all of these (a window).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -79,11 +79,34 @@ def wanted_of(
     return made
 
 
-def frames(wanted: Sequence[Wanted], fps: int) -> FrameTable:
+def frames(wanted: Sequence[Wanted], fps: int, widths: Mapping[str, int] | None = None) -> FrameTable:
     """Return the frames in which each of the signals has a value, from the first such time on.
 
-    Raises ElementError where there is no such time.
+    `widths` are those of its windows, by name: what `widths_of` gives for it, or more. Raises ElementError where there
+    is no such time.
     """
+    grid_ns = _grid(wanted, fps)
+    widths = widths_of(wanted, fps) if widths is None else widths
+    made = [_column(one, grid_ns, widths.get(one.name, 1)) for one in wanted]
+    return FrameTable(
+        tuple(feature for feature, _ in made),
+        tuple(values for _, values in made),
+        (int(grid_ns[0]) - wanted[0].signals[0].start_ns) * 1e-9,
+    )
+
+
+def widths_of(wanted: Sequence[Wanted], fps: int) -> dict[str, int]:
+    """Return by name how many samples come between two frames at most, of what windows are asked for.
+
+    Raises ElementError where there are no frames.
+    """
+    grid_ns = _grid(wanted, fps)
+    places = {one.name: _places(one.signals[0]._in_order(), grid_ns) for one in wanted if one.how == "window"}
+    return {name: int(np.diff(found).max(initial=1)) for name, found in places.items()}
+
+
+def _grid(wanted: Sequence[Wanted], fps: int) -> NDArray[np.int64]:
+    """The time of each frame, ns."""
     signals = [signal for one in wanted for signal in one.signals]
     empty = next((signal.name for signal in signals if not len(signal)), "")
     if empty:
@@ -95,13 +118,12 @@ def frames(wanted: Sequence[Wanted], fps: int) -> FrameTable:
         raise ElementError(f"its signals have no time in common: '{late.name}' begins after another one has ended")
     count = (end_ns - begin_ns) * fps // 1_000_000_000 + 1
     # whole numbers: a frame's time never drifts from i / fps
-    grid_ns = begin_ns + np.arange(count, dtype=np.int64) * 1_000_000_000 // fps
-    made = [_column(one, grid_ns, fps) for one in wanted]
-    return FrameTable(
-        tuple(feature for feature, _ in made),
-        tuple(values for _, values in made),
-        (begin_ns - signals[0].start_ns) * 1e-9,
-    )
+    return begin_ns + np.arange(count, dtype=np.int64) * 1_000_000_000 // fps
+
+
+def _places(signal: Signal, grid_ns: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Which sample is the newest of each frame."""
+    return np.searchsorted(signal.time_ns, grid_ns, side="right") - 1
 
 
 def same_features(known: tuple[Feature, ...], made: FrameTable, name: str) -> tuple[Feature, ...]:
@@ -124,14 +146,15 @@ def _difference(first: Sequence[Feature], other: Sequence[Feature]) -> str:
     return "its features have another order than in the first run"
 
 
-def _column(wanted: Wanted, grid_ns: NDArray[np.int64], fps: int) -> tuple[Feature, NDArray[Any]]:
+def _column(wanted: Wanted, grid_ns: NDArray[np.int64], width: int) -> tuple[Feature, NDArray[Any]]:
     parts, names, units = [], [], []
     for signal in (one._in_order() for one in wanted.signals):
-        places = np.searchsorted(signal.time_ns, grid_ns, side="right") - 1
+        places = _places(signal, grid_ns)
         flat = np.asarray(signal.values if signal.values.dtype.kind in "US" else np.asarray(signal))
         flat = flat.reshape(len(signal), -1)
         if wanted.how == "window":
-            parts.append(_windows(signal, flat, places, fps))
+            # oldest first; where fewer came since the frame before, it begins with samples that are in that one, too
+            parts.append(flat[np.maximum(places[:, None] + np.arange(1 - width, 1), 0)])
         elif wanted.how == "mean" and flat.dtype.kind == "f":
             parts.append(_means(flat, places))
         else:
@@ -165,14 +188,6 @@ def _means(values: NDArray[Any], places: NDArray[np.intp]) -> NDArray[Any]:
         padded = np.concatenate([values.astype(np.float64), np.zeros((1, values.shape[1]))])
         sums = np.add.reduceat(padded, bounds, axis=0)[::2]
         made[some + 1] = sums / (ends - begins)[some, None]
-    return made
-
-
-def _windows(signal: Signal, values: NDArray[Any], places: NDArray[np.intp], fps: int) -> NDArray[Any]:
-    """Of each frame as many of the newest samples as there are between two, oldest first; at the begin the first."""
-    step_ns = float(np.median(np.diff(signal.time_ns))) if len(signal) > 1 else 1e9 / fps
-    count = max(1, round(1e9 / fps / step_ns))
-    made: NDArray[Any] = values[np.maximum(places[:, None] + np.arange(1 - count, 1), 0)]
     return made
 
 

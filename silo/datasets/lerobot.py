@@ -6,11 +6,12 @@ time stamps nor totals: `silo.datasets.check` does. Memory holds one run at a ti
 """
 
 import os
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -19,9 +20,10 @@ from numpy.typing import NDArray
 from silo.analysis.log import Log
 from silo.analysis.opening import open_log
 from silo.core.arguments import INT64, path, shown, whole
+from silo.core.episodes.words import Episode
 from silo.core.recording import Progress
 from silo.datasets.episodes import Pieces, facts_of, pieces_of, with_facts
-from silo.datasets.frames import HOWS, Feature, FrameTable, How, frames, same_features, wanted_of
+from silo.datasets.frames import HOWS, Feature, FrameTable, How, frames, same_features, wanted_of, widths_of
 from silo.datasets.moments import Moments, merged
 from silo.datasets.npz import ENTRY, EpisodeFiles
 from silo.errors import ElementError, SaveError, SiloError
@@ -78,7 +80,9 @@ def write_lerobot(
         state: patterns of the signals that are `observation.state`, float32, side by side in this order.
         action: of those that are `action`.
         also: of those that become features of their own, `observation.<name>`, with their types; texts too.
-        window: likewise, but each frame holds all samples since the frame before: `(samples, numbers)`.
+        window: likewise, but each frame holds all samples since the frame before: `(samples, numbers)`. It is as wide
+            as the most that came between two frames, in any run; where fewer came, it begins with samples that stand
+            at the end of the frame before, too.
         how: what of a signal with a higher rate stands in a frame: `"last"` sample, or `"mean"` since the frame before.
         to: `"episodes"` writes a NumPy file per episode instead (`silo.datasets.npz`).
         episodes: what is an episode: each of the runs, each that the program marked in them (`log.episode`), or those
@@ -110,44 +114,75 @@ def write_lerobot(
         with ExitStack() as stack:
             writer = (EpisodeFiles if to == "episodes" else _Writer)(part, fps, robot, stack)
             done = DataSet(final)
-            whole_runs: dict[tuple[str, str], str] = {}  # those of which several parts may be given, by their ids
-            for number, run in enumerate(runs):
-                if progress is not None:
-                    progress(number / len(runs))
-                source = run.path or run.name if isinstance(run, Log) else os.fspath(run)
+            features = partial(wanted_of, state=state, action=action, also=also, how=how, window=window)
+            widths: dict[str, int] = {}  # of all runs, as each frame has one shape
+            for one in _episodes(runs, episodes, where, DataSet(final)) if window else ():
+                with suppress(SiloError):  # it is left out below, and told why
+                    for name, width in widths_of(features(one.log), fps).items():
+                        widths[name] = max(width, widths.get(name, 1))
+            for one in _episodes(runs, episodes, where, done, progress):
                 try:
-                    opened = run if isinstance(run, Log) else open_log(run, alone=False)
-                    stretch = opened.recording.stretch
-                    first = source
-                    if stretch is not None and not stretch.part:
-                        first = whole_runs.setdefault(stretch.whole, source)
-                    if first != source:
-                        done.left_out.append((source, f"a part of the same run as {first}, with which all of it came"))
-                        continue
-                    pieces = pieces_of(opened, source, episodes)
+                    made = frames(features(one.log), fps, widths)
                 except SiloError as error:
-                    done.left_out.append((source, str(error)))
+                    done.left_out.append((one.name, str(error)))
                     continue
-                for name, log, episode in pieces:
-                    try:
-                        if where and not _holds(log if episode is None else with_facts(log, episode), where):
-                            done.left_out.append((name, f"'{where}' is not true at its end"))
-                            continue
-                        made = frames(wanted_of(log, state, action, also, how, window), fps)
-                    except SiloError as error:
-                        done.left_out.append((name, str(error)))
-                        continue
-                    words = task(log) if callable(task) else task or (episode.name if episode is not None else "")
-                    lost = sum(element.lost for element in log.recording.elements)
-                    facts = {"silo/source": source, "silo/begin_s": made.begin_s, "silo/lost": lost}
-                    writer.add(name, made, words, facts | ({} if episode is None else facts_of(episode)))
-                    done.lost += lost
+                words = task(one.log) if callable(task) else task or (one.marked.name if one.marked is not None else "")
+                lost = sum(element.lost for element in one.log.recording.elements)
+                facts = {"silo/source": one.source, "silo/begin_s": made.begin_s, "silo/lost": lost}
+                writer.add(one.name, made, words, facts | ({} if one.marked is None else facts_of(one.marked)))
+                done.lost += lost
             done.episodes, done.frames = len(writer.rows), writer.frames
             if not writer.rows:
                 why = f": {done.left_out[0][0]}: {done.left_out[0][1]}" if done.left_out else "; name some"
                 raise SaveError(f"no run is left for a data set, nothing was written{why}")
             writer.end()
     return done
+
+
+class _Chosen(NamedTuple):
+    """One that counts, of which run it is, and what the program said of it."""
+
+    name: str
+    source: str
+    log: Log
+    marked: Episode | None
+
+
+def _episodes(
+    runs: Sequence[str | os.PathLike[str] | Log],
+    pieces: Pieces,
+    where: str,
+    done: DataSet,
+    progress: Progress | None = None,
+) -> Iterator[_Chosen]:
+    """Those of the runs that count; the others are noted as left out."""
+    whole_runs: dict[tuple[str, str], str] = {}  # those of which several parts may be given, by their ids
+    for number, run in enumerate(runs):
+        if progress is not None:
+            progress(number / len(runs))
+        source = run.path or run.name if isinstance(run, Log) else os.fspath(run)
+        try:
+            opened = run if isinstance(run, Log) else open_log(run, alone=False)
+            stretch = opened.recording.stretch
+            first = source
+            if stretch is not None and not stretch.part:
+                first = whole_runs.setdefault(stretch.whole, source)
+            if first != source:
+                done.left_out.append((source, f"a part of the same run as {first}, with which all of it came"))
+                continue
+            found = pieces_of(opened, source, pieces)
+        except SiloError as error:
+            done.left_out.append((source, str(error)))
+            continue
+        for name, log, marked in found:
+            try:
+                if where and not _holds(log if marked is None else with_facts(log, marked), where):
+                    done.left_out.append((name, f"'{where}' is not true at its end"))
+                    continue
+            except SiloError as error:
+                done.left_out.append((name, str(error)))
+                continue
+            yield _Chosen(name, source, log, marked)
 
 
 def _holds(log: Log, expression: str) -> bool:

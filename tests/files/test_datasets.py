@@ -104,6 +104,33 @@ def test_a_window_holds_all_samples_since_the_frame_before():
     ]
 
 
+def test_every_sample_is_in_a_window_where_frames_are_no_multiple_of_its_step():
+    fast = Signal("imu", np.arange(100.0), np.arange(100, dtype=np.int64) * 10_000_000)
+    windows = frames([Wanted("imu", (fast,), "window")], 30).columns[0][..., 0]
+    assert windows[:4].tolist() == [[0, 0, 0, 0], [0, 1, 2, 3], [3, 4, 5, 6], [7, 8, 9, 10]]
+    assert set(windows.ravel()) == set(range(int(windows[-1, -1]) + 1))
+
+
+def test_windows_of_runs_are_as_wide_as_the_widest(tmp_path, new_logger):
+    paths = []
+    for steps in ([10, 10, 10, 10] * 10, [10, 10, 4, 4, 12] * 8):
+        stamps = itertools.accumulate(step * 1_000_000 for step in steps)
+        log = new_logger(f"run{len(paths)}", frequency=100, clock=stamps.__next__)
+        x = log.array("x")
+        log.start()
+        for tick in range(len(steps) - 2):
+            x[...] = tick
+            log.collect()
+        log.stop()
+        paths.append(log.save().path)
+    done = write_lerobot(paths, tmp_path / "out", fps=25, state=["x"], window=["x"], to="episodes")
+    assert (done.episodes, done.left_out) == (2, [])
+    for path in (tmp_path / "out").glob("*.npz"):
+        window = np.load(path)["observation.x"][..., 0].astype(int)
+        assert set(range(window.max() + 1)) == set(window.ravel())
+        assert window.shape[1] == 5
+
+
 @pytest.mark.parametrize("stamps", [[0], [0, 100_000_000], [0, 90_000_000, 190_000_000]])
 def test_a_window_of_as_many_samples_as_frames_is_one_sample(stamps):
     made = frames([Wanted("imu", (Signal("imu", np.arange(len(stamps)) + 1.0, np.array(stamps)),), "window")], 10)
