@@ -293,8 +293,8 @@ class Log(Mapping[str, Signal]):
 
         Args:
             times: a rate in Hz, seconds since start, or a signal, whose times are meant.
-            method: `"hold"` takes the value that held; `"linear"` goes straight from sample to sample (of floats;
-                others hold).
+            method: `"hold"` takes the value that held; `"linear"` goes straight from sample to sample: of floats,
+                quaternions and poses turn on the shortest way; all others hold.
 
         Raises:
             ElementError: an unknown method, or times that are none.

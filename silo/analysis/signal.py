@@ -168,7 +168,8 @@ class Signal(Samples, _Operators):
 
         Args:
             times: another signal, whose times are meant, an array of seconds since start, or a rate in Hz.
-            method: `"hold"` takes the value that held, `"linear"` (numbers only) goes straight from sample to sample.
+            method: `"hold"` takes the value that held, `"linear"` (numbers only) goes straight from sample to sample:
+                of floats, quaternions and poses turn on the shortest way; whole numbers, bools, enumerations hold.
 
         Raises:
             ElementError: no time is left; the message has both spans.
@@ -194,12 +195,13 @@ class Signal(Samples, _Operators):
             return mine._held(time_ns)
         mine = mine._in_order()
         columns = mine._columns("interpolate")
+        if not calculus.goes_straight(self.dtype, self.labels or self.component_labels):
+            return mine._held(time_ns)
         # relative to the first stamp: doubles hold nanoseconds only over a few months
         new, old = (time_ns - mine.start_ns).astype(np.float64), (mine.time_ns - mine.start_ns).astype(np.float64)
-        made = np.stack([np.interp(new, old, column) for column in columns], axis=-1) if columns else np.empty((0, 0))
-        return replace(
-            mine, values=made.reshape(len(new), *self.values.shape[1:]), time_ns=time_ns, labels={}, component_labels={}
-        )
+        flat = np.stack(columns, axis=-1) if columns else np.empty((len(old), 0))
+        made = calculus.between(self.kind, old, flat, new) if len(old) else flat
+        return replace(mine, values=made.reshape(len(new), *self.values.shape[1:]), time_ns=time_ns)
 
     # --------------------------------------------------------------------------------------------------------- units
 
@@ -464,12 +466,12 @@ class Signal(Samples, _Operators):
         """
         return frames.euler(self, order, degrees)
 
-    def quaternion(self, order: str = "ZYX", degrees: bool = False) -> "Signal":
+    def quaternion(self, order: str = "ZYX", degrees: bool | None = None) -> "Signal":
         """Return Euler angles (or an angle-axis, or rotation matrices) as quaternion `x y z w`. Needs scipy.
 
         Args:
             order: three axes; upper case: intrinsic ones.
-            degrees: they are in degrees, not radians.
+            degrees: they are in degrees, or not, whatever their unit is; None: as that says, radians if there is none.
 
         Raises:
             ElementError: it is no rotation, or there is no such order.

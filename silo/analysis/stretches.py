@@ -6,7 +6,7 @@ Pure functions on a `Recording`; values stay views of the file where they can.
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from itertools import groupby, pairwise
 from typing import Any
 
@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.analysis.compute.calculus import between, goes_straight
 from silo.core.arguments import INT64
 from silo.core.elements import BufferType, LoggedEvent, Stretch
 from silo.core.recording import (
@@ -438,21 +439,28 @@ def _at(recording: Recording, element: RecordedElement, time_ns: NDArray[np.int6
     own = own[order]
     places = np.searchsorted(own, time_ns, side="right") - 1
     begin = int(np.searchsorted(places, 0))
-    smooth = linear and all(e.dtype.kind == "f" for e in element.entries)
+    smooth = linear and all(goes_straight(e.dtype, e.entry.labels) for e in element.entries)
     end = int(np.searchsorted(time_ns, _last(own, time_ns, smooth), side="right"))
     places = places[begin : max(begin, end)]
     wanted = time_ns[begin : max(begin, end)]
 
-    def values(entry: RecordedEntry) -> NDArray[Any]:
+    @cache
+    def straight() -> NDArray[np.float64]:
+        zero = own[0]  # doubles hold nanoseconds only over a few months
+        columns = np.stack([e.values[order].astype(float) for e in element.entries], axis=-1)
+        return between(element.kind, (own - zero).astype(float), columns, (wanted - zero).astype(float))
+
+    def values(place: int, entry: RecordedEntry) -> NDArray[Any]:
         if not smooth or not len(own):
             return entry.values[order][places]
-        zero = own[0]  # doubles hold nanoseconds only over a few months
-        made = np.interp((wanted - zero).astype(float), (own - zero).astype(float), entry.values[order].astype(float))
-        found: NDArray[Any] = made.astype(entry.dtype)
+        found: NDArray[Any] = straight()[:, place].astype(entry.dtype)
         return found
 
     first = begin if len(places) else 0
-    entries = tuple(lazy_entry(e.name, e.entry, partial(values, e), e.dtype, len(places)) for e in element.entries)
+    entries = tuple(
+        lazy_entry(e.name, e.entry, partial(values, place, e), e.dtype, len(places))
+        for place, e in enumerate(element.entries)
+    )
     if element.own_ns is not None:
         return alike(RecordedElement, element, own_ns=None, first=first, entries=entries)
     return replace(element, divider=1, first=first, entries=entries, buffer_type=BufferType.GROWING)

@@ -1,5 +1,7 @@
 """`open_log`, `Log` and `Signal`: names to signals, values at times, statistics, arithmetic, frames, tables."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -153,6 +155,35 @@ class TestValues:
         assert ramp.resample(4.0, "linear").values.tolist() == [0, 0.5, 1, 1.5, 2]
         assert ramp.resample(signal([0, 0], step_s=0.6)).values.tolist() == [0, 1]
 
+    @pytest.mark.parametrize("kind", ["quaternion", "pose"])
+    def test_turns_go_the_shortest_way_whatever_their_sign(self, kind):
+        angles = np.arange(10) * 0.3
+        turns = np.stack([0 * angles, 0 * angles, np.sin(angles / 2), np.cos(angles / 2)], axis=-1)
+        turns[::2] *= -1
+        places = np.repeat(np.arange(10.0)[:, None], 3, axis=1)
+        given = turns if kind == "quaternion" else np.concatenate([places, turns], axis=1)
+        steps = np.array([0, 0.7, 2.25, 8.9, 9])
+        made = replace(signal(given), kind=kind).resample(steps * 0.5, "linear").values
+        truth = np.sin(steps * 0.15)
+        assert np.abs(made[:, -2]) == pytest.approx(truth, abs=1e-12)
+        assert np.linalg.norm(made[:, -4:], axis=1) == pytest.approx(1, abs=1e-12)
+        assert made[[0, -1], -4:].tolist() == turns[[0, -1]].tolist()
+        if kind == "pose":
+            assert made[:, 1] == pytest.approx(steps)
+
+    def test_a_turn_that_is_none_is_nan_between_its_neighbours_alone(self):
+        turns = np.array([[0, 0, 0, 1], [np.nan] * 4, [0, 0, 0, 1], [0, 0, 1, 0.0]])
+        made = replace(signal(turns), kind="quaternion").resample([0, 0.25, 0.75, 1, 1.25, 1.5], "linear").values
+        assert np.isnan(made).all(axis=1).tolist() == [False, True, True, False, False, False]
+        assert made[4] == pytest.approx([0, 0, 0.5**0.5, 0.5**0.5])
+
+    @pytest.mark.parametrize("values", [[False, True, False], [0, 2, 0], np.array([0, 200, 0], np.uint8)])
+    def test_states_hold_as_those_of_a_log_do(self, values):
+        states = replace(signal(values), labels={0: "A", 2: "C"})
+        made = states.resample([0.25, 0.5, 0.75], "linear")
+        assert (made.values.tolist(), made.dtype) == ([values[0], values[1], values[1]], states.dtype)
+        assert made.labels == states.labels
+
     def test_resample_refuses_what_it_can_not_do(self):
         with pytest.raises(ElementError, match="choose 'hold' or 'linear'"):
             signal([1.0]).resample(1.0, "cubic")
@@ -271,6 +302,13 @@ class TestFrames:
         np.testing.assert_allclose(turned.values, [[0, 1, 0]] * 4, atol=1e-12)
         np.testing.assert_allclose(turned.rotate(quarter, inverse=True).values, forward.values, atol=1e-12)
         np.testing.assert_allclose(turned.rotate(quarter.inverse()).values, forward.values, atol=1e-12)
+
+    def test_euler_angles_in_degrees_are_read_as_such(self):
+        turns = signal([[0, 0, np.sin(0.3), np.cos(0.3)]])
+        degrees = turns.euler(degrees=True)
+        assert degrees.quaternion().values[0] == pytest.approx(turns.values[0])
+        assert degrees.with_unit("-").quaternion(degrees=True).values[0] == pytest.approx(turns.values[0])
+        assert turns.euler().with_unit("deg").quaternion(degrees=False).values[0] == pytest.approx(turns.values[0])
 
     def test_euler_angles_and_back(self):
         angles = signal([[0.3, 0.2, 0.1]])

@@ -1,5 +1,6 @@
 """Parts of logs, the same at other times, plots and files of them, runs that are compared."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -76,6 +77,21 @@ def test_a_log_between_its_samples_goes_straight(log):
     assert made["slow"].values[:5].tolist() == pytest.approx([0, 0.5, 1, 1.5, 2])
     assert made["slow"].times[-1] == pytest.approx(4.5)
     assert set(made["mode"].values.tolist()) == {0, 1}
+
+
+def test_the_turns_of_a_log_go_as_those_of_its_signals(new_logger):
+    stamps = itertools.count(0, 100_000_000)
+    log = new_logger(frequency=10, clock=stamps.__next__)
+    turn = log.array("turn", 4, kind="quaternion")
+    log.start()
+    for at in range(20):
+        turn[:] = np.array([0, 0, np.sin(at * 0.1), np.cos(at * 0.1)]) * (-1) ** at
+        log.collect()
+    log.stop()
+    opened = silo.open_log(log.save().path)
+    made = opened.resample(25.0, "linear")["turn"]
+    assert made.norm().values == pytest.approx(1, abs=1e-12)
+    assert made.values.tolist() == opened["turn"].resample(25.0, "linear").values.tolist()
 
 
 def test_a_log_at_the_times_of_a_signal(log):

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from silo.analysis.compute.arithmetic import together
 from silo.analysis.compute.samples import XYZW, Samples, in_order
+from silo.core import units
 from silo.core.arguments import shown, text
 from silo.errors import ElementError
 from silo.files.optional_packages import need
@@ -54,21 +55,25 @@ def euler(orientation: One, order: str = "ZYX", degrees: bool = False) -> One:
     )
 
 
-def quaternion(signal: One, order: str = "ZYX", degrees: bool = False) -> One:
-    """Return the quaternion of Euler angles (in this order), of an angle-axis, or of 3 x 3 rotation matrices."""
+def quaternion(signal: One, order: str = "ZYX", degrees: bool | None = None) -> One:
+    """Return the quaternion of Euler angles (in this order), of an angle-axis, or of 3 x 3 rotation matrices.
+
+    Angles are in the signal's unit unless `degrees` is given, in radians where it has none.
+    """
     rotation = _rotation()
     values = signal.values
     good = np.isfinite(values.reshape(len(signal), -1)).all(axis=1)
     chosen = values[good].astype(np.float64)
+    in_rad = (units.factor(signal.unit, "rad") or 1.0) if degrees is None else np.radians(1.0) if degrees else 1.0
     if signal.kind == "angle_axis" and values.shape[1:] == (4,):
         lengths = np.linalg.norm(chosen[:, 1:], axis=1, keepdims=True)
-        made = rotation.from_rotvec(chosen[:, :1] * chosen[:, 1:] / np.where(lengths > 0, lengths, 1))
+        made = rotation.from_rotvec(in_rad * chosen[:, :1] * chosen[:, 1:] / np.where(lengths > 0, lengths, 1))
     elif values.shape[1:] == (3, 3):
         made = rotation.from_matrix(chosen)
     else:
         _expect(signal, 3, "Euler angles, an angle-axis or a 3 x 3 matrix")
         _check_order(order)
-        made = rotation.from_euler(order, chosen, degrees=degrees)
+        made = rotation.from_euler(order, in_rad * chosen)
     result = np.full((len(signal), 4), np.nan)
     result[good] = made.as_quat()
     return replace(
