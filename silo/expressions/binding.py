@@ -45,6 +45,8 @@ MOST_WIDTH = 1000  # scalars in a vector
 MOST_WINDOW_S = 60.0
 
 _STEPS = ("prev", "diff", "rate")
+_OF_TRUTHS = {"any": "max", "all": "min"}  # what they are of 0 and 1
+_OVER_TIME = ("min", "max", "sum", *_OF_TRUTHS)  # beside those that are nothing else
 _NUMERIC = "biufMm"
 
 
@@ -403,8 +405,14 @@ class _Binder:
     def _call(self, node: Call) -> _Found:
         name = node.function
         sides = [self.bind(one) for one in node.arguments]
-        if name in ("mean", "std") or (name in ("min", "max") and len(sides) == 2 and _is_time(node.arguments[1])):
+        timed = len(sides) > 1 and _is_time(node.arguments[-1])
+        if name in ("mean", "std") or (name in _OVER_TIME and timed and len(sides) == 2):
             return self._window(node, sides)
+        if timed and name in (*_OF_TRUTHS, "sum", "norm"):
+            time = node.arguments[-1]
+            takes, over = ("no time", "max") if name == "norm" else ("one value beside a time", name)
+            words = f"{over}({name}(...), {self._expression.text[time.at : time.end]})"
+            raise self._error(f"{name} takes {takes}: write {words}", time)
         first, rule = sides[0], FUNCTIONS[name].rule
         if name in _STEPS:
             part = Remembered(name, first.part, 0, self._sources(first.part, node))
@@ -458,9 +466,12 @@ class _Binder:
         seconds = duration.value * (units.factor(duration.unit, "s") or 0.0)
         if not 1e-9 <= seconds <= MOST_WINDOW_S:
             raise self._error(f"a window is above 0 and at most {MOST_WINDOW_S:g} s long", duration)
-        inner = sides[0]
-        part = Remembered(node.function, inner.part, round(seconds * 1e9), self._sources(inner.part, node))
-        return _Found(part, inner.width, inner.unit)
+        inner, part, logical = sides[0], sides[0].part, node.function in _OF_TRUTHS
+        if logical and not inner.logical:
+            part = Computed("!=", (part, Constant(0.0)))
+        function = _OF_TRUTHS.get(node.function, node.function)
+        part = Remembered(function, part, round(seconds * 1e9), self._sources(part, node))
+        return _Found(part, inner.width, None if logical else inner.unit, logical)
 
     def _sources(self, part: Part, node: Node) -> tuple[int, ...]:
         columns = columns_of(part)

@@ -213,9 +213,11 @@ FUNCTIONS = {
     "atan2": Function(2, 2, "angle of (y, x), in radians", np.arctan2),
     "hypot": Function(2, 2, "length of (x, y)", np.hypot),
     "norm": Function(1, 20, "length of a vector"),
-    "sum": Function(1, 20, "sum of a vector"),
-    "any": Function(1, 20, "whether one of a vector is: any(legs/*/slip)", unit=PLAIN),
-    "all": Function(1, 20, "whether each of a vector is", unit=PLAIN),
+    "sum": Function(1, 20, "sum of a vector or of several, or within a time: sum(x, 50ms)"),
+    "any": Function(
+        1, 20, "whether one of a vector is: any(legs/*/slip), or is within a time: any(x > 3, 50ms)", unit=PLAIN
+    ),
+    "all": Function(1, 20, "whether each of a vector is, or is all of a time: all(x > 3, 50ms)", unit=PLAIN),
     "isnan": Function(1, 1, "whether it is no number", unit=PLAIN),
     "prev": Function(1, 1, "value of the sample before"),
     "diff": Function(1, 1, "difference to the sample before"),

@@ -1,4 +1,4 @@
-"""Minimum, maximum, mean and deviation within a moving time, the same however the samples come in batches.
+"""Minimum, maximum, sum, mean and deviation within a moving time, the same however the samples come in batches.
 
 A window is put together of what stands before and what stands after one sample, the turn: accumulated from the turn
 backwards once, and from the turn on as samples come. When a window has left the turn behind, its newest sample is the
@@ -47,7 +47,7 @@ class _Side:
 class Window:
     """One moving window over a scalar or a vector, with the samples that it still needs.
 
-    NaN samples are left out. `function` is `min`, `max`, `mean` or `std`.
+    NaN samples are left out. `function` is `min`, `max`, `sum`, `mean` or `std`.
     """
 
     function: str
@@ -163,10 +163,9 @@ class Window:
             merge = np.fmin if self.function == "min" else np.fmax
             reduced: Floats = merge.reduce(np.where(known, samples, np.nan), axis=1)
             return reduced
-        if self.function == "mean":
+        if self.function in ("sum", "mean"):
             # added up one by one, whatever stands beside them
-            mean: Floats = np.cumsum(np.where(known, samples, 0.0), axis=1)[:, -1] / counts
-            return mean
+            return self._of_sums(np.cumsum(np.where(known, samples, 0.0), axis=1)[:, -1], counts)
         away = np.where(known, samples - center, 0.0)
         total = np.cumsum(away, axis=1)[:, -1]
         return _deviation(np.cumsum(away * away, axis=1)[:, -1] - total * total / counts, counts)
@@ -185,13 +184,16 @@ class Window:
             merge = np.fmin if self.function == "min" else np.fmax
             reduced: Floats = merge.reduce(samples, axis=0)
             return reduced
-        if self.function == "mean":
-            mean: Floats = np.add.reduce(samples.copy(), axis=0) / float(width)
-            return mean
+        if self.function in ("sum", "mean"):
+            return self._of_sums(np.add.reduce(samples.copy(), axis=0), float(width))
         away = samples - samples[:1]
         total = np.add.reduce(away, axis=0)
         squares = np.add.reduce(away * away, axis=0)
         return _deviation(squares - total * total / float(width), float(width))
+
+    def _of_sums(self, total: Floats, counts: Floats | float) -> Floats:
+        made: Floats = total / counts if self.function == "mean" else np.where(counts == 0, np.nan, total)
+        return made
 
     # ------------------------------------------------------------------------------------------------ long windows
 
@@ -225,7 +227,7 @@ class Window:
     def _nothing(self) -> _Side:
         width = self._samples.shape[1]
         parts = np.full((1, 1, width), np.nan) if self.function in ("min", "max") else np.zeros((1, 2, width))
-        if self.function == "mean":
+        if self.function in ("sum", "mean"):
             parts = parts[:, :1]
         return _Side(np.zeros((1, width)), parts, np.full(width, np.nan))
 
@@ -276,9 +278,8 @@ class Window:
             return extreme
         counts_before = before.counts[rows]
         both = counts_before + counts
-        if self.function == "mean":
-            mean: Floats = (before.parts[rows, 0] + parts[:, 0]) / both
-            return mean
+        if self.function in ("sum", "mean"):
+            return self._of_sums(before.parts[rows, 0] + parts[:, 0], both)
         spread_before = self._spread[rows]
         mean_after = parts[:, 0] / counts
         spread_after = parts[:, 1] - parts[:, 0] * mean_after

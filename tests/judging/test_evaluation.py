@@ -243,6 +243,22 @@ def test_a_window_takes_the_samples_of_the_last_time_without_the_one_that_is_jus
     assert evaluated(bind("mean(a, 2ms)", CATALOGUE), streams)[1].tolist() == [1.0, 1.5, 3.0, 6.0]
 
 
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("any(a > 3, 2ms)", [0, 0, 1, 1, 0]),
+        ("all(a, 2ms)", [0, 0, 1, 1, 0]),
+        ("any(a, 2ms)", [0, 1, 1, 1, 0]),
+        ("not any(a > 3, 2ms)", [1, 1, 0, 0, 1]),
+        ("sum(a, 2ms)", [0, 2, 6, 4, 0]),
+        ("any(a > 3, a < 0)", [0, 0, 1, math.nan, 0]),
+    ],
+)
+def test_truths_and_sums_of_a_time(text, expected):
+    streams = {0: stream_of(enumerate([0.0, 2.0, 4.0, math.nan, 0.0]), 0, (0, 0))}
+    assert evaluated(bind(text, CATALOGUE), streams)[1] == pytest.approx(expected, nan_ok=True)
+
+
 def test_deviation_of_large_numbers_loses_no_digits():
     rng = np.random.default_rng(1)
     noise = rng.normal(size=500)

@@ -2,6 +2,7 @@
 
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from silo.errors import ExpressionError
 from silo.expressions.binding import OFF, BoundSignal, Catalogue, Constant, Known, bind
 from silo.expressions.derived_signals import Lookback, lookback
 from silo.expressions.evaluation import Evaluator, SourceRows
+from silo.expressions.operations import FUNCTIONS
 from silo.expressions.parsing import MOST_CHARACTERS, MOST_NODES, Call, Name, Operation, parse
 
 
@@ -205,6 +207,25 @@ def test_a_pattern_is_a_vector_of_all_that_match():
 def test_how_far_back_the_samples_are_that_a_value_needs(text, window_s, ticks):
     slow = Known("/log/slow", (Entry("", "<f8"),), "-", 1, 10)
     assert lookback(bind(text, Catalogue([known("/log/a/x"), slow]))) == Lookback(round(window_s * 1e9), ticks)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("norm(joints/tau, 20ms) > 3", "norm takes no time: write max(norm(...), 20ms)"),
+        ("any(base/roll, joints/tau, 20ms)", "any takes one value beside a time: write any(any(...), 20ms)"),
+        ("sum(base/roll, base/roll, 20ms) > 1", "sum takes one value beside a time: write sum(sum(...), 20ms)"),
+    ],
+)
+def test_a_time_is_no_value_of_a_vector(text, says):
+    error = refusal(text)
+    assert (error.reason, pointed_at(error)) == (says, "20ms")
+
+
+def test_the_guide_lists_every_function():
+    page = (Path(__file__).parents[2] / ".docs/guide/conditions.md").read_text()
+    listed = page.partition("## Functions of expressions")[2].partition("##")[0]
+    assert [name for name in FUNCTIONS if f"`{name}(" not in listed] == []
 
 
 def test_a_condition_is_one_truth():

@@ -8,7 +8,12 @@ import pytest
 
 from silo.expressions.windows import SHORT, Window
 
-FUNCTIONS = {"min": np.nanmin, "max": np.nanmax, "mean": np.nanmean, "std": np.nanstd}
+
+def _sum(values, axis):
+    return np.where(np.isnan(values).all(axis=axis), np.nan, np.nansum(values, axis=axis))
+
+
+FUNCTIONS = {"min": np.nanmin, "max": np.nanmax, "sum": _sum, "mean": np.nanmean, "std": np.nanstd}
 
 
 def fed(window, times, values, breaks, cuts):
