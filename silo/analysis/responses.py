@@ -44,7 +44,7 @@ def bode_between(
     log: ResponseLog, given: str, answer: str, start_s: float | None, stop_s: float | None, segment_s: float | None
 ) -> Bode:
     """Return the transfer function of a part of a log. Raises ElementError."""
-    signals = _signals(log, given, answer)
+    signals = _at_common_ticks(*_signals(log, given, answer))
     one = _excitation(log, signals[0], start_s, stop_s, _WITH_BAND)
     begin, end = _window(signals, one, start_s, stop_s)
     segment = (end - begin) / SEGMENTS if segment_s is None else real("segment_s", segment_s, 0, 1e6, "s")
@@ -141,6 +141,15 @@ def _window(
     first, last = max(float(each.times[0]) for each in signals), min(float(each.times[-1]) for each in signals)
     begin = first if start_s is None else real("start_s", start_s, -1e9, 1e9, "s")
     return begin, last if stop_s is None else real("stop_s", stop_s, -1e9, 1e9, "s")
+
+
+def _at_common_ticks(one: Signal, other: Signal) -> list[Signal]:
+    """Both where both have a sample, if no rate divides the other: a value held in between has another phase."""
+    if one.divider % other.divider and other.divider % one.divider:
+        common = np.intersect1d(one.time_ns, other.time_ns)
+        if len(common):
+            return [one._held(common), other._held(common)]
+    return [one, other]
 
 
 def _together(signals: list[Signal], begin: float, end: float) -> tuple[Floats, Floats]:

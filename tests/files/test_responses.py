@@ -131,6 +131,21 @@ def test_without_an_excitation_the_whole_log_is_taken_and_a_window_is_taken_at_i
     log.bode("q", "tau")  # any signal is an input
 
 
+@pytest.mark.parametrize("dividers", [(3, 2), (3, 4), (2, 6), (1, 5)])
+def test_rates_of_which_none_divides_the_other_meet_at_the_ticks_that_both_have(dividers):
+    whole = logged(CHIRP, FirstOrder)
+    elements = []
+    for element, divider in zip(whole.elements, dividers, strict=True):
+        (entry,) = element.entries
+        some = RecordedEntry(entry.name, entry.entry, entry.values[::divider])
+        elements.append(replace(element, divider=divider, entries=(some,)))
+    hz, db, deg, _ = silo.Log(replace(whole, elements=tuple(elements))).bode("tau", "q")
+    known, middle = function(FirstOrder, hz), (hz > 1) & (hz < 12)
+    assert np.abs((deg - np.degrees(np.angle(known)) + 180) % 360 - 180)[middle].max() < 1.5
+    assert np.abs(db - 20 * np.log10(np.abs(known)))[middle].max() < 0.5
+    assert hz[-1] > 17
+
+
 def test_samples_of_a_late_loop_are_put_on_an_even_grid():
     recording = logged(CHIRP, FirstOrder)
     recording.time_ns[:] += np.random.default_rng(2).integers(-400_000, 400_000, len(recording.time_ns))
