@@ -154,6 +154,7 @@ class _Run:
     trimmed: dict[str, tuple[list[Span], bool]] = field(default_factory=dict)  # by recorder, what its list says it had
     ended: bool = False  # nobody logs in it any more
     lacks: dict[str, int] = field(default_factory=dict)  # by recording, samples that are in no part
+    lost: dict[tuple[int, str], int] = field(default_factory=dict)  # by stretch and element, as saved logs count them
     paused: list[Span] = field(default_factory=list)  # what came while somebody had stopped a recording
 
     @property
@@ -277,6 +278,10 @@ class _Folder:
             begin, last = recording.offset - len(recording.time_ns), recording.offset - 1
             firsts = {one.name: (one, begin + one.first) for one in recording.elements if one.count}
             run.saved.append((path, (min((tick for _, tick in firsts.values()), default=begin), last), recording.why))
+            part = recording.stretch.part if recording.stretch is not None else 0
+            for one in recording.elements:
+                if one.lost:  # a later save of the same counts them again
+                    run.lost[part, one.name] = max(one.lost, run.lost.get((part, one.name), 0))
             for name, (one, tick) in firsts.items():
                 if one.buffer_type is BufferType.LOOPING:
                     run.hold(name, tick, last, one.divider)
@@ -348,6 +353,7 @@ def verify(folder: Path) -> Verified:
         verdicts += _recordings(run, _recorded_around(run, runs), there)
         verdicts += _captures(run, there.captures.get(run.logger, []))
         verdicts += _saved(run)
+        verdicts += _lost(run)
         verdicts += _events(run, there)
     verdicts += _totals(runs)
     named = {one.run for one in verdicts if one.kind == "missing"}
@@ -642,6 +648,17 @@ def _saved(run: _Run) -> Iterator[Verdict]:
     if len(again) > 1:
         text = f"what the program of run {run.run} left was saved {len(again)} times: {', '.join(again)}"
         yield Verdict("twice", text, run.logger, run.run)
+
+
+def _lost(run: _Run) -> Iterator[Verdict]:
+    """What buffers had no room for, as saved logs tell."""
+    counts: Counter[str] = Counter()
+    for (_, name), samples in run.lost.items():
+        counts[name] += samples
+    if counts:
+        names = and_more([f"{samples} of {name}" for name, samples in counts.items()], _MOST_SHOWN)
+        text = f"run {run.run}, of {run.ticks} ticks: {many(counts.total(), 'sample')} had no room in memory: {names}"
+        yield Verdict("missing", text, run.logger, run.run, told=run.told(["samples could not be kept"]))
 
 
 def _events(run: _Run, there: _Folder) -> Iterator[Verdict]:

@@ -422,6 +422,38 @@ def test_values_of_a_saved_log_that_are_damaged_are_told_as_damage(tmp_path, tru
     assert [one.kind for one in verify(tmp_path).problems] == ["damaged"]
 
 
+def test_samples_that_growing_buffers_had_no_room_for_are_missing(tmp_path, capsys):
+    log = silo.Logger(
+        "bot", frequency=1000, folder=tmp_path, script=tmp_path / "no.yaml", memory_limit_mb=5, max_time=0
+    )
+    log.array("x", buffer="growing", size=1000)
+    log.array("v", 200, buffer="growing", size=1000)
+    log.start()
+    for _ in range(4000):
+        log.collect()
+    log.stop()
+    lost = {name: log[name].lost for name in ("/log/x", "/log/v")}
+    log.save("silo", name="a")
+    log.save("csv", name="b")
+    log.close()
+    assert sum(lost.values()) > 1000
+    words = (
+        f"{sum(lost.values())} samples had no room in memory: {lost['/log/x']} of /log/x, {lost['/log/v']} of /log/v"
+    )
+    assert run(["verify", str(tmp_path)]) == 4
+    assert f", of 4000 ticks: {words}" in capsys.readouterr().out
+    started_ns, told = silo.open_log(tmp_path / "a.silo").recording.started_ns, "184 samples could not be kept"
+    texts = {"started": "started", "lost": told}
+    events = [
+        LoggedEvent(kind, text, started_ns, at, 0, "bot", "r1", at) for at, (kind, text) in enumerate(texts.items())
+    ]
+    append_events(tmp_path, "bot", events)
+    assert run(["verify", str(tmp_path)]) == 0
+    shown = capsys.readouterr().out
+    assert f"{words}; event 1: {told}" in shown
+    assert "1 run: not whole, 1 told before" in shown
+
+
 def test_totals_that_are_not_those_of_the_parts_disagree(kept):
     kept.recorded(300, stopped=False)
     kept.happens("recording", "recording 'bot' ended; 1 file, 5 samples, 0 lost", 299)

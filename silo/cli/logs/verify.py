@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 def verify(folder: Path, as_json: bool) -> int:
     """Hold the recordings, captures, saved logs and the event log of a log folder against one another.
 
-    Named is every tick that was to be recorded or captured and is in no file, what stands twice, totals that disagree,
-    and files that can't be read. What the event log tells to be lost stands apart, and so do ticks that nobody asked to
-    keep: what buffers overwrote before a save, what the budget of a recording deleted, and what came while somebody had
-    stopped a recording. A buffer of fewer seconds than others keeps the newest; that it is so is said. Nothing is
-    changed.
+    Named is every tick that was to be recorded or captured and is in no file, what growing buffers had no room for,
+    what stands twice, totals that disagree, and files that can't be read. What the event log tells to be lost stands
+    apart, and so do ticks that nobody asked to keep: what buffers overwrote before a save, what the budget of a
+    recording deleted, and what came while somebody had stopped a recording. A buffer of fewer seconds than others keeps
+    the newest; that it is so is said. Nothing is changed.
 
     \b
     Examples:
@@ -59,6 +59,8 @@ def _show(found: "Verified") -> None:
     told = f", {len(found.told)} told before" if found.told else ""
     less = len({one.run for one in found.not_kept})
     parts = f"all is there that was to be kept, of {less} not all ticks were" if less else "whole"
+    if any(one.kind == "missing" for one in found.told):
+        parts = "not whole"
     click.echo(f"{len(found.problems)} problems in {runs}{told}" if found.problems else f"{runs}: {parts}{told}")
 
 
