@@ -61,8 +61,9 @@ def open_log(
             cut (`log.set(..., cut=True)`), with an event of kind `cut` where one goes on another, or those of a
             recording. If it is left out, that is so of a run that was cut; of a recording, which may be of days, one
             part is opened. The time stamps of all are read, a signal is when it is asked for.
-        check: hold all values of a `.silo` against its checksums, as `silo verify` does; all of it is read. What isn't
-            as it was written is told by a `LogWarning` and in `log.warnings`.
+        check: hold all values of a `.silo` against its checksums, and the chunks of a recording against theirs and
+            their indexes, as `silo verify` does; all of it is read. What isn't as it was written is told by a
+            `LogWarning` and in `log.warnings`.
 
     Returns:
         The log; what is large in it is read when it is asked for.

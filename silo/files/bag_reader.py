@@ -50,11 +50,12 @@ def read_bag(path: str | os.PathLike[str]) -> Recording:
     return replace(found, warnings=tuple(found.warnings))
 
 
-def open_bag(path: str | os.PathLike[str]) -> Recording:
+def open_bag(path: str | os.PathLike[str], *, check: bool = False) -> Recording:
     """The recording in a rosbag2 folder or an `.mcap` file; each element is read when it is asked for.
 
-    A file that was cut off gives the samples that are whole; `Recording.warnings` says what is missing. Raises
-    `LogNotFoundError` if it can't be opened, `FileFormatError` for damaged files.
+    With `check` the chunks of a part of a recording are held against their checksums and their indexes. A file that was
+    cut off gives the samples that are whole; `Recording.warnings` says what is missing. Raises `LogNotFoundError` if it
+    can't be opened, `FileFormatError` for damaged files.
     """
     source = Path(path)
     if _is_of_others(source):
@@ -62,7 +63,7 @@ def open_bag(path: str | os.PathLike[str]) -> Recording:
     file, data = _mapped(path)
     with damage_told(file):
         try:
-            found = _opened(file, data)
+            found = _opened(file, data, check)
         except _LostFactsError as error:
             return _as_of_others(source, error)
     return found or _opened_others(source)
@@ -120,13 +121,13 @@ def _storage_file(path: Path) -> Path:
     return files[0]
 
 
-def _opened(file: Path, data: memoryview) -> Recording | None:
+def _opened(file: Path, data: memoryview, check: bool = False) -> Recording | None:
     """What silo wrote; None of others."""
     if bytes(data[: len(MAGIC)]) != MAGIC:
         raise FileFormatError("not an MCAP file: it doesn't start with the MCAP mark")
     index = read_index(data) or _walked(data)
     if PART_ATTACHMENT in index.attachments:
-        return open_part(file, data, index, _attached(data, index, PART_ATTACHMENT, unpack_part))
+        return open_part(file, data, index, _attached(data, index, PART_ATTACHMENT, unpack_part), check)
     if FACTS_ATTACHMENT not in index.attachments:
         return None
     facts: RecordingFacts = _attached(data, index, FACTS_ATTACHMENT, unpack_facts)

@@ -153,6 +153,7 @@ FORMATS = (
         reader="silo.files.bag_reader:open_bag",
         keeps=Keeps.ALL,
         mark=b"\x89MCAP",
+        checks=True,
     ),
     Format(
         name="bag",
@@ -164,6 +165,7 @@ FORMATS = (
         keeps=Keeps.ALL,
         folder=True,
         saved_as=FileType.BAG,
+        checks=True,
     ),
     Format(
         name="csv",

@@ -252,6 +252,10 @@ class _Folder:
             if scan.facts is None:
                 continue  # a bag
             about = scan.facts.recording
+            name = path.relative_to(self.folder)
+            self.verdicts += [
+                Verdict("damaged", f"{name}: {one}", about.logger, scan.facts.run) for one in scan.damaged
+            ]
             run = self.run_of(about.logger, scan.facts.run, about.started_ns)
             run.parts.append(_Part(path, scan))
             run.ticks = max([run.ticks, *(last + 1 for _, last in run.parts[-1].ticks())])

@@ -7,6 +7,7 @@ import warnings
 from pathlib import Path
 
 import pytest
+from mcap.opcode import Opcode
 
 import silo
 from silo.cli.main import run
@@ -15,6 +16,8 @@ from silo.conditions.segment_judge import SegmentJudge
 from silo.core.elements import LoggedEvent
 from silo.files.event_log import append_events, event_log_path
 from silo.files.manifest import CaptureEntry, CaptureList
+from silo.files.mcap.chunks import records
+from silo.files.mcap.writer import MAGIC
 from silo.recorder.orders import RecordOrder
 from silo.segment.reader import SegmentReader
 from silo.verify.folder import verify
@@ -402,6 +405,25 @@ def test_a_part_that_is_damaged_from_its_begin_is_told(kept):
     kept.recorded(300)
     kept.part.with_name("bot_20260101_00-00-00_00099.mcap").write_bytes(b"nothing of ours")
     assert kept.found() == [[("damaged", ())], []]
+
+
+@pytest.mark.parametrize("which", [0, -1])
+def test_times_that_flipped_in_the_index_of_a_part_are_told_and_read_off_its_messages(kept, capsys, which):
+    kept.recorded(300)
+    path, data = kept.part, bytearray(kept.part.read_bytes())
+    before = silo.open_log(path, check=True)
+    assert before.warnings == ()
+    chunks = [place for opcode, place, _ in records(data, len(MAGIC)) if opcode == Opcode.CHUNK]
+    index = chunks[which] + 9 + int.from_bytes(data[chunks[which] + 1 : chunks[which] + 9], "little")
+    data[index + 9 + 6 + 2] ^= 4  # of its first time
+    path.write_bytes(data)
+    assert run(["verify", str(kept.folder)]) == 4
+    words = f"of the chunk at byte {chunks[which]:,} the index is damaged: its times, or where it points, are not those"
+    assert f"damaged: rec/{path.name}: {words}" in capsys.readouterr().out
+    with pytest.warns(silo.LogWarning, match="the index is damaged: its times"):
+        after = silo.open_log(path, check=True)
+    assert after.time_ns.tolist() == before.time_ns.tolist()
+    assert all(after[name].values.tolist() == before[name].values.tolist() for name in before)
 
 
 def test_values_of_a_saved_log_that_are_damaged_are_told_as_damage(tmp_path, truth, capsys):

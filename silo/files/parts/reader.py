@@ -6,7 +6,9 @@ ticks at which nothing that was recorded fell due lie evenly between those of th
 is told by the beginning of its first message; values are read when they are asked for.
 """
 
+import struct
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -18,11 +20,11 @@ from numpy.typing import NDArray
 from silo.core.elements import UNHELD, BufferType, LoggedEvent, Stretch
 from silo.core.recording import Recording, alike
 from silo.files.bags.index import DAMAGE, GAPS, BagElements, lost_chunk
-from silo.files.mcap.chunks import chunk_start, unpack_chunk
+from silo.files.mcap.chunks import chunk_start, unpack_chunk, walked
 from silo.files.mcap.index import Index, IndexedChunk, entries_at, entries_in, record_at, walked_index
 from silo.files.parts.events import events_of
 from silo.files.parts.metadata import EVENTS_RING, PartFacts, RingFacts
-from silo.files.parts.scan import SEQUENCE_AT, first_row
+from silo.files.parts.scan import NO_INDEX, SEQUENCE_AT, first_row, index_fits
 
 
 @dataclass
@@ -66,10 +68,13 @@ class _Ring:
         pairs = zip(ends, self.stretches[1:], strict=False)
         return [(end * divider, (row - 1) * divider) for end, (row, _) in pairs if end < row]
 
-    def add(self, data: memoryview, chunk: IndexedChunk) -> IndexedChunk:
-        """Take in a chunk; return it with how many rows it has. Raises ValueError and the like for a damaged one."""
+    def add(self, data: memoryview, chunk: IndexedChunk, found: memoryview | None = None) -> IndexedChunk:
+        """Take in a chunk; return it with how many rows it has. Raises ValueError and the like for a damaged one.
+
+        `found` is an index to be taken instead of its own, for its first channel.
+        """
         channel, at = (int(one) for one in chunk.offsets[0])
-        body, index = record_at(data, chunk.at, Opcode.CHUNK), record_at(data, at, Opcode.MESSAGE_INDEX)
+        body, index = record_at(data, chunk.at, Opcode.CHUNK), found or record_at(data, at, Opcode.MESSAGE_INDEX)
         entries = entries_in(index, channel)
         row = first_row(self.facts, chunk_start(body, int(entries["offset"][0]) + SEQUENCE_AT + 4), index)
         if row != self.end:  # what comes unexpected is believed by its checksum
@@ -81,8 +86,23 @@ class _Ring:
         return chunk._replace(rows=len(entries), skipped=skipped)
 
 
-def open_part(file: Path, data: memoryview, index: Index, facts: PartFacts) -> Recording:
-    """What a part holds. Raises ValueError, ZstdError and the like for a damaged one."""
+def _by_messages(data: memoryview, chunk: IndexedChunk) -> memoryview | None:
+    """An index of a chunk's first channel by its messages, whose checksum is looked at; None where its own is right."""
+    body = record_at(data, chunk.at, Opcode.CHUNK)
+    whole = bytes(unpack_chunk(body))
+    with suppress(*DAMAGE):
+        if index_fits(whole, [record_at(data, int(at), Opcode.MESSAGE_INDEX) for at in chunk.offsets["offset"]]):
+            return None
+    channel = int(chunk.offsets["channel"][0])
+    entries = walked(whole, len(body))[0][channel].tobytes()
+    return memoryview(struct.pack("<HI", channel, len(entries)) + entries)
+
+
+def open_part(file: Path, data: memoryview, index: Index, facts: PartFacts, check: bool = False) -> Recording:
+    """What a part holds. Raises ValueError, ZstdError and the like for a damaged one.
+
+    With `check` all chunks are unpacked, and held against their indexes, which have no checksum.
+    """
     rings = {ring.ring: _Ring(ring) for ring in facts.value_rings}
     begin_tick = min((ring.begin * ring.divider for ring in facts.value_rings), default=0)
     events: list[LoggedEvent] = []
@@ -93,17 +113,22 @@ def open_part(file: Path, data: memoryview, index: Index, facts: PartFacts) -> R
         if ring is None:
             continue
         try:
+            found = _by_messages(data, chunk) if check else None
+            if found is not None:
+                damaged.append(f"of the chunk at byte {chunk.at:,} {NO_INDEX}, which were taken instead")
             if ring.ring == EVENTS_RING:
                 body = bytes(unpack_chunk(record_at(data, chunk.at, Opcode.CHUNK)))
                 entries = entries_at(data, int(chunk.offsets["offset"][0]), ring.channels[0])
                 events += events_of(body, entries["offset"], ring.begin, begin_tick, facts.run)
             else:
-                chunks.append(rings[ring.ring].add(data, chunk))
+                chunks.append(rings[ring.ring].add(data, chunk, found))
         except DAMAGE as error:
             damaged.append(lost_chunk(chunk.at, error))
     filled = [ring for ring in rings.values() if ring.stretches]
     if index.definitions and any(ring.count > ring.there or ring.first > ring.facts.begin for ring in filled):
-        return open_part(file, data, walked_index(data), facts)  # who closed it left out of its summary what is damaged
+        return open_part(
+            file, data, walked_index(data), facts, check
+        )  # who closed it left out of its summary what is damaged
     first = min((ring.first * ring.facts.divider for ring in filled), default=0)
     end = max(((ring.end - 1) * ring.facts.divider + 1 for ring in filled), default=0)
     ring_by_channel = {channel: ring for ring in rings.values() for channel in ring.facts.channels}

@@ -24,12 +24,16 @@ SEQUENCE_AT = 11  # in a message record
 _MESSAGE = np.dtype(
     {"names": ["opcode", "channel", "time"], "formats": ["u1", "<u2", "<u8"], "offsets": [0, 9, 15], "itemsize": 23}
 )
+NO_INDEX = "the index is damaged: its times, or where it points, are not those of the messages"
 _IN_CHUNK = (Opcode.SCHEMA, Opcode.CHANNEL)
 
 
 @dataclass
 class PartScan:
-    """What is whole of a part. `rows` are its stretches of rows by ring, as (first, one after the last)."""
+    """What is whole of a part. `rows` are its stretches of rows by ring, as (first, one after the last).
+
+    `damaged` tells of the chunks that are not, before its end.
+    """
 
     begun: Begun = field(default_factory=Begun)
     facts: PartFacts | None = None
@@ -38,6 +42,7 @@ class PartScan:
     start_ns: int = 0
     end_ns: int = 0
     rows: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
+    damaged: list[str] = field(default_factory=list)
 
     @property
     def next_rows(self) -> dict[int, int]:
@@ -74,13 +79,21 @@ def scan_part(data: memoryview) -> PartScan:
     if bytes(data[: len(MAGIC)]) != MAGIC:
         raise FileFormatError("not an MCAP file: it doesn't start with the MCAP mark")
     scan.begun.size = len(MAGIC)
+    cut: list[str] = []  # at the end of a file that isn't finished nothing is damaged
     for record in indexed_records(data):
         if record.opcode == Opcode.CHUNK:
             # one that is damaged ends the file where nothing whole comes behind it; the first one has the definitions
-            if not _take_chunk(scan, record) and not scan.begun.channels:
+            wrong = _take_chunk(scan, record)
+            if wrong:
+                cut.append(f"of the chunk at byte {record.at:,} {wrong}")
+            else:
+                scan.damaged, cut = [*scan.damaged, *cut], []
+            if not scan.begun.channels:
+                scan.damaged += cut if bytes(data[-len(MAGIC) :]) == MAGIC else []
                 return scan
         elif record.opcode == Opcode.DATA_END:
             scan.finished = bytes(data[-len(MAGIC) :]) == MAGIC and len(data) > record.end
+            scan.damaged += cut
             return scan
         elif record.opcode == Opcode.ATTACHMENT:
             _take_attachment(scan, record)
@@ -131,19 +144,19 @@ def rows_after(data: memoryview) -> tuple[PartFacts, dict[int, int]] | None:
     return facts, rows
 
 
-def _take_chunk(scan: PartScan, record: IndexedRecord) -> bool:
-    """Take in a chunk with its index; False if it is damaged."""
+def _take_chunk(scan: PartScan, record: IndexedRecord) -> str:
+    """Take in a chunk with its index; return what is damaged, empty where nothing is."""
     if scan.facts is None or not record.index:
-        return False
+        return "the index is missing"
     ring = scan.facts.ring_of(struct.unpack_from("<H", record.index[0])[0], len(record.index))
     if ring is None:
-        return False
+        return NO_INDEX
     try:
         data = bytes(unpack_chunk(record.body))
-    except (zstandard.ZstdError, ValueError, struct.error):
-        return False
-    if not _is_right(data, record.index):
-        return False
+    except (zstandard.ZstdError, ValueError, struct.error) as error:
+        return f"nothing can be read ({error})"
+    if not index_fits(data, record.index):
+        return NO_INDEX
     if not scan.begun.channels:
         _take_definitions(scan, data)
     offsets, place = b"", record.end
@@ -163,10 +176,10 @@ def _take_chunk(scan: PartScan, record: IndexedRecord) -> bool:
     index_length = record.index_end - record.end
     scan.begun.chunk_indexes.append(chunk_index(place_of_chunk, offsets, index_length, compression, packed, size))
     scan.begun.size = record.index_end
-    return True
+    return ""
 
 
-def _is_right(chunk: bytes, index: list[memoryview]) -> bool:
+def index_fits(chunk: bytes, index: list[memoryview]) -> bool:
     """Whether index records point at the messages that they name: they have no checksum of their own.
 
     All of a ring's channels have as many messages, so that they are looked at at once: 500 take 2 instead of 20 ms.
