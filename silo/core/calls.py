@@ -8,6 +8,7 @@ import inspect
 import logging
 from collections.abc import Callable, Container, Iterable, Mapping
 from functools import wraps
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Concatenate, NoReturn, ParamSpec, TypeVar, cast
 
 import msgspec
@@ -224,7 +225,8 @@ def no_attribute(what: str, name: str, cls: type, others: Mapping[str, str], way
     if not found and not name.startswith("_"):
         known = (*dir(cls), *getattr(cls, "__dataclass_fields__", ()), *getattr(cls, "__struct_fields__", ()))
         found = did_you_mean(nearest(name, [one for one in known if not one.startswith("_")], 0.7))[2:]
-    found = found or way_out or f"help(silo.{cls.__name__}) lists what there is"
+    homes = (home for home in ("silo", "silo.types") if hasattr(import_module(home), cls.__name__))
+    found = found or way_out or f"help({next(homes, cls.__module__)}.{cls.__name__}) lists what there is"
     raise UnknownNameError(f"{what} has no '{name}': {found}", name=name)
 
 

@@ -139,10 +139,17 @@ def _value(rule: Rule, pair: _Pair) -> list[Finding]:
             which = "the run" if math.isnan(value) else "the baseline"
             found.append(Finding(what, BLIND, why=f"{which} lacks something that it speaks of"))
             continue
-        beside = "" if math.isnan(usual) else f", the baseline has {usual:.6g}"
-        why = f"it is {value:.6g}{beside}; {low:.6g} to {high:.6g} is allowed"
+        digits = _digits(value, low, high)
+        beside = "" if math.isnan(usual) else f", the baseline has {usual:.{digits}g}"
+        why = f"it is {value:.{digits}g}{beside}; {low:.{digits}g} to {high:.{digits}g} is allowed"
         found.append(Finding(what, GOOD) if low <= value <= high else Finding(what, BAD, 1, why=why))
     return found
+
+
+def _digits(value: float, *bounds: float) -> int:
+    """How many digits tell a value from bounds that it isn't: 6, or as many as it takes."""
+    texts = ((n, [f"{bound:.{n}g}" for bound in bounds if bound != value]) for n in range(6, 17))
+    return next((n for n, others in texts if f"{value:.{n}g}" not in others), 17)
 
 
 def _range(key: str, bound: Bound, usual: float) -> tuple[float, float]:

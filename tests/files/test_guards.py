@@ -70,6 +70,7 @@ def found(folder, run, rules="", against=None):
         ("shifted", "- {value: mean(joints/tau), within: 0.04}", "VIOLATED", "the baseline has"),
         ("shifted", "- {value: rms(joints/tau), within: 10%}", "GREEN", ""),
         ("worse", "- {value: rms(joints/tau), within: 90%}", "VIOLATED", "is allowed"),
+        ("worse", "- {value: count(mode), at_least: 50.0000001}", "VIOLATED", "has 50; 50.0000001 to inf is allowed"),
         ("worse", "- {value: rms(joints/tau), at_most: 201%}", "GREEN", ""),
         ("worse", "- {value: rms(joints/tau), at_most: 199%}", "VIOLATED", ""),
         ("worse", "- {value: rms(joints/tau), at_least: 201%}", "VIOLATED", ""),

@@ -387,6 +387,13 @@ class TestTables:
         assert log["state/mode"].to_xarray().attrs["flag_meanings"] == "STAND WALK"
         assert log.to_xarray().sizes["/log/imu/q.time"] == 5
 
+    @pytest.mark.parametrize("kind", ["M8[ns]", "m8[ns]"])
+    def test_dates_in_xarray_are_fit_for_netcdf(self, kind):
+        xarray = pytest.importorskip("xarray")
+        array = signal(np.array([3, 5, 9]).astype(kind)).to_xarray()
+        encoded, _ = xarray.conventions.cf_encoder({"s": array.variable}, {})
+        assert encoded["s"].attrs["units"].startswith("nanoseconds")
+
     def test_numpy_takes_a_signal(self, log):
         assert np.asarray(log["state/mode"]).tolist() == log["state/mode"].to_numpy().tolist()
         assert np.asarray(log["state/mode"]).base is not None

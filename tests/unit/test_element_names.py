@@ -166,3 +166,12 @@ def test_a_component_goes_before_what_others_mean_by_its_name(new_logger):
     logger.collect()
     with pytest.raises(UnknownNameError, match=r"it is signal\['t'\]"):
         _ = silo.Log(logger.snapshot())["v"].t
+
+
+def test_what_lists_the_names_of_a_thing_is_what_help_finds(new_logger):
+    log = new_logger()
+    log.array("q")
+    log.update()
+    for one, home in ((log["q"], "silo.types.LoggedElement"), (log.elements[0], "silo.types.ElementInfo")):
+        with pytest.raises(UnknownNameError, match=rf"help\({home}\) lists what there is"):
+            _ = one.zzz

@@ -46,6 +46,8 @@ def signal_to_xarray(signal: Samples) -> Any:
     if values.ndim == 2 and len(signal.components) == values.shape[1]:
         coordinates["component"] = list(signal.components)
     attributes: dict[str, Any] = {"units": signal.unit, "description": signal.description, "divider": signal.divider}
+    if values.dtype.kind in "mM":
+        del attributes["units"]  # `to_netcdf` writes its own there, which say since when dates count
     if signal.labels:
         attributes["flag_values"] = list(signal.labels)
         attributes["flag_meanings"] = " ".join(label.replace(" ", "_") for label in signal.labels.values())
