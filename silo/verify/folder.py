@@ -282,9 +282,11 @@ class _Folder:
             begin, last = recording.offset - len(recording.time_ns), recording.offset - 1
             firsts = {one.name: (one, begin + one.first) for one in recording.elements if one.count}
             run.saved.append((path, (min((tick for _, tick in firsts.values()), default=begin), last), recording.why))
-            part = recording.stretch.part if recording.stretch is not None else 0
+            stretch = recording.stretch
+            part = stretch.part if stretch is not None else 0
             for one in recording.elements:
-                if one.lost:  # a later save of the same counts them again
+                # a later save of the same counts them again; what was made of a recording lacks what its parts lack
+                if one.lost and not (stretch is not None and stretch.recorder):
                     run.lost[part, one.name] = max(one.lost, run.lost.get((part, one.name), 0))
             for name, (one, tick) in firsts.items():
                 if one.buffer_type is BufferType.LOOPING:
@@ -661,7 +663,8 @@ def _lost(run: _Run) -> Iterator[Verdict]:
         counts[name] += samples
     if counts:
         names = and_more([f"{samples} of {name}" for name, samples in counts.items()], _MOST_SHOWN)
-        text = f"run {run.run}, of {run.ticks} ticks: {many(counts.total(), 'sample')} had no room in memory: {names}"
+        lost = many(counts.total(), "sample")
+        text = f"run {run.run}, of {run.ticks} ticks: {lost} had no room in a buffer, as saved logs tell: {names}"
         yield Verdict("missing", text, run.logger, run.run, told=run.told(["samples could not be kept"]))
 
 

@@ -459,9 +459,8 @@ def test_samples_that_growing_buffers_had_no_room_for_are_missing(tmp_path, caps
     log.save("csv", name="b")
     log.close()
     assert sum(lost.values()) > 1000
-    words = (
-        f"{sum(lost.values())} samples had no room in memory: {lost['/log/x']} of /log/x, {lost['/log/v']} of /log/v"
-    )
+    names = f"{lost['/log/x']} of /log/x, {lost['/log/v']} of /log/v"
+    words = f"{sum(lost.values())} samples had no room in a buffer, as saved logs tell: {names}"
     assert run(["verify", str(tmp_path)]) == 4
     assert f", of 4000 ticks: {words}" in capsys.readouterr().out
     started_ns, told = silo.open_log(tmp_path / "a.silo").recording.started_ns, "184 samples could not be kept"
