@@ -154,7 +154,9 @@ class _Run:
     trimmed: dict[str, tuple[list[Span], bool]] = field(default_factory=dict)  # by recorder, what its list says it had
     ended: bool = False  # nobody logs in it any more
     lacks: dict[str, int] = field(default_factory=dict)  # by recording, samples that are in no part
-    lost: dict[tuple[int, str], int] = field(default_factory=dict)  # by stretch and element, as saved logs count them
+    lost: dict[tuple[int, str], int] = field(
+        default_factory=dict
+    )  # by stretch and element, as saved logs and memory count them
     paused: list[Span] = field(default_factory=list)  # what came while somebody had stopped a recording
 
     @property
@@ -166,6 +168,11 @@ class _Run:
         """Note what a looping buffer has; before its first sample it held another one for no divider."""
         self.newest.setdefault(name, []).append((max(0, first - divider + 1), last))
         self.slack = max(self.slack, divider)
+
+    def lose(self, part: int, name: str, samples: int) -> None:
+        """Note what an element lost in a stretch; who is saved later, or is saved twice, counts the same again."""
+        if samples:
+            self.lost[part, name] = max(samples, self.lost.get((part, name), 0))
 
     def told(self, words: Sequence[str] = ()) -> str:
         """Who told of a loss in this run: the first event that does, with one of these words where there are any."""
@@ -283,11 +290,10 @@ class _Folder:
             firsts = {one.name: (one, begin + one.first) for one in recording.elements if one.count}
             run.saved.append((path, (min((tick for _, tick in firsts.values()), default=begin), last), recording.why))
             stretch = recording.stretch
-            part = stretch.part if stretch is not None else 0
+            part = max(1, stretch.part) if stretch is not None else 1
             for one in recording.elements:
-                # a later save of the same counts them again; what was made of a recording lacks what its parts lack
-                if one.lost and not (stretch is not None and stretch.recorder):
-                    run.lost[part, one.name] = max(one.lost, run.lost.get((part, one.name), 0))
+                if stretch is None or not stretch.recorder:  # else it lacks what its parts lack
+                    run.lose(part, one.name, one.lost)
             for name, (one, tick) in firsts.items():
                 if one.buffer_type is BufferType.LOOPING:
                     run.hold(name, tick, last, one.divider)
@@ -306,6 +312,7 @@ class _Folder:
                     there = [(element, *_oldest(reader, element.ring)) for element in _kept_elements(reader)]
                     run.held.append((min((tick for _, _, tick in there), default=0), last))
                     for element, ring, tick in there:
+                        run.lose(reader.schema.stretch[1], element.info.name, reader.ring_lost(element.ring))
                         if ring.buffer_type is BufferType.LOOPING:
                             run.hold(element.info.name, tick, last, ring.divider)
 
@@ -657,14 +664,14 @@ def _saved(run: _Run) -> Iterator[Verdict]:
 
 
 def _lost(run: _Run) -> Iterator[Verdict]:
-    """What buffers had no room for, as saved logs tell."""
+    """What buffers had no room for."""
     counts: Counter[str] = Counter()
     for (_, name), samples in run.lost.items():
         counts[name] += samples
     if counts:
         names = and_more([f"{samples} of {name}" for name, samples in counts.items()], _MOST_SHOWN)
         lost = many(counts.total(), "sample")
-        text = f"run {run.run}, of {run.ticks} ticks: {lost} had no room in a buffer, as saved logs tell: {names}"
+        text = f"run {run.run}, of {run.ticks} ticks: {lost} had no room in a buffer: {names}"
         yield Verdict("missing", text, run.logger, run.run, told=run.told(["samples could not be kept"]))
 
 

@@ -444,6 +444,11 @@ def test_values_of_a_saved_log_that_are_damaged_are_told_as_damage(tmp_path, tru
     assert [one.kind for one in verify(tmp_path).problems] == ["damaged"]
 
 
+def _had_no_room(lost):
+    names = ", ".join(f"{count} of {name}" for name, count in lost.items())
+    return f"{sum(lost.values())} samples had no room in a buffer: {names}"
+
+
 def test_samples_that_growing_buffers_had_no_room_for_are_missing(tmp_path, capsys):
     log = silo.Logger(
         "bot", frequency=1000, folder=tmp_path, script=tmp_path / "no.yaml", memory_limit_mb=5, max_time=0
@@ -455,12 +460,12 @@ def test_samples_that_growing_buffers_had_no_room_for_are_missing(tmp_path, caps
         log.collect()
     log.stop()
     lost = {name: log[name].lost for name in ("/log/x", "/log/v")}
+    assert sum(lost.values()) > 1000
+    assert [one.text.partition(": ")[2] for one in verify(tmp_path).problems] == [_had_no_room(lost)]
     log.save("silo", name="a")
     log.save("csv", name="b")
     log.close()
-    assert sum(lost.values()) > 1000
-    names = f"{lost['/log/x']} of /log/x, {lost['/log/v']} of /log/v"
-    words = f"{sum(lost.values())} samples had no room in a buffer, as saved logs tell: {names}"
+    words = _had_no_room(lost)
     assert run(["verify", str(tmp_path)]) == 4
     assert f", of 4000 ticks: {words}" in capsys.readouterr().out
     started_ns, told = silo.open_log(tmp_path / "a.silo").recording.started_ns, "184 samples could not be kept"
