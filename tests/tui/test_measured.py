@@ -231,6 +231,7 @@ async def test_statistics_that_the_table_shows_are_kept_while_plots_are_looked_a
         await screen.press("escape")
         await screen.do("columns")
         await screen.until(lambda: "mean" in screen.app.screen._quantities, "statistics in the table")
+        await screen.until(lambda: fake.since_ns, "their first survey")
         since_ns = fake.since_ns
         await screen.plot("m")
         asked.clear()
