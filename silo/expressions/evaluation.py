@@ -9,7 +9,7 @@ that are missing both begin anew. However the rows are cut into batches, the res
 
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -234,6 +234,7 @@ class Evaluator:
         self._rows: Mapping[int, SourceRows] = {}
         self._grids: dict[tuple[int, ...], _Grid] = {}
         self._made: dict[Remembered, Floats] = {}
+        self._wholes: dict[tuple[int, int], Ints | None] = {}  # by part and grid, which live longer
 
     def _remember(self, part: Part) -> None:
         if isinstance(part, Computed):
@@ -249,7 +250,7 @@ class Evaluator:
 
         A batch is whole up to some tick: no later one may bring a row with a tick that an earlier one went beyond.
         """
-        self._rows, self._grids, self._made = rows, {}, {}
+        self._rows, self._grids, self._made, self._wholes = rows, {}, {}, {}
         columns = [column for one in rows.values() for column in one.columns.values()]
         self._has_whole = any(column.dtype.kind == "i" for column in columns)
         grid = self._grid(self.sources)
@@ -260,7 +261,7 @@ class Evaluator:
             values = tuple(spread(self._result(root, grid), count) for root in self._roots)
         seen = tuple(self._seen(sources, grid) for sources in self._seen_by)
         self._keep()
-        self._rows, self._grids, self._made = {}, {}, {}
+        self._rows, self._grids, self._made, self._wholes = {}, {}, {}, {}
         return Judged(grid.ticks, grid.time_ns, values, seen)
 
     def memory(self) -> EvaluatorMemory:
@@ -344,8 +345,8 @@ class Evaluator:
     def _exactly(self, part: Computed, grid: _Grid, values: Sequence[Value], made: Value) -> Value:
         """What was made of float64 to the last digit, as far as it is made of integers."""
         if isinstance(made, Truth):
-            sides = [self._whole(one, grid) for one in part.parts] if part.operator in _COMPARING else [None]
-            if any(side is None for side in sides):
+            sides = _all_of(self._whole(one, grid) for one in part.parts) if part.operator in _COMPARING else None
+            if sides is None:
                 return made
             true = _COMPARING[part.operator](*_meeting(sides))
             fits = functools.reduce(np.logical_and, [np.abs(as_numbers(value)) < _LARGEST for value in values])
@@ -356,38 +357,39 @@ class Evaluator:
 
     def _whole(self, part: Part, grid: _Grid) -> Ints | None:
         """A sum or product of integers modulo 2^64, None of anything else; any number where samples are missing."""
+        key = id(part), id(grid)
+        if key not in self._wholes:
+            self._wholes[key] = self._as_whole(part, grid)
+        return self._wholes[key]
+
+    def _as_whole(self, part: Part, grid: _Grid) -> Ints | None:
         if isinstance(part, Constant):
             is_whole = part.value.is_integer() and abs(part.value) < EXACT
             return np.asarray(int(part.value), np.int64) if is_whole else None
         if isinstance(part, BoundSignal):
-            columns = [self._whole_column(column, grid) for column in part.columns]
-            found = [column for column in columns if column is not None]
-            if len(found) < len(columns):
-                return None
-            return np.stack(found, axis=1) if part.vector else found[0]
+            columns = _all_of(self._whole_column(column, grid) for column in part.columns)
+            return None if columns is None else np.stack(columns, axis=1) if part.vector else columns[0]
         if not isinstance(part, Computed):
             return None
         if part.operator == "**":
             return _power(*part.parts)
         if part.operator not in _ADDING:
             return None
-        parts = [self._whole(one, grid) for one in part.parts]
-        if any(one is None for one in parts):
-            return None
-        return _added(_ADDING[part.operator], _meeting(parts))
+        parts = _all_of(self._whole(one, grid) for one in part.parts)
+        return None if parts is None else _added(_ADDING[part.operator], _meeting(parts))
 
     def _whole_column(self, place: ScalarPlace, grid: _Grid) -> Ints | None:
         key, source = (place.element, place.entry), place.source
-        rows = self._rows.get(source)
         if source == OFF:
             return None
-        column: Any = rows.columns[key] if rows is not None and len(rows.ticks) else _NO_WHOLE
-        if column.dtype.kind != "i":
+        before = self._sources[source].values.get(key, math.nan)
+        rows = self._rows.get(source)
+        column: Any = _NO_WHOLE if rows is None else rows.columns[key]  # one without rows says what it is of, too
+        if column.dtype.kind != "i" or (rows is None and not isinstance(before, int)):
             return None
         if grid.alike:
             return column  # type: ignore[no-any-return]
-        before = self._sources[source].values.get(key, 0)
-        if isinstance(before, float) and abs(before) > EXACT:
+        if isinstance(before, float) and (abs(before) > EXACT or before % 1 > 0):
             return None  # it was rounded
         held = 0 if math.isnan(before) else int(before)  # of a NaN there is no result either
         return np.concatenate([np.asarray([held], np.int64), column])[grid.places(source) + 1]
@@ -462,6 +464,16 @@ _ADDING: dict[str, Any] = {"+": np.add, "-": np.subtract, "*": np.multiply, "neg
 _COMPARING: dict[str, Any] = {
     "<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal, "==": np.equal, "!=": np.not_equal,
 }  # fmt: skip
+
+
+def _all_of(values: Iterable[Ints | None]) -> list[Ints] | None:
+    """All of them; None, and no look at those behind it, where one is None."""
+    found = []
+    for value in values:
+        if value is None:
+            return None
+        found.append(value)
+    return found
 
 
 def _meeting(values: Sequence[Any]) -> Sequence[Any]:
