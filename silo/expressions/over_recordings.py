@@ -31,7 +31,9 @@ from silo.expressions.binding import BoundExpression, Catalogue, Known, bind
 from silo.expressions.evaluation import UNOBSERVABLE, Evaluator, Judged, SourceRows
 
 BATCH_TICKS = 16_384  # what is computed at once stays in the cache
-_RATE = -2  # a source without values, which has a row at every tick that the rates of the others have in common
+# sources from here on down have no values, but a row at every tick that rates have in common: each has one by what they
+# are, as several threads may evaluate at once
+_RATES = -2
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,7 @@ class RecordingJudge:
     def batches(self, *expressions: BoundExpression, whole: bool = False) -> Iterator[Judged]:
         """Judge bound expressions together from the first tick to the last; what is `whole` gives int64."""
         evaluator = Evaluator(*expressions, whole=whole)
-        wanted: dict[int, set[tuple[int, int]]] = {source: set() for source in evaluator.sources if source == _RATE}
+        wanted: dict[int, set[tuple[int, int]]] = {source: set() for source in evaluator.sources if source <= _RATES}
         for column in (column for bound in expressions for column in bound.columns):
             wanted.setdefault(column.source, set()).add((column.element, column.entry))
         read_ahead(self._elements[place] for keys in wanted.values() for place, _ in keys)
@@ -202,8 +204,9 @@ class RecordingJudge:
         if divider in bound.sources.values() or any(one.own is not None for one in layouts) or not layouts:
             return bound  # the fastest is at each of them, or nobody is
         first = layouts[0].first % divider
-        self._layouts[_RATE] = _Ticks(first, divider, max(0, -((first - len(self.time_ns)) // divider)))
-        return replace(bound, sources={**bound.sources, _RATE: divider})
+        source = _RATES - (first << 32 | divider)
+        self._layouts[source] = _Ticks(first, divider, max(0, -((first - len(self.time_ns)) // divider)))
+        return replace(bound, sources={**bound.sources, source: divider})
 
 
 _NO_TICKS = np.zeros(0, np.int64)

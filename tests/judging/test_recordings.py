@@ -15,7 +15,7 @@ from silo.cli.main import run
 from silo.core.conditions import Conditions, Derived, SignalLimits
 from silo.core.recording import Recording
 from silo.errors import ExpressionError, UnknownSignalError
-from silo.expressions.over_recordings import BATCH_TICKS
+from silo.expressions.over_recordings import BATCH_TICKS, RecordingJudge
 from silo.files import write
 from silo.files.convert import convert
 from silo.files.formats import read_recording
@@ -97,6 +97,27 @@ def whole():
 def test_sums_and_products_of_integers_keep_all_digits(whole, expression, expected):
     found = whole.eval(expression)
     assert (found.values.dtype, found.values.tolist()) == (np.int64, expected)
+
+
+def test_what_threads_evaluate_at_once_of_a_log_is_what_each_would(monkeypatch):
+    """One looks at the rates that another's signals have in common; they take turns at each batch."""
+    dividers = {f"d{divider}": divider for divider in (2, 3, 10, 15)}
+    elements = [element(name, np.arange(-(-600 // each)), divider=each) for name, each in dividers.items()]
+    log = Log(recording(*elements, ticks=600))
+    expected = {text: log.eval(text).values.tolist() for text in ("d2 + d3", "d10 + d15")}
+    assert {text: len(values) for text, values in expected.items()} == {"d2 + d3": 600, "d10 + d15": 120}
+    judge, real = log._judge, RecordingJudge._with_rate
+    other = []
+
+    def between(self, bound):
+        found = real(self, bound)
+        if not other:
+            other.append(True)
+            judge.evaluate("d10 + d15")
+        return found
+
+    monkeypatch.setattr(RecordingJudge, "_with_rate", between)
+    assert log.eval("d2 + d3").values.tolist() == expected["d2 + d3"]
 
 
 @pytest.mark.parametrize("expression", ["n + x", "n / 2", "n * n", "mean(n, 3ms)", "n + 0.5", "n + 2**64"])
