@@ -370,20 +370,21 @@ class Judge:
         if run and reader is None:
             return
         before = self._judge
-        goes_on = reader is not None and before is not None and reader.schema.follows(before.reader.schema)
-        self._end_run("the run was cut" if goes_on else "a new run began")
+        if before is not None and not (reader is not None and reader.schema.follows(before.reader.schema)):
+            before = None
+        self._end_run("a new run began" if before is None else "the run was cut")
         self._run, self._closed, self._failed = run, False, ""
         if reader is not None:
-            self._go_over(reader, before if goes_on else None)
+            self._go_over(reader, before)
 
     def _go_over(self, reader: SegmentReader, before: "SegmentJudge | None") -> None:
         """Judge the run that has just begun; `before` judged the stretch that it goes on, if it does."""
-        run = reader.schema.run
-        if self._go_on(reader) or not reader.schema.conditions.judged:
+        run, conditions = reader.schema.run, self.leased.beside(reader.schema.conditions)
+        if self._go_on(reader) or not conditions.judged:
             return
         # of a damaged state nobody knows what it had fired for: nothing fires twice
         is_damaged = self._memory is not None and self._memory.was_damaged(run)
-        self._begin(reader, reader.schema.conditions, since=reader.ticks if is_damaged else 0, after=before)
+        self._begin(reader, conditions, since=reader.ticks if is_damaged else 0, after=before)
 
     def _judge_left(self, run: str) -> None:
         """Judge a run that is over, from where a predecessor stood; told is what nobody told before."""

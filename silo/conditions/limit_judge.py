@@ -92,6 +92,7 @@ class _Limited:
     stirred: bool = False  # not all of it is green, or was
     silent: str = ""  # why nothing of it is recorded any more
     fired: str = ""  # what it was that fired first since that was asked for
+    known: LimitMemory | None = None  # of one that can't be judged now, from when it could
 
     def columns(self) -> list[ScalarPlace]:
         return [column for bound in self.expressions for column in bound.columns]
@@ -211,8 +212,10 @@ class LimitJudge:
 
     def memory(self) -> list[LimitMemory]:
         """Return what it remembers."""
-        return [
-            LimitMemory(
+        found = [
+            one.known
+            if one.why
+            else LimitMemory(
                 one.options,
                 one.scalars,
                 one.limit.states,
@@ -220,13 +223,15 @@ class LimitJudge:
                 one.evaluator.memory() if one.evaluator else None,
             )
             for one in self._limited.values()
-            if not one.why
         ]
+        return [one for one in found if one is not None]
 
     def recall(self, memory: Iterable[LimitMemory]) -> None:
         """Go on where another one stood. Raises ValueError."""
         for kept in memory:
             one = self._limited.get(kept.options.name)
+            if one is not None and one.why and one.options == kept.options:
+                one.known = kept
             if one is None or one.why or one.options != kept.options or len(kept.states) != len(one.scalars):
                 continue
             one.scalars, one.limit.states, one.newest = kept.scalars, kept.states, kept.newest
@@ -420,7 +425,7 @@ def _unit(one: _Limited) -> str:
 def _violation_text(one: _Limited, scalar: ScalarMemory, violation: Violation) -> str:
     unit = _unit(one)
     return (
-        f"{scalar.name} {_WORDS[violation.worst].value} {violation.peak:.6g}{unit} at tick {violation.peak_tick}, "
+        f"{scalar.name} {_WORDS[violation.worst].value} {violation.peak:.6g}{unit}{_tick_words(violation.peak_tick)}, "
         f"limit {_bound_of(one.limit.rule, violation.worst):.6g}{unit}"
     )
 
@@ -444,9 +449,13 @@ def _news(one: _Limited, scalar: ScalarMemory, state: EntryState) -> list[LimitN
         found.append(LimitNews(True, f"{scalar.name} == has had no new value for {stale_s:g} s"))
     if not found and not over:
         grew = untold is not None and untold.peak_tick != scalar.told_peak
-        peak = f"; its peak was {untold.peak:.6g}{unit} at tick {untold.peak_tick}" if untold and grew else ""
+        peak = f"; its peak was {untold.peak:.6g}{unit}{_tick_words(untold.peak_tick)}" if untold and grew else ""
         found.append(LimitNews(False, f"{scalar.name} is within its limits again{peak}", _well_tick(state)))
     return found
+
+
+def _tick_words(tick: int) -> str:
+    return f" at tick {tick}" if tick >= 0 else ""
 
 
 def _from_words(tick: int) -> str:

@@ -388,8 +388,14 @@ class SegmentJudge:
         """Go on after a cut of the run that `before` judged to its end: nothing fires, or is to be seen, twice."""
         for name, one in self._watched.items():
             known = before._watched.get(name)
-            if known is not None and known.options == one.options:
-                one.trigger = replace(known.trigger.shifted(before.judged), rule=one.trigger.rule)
+            if known is None:
+                continue
+            trigger = known.trigger.shifted(before.judged)
+            if known.options == one.options:
+                one.trigger = replace(trigger, rule=one.trigger.rule)
+            else:
+                one.trigger.captures, one.trigger.fires = trigger.captures, trigger.fires
+                one.trigger.capture = trigger.capture
         self.limits.follow(before.limits)
         self._numbers.update(before._numbers)
 

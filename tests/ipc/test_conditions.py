@@ -411,6 +411,58 @@ class TestCuts:
         assert {name: one.fires for name, one in found.items()} == {"once": 1, "each": 2, "still": 2}
         assert found["each"].captures == 2
 
+    def test_a_trigger_that_a_client_holds_goes_on_too(self, bench, client):
+        one = TriggerOptions("scope", "x > 20", mode="single", save=())
+        client._set_trigger(one, lease_s=60)
+        bench.logger.start()
+        bench.ticks(25)
+        trigger(client, "scope", TriggerWord.FIRED)
+        self.cut(bench, client)
+        found = trigger(client, "scope")
+        assert (found.state, found.fires) == (TriggerWord.FIRED, 1)
+
+    def test_one_that_the_cut_changes_counts_on(self, bench, client, tmp_path):
+        bench.logger.trigger("high", "x > 20", pre=0, post=0)
+        bench.logger.start()
+        bench.ticks(25)
+        wait_until(lambda: trigger(client).fires == 1)
+        script = tmp_path / "scripts" / "other.yaml"
+        bench.logger.save_script(script)
+        text = script.read_text().replace("x > 20", "x > 30")
+        script.write_text(text.replace("divider: 5", "divider: 4"))
+        bench.logger.load_script(script, cut=True)
+        bench.ticks(10)
+        wait_until(lambda: client.triggers().tick == 10)
+        assert (trigger(client).options.when, trigger(client).fires, trigger(client).captures) == ("x > 30", 2, 2)
+
+    def test_an_alarm_of_what_is_off_for_a_while_is_there_again_with_it(self, bench, client):
+        bench.logger.limit("q_x", (None, None, 20, 30))
+        bench.logger.start()
+        bench.q[0] = 25.0
+        bench.ticks(5)
+        bench.q[0] = 0.0
+        bench.ticks(5)
+        alarm(client, "/log/q_x", count=1)
+        for enabled in (False, True):
+            before = client.alarms().run
+            bench.logger.set("q", cut=True, enabled=enabled)
+            bench.ticks(3)
+            wait_until(lambda run=before: client.alarms().run != run and client.alarms().tick == 3)
+        found = alarm(client, "/log/q_x")
+        assert (found.word, found.count, found.alarm, found.worst) == (LimitWord.OK, 1, True, 25.0)
+
+    def test_a_violation_from_before_the_cut_is_told_without_a_tick(self, bench, client, heard):
+        bench.logger.limit("x", (None, None, 20, 1000))
+        bench.logger.start()
+        bench.ticks(19)
+        wait_until(lambda: client.alarms().tick == 19)
+        bench.ticks(3)
+        self.cut(bench, client)
+        bench.x[...] = 0
+        bench.ticks(2)
+        alarm(client, word=LimitWord.OK)
+        assert not [event.text for event in heard.events if "tick -1" in event.text]
+
 
 def test_a_client_says_limits_triggers_and_signals_as_a_program_does(client, caplog):
     given = client.limit("x", (None, None, 40, 100), stale="0.5s")
