@@ -535,13 +535,12 @@ class Signal(Samples, _Operators):
             high = "its end" if stop_s is None else f"{stop_s:g} s"
             raise ElementError(f"'{self.name}' has no sample from {low} to {high}; it {self._span}")
         if isinstance(values, np.ma.MaskedArray) and not (exact and values.count(axis=0).all()):
-            values = with_nan(values)
+            values = taken(values)
         if isinstance(values, np.ma.MaskedArray):
             # integers stay exact
             return np.asarray(values.min(axis=0) if function is np.nanmin else values.max(axis=0))[()]
         if not exact and values.dtype.kind != "c":
-            values = taken(values)
-            values = values.astype(np.promote_types(values.dtype, np.float64), copy=False)
+            values = taken(values).astype(np.promote_types(values.dtype, np.float64), copy=False)
         empty = np.isnan(values).all(axis=0) if values.dtype.kind in "fc" else np.False_
         if not empty.any():
             return function(values, axis=0)

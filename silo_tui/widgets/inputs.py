@@ -31,7 +31,7 @@ class LineSuggester(Suggester):
     async def get_suggestion(self, value: str) -> str | None:
         """Return the first completion."""
         found = self._complete(value) if value else []
-        return found[0] if found and found[0].startswith(value) else None
+        return found[0] if found else None
 
 
 class NamingLine(Input):

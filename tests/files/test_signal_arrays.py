@@ -371,6 +371,17 @@ class TestStamps:
         assert (sent - sent.values[0]).values.tolist() == [0, 3, 4, 9]
         assert (sent - self.BEGIN).values.tolist() == [0, 3, 4, 9]
 
+    def test_products_and_large_sums_do_not_wrap(self, dtype):
+        sent = self.stamps(dtype)
+        if dtype is np.uint64:
+            assert (sent * sent).values[0] == pytest.approx(float(self.BEGIN) ** 2)
+            assert (sent + np.uint64(2**63)).values[0] == pytest.approx(float(self.BEGIN + 2**63))
+        masked = np.ma.masked_array(sent.values, [True, False, False, True])
+        assert (replace(sent, values=masked) + 1).values[1] == pytest.approx(self.BEGIN + 4)
+        assert replace(sent, values=masked).std() == pytest.approx(0.5)
+        none = replace(sent, values=np.ma.masked_array(sent.values, True))
+        assert np.ma.getmaskarray((none + 1).values).all()
+
     def test_what_does_not_depend_on_where_zero_is_is_exact(self, dtype):
         sent = self.stamps(dtype)
         assert sent.std() == pytest.approx(np.std([0, 3, 4, 9]))

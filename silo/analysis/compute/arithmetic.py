@@ -33,7 +33,8 @@ def combined(
     """Return what a function makes of a signal and another, a number or an array; `swapped` puts the other first."""
     if not isinstance(other, Samples):
         _warn_of_turn(one, other, sign)
-    values, made, name = _both(one, other, function, sign, swapped, wide, "calculate")
+    numbers = _to_be_added if sign in ("+", "-") else wide
+    values, made, name = _both(one, other, function, sign, swapped, numbers, "calculate")
     return replace(
         made, name=name, values=values, unit=_unit(one, other, sign, swapped), labels={}, component_labels={}
     )
@@ -117,9 +118,16 @@ def _words(other: object) -> str:
 def wide(signal: Samples) -> NDArray[Any]:
     """Return the values in a type that doesn't wrap around: small integers and bools as int64."""
     values = signal._numbers("calculate with")
-    if values.dtype.kind == "u" and values.dtype.itemsize == 8 and values.size and int(values.max()) >= 2**63:
+    if values.dtype.kind == "u" and values.dtype.itemsize == 8:
         return values.astype(np.float64)
     return values.astype(np.int64) if values.dtype.kind in "iu" else values
+
+
+def _to_be_added(signal: Samples) -> NDArray[Any]:
+    """The same for a sum or difference, in which integers without a sign keep all digits, too, where it fits."""
+    values = signal._numbers("calculate with")
+    small = values.dtype.kind == "u" and values.size and not np.ma.is_masked(values) and int(values.max()) < 2**62
+    return values.astype(np.int64) if small else wide(signal)
 
 
 def aligned(one: One, other: Other, what: str, two_clocks: bool = False) -> tuple[One, Other]:

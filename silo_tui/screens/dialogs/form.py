@@ -12,7 +12,6 @@ from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Static
 
-from silo.core.names import begun
 from silo.errors import ExpressionError, RefusedError, SiloError
 from silo.expressions.operations import FUNCTIONS
 from silo.expressions.parsing import LOGIC
@@ -58,7 +57,7 @@ def named_whole(typed: str, table: "TableState") -> list[str]:
         names |= dict.fromkeys(table.shown(name).lstrip("/") for name in (element.name, *entries))
     if last in FUNCTIONS or last in LOGIC or any(f"/{name}".endswith(f"/{last}") for name in names):
         return []
-    return [before + name for name in begun(list(names), last)]
+    return [before + name for name in names if name.startswith(last)]
 
 
 class Form(Dialog[ResultT | None], Generic[ResultT]):
