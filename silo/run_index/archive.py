@@ -105,6 +105,7 @@ class Archive:
         vars(self).pop("_numbers", None)
         self._sweep()
         known, outcome = {one.run: one for one in self.manifest()}, Archiving()
+        runs = runs.by_file()  # each file is one by itself: of a run that goes on more are added, and old ones deleted
         source = Folders(runs, runs.indexes)
         for place, (key, run) in enumerate(source.runs.items()):
             told(place, len(runs))

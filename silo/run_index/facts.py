@@ -277,18 +277,28 @@ def _amount(files: Sequence[RunFacts]) -> tuple[int, int]:
 
 
 def _saves(files: Sequence[RunFacts]) -> list[tuple[RunFacts, ...]]:
-    """The saves of a run: one that was not cut each, of one that was its parts, of each what has most."""
+    """The saves of a run: one that was not cut each, of one that was its parts, of each the newest of what has most.
+
+    Another save of a part is one by itself, if it has what that one doesn't.
+    """
     whole: list[tuple[RunFacts, ...]] = [(one,) for one in files if not one.part]
     parts: dict[int, RunFacts] = {}
     for one in files:
-        if one.part and (one.part not in parts or one.ticks > parts[one.part].ticks):
+        if one.part and (one.part not in parts or one.ticks >= parts[one.part].ticks):
             parts[one.part] = one
-    return [*whole, tuple(parts[part] for part in sorted(parts))] if parts else whole
+    more = [(one,) for one in files if one.part and not _is_within(one, parts[one.part])]
+    return [*whole, *more, tuple(parts[part] for part in sorted(parts))] if parts else whole
+
+
+def _is_within(one: RunFacts, other: RunFacts) -> bool:
+    ends = [each.stamp_ns + round(each.span_s * 1e9) for each in (one, other)]
+    return one is other or (other.stamp_ns <= one.stamp_ns and ends[0] <= ends[1])
 
 
 def _shifts(files: Sequence[RunFacts]) -> list[float]:
-    """By how many seconds each file begins after the first one."""
-    return [(one.stamp_ns - files[0].stamp_ns) * 1e-9 if one.ticks else 0.0 for one in files]
+    """By how many seconds each file begins after the first one that has ticks."""
+    begin = next((one.stamp_ns for one in files if one.ticks), 0)
+    return [(one.stamp_ns - begin) * 1e-9 if one.ticks else 0.0 for one in files]
 
 
 def merged(files: Sequence[RunFacts]) -> tuple[RunFacts, tuple[tuple[Piece, ...], ...]]:

@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -56,6 +56,10 @@ class ListedRun:
     def pieces_of(self, episode: int) -> Sequence[Piece]:
         """Where an episode stands."""
         return self.pieces[episode] if self.pieces else [(self.facts.path, episode)]
+
+    def by_file(self) -> "list[ListedRun]":
+        """Return each of its files as a run by itself."""
+        return [replace(self, facts=one, files=(), pieces=(), others={}) for one in self.files] or [self]
 
     @property
     def path(self) -> Path:

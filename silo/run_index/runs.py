@@ -220,6 +220,11 @@ class RunList(Sequence[ListedRun]):
                 runs[index.root] = index.signals(names)
         return [run.signals_in(runs.get(run.folder, {}), episodes.get(run.folder, {})) for run in self]
 
+    def by_file(self) -> "RunList":
+        """Return the same with each of several files of a run as one by itself."""
+        every = [one for run in self for one in run.by_file()]
+        return RunList(every, self.indexes)
+
     def _kept(self, places: Sequence[int]) -> "RunList":
         return RunList([self._runs[place] for place in places], self.indexes)
 

@@ -22,7 +22,8 @@ from silo.core.recording import Recording
 from silo.core.tuning.parameters import ParameterChange
 from silo.errors import ExpressionError
 from silo.run_index import finding, index, labels
-from silo.run_index.facts import EpisodeFacts, RunFacts, SignalFacts, by_run, facts_of, read_facts
+from silo.run_index.archive import Archive
+from silo.run_index.facts import EpisodeFacts, RunFacts, SignalFacts, by_run, facts_of, merged, read_facts
 from silo.run_index.finding import There
 from silo.run_index.where import FACTS, FUNCTIONS, Query
 from tests.stand_ins.saved import element
@@ -571,3 +572,32 @@ def test_a_tag_of_any_file_of_a_run_is_one_of_the_run(cut):
     run.tag("more")
     assert run.tags == ("of1", "more", "of2", "of3")
     assert len(silo.runs(cut).where("of3")) == 1
+
+
+def test_saves_of_a_cut_run_that_have_what_others_lack_are_listed_by_themselves():
+    first, *second = (
+        RunFacts(f"{at}.silo", robot="bot", ticks=ticks, run="a", part=part, stamp_ns=begin * 10**9, span_s=span_s)
+        for at, (ticks, part, begin, span_s) in enumerate([(9, 1, 0, 9), (5, 2, 9, 5), (5, 2, 20, 5), (5, 2, 40, 5)])
+    )
+    found = [[one.path for one in group] for group, _ in by_run([first, *second])]
+    assert found == [["1.silo"], ["2.silo"], ["0.silo", "3.silo"]], "the newest of as much goes with the first part"
+    grew = msgspec.structs.replace(second[0], path="4.silo", ticks=9, span_s=9.0)
+    assert [[one.path for one in group] for group, _ in by_run([first, second[0], grew])] == [["0.silo", "4.silo"]]
+
+
+def test_a_run_begins_with_the_first_of_its_files_that_has_ticks():
+    words = RunFacts("1.mcap", run="a", marks=1)
+    filled = RunFacts("2.mcap", run="a", ticks=50, stamp_ns=10**18, span_s=0.49)
+    facts, _ = merged([words, filled])
+    assert (facts.span_s, facts.rate_hz, facts.marks) == (0.49, pytest.approx(100), 1)
+
+
+def test_of_a_run_in_several_files_each_is_archived_once_whatever_comes_or_goes(cut, tmp_path):
+    pytest.importorskip("pyarrow")
+    pytest.importorskip("polars")
+    archive = Archive(str(tmp_path / "archive"))
+    names = [path.name for path in sorted(cut.glob("*_part?.silo"))]
+    assert (archive.add(silo.runs(cut)).added, archive.add(silo.runs(cut)).kept) == (names, 3)
+    (cut / names[0]).unlink()
+    later = archive.add(silo.runs(cut))
+    assert (later.added, later.kept, later.problems) == ([], 2, {})
