@@ -213,11 +213,11 @@ def test_a_capture_of_a_run_that_a_new_one_followed_is_written_by_the_next(bench
     assert happened(bench, EventKind.BLIND) == []
 
 
-def test_a_capture_of_a_run_whose_memory_is_gone_is_told_to_be_lost(bench, client, heard, runtime):
+def test_a_capture_of_a_run_whose_memory_is_gone_is_told_to_be_lost(bench, runtime):
     bench.logger.trigger("high", "x > 50", pre="50ms", post="1s")
     bench.logger.start()
     bench.ticks(60)
-    heard.wait(EventKind.TRIGGERED)
+    wait_until(lambda: happened(bench, EventKind.TRIGGERED))
     run, pid = bench.logger._present.run.id, bench.serving.helper_pid
     freeze(pid)
     bench.logger.restart(unsaved="clear")
