@@ -131,7 +131,8 @@ def test_a_robot_that_is_killed_within_post_leaves_a_capture_that_says_so(robots
     with Client.connect("bot") as client:
         events = []
         client.on_event(events.append)
-        wait_until(lambda: any(event.kind is EventKind.TRIGGERED for event in events))
+        # it may have fired before this client came
+        wait_until(lambda: any(event.kind == EventKind.TRIGGERED.value for event in client.events()))
         robot.kill()
         ((path,),) = captured(events)
     with pytest.warns(silo.LogWarning, match="the robot program died"):

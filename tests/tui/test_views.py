@@ -59,6 +59,7 @@ async def test_a_view_keeps_axes_of_powers_of_ten(new_fake, opened):
         await run(screen, "filter HAA/torque")
         await screen.press("m")
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
+        await screen.settled()
         monitor = screen.app.screen
         await screen.do("log_axis")
         await screen.until(lambda: monitor.window.log_scales, "a scale")
