@@ -28,7 +28,19 @@ from silo.expressions.binding import (
     ScalarPlace,
     columns_of,
 )
-from silo.expressions.operations import OPERATIONS, REDUCING, Truth, Value, as_numbers, as_truth, columned, raw, spread
+from silo.expressions.operations import (
+    ADDING,
+    COMPARING,
+    OPERATIONS,
+    REDUCING,
+    Truth,
+    Value,
+    as_numbers,
+    as_truth,
+    columned,
+    raw,
+    spread,
+)
 from silo.expressions.windows import Window, WindowMemory
 
 Floats = NDArray[np.float64]
@@ -327,11 +339,9 @@ class Evaluator:
         values = [self._value(one, grid) for one in part.parts]
         if part.operator == "isnan":
             return self._isnan(part, values[0], grid)
-        # a scalar beside a vector meets each of its values
-        if any(raw(value).ndim == 2 for value in values if not isinstance(value, float)):
-            values = [columned(value) for value in values]
-        made = OPERATIONS[part.operator](values)
-        return self._exactly(part, grid, values, made) if self._has_whole else made
+        meeting = _meeting(values)
+        made = OPERATIONS[part.operator](meeting)
+        return self._exactly(part, grid, meeting, made) if self._has_whole else made
 
     # ---------------------------------------------------------------------- integers that a float64 can't hold
 
@@ -345,10 +355,10 @@ class Evaluator:
     def _exactly(self, part: Computed, grid: _Grid, values: Sequence[Value], made: Value) -> Value:
         """What was made of float64 to the last digit, as far as it is made of integers."""
         if isinstance(made, Truth):
-            sides = _all_of(self._whole(one, grid) for one in part.parts) if part.operator in _COMPARING else None
+            sides = _all_of(self._whole(one, grid) for one in part.parts) if part.operator in COMPARING else None
             if sides is None:
                 return made
-            true = _COMPARING[part.operator](*_meeting(sides))
+            true = OPERATIONS[part.operator](_meeting(sides)).true
             fits = functools.reduce(np.logical_and, [np.abs(as_numbers(value)) < _LARGEST for value in values])
             return Truth(np.where(fits, true, made.true), made.unknown)
         whole = self._whole(part, grid)
@@ -373,10 +383,8 @@ class Evaluator:
             return None
         if part.operator == "**":
             return _power(*part.parts)
-        if part.operator not in _ADDING:
-            return None
-        parts = _all_of(self._whole(one, grid) for one in part.parts)
-        return None if parts is None else _added(_ADDING[part.operator], _meeting(parts))
+        parts = _all_of(self._whole(one, grid) for one in part.parts) if part.operator in ADDING else None
+        return None if parts is None else np.asarray(OPERATIONS[part.operator](_meeting(parts)), np.int64)
 
     def _whole_column(self, place: ScalarPlace, grid: _Grid) -> Ints | None:
         key, source = (place.element, place.entry), place.source
@@ -460,10 +468,6 @@ class Evaluator:
 _NO_VALUES = np.zeros(0)
 _NO_WHOLE = np.zeros(0, np.int64)
 _LARGEST = 2.0**62
-_ADDING: dict[str, Any] = {"+": np.add, "-": np.subtract, "*": np.multiply, "neg": np.negative}
-_COMPARING: dict[str, Any] = {
-    "<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal, "==": np.equal, "!=": np.not_equal,
-}  # fmt: skip
 
 
 def _all_of(values: Iterable[Ints | None]) -> list[Ints] | None:
@@ -476,14 +480,11 @@ def _all_of(values: Iterable[Ints | None]) -> list[Ints] | None:
     return found
 
 
-def _meeting(values: Sequence[Any]) -> Sequence[Any]:
+def _meeting(values: Sequence[Value]) -> Sequence[Value]:
     """A scalar beside a vector meets each of its values."""
-    return [columned(value) for value in values] if any(np.ndim(value) == 2 for value in values) else values
-
-
-def _added(function: Any, values: Sequence[Any]) -> Ints:
-    made: Ints = function(values[0]) if len(values) == 1 else functools.reduce(function, values)
-    return made
+    if any(raw(value).ndim == 2 for value in values if not isinstance(value, float)):
+        return [columned(value) for value in values]
+    return values
 
 
 def _power(base: Part, exponent: Part) -> Ints | None:

@@ -227,16 +227,19 @@ FUNCTIONS = {
 }
 REDUCING = ("any", "all", "norm_of", "sum_of", "min_of", "max_of", "known any", "known all")
 
+COMPARING = {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal, "==": np.equal,
+             "!=": np.not_equal}  # fmt: skip
+ADDING = {"+": np.add, "-": np.subtract, "*": np.multiply, "neg": np.negative}  # modulo 2^64 exact of integers
+
 OPERATIONS: dict[str, Any] = {
     "and": _and, "or": _or, "not": _not, "any": _any, "all": _all,
     "known or": lambda values: _known_any(values, _joined),
     "known any": lambda values: _known_any(values, _one_of),
     "known and": lambda values: _not([_known_any([_not([value]) for value in values], _joined)]),
     "known all": lambda values: _not([_known_any([_not([value]) for value in values], _one_of)]),
-    "<": _comparison(np.less), "<=": _comparison(np.less_equal), ">": _comparison(np.greater),
-    ">=": _comparison(np.greater_equal), "==": _comparison(np.equal), "!=": _comparison(np.not_equal),
-    "+": _numeric(np.add), "-": _numeric(np.subtract), "*": _numeric(np.multiply), "/": _numeric(np.divide),
-    "%": _numeric(np.mod), "**": _numeric(np.power), "neg": _numeric(np.negative),
+    **{sign: _comparison(function) for sign, function in COMPARING.items()},
+    **{sign: _numeric(function) for sign, function in ADDING.items()},
+    "/": _numeric(np.divide), "%": _numeric(np.mod), "**": _numeric(np.power),
     **{name: _numeric(one.ufunc) for name, one in FUNCTIONS.items() if one.ufunc is not None},
     "norm_of": _reduced(lambda vector: np.sqrt(np.sum(vector * vector, axis=1))),
     "sum_of": _reduced(lambda vector: np.sum(vector, axis=1)),

@@ -57,7 +57,7 @@ class ChannelLayout:
             elements=elements,
             time_looping=True,
             conditions=self._conditions(names),
-            stretch=Stretch(self.schema.cut.chain, self.schema.cut.part) if self.schema.cut is not None else None,
+            stretch=Stretch(*self.schema.stretch) if self.schema.cut is not None else None,
         )
         return presentable(about)
 
