@@ -14,7 +14,6 @@ from silo.history.requests import OpenStream, SampledRows, StreamFrame, StreamOp
 from silo.history.samples import MAX_NAMES
 from silo.live.feeds import Feed, Feeds, Round
 from silo.net import keys
-from silo.rpc.refusals import RequestRefusedError
 from silo.segment.reader import SegmentReader
 from silo.state.replica import LoggerSnapshot, Replica
 
@@ -44,7 +43,7 @@ class ServedStream(Feed[OpenStream]):
         if self._table == now.generation and self._reader is reader:
             return
         run = reader.schema.run if reader is not None else ""
-        known = [name for name in self.request.names if _is_there(name, now)]
+        known = [name for name in self.request.names if now.found(name) is not None]
         picked = pick(known, now, reader.schema if reader is not None else None)
         elements = reader.schema.elements if reader is not None and now.table.derived else ()
         self._derived = {element.ring: element.info.name for element in elements if element.info.expression}
@@ -119,14 +118,6 @@ class Streams(Feeds[OpenStream, ServedStream]):
         made = ServedStream(request, publisher, time.monotonic())
         made.adopt(self._replica.now, self._replica.open_watcher())  # from here on nothing is left out
         return made
-
-
-def _is_there(name: str, now: LoggerSnapshot) -> bool:
-    try:
-        now.meant(name)
-    except RequestRefusedError:
-        return False
-    return True
 
 
 def _problem(request: OpenStream) -> str:

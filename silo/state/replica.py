@@ -94,19 +94,23 @@ class LoggerSnapshot:
         place, number = found[0]
         return self._names.names[place], -1 if number is None else number
 
+    def found(self, name: str) -> tuple[str, int] | None:
+        """Return the same, None for what there isn't, or is several."""
+        with contextlib.suppress(RequestRefusedError):
+            return self.meant(name)
+        return None
+
     def whole(self, name: str) -> str:
         """Return the whole name of the element that clients mean, or the name itself where they mean none."""
-        with contextlib.suppress(RequestRefusedError):
-            of, number = self.meant(name)
-            return of if number < 0 else name
-        return name
+        found = self.found(name)
+        return found[0] if found is not None and found[1] < 0 else name
 
     def entry(self, name: str) -> tuple[str, int] | None:
         """Return the element and the number of the entry that clients mean by a name, None for what is none."""
-        try:
-            of, number = self.meant(name)
-        except RequestRefusedError:
+        found = self.found(name)
+        if found is None:
             return None
+        of, number = found
         info = self.element(of)
         return (of, max(number, 0)) if number >= 0 or (info is not None and len(info.entries) == 1) else None
 
