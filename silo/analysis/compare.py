@@ -529,9 +529,10 @@ def _gap(first: NDArray[Any], second: NDArray[Any]) -> NDArray[np.float64]:
         # the raw values: integers beyond 2**53 are not told apart as floats
         same = np.asarray(np.ma.filled(first == second, False))
         gap = difference(first, second)
-        neither = np.isnan(as_floats(first)) & np.isnan(as_floats(second))
     gap[~same & (gap == 0)] = np.finfo(float).tiny
-    gap[same | neither] = 0.0
+    gap[same] = 0.0
+    if np.isnan(gap).any():
+        gap[np.isnan(as_floats(first)) & np.isnan(as_floats(second))] = 0.0
     return gap
 
 
