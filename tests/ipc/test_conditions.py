@@ -37,6 +37,16 @@ def alarm(client, name="/log/x", **wanted):
     return wait_until(find)
 
 
+def spiked(bench):
+    """Begin a run with limits of `x`, of which one sample, that of tick 50, is beyond them."""
+    bench.logger.limit("x", (None, None, 200, 300))
+    bench.logger.start()
+    bench.ticks(50)
+    bench.x[...] = 998
+    bench.ticks(1)
+    bench.x[...] = 10
+
+
 def judged(client, bench):
     """Wait until all that was logged is judged."""
     wait_until(lambda: client.triggers().tick >= bench.logger.ticks)
@@ -206,12 +216,7 @@ class TestTriggers:
 
 class TestLimits:
     def test_one_sample_beyond_is_counted_with_its_peak(self, bench, client, heard):
-        bench.logger.limit("x", (None, None, 200, 300))
-        bench.logger.start()
-        bench.ticks(50)
-        bench.x[...] = 998
-        bench.ticks(1)
-        bench.x[...] = 10
+        spiked(bench)
         bench.ticks(50)
         found = alarm(client, count=1, word=LimitWord.OK)
         assert (found.worst, found.worst_word, found.worst_tick, found.alarm) == (999, LimitWord.RED_HIGH, 50, True)
@@ -360,12 +365,7 @@ class TestCuts:
         wait_until(lambda: client.alarms().run != before and client.alarms().tick == 3)
 
     def test_an_alarm_that_nobody_saw_stays_with_its_count_and_its_worst(self, bench, client):
-        bench.logger.limit("x", (None, None, 200, 300))
-        bench.logger.start()
-        bench.ticks(50)
-        bench.x[...] = 998
-        bench.ticks(1)
-        bench.x[...] = 10
+        spiked(bench)
         bench.ticks(20)
         before = alarm(client, count=1, word=LimitWord.OK)
         self.cut(bench, client)

@@ -16,7 +16,7 @@ from silo_tui.model.table.cells import sign_of
 from silo_tui.model.table.facts import LIMIT_BITS
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.state import TableState
-from silo_tui.screens.dialogs.form import hints_with, named_whole
+from silo_tui.screens.dialogs.form import hints_with, named_whole, names_in
 
 POWER = Derived("/log/power", "2 * imu/acceleration", "W")
 
@@ -117,7 +117,7 @@ def test_an_example_is_one_of_signals_that_are_logged(table):
     ],
 )
 def test_the_last_name_of_an_expression_is_made_whole(table, typed, becomes):
-    assert named_whole(typed, table) == becomes
+    assert named_whole(typed, names_in(table)) == becomes
 
 
 def test_a_unit_that_follows_is_not_typed_again(table):

@@ -3,6 +3,7 @@
 import re
 from abc import abstractmethod
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar
 
 from rich.text import Text
@@ -46,15 +47,20 @@ def hints_with(hints: Mapping[str, str], table: "TableState") -> dict[str, str]:
     return {name: hint.format(first, next(numbers, first)) for name, hint in hints.items()}
 
 
-def named_whole(typed: str, table: "TableState") -> list[str]:
-    """Return what an expression becomes with its last name made whole; nothing where that is one already."""
-    if (found := _LAST_NAME.search(typed)) is None:
-        return []
-    last, before = found[1], typed[: found.start(1)]
+def names_in(table: "TableState") -> list[str]:
+    """Return the names of all signals, as they are shown."""
     names: dict[str, None] = {}
     for element in table.elements:
         entries = [element.name + entry.suffix for entry in element.entries]
         names |= dict.fromkeys(table.shown(name).lstrip("/") for name in (element.name, *entries))
+    return list(names)
+
+
+def named_whole(typed: str, names: Sequence[str]) -> list[str]:
+    """Return what an expression becomes with its last name made whole; nothing where that is one already."""
+    if (found := _LAST_NAME.search(typed)) is None:
+        return []
+    last, before = found[1], typed[: found.start(1)]
     if last in FUNCTIONS or last in LOGIC or any(f"/{name}".endswith(f"/{last}") for name in names):
         return []
     return [before + name for name in names if name.startswith(last)]
@@ -94,7 +100,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         super().__init__()
         self._start = start
         hints = hints_with(hints, table) if table is not None else hints
-        self._names = (lambda typed: named_whole(typed, table)) if table is not None else None
+        self._table = table
         self._problem = problem
         typed = {name: values.get(name, "").strip() for line in lines for name in line}
         self._refused = typed if problem else None  # what was typed then
@@ -115,10 +121,15 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
             yield Static("", id="form-told", markup=False)
             yield from self.below()
 
+    @cached_property
+    def _names(self) -> list[str]:
+        """Those of the table as it was with the first key: they are not looked for with each."""
+        return names_in(self._table) if self._table is not None else []
+
     def _line(self, name: str) -> Input:
         value, hint, known = self._values.get(name, ""), self._hints[name], f"form-{name}"
-        if self._names is not None and name in self.NAMING:
-            return NamingLine(self._names, value, placeholder=hint, id=known)
+        if self._table is not None and name in self.NAMING:
+            return NamingLine(lambda typed: named_whole(typed, self._names), value, placeholder=hint, id=known)
         return Input(value, placeholder=hint, compact=True, id=known)
 
     def above(self) -> ComposeResult:
