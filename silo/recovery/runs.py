@@ -47,11 +47,15 @@ def left_of(options: LoggerOptions) -> Iterator[LeftRun]:
     """Yield what earlier processes of this very logger (its name, its folder) left that is in no file.
 
     Journals are looked for once all segments are dealt with: one whose segment goes meanwhile is needed from then on.
+    Its own runs are none of them: a program that dies while its helper process looks is saved by that, and told once.
     """
     segments = (one for one in find_stale(segment_folder(options), options.name) if one.ticks)
     journals = (one for _ in (0,) for one in find_stale_journals(options.folder, options.name))
     for one in itertools.chain(segments, journals):
-        if one.schema and (one.schema.logger, one.schema.folder) == (options.name, options.folder):
+        schema = one.schema
+        if schema is None or (schema.logger, schema.folder) != (options.name, options.folder):
+            continue
+        if schema.logger_id != options.id or not options.id:
             yield one
 
 

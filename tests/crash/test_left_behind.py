@@ -19,6 +19,7 @@ import silo
 from silo.cli.codes import EXIT_FAILED
 from silo.cli.main import run
 from silo.client.client import Client
+from silo.core.elements import LoggerOptions
 from silo.core.runtime import open_unfinished, sweep_unfinished, unopened
 from silo.errors import SegmentError
 from silo.files.atomic import atomic_file, atomic_folder, sweep_parts
@@ -26,6 +27,7 @@ from silo.helper.left_logs import recover
 from silo.journal.folders import RECORDINGS, remember_folder
 from silo.net.session import owner_is_gone, sweep
 from silo.recovery.left import damage
+from silo.recovery.runs import left_of
 from silo.recovery.segments import find_stale, sweep_segments
 from silo.rpc.published import EventKind
 from silo.segment.layout import ControlWord
@@ -499,6 +501,17 @@ def test_a_logger_of_another_name_or_folder_is_no_predecessor(tmp_path, new_logg
     logger.array("x")
     logger.start()
     assert caplog.records == []
+
+
+def test_what_died_just_now_is_no_predecessor_of_its_own_helper_process(tmp_path):
+    path = die(tmp_path, "arm")
+    with closing(SegmentReader(path)) as reader:
+        schema = reader.schema
+    own, another = (
+        LoggerOptions(name="arm", folder=schema.folder, id=drawn) for drawn in (schema.logger_id, "another")
+    )
+    assert list(left_of(own)) == []
+    assert [one.path for one in left_of(another)] == [path]
 
 
 def test_the_helper_saves_the_predecessor_and_says_so(tmp_path, new_logger, until, capfd):
