@@ -421,7 +421,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("palette", "ctrl+p", "Palette", "search everything that can be done", "Go", ("any",), hidden=True),
     Command("back", "escape", "Back", "out of whatever is open; clears range, filter, then marks", "Go", ("any",),
             hidden=True),
-    Command("quit", "q,ctrl+c", "Quit", "end silo-tui; loggers go on", "Go", ("any",), 12, typed=Typed(("quit", "q"))),
+    Command("quit", "q,ctrl+c", "Quit", "end silo-tui; loggers go on, a demo ends with it", "Go", ("any",), 12,
+            typed=Typed(("quit", "q"))),
     Command("suspend", "ctrl+z", "Suspend", "back to the shell for a while; fg comes back", "Go", ("any",)),
     Command("quit_now", "ctrl+q", "Quit", "end silo-tui", "Go", ("any",), hidden=True, typed=Typed(("q!",))),
     # ----------------------------------------------------------------------------------------------- only typed

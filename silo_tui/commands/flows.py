@@ -392,11 +392,13 @@ async def may_leave(context: Context) -> bool:
 
 
 async def leave(context: Context) -> None:
-    """End the app; asks only when edits are pending."""
-    if edits := _pending(context):
-        goes_on = "The demo ends with silo-tui" if context.has_demo() else "The logger goes on either way"
-        body = f"{edits} would be lost. {goes_on}."
-        if not await confirmed(context.app, "Quit without applying?", body, "Quit"):
+    """End the app; asks where edits are pending, and where a demo ends with it."""
+    edits, ends_robot = _pending(context), context.has_demo() and context.logger_session is not None
+    if edits or ends_robot:
+        goes_on = "The demo robot ends with silo-tui; what it logged is saved." if ends_robot else "The logger goes on."
+        title = "Quit without applying?" if edits else "Quit, and end the demo?"
+        body = f"{edits} would be lost. {goes_on}" if edits else goes_on
+        if not await confirmed(context.app, title, body, "Quit", loses=bool(edits)):
             return
         forget_edits(context)
     context.left()

@@ -425,15 +425,27 @@ def test_leaving_asks_where_edits_are_pending(edited, answers, ends, saved):
     assert bool(desk.session.table.pending_count[0]) == (edited and not ends)
     if edited:
         assert desk.asked[0].startswith(
-            "Quit without applying?\n1 pending edit in 1 row would be lost. The logger goes on either way."
+            "Quit without applying?\n1 pending edit in 1 row would be lost. The logger goes on."
         )
 
 
-def test_a_demo_ends_with_the_program_and_says_so(saved):
-    desk = Desk(saved, ESC).edit()
+@pytest.mark.parametrize(("edited", "answer", "ends"), [(True, ESC, False), (False, ESC, False), (False, "y", True)])
+def test_who_quits_is_asked_where_a_demo_ends_with_the_program(saved, edited, answer, ends):
+    desk, left = Desk(saved, answer), []
+    desk.left, desk.has_demo = lambda: left.append(True), lambda: True
+    desk.does(flows.leave(desk.edit() if edited else desk))
+    assert (desk.ended, bool(left)) == (ends, ends)
+    title = "Quit without applying?" if edited else "Quit, and end the demo?"
+    assert desk.asked[0].startswith(title)
+    assert "The demo robot ends with silo-tui; what it logged is saved." in desk.asked[0]
+
+
+def test_a_demo_that_has_not_begun_ends_without_a_question(saved):
+    desk = Desk(saved)
     desk.has_demo = lambda: True
+    desk.take_session(None)
     desk.does(flows.leave(desk))
-    assert "The demo ends with silo-tui." in desk.asked[0]
+    assert (desk.ended, desk.asked) == (True, [])
 
 
 @pytest.mark.parametrize(

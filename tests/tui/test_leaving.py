@@ -118,7 +118,7 @@ async def test_behind_a_dialog_one_sees_the_screen_that_it_is_about(opened, fake
         await screen.shows("/base/position")
 
 
-@pytest.mark.parametrize(("is_demo", "words"), [(True, "The demo ends"), (False, "The logger goes on")])
+@pytest.mark.parametrize(("is_demo", "words"), [(True, "The demo robot ends"), (False, "The logger goes on")])
 async def test_who_quits_without_applying_is_told_what_becomes_of_the_robot(opened, fake, is_demo, words):
     async with opened(fake) as screen:
         screen.app.context.has_demo = lambda: is_demo
