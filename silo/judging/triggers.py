@@ -287,22 +287,25 @@ def check_length(ticks: int, frequency_hz: float, bytes_per_tick: float) -> None
 
 
 def check_pre(pre: int, frequency_hz: float, buffers: Sequence[BufferSpan]) -> None:
-    """Raise ElementError where buffers can't hold `pre` ticks with their slack, with the size that would do."""
+    """Raise ElementError where buffers can't hold `pre` ticks with their slack, and the size, or pre, that would."""
     slack = round(SLACK_S * frequency_hz)
-    problems = []
+    problems, longest = [], pre
     for held in buffers:
         if held.grows:
             continue
         # two rows that may be under way in the slots of the oldest
         needed = -(-(pre + slack) // held.divider) + 2
         if not held.looping:
+            longest = -1
             problems.append(f"'{held.name}' keeps its first samples, not its newest: set buffer=looping size={needed}")
         elif held.size < needed:
+            longest = min(longest, (held.size - 2) * held.divider - slack)
             problems.append(f"'{held.name}' holds {held.size} samples, {needed} are needed: set size={needed}")
     if problems:
         more = f", and {len(problems) - 3} more" if len(problems) > 3 else ""
         seconds = pre / frequency_hz
+        held_by_all = f"; all hold pre={longest / frequency_hz:.6g}s" if longest >= 0 else ""
         raise ElementError(
-            f"pre of {seconds:g} s and {SLACK_S:g} s of slack are longer than what buffers hold: "
-            f"{'; '.join(problems[:3])}{more}; nothing was changed"
+            f"pre of {seconds:g} s and {SLACK_S:g} s of slack are longer than what buffers hold, and a capture has all "
+            f"that is saved: {'; '.join(problems[:3])}{more}{held_by_all}; nothing was changed"
         )

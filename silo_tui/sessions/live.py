@@ -151,6 +151,7 @@ class Session:
         self.saves: dict[int, Event] = {}  # the newest event of each save
         self.fetches: dict[str, Fetching] = {}  # what is on its way here, by name
         self.overlay: Overlay | None = None  # a saved run over the plots
+        self.refused_trigger: TriggerOptions | None = None  # and left, to mend why
         self.left_files: list[SavedFile] = []  # of a robot program that died
         self.happened: list[LoggedEvent] = []  # the newest lines of the event log
         self._slow_s = -SLOW_TOLD_S  # monotonic, when the loop was slow last

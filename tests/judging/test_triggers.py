@@ -207,6 +207,25 @@ def test_a_pre_longer_than_a_buffer_is_refused_with_the_size_that_would_do():
         check_pre(500, 1000, [BufferSpan("/log/q", 10, 151, looping=True)])
 
 
+@pytest.mark.parametrize("spans", [[(1, 1501)], [(10, 151), (1, 1400)], [(7, 40), (1, 280)], [(1, 20)]])
+def test_a_pre_that_is_refused_is_told_with_the_longest_that_all_buffers_hold(spans):
+    buffers = [BufferSpan(f"/log/q{size}", divider, size, looping=True) for divider, size in spans]
+    held = [pre for pre in range(2000) if all(size >= -(-(pre + 1000) // divider) + 2 for divider, size in spans)]
+    with pytest.raises(ElementError, match="are longer than what buffers hold") as refused:
+        check_pre(2000, 1000, buffers)
+    if held:
+        assert f"; all hold pre={max(held) / 1000:g}s; nothing" in str(refused.value)
+        check_pre(max(held), 1000, buffers)
+    else:
+        assert "all hold" not in str(refused.value)
+
+
+def test_no_pre_is_offered_where_a_buffer_keeps_its_first_samples():
+    with pytest.raises(ElementError, match="keeps its first") as refused:
+        check_pre(9, 10, [BufferSpan("/log/q", 1, 12, looping=True), BufferSpan("/log/r", 1, 9, looping=False)])
+    assert "all hold" not in str(refused.value)
+
+
 def test_single_spikes_at_random_places_are_all_caught_and_nothing_else():
     rng = np.random.default_rng(7)
     ticks, pre, post = 100_000, 20, 10

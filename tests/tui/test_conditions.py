@@ -367,6 +367,26 @@ class TestScreens:
             await screen.press("enter")
             await screen.until(lambda: not screen.app.screen.is_modal)
 
+    async def test_a_trigger_that_was_refused_and_left_comes_back_once(self, fake, opened, monkeypatch):
+        def refuse(made):
+            raise RefusedError("no buffer holds that: set size=202")
+
+        monkeypatch.setattr(fake, "_set_trigger", refuse)
+        async with opened(fake) as screen:
+            for key in ("N", "t"):
+                await screen.press(key)
+            await screen.shows("New trigger on robot")
+            own = screen.app.screen.fields["when"]
+            screen.app.screen.field("name").value, screen.app.screen.field("when").value = "a", "x > 1"
+            await screen.press("enter")
+            await screen.shows("no buffer holds that: set size=202")
+            await screen.press("escape", "down", "N", "t")  # as who mends it on another row
+            await screen.shows("as it was when it was refused")
+            assert [screen.app.screen.fields[name] for name in ("name", "when")] == ["a", "x > 1"]
+            await screen.press("escape", "up", "N", "t")
+            await screen.until(lambda: screen.app.screen.query("#form-when"))
+            assert screen.app.screen.fields["when"] == own
+
     async def test_limits_that_nothing_broke_have_a_line_below_what_is_over(self, fake, opened):
         quiet = LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0, bounds=(None, 0.0, 2.5, None))
         fake.limit_statuses = [quiet]

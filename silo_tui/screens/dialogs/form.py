@@ -242,19 +242,21 @@ async def taken(
     form: Callable[[ResultT | None, str], Form[ResultT]],
     send: Callable[[ResultT], Awaitable[None]],
     whole: ResultT | None = None,
-) -> None:
+) -> ResultT | None:
     """Send what a form makes; where it is refused, show the form again, with what was typed and why.
 
     `form` makes it of what was typed last, None at first, and of why that was refused. What is `whole` is sent at once.
+    Returns what was refused, and then left; None where it was done, or nothing was sent.
     """
-    answer = whole
-    problem = await _refused(send(whole)) if whole is not None else ""
+    refused, problem = whole, await _refused(send(whole)) if whole is not None else ""
     if whole is not None and not problem:
-        return
-    while (answer := await context.app.push_screen_wait(form(answer, problem))) is not None:
+        return None
+    while (answer := await context.app.push_screen_wait(form(refused, problem))) is not None:
         problem = await _refused(send(answer))
         if not problem:
-            return
+            return None
+        refused = answer
+    return refused
 
 
 async def told(context: "Context", job: "Callable[[Client], str]", place: str) -> None:

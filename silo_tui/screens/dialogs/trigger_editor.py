@@ -1,5 +1,6 @@
 """Edit one trigger: lines for what it says, and below them what it would have done in all that is held."""
 
+from collections.abc import Awaitable, Callable
 from typing import ClassVar
 
 from silo.core.conditions import TriggerOptions
@@ -16,10 +17,22 @@ HINTS = {
 }  # fmt: skip
 
 
-async def ask_trigger(context: Context, made: TriggerOptions) -> None:
-    """Let a new trigger be edited, and set it."""
-    await taken(context, lambda one, problem: TriggerEditor(context.session, one or made, is_new=True, problem=problem),
-                lambda answer: told(context, lambda client: client._set_trigger(answer), "triggers"))  # fmt: skip
+async def ask_trigger(
+    context: Context, made: TriggerOptions, send: Callable[[TriggerOptions], Awaitable[None]] | None = None
+) -> None:
+    """Let a new trigger be edited, and set it; one that was refused, and left to mend why, comes back once."""
+    session = context.session
+    before, session.refused_trigger = session.refused_trigger, None
+
+    def form(one: TriggerOptions | None, problem: str) -> TriggerEditor:
+        if one is None and before is not None:
+            problem = "as it was when it was refused; Esc, then the same key again, for another one"
+        return TriggerEditor(session, one or before or made, is_new=True, problem=problem)
+
+    def set_it(answer: TriggerOptions) -> Awaitable[None]:
+        return told(context, lambda client: client._set_trigger(answer), "triggers")
+
+    session.refused_trigger = await taken(context, form, send or set_it)
 
 
 class TriggerEditor(Form[TriggerOptions]):

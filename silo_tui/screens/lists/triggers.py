@@ -19,7 +19,7 @@ from silo_tui.model.words import text
 from silo_tui.model.words.names import fitting_names
 from silo_tui.screens.dialogs.form import taken
 from silo_tui.screens.dialogs.questions import confirmed
-from silo_tui.screens.dialogs.trigger_editor import TriggerEditor
+from silo_tui.screens.dialogs.trigger_editor import TriggerEditor, ask_trigger
 from silo_tui.screens.files.opened import open_capture
 from silo_tui.screens.lists.conditions import ConditionsScreen
 from silo_tui.theme import bold
@@ -150,21 +150,20 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
     def command_trigger_edit(self) -> None:
         one = self.here()
         if one is not None:
-            self.edit(one.options, is_new=False)
+            self.context.run_flow(self._edit(one.options))
+
+    async def _edit(self, options: TriggerOptions) -> None:
+        def form(made: TriggerOptions | None, problem: str) -> TriggerEditor:
+            return TriggerEditor(self.session, made or options, is_new=False, problem=problem)
+
+        await taken(self.context, form, self._set)
 
     def command_trigger_new(self) -> None:
-        self.edit(TriggerOptions("", "", AROUND_S, AROUND_S), is_new=True)
+        new = TriggerOptions("", "", AROUND_S, AROUND_S)
+        self.context.run_flow(ask_trigger(self.context, new, self._set))
 
-    def edit(self, options: TriggerOptions, *, is_new: bool) -> None:
-        """Open the editor on a trigger."""
-
-        def form(made: TriggerOptions | None, problem: str) -> TriggerEditor:
-            return TriggerEditor(self.session, made or options, is_new=is_new, problem=problem)
-
-        def send(made: TriggerOptions) -> Awaitable[None]:
-            return self.carry_out(lambda client: client._set_trigger(made))
-
-        self.context.run_flow(taken(self.context, form, send))
+    def _set(self, made: TriggerOptions) -> Awaitable[None]:
+        return self.carry_out(lambda client: client._set_trigger(made))
 
     def command_trigger_capture(self) -> None:
         one = self.here()
