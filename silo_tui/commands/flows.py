@@ -276,7 +276,7 @@ async def _chosen_script(context: Context, path: str) -> tuple[str, list[FieldCh
     link, name, seen = context.link, _script_name(path), False
     if not path:
         scripts = await link.read(lambda client: client.scripts())
-        dialog = scripts_question(link, scripts)
+        dialog = scripts_question(link, scripts, _pending(context))
         chosen: str | None = await context.app.push_screen_wait(dialog)
         name = chosen or ""
         seen = dialog.told == name
@@ -284,7 +284,9 @@ async def _chosen_script(context: Context, path: str) -> tuple[str, list[FieldCh
         return "", []
     diff = await link.read(lambda client: client.diff_script(name))
     if not diff.changes and not diff.conditions:
-        context.say(f"{name} says what the logger has already: nothing to load{_unknown_words(diff.unknown)}")
+        edits = _pending(context)
+        kept = f"; kept: {edits} ({key_of('discard')} takes back those of a row)" if edits else ""
+        context.say(f"{name} says what the logger has already: nothing to load{kept}{_unknown_words(diff.unknown)}")
         return "", []
     if seen:
         return name, diff.conditions

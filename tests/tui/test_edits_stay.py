@@ -194,6 +194,18 @@ async def test_a_script_that_changes_nothing_says_so(fake, opened):
         assert not fake.calls
 
 
+async def test_a_script_over_pending_edits_says_that_they_stay(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("d", "7", "enter")
+        await screen.shows("1 pending")
+        await screen.press("L")
+        await screen.shows("It would change nothing")
+        assert "Kept, whatever is loaded: 1 pending edit in 1 row" in screen.text
+        await screen.press("enter")
+        await screen.shows("nothing to load; kept: 1 pending")
+        assert "(x takes back those of a row)" in screen.text
+
+
 async def test_edits_that_a_lost_terminal_left_are_offered_at_the_next_start(fake, new_fake, opened):
     async with opened(fake) as screen:
         await screen.press("d", "7", "enter")

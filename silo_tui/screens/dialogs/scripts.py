@@ -15,8 +15,11 @@ from silo_tui.screens.dialogs.questions import Choice, Question, groups_text
 from silo_tui.sessions.link import Link
 
 
-def scripts_question(link: Link, scripts: Scripts) -> Question:
-    """Return the question which script to load, with what the one under the cursor would change."""
+def scripts_question(link: Link, scripts: Scripts, pending: str = "") -> Question:
+    """Return the question which script to load, with what the one under the cursor would change in the logger.
+
+    `pending` are edits in words, which no script touches.
+    """
 
     async def preview(name: str) -> Text:
         try:
@@ -28,6 +31,7 @@ def scripts_question(link: Link, scripts: Scripts) -> Question:
     none = ": Enter loads one" if scripts.names else f": none yet; {key_of('save_script')} saves the table as one"
     choices = [Choice(name, f"{name}  (current)" if name == current else name) for name in scripts.names]
     body = f"in {scripts.folder}, on the robot{none}"
+    body += f"\nKept, whatever is loaded: {pending}" if pending else ""
     return Question("Load a script", body, choices, current, preview if choices else None)
 
 
