@@ -245,7 +245,7 @@ class Stretch(msgspec.Struct, frozen=True, omit_defaults=True):
     def alone(self) -> str:
         """What to tell who reads the file of one part, and others lie beside it; empty for all of a run."""
         way = "silo.open_log(..., alone=False)" if self.recorder else "silo.open_log"
-        words = f"alone: `silo stats --whole` (plot, check, convert, too) and {way} read all parts as one"
+        words = f"alone: :runs in silo-tui, `silo stats --whole` (plot, check, convert, too) and {way} read all as one"
         return f"{self.text}, {words}" if self.part else ""
 
     def is_beside(self, other: "Stretch | None") -> bool:

@@ -20,7 +20,7 @@ from silo.conditions.requests import TriggerTried
 from silo.core.arrays.columns import coarser
 from silo.core.elements import ElementInfo, State, Status, Table
 from silo.core.quantities.writing import EPOCH_FROM_NS, many, size_text, wall_clock
-from silo.core.recording import Recording, has_own_stamps
+from silo.core.recording import Recording
 from silo.errors import ElementError, FileFormatError, LogWarning
 from silo.expressions.binding import bind
 from silo.expressions.evaluation import FALSE, TRUE, UNOBSERVABLE
@@ -53,8 +53,9 @@ class FileSession(Session):
         self.capture = recording.conditions.capture  # where a trigger fired
         names = list(log)[: len(recording.elements)]  # behind them, derived signals that are not in it
         self.source = RecordingSource(recording, names)
-        self._facts = FileFacts(recording, names, self.source.time_ns)
-        size_bytes = path.stat().st_size if path.is_file() else 0
+        self._facts = FileFacts(recording, names, self.source.places)
+        self._parts = 0 if recording.stretch is None or recording.stretch.part else recording.stretch.parts
+        size_bytes = path.stat().st_size if path.is_file() and not self._parts else 0
         self.report = reports.report(recording, log.path, size_bytes)
         self.rows_of = dict(zip(names, self.report.elements, strict=True))
         self.warnings: tuple[str, ...] = tuple(recording.warnings)
@@ -74,6 +75,11 @@ class FileSession(Session):
         self.rows.refresh()
 
     @property
+    def _stamps(self) -> str:
+        """What time stamps are of: a logger has ticks, of a bag of others each topic has its own."""
+        return "ticks" if self.source.recording.offset else "stamps"
+
+    @property
     def connected(self) -> bool:
         """A file is always there."""
         return True
@@ -86,9 +92,10 @@ class FileSession(Session):
     def facts_words(self, width: int, *, wide: bool) -> list[tuple[int, str, str]]:
         """Return name, duration, ticks, what was lost."""
         report, source = self.report, self.source
-        facts = f"  {text.span((source.end_ns - source.begin_ns) / 1e9)}  {text.count(source.ticks)} ticks"
+        facts = f"  {many(self._parts, 'part')}" if self._parts else ""
+        facts += f"  {text.span((source.end_ns - source.begin_ns) / 1e9)}  {text.count(source.ticks)} {self._stamps}"
         facts += f"  {many(len(report.elements), 'element')}" if wide else ""
-        facts += f"  {text.short(report.rate_hz)} Hz" if report.rate_hz else ""
+        facts += f"  {text.short(report.rate_hz)} Hz" if report.rate_hz and source.recording.offset else ""
         facts += f"  {size_text(report.size_bytes)}" if wide and report.size_bytes else ""
         lost = f"  lost {text.count(report.lost)}"
         silo = "silo " if wide else ""  # on a small screen the file's name is worth more
@@ -210,23 +217,23 @@ def _bounds_of(recording: Recording, elements: Sequence[ElementInfo]) -> dict[st
 
 
 def open_file(which: str | os.PathLike[str] | int) -> FileSession:
-    """Open what `silo.open_log` takes; of a run that was cut that part alone: the screen has one time for all.
+    """Open what `silo.open_log` takes: all of a run that was cut, one part of a recording, which may be of days.
 
     Raises its errors, and `FileFormatError` for a log without data.
     """
+    return opened(lambda: open_log(which))
+
+
+def opened(read: Callable[[], Log]) -> FileSession:
+    """Return a log that is read now. Raises as `open_file`."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LogWarning)  # the banner shows them
-        log = open_log(which, alone=True)
-    if not len(log.time_ns) or not len(log):
-        what = "time stamps" if len(log) else "signals"
-        told = f" ({'; '.join(log.warnings)})" if log.warnings else ""
-        raise FileFormatError(f"{log.path}: the log is empty, it holds no {what}{told}")
-    if has_own_stamps(log.recording):
-        raise FileFormatError(
-            f"'{log.path}' is a bag of others, each topic with time stamps of its own, and the screen has one time for "
-            f"all: `silo convert --rate 100 {log.path} run.silo`, then `silo-tui run.silo`; or `silo plot`, as it is"
-        )
-    session = FileSession(log)
-    if alone := alone_of(Path(log.path), log.recording):
-        session.warnings += (alone,)
+        log = read()
+        if not len(log.time_ns) or not len(log):
+            what = "time stamps" if len(log) else "signals"
+            told = f" ({'; '.join(log.warnings)})" if log.warnings else ""
+            raise FileFormatError(f"{log.path}: the log is empty, it holds no {what}{told}")
+        session = FileSession(log)
+        if alone := alone_of(Path(log.path), log.recording):
+            session.warnings += (alone,)
     return session

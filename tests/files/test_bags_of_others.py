@@ -489,11 +489,23 @@ class TestCommands:
         assert silo_command("convert", "--rate", 50, folder, tmp_path / "x.csv").exit_code == 0
         assert silo.open_log(tmp_path / "x.csv")["imu/angular_velocity/x"].values[:3].tolist() == [0, 4, 8]
 
-    def test_the_screen_says_what_to_do(self, folder):
+    def test_the_screen_shows_it_each_topic_by_its_own_stamps(self, folder):
         from silo_tui.sessions.recorded import open_file
 
-        with pytest.raises(silo.errors.FileFormatError, match="silo convert --rate 100"):
-            open_file(folder)
+        of = open_file(folder).source
+        imu, mode = "/imu/angular_velocity", "/state/last"
+        for number in (0, 1, 57, 199):
+            for late_ns, held in ((0, number), (STEP - 1, number), (-1, number - 1)):
+                if held >= 0:
+                    found = of.readings([imu, mode], START + STEP * number + late_ns)
+                    assert found[imu].newest[0] == held
+                if number == 57:
+                    assert found[mode].newest[0] == 50
+        assert of.period_ns(imu) == STEP
+        assert of.period_ns(mode) == 10 * STEP
+        shown = of.columns([f"{imu}_x"], START, START + 199 * STEP, STEP)
+        begun = shown.low[0][~np.isnan(shown.low[0])]
+        assert begun.tolist() == list(range(200))
 
 
 def test_a_joint_that_only_the_beginning_of_a_bag_has_is_a_signal(tmp_path):

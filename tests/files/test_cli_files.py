@@ -354,7 +354,7 @@ def test_one_part_of_a_run_that_was_cut_or_all_as_one_are_read(tmp_path, monkeyp
     done = run(*words)
     assert (done.exit_code, part in done.stdout) == (0, True), done.output
     assert "warning: part 2 of run" in done.stderr
-    assert "silo.open_log read all parts" in done.stderr
+    assert "silo.open_log read all as one" in done.stderr
     done = run(*words, "--whole", *(["--force"] if words[0] is convert_command else []))
     assert (whole in done.stdout, "warning" in done.stderr) == (True, False), done.output
 

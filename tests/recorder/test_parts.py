@@ -744,7 +744,7 @@ def test_who_opens_one_part_of_several_by_a_folder_or_a_glob_is_told_how_to_get_
     assert len(silo.open_log(tmp_path / "rec", alone=True)) == len(silo.open_log(found[0])) == 4
     for words in (["stats", "x"], ["check", "--never", "x < 0"]):
         assert run([words[0], str(tmp_path / "rec"), *words[1:]]) == 0
-        assert "alone: `silo stats --whole`" in capsys.readouterr().err
+        assert "`silo stats --whole`" in capsys.readouterr().err
     assert run(["stats", "--whole", str(tmp_path / "rec"), "x"]) == 0
     told = capsys.readouterr()
     assert (str(robot.tick) in told.out, told.err) == (True, "")

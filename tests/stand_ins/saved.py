@@ -3,8 +3,9 @@
 import numpy as np
 
 import silo
-from silo.core.elements import BufferType, Entry, LoggedEvent
+from silo.core.elements import BufferType, Entry, LoggedEvent, Stretch
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.files import write
 from tests.stand_ins.fake_signals import START_NS
 
 SECOND = 10**9
@@ -58,6 +59,15 @@ def twenty_seconds(seconds=0, number=1):
     events = tuple(LoggedEvent(kind, text, int(times[tick]), tick, int(times[tick])) for kind, text, tick in told)
     facts = {"frequency_hz": 400.0, "started_ns": begin_ns, "about": {"task": f"gait{number}", "operator": "ann"}}
     return Recording("robot", times, 8000, elements, events=events, **facts)
+
+
+def recorded_in_two(folder):
+    """Save 20 ticks of a run as a recording in two files has them."""
+    times = START_NS + np.arange(20, dtype=np.int64) * 10_000_000
+    stretch = Stretch("run", 1, recorder="walks", since=0)
+    for number, ticks in ((1, slice(0, 10)), (2, slice(10, 20))):
+        made = Recording("robot", times[ticks], ticks.stop, [element("n", np.arange(20.0)[ticks])], stretch=stretch)
+        write(made, folder, "robot", ["bag"], f"robot_20260921_14-00-00_{number:05}")
 
 
 def cut_in_two(folder):

@@ -1,11 +1,14 @@
 """What filters, orders and columns of a file's table show: reckoned from its samples."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from silo.core.recording import Recording
 from silo.files.silo.writer import write_silo
 from silo.live.quantities import FROZEN, LOST, NOT_FINITE, SLOW
+from silo_tui.model.samples.places import places_of
 from silo_tui.model.table import file_facts
 from silo_tui.model.table.file_facts import FileFacts
 from tests.stand_ins.saved import element
@@ -21,7 +24,7 @@ def recording(*elements, frequency_hz=100.0):
 
 def facts_of(*elements, **changes):
     found = recording(*elements, **changes)
-    return FileFacts(found, [one.name for one in elements], found.time_ns)
+    return FileFacts(found, [one.name for one in elements], places_of(found.elements, found.time_ns, 0))
 
 
 def told(facts, name, quantity, at_ns=int(TIMES[-1])):
@@ -196,6 +199,14 @@ async def test_statistics_of_a_file_are_columns(path, on_file):
         await screen.shows("jitter")
         await screen.do("columns")
         await screen.shows("samples")
+
+
+def test_values_that_a_bag_of_others_lacks_are_in_no_statistic():
+    lacking = element("c", np.arange(TICKS))
+    values = np.ma.masked_array(np.arange(TICKS), np.arange(TICKS) >= 10)
+    entry = replace(lacking.entries[0], values=values)
+    facts = facts_of(replace(lacking, entries=(entry,)))
+    assert [told(facts, "c", quantity) for quantity in ("max", "mean", "bad")] == [9, 4.5, TICKS - 10]
 
 
 async def test_reading_stops_after_a_slice_when_something_else_is_asked_for(path, on_file, monkeypatch):

@@ -17,7 +17,7 @@ from silo_tui.model.table.fields import Field
 from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.screens.plots.detail import FileDetailScreen
 from silo_tui.sessions.recorded import FileSession
-from tests.stand_ins.saved import cut_in_two
+from tests.stand_ins.saved import cut_in_two, recorded_in_two
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -432,11 +432,20 @@ async def test_the_values_of_the_table_are_those_at_the_cursor(path, on_file):
         await screen.shows("ann")
 
 
-async def test_a_part_of_a_run_that_was_cut_is_opened_beside_the_others_and_says_so(tmp_path, on_file):
+async def test_a_run_that_was_cut_is_shown_whole_whichever_part_is_opened(tmp_path, on_file):
     cut_in_two(tmp_path)
-    async with on_file(next(tmp_path.glob("*part1.silo"))) as screen:
-        await screen.shows("part 1 of run")
-        await screen.shows("silo.open_log read all parts")
+    for part in (1, 2):
+        async with on_file(next(tmp_path.glob(f"*part{part}.silo"))) as screen:
+            await screen.shows("2 parts")
+            assert screen.session.report.ticks == 20
+            assert "alone" not in screen.text
+
+
+async def test_a_file_of_a_recording_is_shown_alone_and_says_so(tmp_path, on_file):
+    recorded_in_two(tmp_path)
+    async with on_file(next(tmp_path.glob("*00001*"))) as screen:
+        await screen.shows("one file of recording")
+        await screen.shows("alone: :runs")
         assert screen.session.report.ticks == 10
 
 

@@ -13,6 +13,7 @@ from silo_tui.app import SiloApp
 from silo_tui.model.lists.runs import together
 from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.screens.lists.runs import RunsScreen
+from tests.stand_ins.saved import recorded_in_two
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -37,6 +38,17 @@ def folder(tmp_path):
     for number in range(3):
         write(run_of(number, mark_s=0.5 * (number + 1)), tmp_path / "logs", "robot", ["silo"], f"run{number}")
     return tmp_path / "logs"
+
+
+async def test_a_recording_of_several_files_is_one_run_and_opens_whole(fake, opened, tmp_path):
+    recorded_in_two(tmp_path)
+    async with opened(fake) as screen:
+        await screen.press(":", *f"runs {tmp_path}", "enter")
+        await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 1)
+        await screen.press("enter")
+        await screen.shows("2 parts")
+        of = screen.app.screen.session.source
+        assert [of.readings(["/log/n"], int(at))["/log/n"].newest[0] for at in of.time_ns] == list(range(20))
 
 
 async def on_runs(screen, folder):

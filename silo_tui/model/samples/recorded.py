@@ -25,6 +25,7 @@ from silo_tui.model.drawing.columns import Floats, Marks
 from silo_tui.model.drawing.plots import signs_of
 from silo_tui.model.drawing.window import SECOND_NS, SPANS_S
 from silo_tui.model.samples.live import Reading
+from silo_tui.model.samples.places import Places, Stamps, places_of
 from silo_tui.model.samples.searching import found_in
 from silo_tui.model.samples.source import Samples
 
@@ -33,8 +34,6 @@ MAX_TILES = 4096  # 8 MB
 SHORT_SPANS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2)
 LONG_SPANS_S = (7200.0, 18000.0, 36000.0, 86400.0, 259200.0)
 WHOLE = 1.02  # a little more than all, because columns begin at round times
-
-Stamps = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -52,12 +51,11 @@ class StretchFacts:
 
 @dataclass(frozen=True)
 class _Signal:
-    """Sample i of `values` belongs to tick `first + i * divider`."""
+    """The samples of an entry, where they stand, and why it ends before the recording does."""
 
     values: NDArray[Any]
-    first: int
-    divider: int
-    ended: Gap = Gap.FULL  # why it ends before the recording does
+    places: Places
+    ended: Gap
 
 
 @dataclass(frozen=True)
@@ -93,14 +91,13 @@ class RecordingSource:
         # shape `(n,)`, of all ticks; they never fall, and are not to be written to
         self.time_ns: Stamps = np.maximum.accumulate(times) if self.clock_jumps else np.ascontiguousarray(times)
         self._begin = _begin_of(recording)
-        self._places = {name: place for place, name in enumerate(names)}
-        self._signals: dict[str, _Signal] = {}
-        for info, element in zip(self.elements, recording.elements, strict=True):
-            for entry, recorded in zip(info.entries, element.entries, strict=True):
-                ended = Gap.LOST if element.lost else Gap.FULL
-                signal = _Signal(recorded.values, element.first, element.divider, ended)
-                self._signals.setdefault(info.name + entry.suffix, signal)
-        self._period_ns = _period(self.time_ns, recording.frequency_hz)
+        self._numbers = {name: number for number, name in enumerate(names)}
+        self._tick_ns = _period(self.time_ns, recording.frequency_hz)
+        self.places = places_of(recording.elements, self.time_ns, self._tick_ns)
+        self._signals: dict[str, tuple[int, int]] = {}  # which entry of which element
+        for number, info in enumerate(self.elements):
+            for position, entry in enumerate(info.entries):
+                self._signals.setdefault(info.name + entry.suffix, (number, position))
         self._tile, self._ticks = lru_cache(MAX_TILES)(self._read_tile), lru_cache(MAX_TILES)(self._find_ticks)
         self._lock = threading.Lock()
 
@@ -134,26 +131,26 @@ class RecordingSource:
 
     def element(self, name: str) -> ElementInfo | None:
         """The element of that name."""
-        place = self._places.get(name)
-        return self.elements[place] if place is not None else None
+        number = self._numbers.get(name)
+        return self.elements[number] if number is not None else None
 
     def period_ns(self, element: str) -> int:
         """Time between two samples of an element, as it mostly was."""
-        place = self._places.get(element)
-        return self._period_ns * (self.recording.elements[place].divider if place is not None else 1)
+        number = self._numbers.get(element)
+        return self.places[number].period_ns if number is not None else self._tick_ns
 
     def is_live(self, element: str) -> bool:
         """Whether there is data to plot: of all that is in a file."""
-        return element in self._places
+        return element in self._numbers
 
     def extent_ns(self, names: Sequence[str]) -> tuple[int, int]:
         """The first and the last moment that any of these elements has a sample of; of all where none has."""
-        elements = [self.recording.elements[self._places[name]] for name in names if name in self._places]
-        elements = [element for element in elements if element.count]
-        if not elements:
+        found = [self.places[self._numbers[name]] for name in names if name in self._numbers]
+        found = [places for places in found if places.count]
+        if not found:
             return self.begin_ns, self.end_ns
-        first = max(self._begin, min(element.first for element in elements))
-        last = max(element.first + (element.count - 1) * element.divider for element in elements)
+        first = max(self._begin, min(places.at(0) for places in found))
+        last = max(places.at(places.count - 1) for places in found)
         return int(self.time_ns[first]), int(self.time_ns[max(first, last)])
 
     # ------------------------------------------------------------------------------------------------ columns
@@ -172,14 +169,14 @@ class RecordingSource:
         grid = ColumnGrid(len(names), first, stop - first)
         with self._lock:
             for row, name in enumerate(names):
-                signal = self._signals.get(name)
+                signal = self._signal(name)
                 if signal is None:
                     continue
                 numbers = range(first // TILE, (stop - 1) // TILE + 1)
                 for number, tile in zip(numbers, self._covering(name, first, stop, column_ns), strict=True):
                     some = grid_of(number * TILE, tile.low[None], tile.high[None], tile.marks[None], {0: tile.base})
                     grid.merge([row], some, [0])
-                if column_ns < signal.divider * self._period_ns:
+                if column_ns < signal.places.period_ns:
                     self._hold(signal, column_ns, grid, row)
                 self._say_why_empty(signal, column_ns, grid, row)
         bases = {row: base for row, base in enumerate(grid.bases) if base}
@@ -209,9 +206,19 @@ class RecordingSource:
     def _covering(self, name: str, first: int, stop: int, column_ns: int) -> list[_Tile]:
         return [self._tile(name, column_ns, number) for number in range(first // TILE, (stop - 1) // TILE + 1)]
 
+    def _signal(self, name: str) -> _Signal | None:
+        """Its values are read now: those of a bag are not before somebody looks at them."""
+        if name not in self._signals:
+            return None
+        number, position = self._signals[name]
+        element = self.recording.elements[number]
+        ended = Gap.LOST if element.lost else Gap.FULL
+        return _Signal(element.entries[position].values, self.places[number], ended)
+
     def _read_tile(self, name: str, column_ns: int, number: int) -> _Tile:
-        signal = self._signals[name]
-        return _reduce(signal.values, _samples(signal, self._ticks(column_ns, number)))
+        signal = self._signal(name)
+        assert signal is not None, "who asks for a tile knows that there is one"
+        return _reduce(signal.values, signal.places.from_stamp(self._ticks(column_ns, number)))
 
     def _find_ticks(self, column_ns: int, number: int) -> Stamps:
         """Shape `(65,)`: the first tick of each column of a tile, and of the one after."""
@@ -226,41 +233,37 @@ class RecordingSource:
     def _hold(self, signal: _Signal, column_ns: int, grid: ColumnGrid, row: int) -> None:
         """Fill columns without sample after the first one, as long as the last one holds: until the next would be due.
 
-        What ends before the recording (a full buffer) doesn't go on.
+        What ends before the recording (a full buffer), or has a hole, doesn't go on.
         """
-        edges = _samples(signal, self._first_ticks(grid.first, grid.count + 1, column_ns))
+        edges = signal.places.from_stamp(self._first_ticks(grid.first, grid.count + 1, column_ns))
         empty = np.flatnonzero((edges[1:] == edges[:-1]) & (edges[:-1] > 0))
-        last = self._end_of(signal) // column_ns
-        empty = empty[grid.first + empty <= last]
+        until_ns = signal.places.held_until_ns(edges[empty] - 1)
+        empty = empty[grid.first + empty <= until_ns // column_ns]
         if len(empty):
             held = Bins(grid.first + empty.astype(np.int64), np.arange(len(empty)))
             grid.add(row, held, signal.values[edges[empty] - 1])
 
-    def _end_of(self, signal: _Signal) -> int:
-        """Until when the last sample of a signal holds."""
-        tick = min(signal.first + len(signal.values) * signal.divider - 1, len(self.time_ns) - 1)
-        return int(self.time_ns[max(tick, 0)])
-
     def _say_why_empty(self, signal: _Signal, column_ns: int, grid: ColumnGrid, row: int) -> None:
-        begin, end = self.begin_ns // column_ns, self.end_ns // column_ns
-        if not len(signal.values):
+        begin, end, places = self.begin_ns // column_ns, self.end_ns // column_ns, signal.places
+        if not places.count:
             grid.add_hole(row, begin, end + 1, signal.ended)
             return
-        if signal.first - self._begin >= signal.divider:
-            grid.add_hole(row, begin, int(self.time_ns[signal.first]) // column_ns, Gap.OVERWRITTEN)
-        if signal.first + len(signal.values) * signal.divider < len(self.time_ns):
-            grid.add_hole(row, self._end_of(signal) // column_ns + 1, end + 1, signal.ended)
+        if places.at(0) - self._begin >= places.step:
+            before = Gap.OFF if places.is_listed else Gap.OVERWRITTEN
+            grid.add_hole(row, begin, int(self.time_ns[places.at(0)]) // column_ns, before)
+        until_ns = int(places.held_until_ns(np.array([places.count - 1]))[0])
+        if until_ns < self.end_ns:
+            after = Gap.OFF if places.is_listed else signal.ended
+            grid.add_hole(row, until_ns // column_ns + 1, end + 1, after)
 
     # ----------------------------------------------------------------------------------------- values at a time
 
     def readings(self, names: Sequence[str], time_ns: int) -> dict[str, Reading]:
         """What held at a time: the newest sample up to then; nothing before the first one."""
-        tick = int(np.searchsorted(self.time_ns, time_ns, "right")) - 1
-        return {name: self._reading(self._places[name], tick, time_ns) for name in names if name in self._places}
+        return {name: self._reading(self._numbers[name], time_ns) for name in names if name in self._numbers}
 
-    def _reading(self, place: int, tick: int, time_ns: int) -> Reading:
-        element = self.recording.elements[place]
-        at = min((tick - element.first) // element.divider, element.count - 1)
+    def _reading(self, number: int, time_ns: int) -> Reading:
+        element, at = self.recording.elements[number], self.places[number].held_at(time_ns)
         newest = np.full(len(element.entries), np.nan)
         texts: dict[int, str] = {}
         if at < 0:
@@ -274,15 +277,14 @@ class RecordingSource:
 
     async def samples(self, name: str, start_ns: int, end_ns: int) -> Samples:
         """All samples of an entry from `start_ns` to `end_ns`, both included; views, don't change them."""
-        signal = self._signals.get(name)
+        signal = self._signal(name)
         if signal is None:
             return np.zeros(0, np.int64), np.zeros(0)
         ticks = np.array(
             [np.searchsorted(self.time_ns, start_ns, "left"), np.searchsorted(self.time_ns, end_ns, "right")], np.int64
         )
-        begin, end = _samples(signal, ticks).tolist()
-        first, step = signal.first + begin * signal.divider, signal.divider
-        return self.time_ns[first : first + (end - begin) * step : step], signal.values[begin:end]
+        begin, end = signal.places.from_stamp(ticks).tolist()
+        return signal.places.stamps(begin, end), signal.values[begin:end]
 
     async def find(
         self, looking: Mapping[str, Looking], around_ns: int, most: int
@@ -320,11 +322,6 @@ def _period(times: Stamps, frequency_hz: float | None) -> int:
     if len(steps):
         return int(np.median(steps))
     return round(SECOND_NS / frequency_hz) if frequency_hz else SECOND_NS
-
-
-def _samples(signal: _Signal, ticks: Stamps) -> Stamps:
-    """The first sample at or after each tick, as a number between 0 and the count."""
-    return np.clip(-((signal.first - ticks) // signal.divider), 0, len(signal.values))
 
 
 def _reduce(values: NDArray[Any], edges: Stamps) -> _Tile:

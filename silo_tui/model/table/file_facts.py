@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from silo.core.arrays.columns import Floats
 from silo.core.arrays.running import RunningStatistics
+from silo.core.arrays.values import with_nan
 from silo.core.recording import RecordedElement, Recording
 from silo.live.quantities import FROZEN_PERIODS, FROZEN_S, signs_of
+from silo_tui.model.samples.places import Places
 from silo_tui.model.table.facts import STATISTICS
 
 BLOCK = 1 << 16  # samples that are looked at together
 UNKNOWN = ("fill", "held")  # how large a buffer was is not in a file
-
-Stamps = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -35,19 +35,18 @@ class _Signal:
     def values(self, begin: int, stop: int) -> Floats:
         """Return shape `(stop - begin,)`."""
         if len(self.entries) == 1:
-            return self.entries[0][begin:stop].astype(float)
+            return with_nan(self.entries[0][begin:stop]).astype(float)
         with np.errstate(over="ignore", invalid="ignore"):
-            squares = [np.square(values[begin:stop].astype(float)) for values in self.entries]
+            squares = [np.square(with_nan(values[begin:stop]).astype(float)) for values in self.entries]
             return cast(Floats, np.sqrt(np.sum(squares, axis=0)))
 
 
 class FileFacts:
     """Quantities of the elements of a recording, and of their entries, by name. NaN: not known, or no number."""
 
-    def __init__(self, recording: Recording, names: Sequence[str], times: Stamps) -> None:
-        """`times` are the time stamps of all ticks; they never fall."""
-        self._elements = recording.elements
-        self._times = times
+    def __init__(self, recording: Recording, names: Sequence[str], places: Sequence[Places]) -> None:
+        """`places` say where the samples of each element stand."""
+        self._elements, self._stand = recording.elements, places
         self._nominal_hz = recording.frequency_hz
         self._places = {name: (place, -1) for place, name in enumerate(names)}
         for place, (name, element) in enumerate(zip(names, recording.elements, strict=True)):
@@ -55,7 +54,7 @@ class FileFacts:
                 for position, entry in enumerate(element.entries):
                     self._places.setdefault(name + entry.entry.suffix, (place, position))
         self._statistics: dict[tuple[int, int], dict[str, float]] = {}
-        self._timing: dict[tuple[int, int, int], tuple[float, float]] = {}
+        self._timing: dict[Places, tuple[float, float]] = {}
 
     def __len__(self) -> int:
         return len(self._elements)
@@ -80,7 +79,6 @@ class FileFacts:
     # --------------------------------------------------------------------------------------------- one quantity
 
     def _of(self, place: int, position: int, quantity: str, at_ns: int) -> float:
-        element = self._elements[place]
         if quantity in UNKNOWN:
             return math.nan
         if quantity in {"least", "most"}:
@@ -88,22 +86,21 @@ class FileFacts:
         if quantity in STATISTICS or quantity in {"count", "bad"}:
             return self._statistics_of(place, position)[quantity]
         if quantity in ("rate", "share", "jitter"):
-            rate, jitter = self._timing_of(element)
+            rate, jitter = self._timing_of(place)
             if quantity == "jitter":
                 return jitter
-            return rate if quantity == "rate" else rate * element.divider / (self._nominal_hz or math.nan)
-        at = self._at(element, at_ns)
+            return rate if quantity == "rate" else rate * self._nominal_s(place)
+        at = self._stand[place].held_at(at_ns)
         if quantity == "changed":
-            return self._changed_s(element, position, at, at_ns)
+            return self._changed_s(place, position, at, at_ns)
         if quantity == "signs":
-            return self._signs(element, at)
-        signal = _signal(element, position)
+            return self._signs(place, at)
+        signal = _signal(self._elements[place], position)
         return float(signal.values(at, at + 1)[0]) if signal is not None and at >= 0 else math.nan
 
-    def _at(self, element: RecordedElement, at_ns: int) -> int:
-        """Which sample held at a moment; below 0 where none had come yet."""
-        tick = int(np.searchsorted(self._times, at_ns, "right")) - 1
-        return max(-1, min((tick - element.first) // element.divider, element.count - 1))
+    def _nominal_s(self, place: int) -> float:
+        """The time between two samples, as the logger meant it; NaN where it didn't say, or changed its mind."""
+        return self._stand[place].step / (math.nan if self._stand[place].is_listed else self._nominal_hz or math.nan)
 
     def _statistics_of(self, place: int, position: int) -> dict[str, float]:
         key = (place, position)
@@ -118,47 +115,48 @@ class FileFacts:
         name, pick = ("min", np.fmin) if quantity == "least" else ("max", np.fmax)
         return float(pick.reduce([self._statistics_of(place, each)[name] for each in positions], initial=math.nan))
 
-    def _timing_of(self, element: RecordedElement) -> tuple[float, float]:
+    def _timing_of(self, place: int) -> tuple[float, float]:
         """Return rate in Hz and jitter in s, of all that have the same ticks once."""
-        key = (element.first, element.divider, element.count)
-        if key not in self._timing:
-            times = self._times[element.first :: element.divider][: element.count]
-            steps = np.diff(times) / 1e9
+        stand = self._stand[place]
+        if stand not in self._timing:
+            steps = np.diff(stand.stamps(0, stand.count)) / 1e9
             total = float(steps.sum())
             rate = len(steps) / total if total > 0 else math.nan
-            self._timing[key] = rate, float(np.std(steps)) if len(steps) > 1 else math.nan
-        return self._timing[key]
+            self._timing[stand] = rate, float(np.std(steps)) if len(steps) > 1 else math.nan
+        return self._timing[stand]
 
-    def _time(self, element: RecordedElement, sample: int) -> int:
-        return int(self._times[element.first + sample * element.divider])
+    def _time(self, place: int, sample: int) -> int:
+        return int(self._stand[place].stamps(sample, sample + 1)[0])
 
-    def _changed_s(self, element: RecordedElement, position: int, at: int, at_ns: int, most: int = 1 << 62) -> float:
+    def _changed_s(self, place: int, position: int, at: int, at_ns: int, most: int = 1 << 62) -> float:
         """Return for how long a value had held; `most`: so many samples back it is looked for."""
         if at < 0:
             return math.nan
+        element = self._elements[place]
         entries = element.entries if position < 0 else element.entries[position : position + 1]
         changed = 0
         for entry in entries:
             changed = max(changed, _last_change(entry.values, at, max(changed, at - most)))
-        return max(0, at_ns - self._time(element, changed)) / 1e9
+        return max(0, at_ns - self._time(place, changed)) / 1e9
 
-    def _signs(self, element: RecordedElement, at: int) -> float:
+    def _signs(self, place: int, at: int) -> float:
         """Return what was the matter at a moment: whether it came at its rate and was lost is told of the whole run."""
+        element = self._elements[place]
         signal = _signal(element, -1)
         finite = at < 0 or signal is None or bool(np.isfinite(signal.values(at, at + 1)[0]))
-        rate, _ = self._timing_of(element)
-        share = rate * element.divider / (self._nominal_hz or math.nan)
-        period_s = element.divider / (self._nominal_hz or math.nan)
+        rate, _ = self._timing_of(place)
+        period_s = self._nominal_s(place)
+        share = rate * period_s
         if math.isnan(period_s):
             period_s = 1 / rate
         numbers = all(entry.values.dtype.kind in "iuf" and not entry.entry.labels for entry in element.entries)
         changed_s = pace_s = math.nan
         if numbers and at >= 0 and not math.isnan(period_s):
             samples = math.ceil(max(FROZEN_PERIODS, FROZEN_S / period_s)) + 2
-            changed_s = self._changed_s(element, -1, at, self._time(element, at), samples)
+            changed_s = self._changed_s(place, -1, at, self._time(place, at), samples)
             if changed_s > max(FROZEN_PERIODS * period_s, FROZEN_S):
                 pace_s = period_s * min(_samples_a_change(entry.values, at) for entry in element.entries)
-                changed_s = self._changed_s(element, -1, at, self._time(element, at))
+                changed_s = self._changed_s(place, -1, at, self._time(place, at))
         bits = signs_of(
             np.array([finite]), np.array([changed_s]), np.array([pace_s]), np.array([numbers]), np.array([share]),
             np.array([element.lost]),

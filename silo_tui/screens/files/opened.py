@@ -53,19 +53,19 @@ async def open_recording(
 
 async def open_path(context: Context, path: str) -> None:
     """Show a log of this machine over the logger that is open, or say why it can't be opened."""
-    from silo_tui.sessions.recorded import open_file
+    from silo.analysis.opening import open_log
+
+    await show_read(context, lambda: open_log(typed_path("the log", path)), f"{path} can't be opened")
+
+
+async def show_read(context: Context, read: "Callable[[], Log]", failed: str) -> None:
+    """Show a log that is read now, over the logger that is open; say that it `failed`, and why."""
+    from silo_tui.sessions.recorded import opened
 
     try:
-        await _show(context, await asyncio.to_thread(open_file, typed_path("the log", path)))
+        await _show(context, await asyncio.to_thread(opened, read))
     except (SiloError, OSError) as error:
-        context.fail(f"{path} can't be opened: {error}")
-
-
-async def show_log(context: Context, log: "Log") -> None:
-    """Show a log that is no file, over the logger that is open."""
-    from silo_tui.sessions.recorded import FileSession
-
-    await _show(context, await asyncio.to_thread(FileSession, log))
+        context.fail(f"{failed}: {error}")
 
 
 async def _show(context: Context, opened: "FileSession") -> None:

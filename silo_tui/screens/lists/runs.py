@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.text import Text
 
 from silo.analysis.log import Log
+from silo.analysis.opening import open_log
 from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.run_index.listed import ListedRun
@@ -20,8 +21,10 @@ from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words.names import fitted_among
 from silo_tui.model.words.paths import typed_path
 from silo_tui.screens.dialogs.questions import Prompt
-from silo_tui.screens.files.opened import open_path, show_log
+from silo_tui.screens.files.opened import show_read
 from silo_tui.screens.lists.list_screen import ListScreen
+
+MOST_TICKS = 50_000_000  # their time stamps take 400 MB
 
 
 class RunsScreen(ListScreen[ListedRun]):
@@ -152,8 +155,13 @@ class RunsScreen(ListScreen[ListedRun]):
 
     def command_open_run(self) -> None:
         one = self.here()
-        if one is not None:
-            run_alone(self, "opening", open_path, self.context, str(one.path))
+        if one is None:
+            return
+        failed = f"{one.facts.path} can't be opened"
+        if one.facts.ticks > MOST_TICKS:  # of days: the part under its name, which says that it is one
+            run_alone(self, "opening", show_read, self.context, lambda: open_log(one.path), failed)
+        else:
+            run_alone(self, "opening", show_read, self.context, one.open, failed)
 
     enter = command_open_run
 
@@ -171,10 +179,7 @@ class RunsScreen(ListScreen[ListedRun]):
             logs = [(one.name, one.open()) for one in targets]
             return Log(rows.together(logs, event), str(Path(self._folder) / " + ".join(one.name for one in targets)))
 
-        try:
-            await show_log(self.context, await asyncio.to_thread(read))
-        except (SiloError, OSError) as error:
-            self.context.fail(f"these runs can't lie over each other: {error}")
+        await show_read(self.context, read, "these runs can't lie over each other")
 
 
 def _by(column: dict[str, float]) -> "rows.Key":

@@ -1,0 +1,88 @@
+"""Where samples stand among the time stamps of a recording: a distance apart, or listed."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import silo
+from silo_tui.model.samples.places import Places
+from silo_tui.sessions.recorded import open_file
+from tests.examples import examples
+
+STEP_NS = 10_000_000
+STARTS = 1_790_000_000 * 10**9
+
+
+@given(data=st.data(), ticks=st.integers(1, 60), first=st.integers(0, 9), step=st.integers(1, 7))
+@settings(max_examples=examples(100))
+def test_both_ways_to_say_where_samples_stand_say_the_same(data, ticks, first, step):
+    time_ns = np.cumsum(np.array(data.draw(st.lists(st.integers(1, 5), min_size=ticks, max_size=ticks)), np.int64))
+    count = len(range(first, ticks, step))
+    own = time_ns[first::step]
+    apart, listed = Places(time_ns, first, step, count, 3), Places.listed(time_ns, own, 3)
+    numbers = np.arange(-1, ticks + 2)
+    truth = [int((np.arange(first, ticks, step) < number).sum()) for number in numbers]
+    for one in (apart, listed):
+        assert one.count == count
+        assert one.from_stamp(numbers).tolist() == truth
+        assert [one.at(sample) for sample in range(count)] == list(range(first, ticks, step))
+        assert one.stamps(0, count).tolist() == own.tolist()
+        for at_ns in range(int(time_ns[0]) - 1, int(time_ns[-1]) + 2):
+            assert one.held_at(at_ns) == int((own <= at_ns).sum()) - 1
+
+
+def test_what_is_a_distance_apart_holds_to_the_end_and_what_is_listed_over_no_hole():
+    time_ns = np.arange(100, dtype=np.int64) * 10
+    slow = Places(time_ns, 0, 10, 5, 10)
+    assert slow.held_until_ns(np.array([0, 4])).tolist() == [490, 490]
+    assert slow.period_ns == 100
+    holed = Places.listed(time_ns, np.array([0, 20, 40, 600, 620, 980]), 10)
+    assert holed.period_ns == 20
+    assert holed.held_until_ns(np.array([2, 4, 5])).tolist() == [80, 660, 990]
+
+
+def cut_run(folder):
+    """A run that was cut three times: another divider, and a signal off for a while. Its ticks count from 1."""
+    x, y, now = np.zeros(()), np.zeros(3), [STARTS]
+    log = silo.Logger("arm", frequency=100, max_time=10, folder=folder, script=folder / "no.yaml", clock=lambda: now[0])
+    log.add(x, "x")
+    log.add(y, "y", divider=3)
+    log.start()
+
+    def ticks(count):
+        for _ in range(count):
+            x[...] += 1
+            y[...] = x * np.arange(3)
+            log.collect()
+            now[0] += STEP_NS
+
+    ticks(50)
+    log.set("y", divider=5, cut=True)
+    ticks(50)
+    log.set("x", enabled=False, cut=True)
+    ticks(30)
+    log.set("x", enabled=True, cut=True)
+    ticks(20)
+    log.stop()
+    log.save()
+    log.close()
+
+
+def test_all_parts_of_a_run_that_was_cut_are_on_the_screen(tmp_path):
+    cut_run(tmp_path)
+    session = open_file(tmp_path)
+    of, held_y = session.source, 0
+    assert "4 parts  1.49 s  150 ticks" in "".join(words for _, words, _ in session.facts_words(120, wide=True))
+    for tick in range(150):
+        found = of.readings(["/log/x", "/log/y"], STARTS + tick * STEP_NS)
+        assert found["/log/x"].newest.tolist() == [float(tick + 1 if not 100 <= tick < 130 else 100)]
+        held_y = tick if (tick % 3 == 0 if tick < 50 else (tick - 50) % 5 == 0 if tick < 100 else False) else held_y
+        if tick < 100:
+            assert found["/log/y"].newest.tolist() == [0.0, held_y + 1.0, 2.0 * (held_y + 1)]
+    shown = of.columns(["/log/x"], of.begin_ns, of.end_ns, 2 * STEP_NS)
+    truth = np.array([float(n) if not 101 <= n <= 130 else np.nan for n in range(1, 151)]).reshape(-1, 2)
+    assert np.array_equal(shown.low[0], truth[:, 0], equal_nan=True)
+    assert np.array_equal(shown.high[0], truth[:, 1], equal_nan=True)
+    facts = session._facts
+    assert facts.of("/log/x", ["count", "max", "changed"], of.end_ns) == {"count": 120, "max": 150, "changed": 0}
+    assert np.isnan(facts.of("/log/x", ["share"], of.end_ns)["share"])  # of one rate nobody can say
