@@ -167,7 +167,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("fold", "z", "Fold", "fold or unfold a name space, a vector into its entries", "Find and mark", _TABLES, 4),
     Command("component", "n", "Entry", "norm of a vector, its first entry, the next ...", "Look", _TABLES),
     Command("columns", "C", "Columns", "settings or values, statistics, timing", "Look", _TABLES),
-    Command("zero", "Z", "Zero", "statistics from now on", "Look", _TABLE + _MONITOR),
+    Command("zero", "Z", "Zero", "reset min, max, mean: from now on (of the last seconds: derive max(x, 10s))", "Look",
+            _TABLE + _MONITOR),
     # ------------------------------------------------------------------------------------------------- editing
     Command("edit", "e,enter", "Edit", "edit the field that ← → chose, else ask which", "Edit", _TABLE, 5, writes=True),
     Command("toggle", "t", "On/Off", "switch logging on or off", "Edit", _TABLE, 13, writes=True),
@@ -419,7 +420,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("again_back", "", "Other way", "what was done last by the menu p the other way round", "Go", ("any",)),
     Command("help", "question_mark,f1", "Help", "this page", "Go", ("any",), 10, shown_key="?", typed=Typed(("help",))),
     Command("palette", "ctrl+p", "Palette", "search everything that can be done", "Go", ("any",), hidden=True),
-    Command("back", "escape", "Back", "out of whatever is open; clears range, filter, then marks", "Go", ("any",),
+    Command("back", "escape", "Back", "out of whatever is open; clears range, filter, marks", "Go", ("any",),
             hidden=True),
     Command("quit", "q,ctrl+c", "Quit", "end silo-tui; loggers go on, a demo ends with it", "Go", ("any",), 12,
             typed=Typed(("quit", "q"))),

@@ -13,6 +13,7 @@ from textual.widgets import Input, Static
 from silo.core.names import glob_of_regex
 from silo.core.quantities.writing import many
 from silo.rpc.frames import Frame
+from silo_tui.actions import key_of
 from silo_tui.context import SiloScreen
 from silo_tui.modal import ask
 from silo_tui.model.table import filter as filters
@@ -252,6 +253,8 @@ class ElementsScreen(SiloScreen):
             if not found or not name:
                 raise ValueError(f"no element has {name!r} in its name")
             row = found[0]
+            if len(found) > 1:
+                self.say(f"the first of {len(found)} that have {name!r}; {key_of('filter')} {name} shows all")
         if not rows.move_to_row(row):
             rows.set_filter("")
             rows.move_to_row(row)
@@ -363,6 +366,11 @@ class ElementsScreen(SiloScreen):
             screen.stack.keep(kept)
         self.app.push_screen(screen)
 
+    @property
+    def _inspector_opened(self) -> bool:
+        """Whether the inspector is there because somebody asked for it."""
+        return bool(self._inspector_wanted) and self.app.size.width < INSPECTOR_FROM
+
     def command_inspector(self) -> None:
         self._inspector_wanted = not self.inspector.display
         self._lay_out(self.app.size.width)
@@ -377,12 +385,16 @@ class ElementsScreen(SiloScreen):
             into = [("into", "Unfold" if rows.branch.path in rows.folded else "Fold")]
         elif rows.sort == TREE and rows.vector:
             into = [("fold", "Fold" if rows.vector in rows.unfolded else "Unfold")]
-        return (*into, *((("filter", "Filter"), ("back", "All")) if rows.filter.text else ()))
+        filtered = (("filter", "Filter"), ("back", "All")) if rows.filter.text else ()
+        return (*into, *((("back", "Close"),) if self._inspector_opened else filtered))
 
     def command_back(self) -> None:
-        """Leave the range, then the filter, then the marks; never pending edits."""
+        """Leave the inspector that was asked for, the range, the filter, the marks; never pending edits."""
         rows = self.session.rows
-        if rows.anchor is not None:
+        if self._inspector_opened:
+            self._inspector_wanted = None
+            self._lay_out(self.app.size.width)
+        elif rows.anchor is not None:
             rows.anchor = None
         elif rows.filter.text:
             rows.set_filter("")

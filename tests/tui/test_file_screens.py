@@ -121,6 +121,19 @@ async def test_a_narrow_table_of_a_file_has_the_inspector_below(path, on_file):
         inspector = screen.app.screen.inspector
         await screen.until(lambda: not inspector.store.empty, "a plot")
         assert inspector.store.count <= 2 * inspector.plot_width + 2  # of all samples, not of their last half
+        await screen.press("escape")  # what was opened last goes first
+        await screen.until(lambda: not inspector.display)
+        assert screen.session.rows.filter.text == "/imu/temperature"
+        await screen.press("escape")
+        await screen.until(lambda: not screen.session.rows.filter.text)
+
+
+async def test_goto_says_that_several_have_the_words_in_their_names(path, on_file):
+    async with on_file(path) as screen:
+        await screen.enter(":goto at")
+        await screen.shows("the first of 3 that have 'at'; / at shows all")
+        await screen.enter(":goto operator")
+        await screen.shows(">/state/operator")
 
 
 async def test_the_inspector_says_at_how_many_ticks_an_element_could_not_be_read(tmp_path, on_file):

@@ -42,6 +42,11 @@ def test_words_stand_in_any_order(table):
     assert passing(table, "torque HAA LF") == ["/log/legs/LF/HAA/torque"]
 
 
+def test_an_underscore_is_a_slash_too_as_names_are_typed_by_heart(table):
+    assert passing(table, "LF_HAA_torque") == ["/log/legs/LF/HAA/torque"]
+    assert passing(table, "-LF_HAA torque LF/HAA") == []
+
+
 def test_a_bar_means_either(table):
     assert count(table, "LF|RF torque") == 6
 

@@ -5,8 +5,10 @@ import re
 import numpy as np
 import pytest
 
+from silo.analysis.compute.spectra import Peak
 from silo.core.elements import BufferType
 from silo_tui.actions import commands_for
+from silo_tui.screens.plots.detail import _hz_words
 from tests.stand_ins.fake_signals import START_NS, scalar, vector
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
@@ -151,6 +153,14 @@ async def test_held_beyond_what_there_is_the_large_plot_shows_what_the_small_one
             await screen.until(lambda: screen.app.screen.scope == "monitor")
             await screen.press("space")
             await screen.shows("live")
+
+
+@pytest.mark.parametrize(
+    ("frequency_hz", "step_hz", "words"),
+    [(0.8, 0.5, "0.8 ±0.25"), (1.99, 0.5, "2.0 ±0.25"), (2.0, 0.5, "2.0"), (81.234, 0.5, "81.2"), (3.0, 1.0, "3 ±0.5")],
+)
+def test_a_peak_of_few_periods_says_how_far_off_it_may_be(frequency_hz, step_hz, words):
+    assert _hz_words(Peak(frequency_hz, 1.0), step_hz) == words
 
 
 async def test_find_in_a_spectrum_finds_peaks_by_their_height(fake, opened):

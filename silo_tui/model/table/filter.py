@@ -146,6 +146,8 @@ def _word(word: str) -> Test | str | None:
     folded = word.casefold()
     if not quoted and any(char in word for char in "*?["):
         return _by_glob(folded)
+    if "_" in folded:  # as names are typed by heart: LF_KFE is LF/KFE, too
+        return _by_name(lambda name: folded in name or folded in name.replace("/", "_"))
     return _by_name(lambda name: folded in name)
 
 

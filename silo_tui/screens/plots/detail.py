@@ -239,8 +239,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         drawn = big_plot.of_spectra(spectra, peaks, self.level, self.plot.plot_size, self._peak, top_hz)
         first, step = pieces[0], spectra[0].step_hz
         words = [
-            f"{number}  {peak.frequency_hz:.{_decimals(step)}f} Hz  "
-            + big_plot.level_words(peak.amplitude, self.level, unit)
+            f"{number}  {_hz_words(peak, step)} Hz  " + big_plot.level_words(peak.amplitude, self.level, unit)
             for number, peak in enumerate(peaks, 1)
         ]
         whose = self._letter(self.plots.index(plots[0]))  # nothing where it is the only one
@@ -451,8 +450,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         return [f"A {self._hz(read)} Hz, {level}"]
 
     def _hz(self, peak: Peak) -> str:
-        """Return where it is, to the digits that the resolution has."""
-        return f"{peak.frequency_hz:.{_decimals(self._first.step_hz if self._first is not None else 1.0)}f}"
+        return _hz_words(peak, self._first.step_hz if self._first is not None else 1.0)
 
     def command_detail_swap(self) -> None:
         if len(self.plots) > 1:
@@ -527,6 +525,12 @@ def open_large(monitor: MonitorScreen, mode: str) -> None:
 def _decimals(step: float) -> int:
     """How many decimals tell lines of a spectrum apart."""
     return max(0, min(6, -math.floor(math.log10(step)))) if step > 0 else 3
+
+
+def _hz_words(peak: Peak, step_hz: float) -> str:
+    """Return where it is, to the digits of the resolution, and how far off where few of its periods are there."""
+    blur = f" ±{text.compact(step_hz / 2)}" if peak.frequency_hz < 4 * step_hz else ""
+    return f"{peak.frequency_hz:.{_decimals(step_hz)}f}{blur}"
 
 
 def _histogram_notes(floats: Floats, finite: Floats) -> list[str]:
