@@ -170,7 +170,7 @@ class StatusBar(FittingLine):
     def _add_pace(self, add: Callable[[int, str, str], None], *, wide: bool) -> None:
         """Add how much is logged how fast."""
         session, status, variables = self.session, self.session.status, self.app.theme_variables
-        if not (self.mode or status.recorders) or wide:  # what isn't normal needs the room
+        if (not (self.mode or status.recorders) or wide) and not session.dead:  # what isn't normal needs the room
             add(3, f"  {status.enabled}/{status.elements}{' elements' * wide} on", "")
             add(1, f" +{status.derived} derived" if status.derived else "", "")
         rate = session.measured_hz
@@ -184,7 +184,7 @@ class StatusBar(FittingLine):
             add(2, f" of {text.short(status.frequency_hz)}", caution)
             add(0, " Hz slow", caution)
             add(2, jitter, caution)
-        else:
+        elif not session.dead:
             measured = session.running and rate
             nominal = (
                 f"… of {text.short(status.frequency_hz)} Hz"

@@ -529,7 +529,7 @@ def _decimals(step: float) -> int:
 
 def _hz_words(peak: Peak, step_hz: float) -> str:
     """Return where it is, to the digits of the resolution, and how far off where few of its periods are there."""
-    blur = f" ±{text.compact(step_hz / 2)}" if peak.frequency_hz < 4 * step_hz else ""
+    blur = f" ±{text.short(step_hz / 2, 2)}" if peak.frequency_hz < 4 * step_hz else ""
     return f"{peak.frequency_hz:.{_decimals(step_hz)}f}{blur}"
 
 
