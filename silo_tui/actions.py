@@ -436,6 +436,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("derive", "", "Derive", "make or change a signal that is computed from others",
             "Look", _TABLE, writes=True, asks=True,
             typed=_read(("derive",), "derived", ":derive NAME EXPRESSION", "a signal computed from others", 10)),
+    Command("restore", "", "Restore", "set again triggers, limits, derived signals that went with the program before",
+            "Edit", _TABLE, writes=True, asks=True, typed=Typed(("restore",))),
     Command("go_home", "", "Home: table", "back to the table", "Go", ("any",), typed=Typed(("home",))),
     Command("tour", "", "Tour", "six steps to try on the logger that is open; again: ends it", "Go", ("any",),
             typed=Typed(("tour",))),

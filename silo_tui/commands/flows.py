@@ -377,6 +377,16 @@ async def save_script(context: Context, path: str | None = None) -> None:
     context.say(without + (said or f"saved {name}") + ending)
 
 
+async def restore(context: Context) -> None:
+    """Set again what was judged and derived before the robot program started anew."""
+    if not context.session.gone:
+        context.say("nothing is gone: what is derived and judged stays with the robot program, or its script has it")
+        return
+    done, refused = await context.session.restore()
+    told = [f"set again: {and_more(done, 3)}; {key_of('save_script')} keeps it in the script"] if done else []
+    context.say("; ".join([*told, *(f"refused: {one}" for one in refused)]))
+
+
 def _pending(context: Context) -> str:
     """Return how many edits are pending, in words; empty for none."""
     fields, elements = context.session.table.pending_count if context.has_session else (0, 0)

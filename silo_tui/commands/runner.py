@@ -118,6 +118,9 @@ class CommandRunner:
     def command_apply(self) -> None:
         self._context.run_flow(flows.apply(self._context))
 
+    def command_restore(self) -> None:
+        self._context.run_flow(flows.restore(self._context))
+
     def command_load_script(self, typed: Spelled) -> None:
         self._context.run_flow(flows.load_script(self._context, typed.first))
 

@@ -8,16 +8,18 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import numpy as np
 
 from silo.conditions.standing import LimitStatus, TriggerStatus
 from silo.core.arrays.columns import MAX_COLUMNS, HistoryColumns
-from silo.core.conditions import TriggerOptions
+from silo.core.conditions import Derived, SignalLimits, TriggerOptions
 from silo.core.elements import ElementInfo, LoggedEvent, SavedFile, State, Status
 from silo.core.episodes.words import next_marks
+from silo.core.quantities.writing import and_more
 from silo.errors import RefusedError, SiloError
 from silo.live.quantities import SLOW, SLOW_SHARE
 from silo.recorder.requests import RecorderInfo
@@ -35,6 +37,7 @@ from silo_tui.model.plots.limits import Bounds4
 from silo_tui.model.samples.live import LiveValues
 from silo_tui.model.samples.source import PlotSource, Samples, entry_samples
 from silo_tui.model.table.columns import LIVE_COLUMNS, TableColumn
+from silo_tui.model.table.derived import present
 from silo_tui.model.table.facts import Facts
 from silo_tui.model.table.fields import options_of, rows_of
 from silo_tui.model.table.rows import RowList
@@ -46,10 +49,12 @@ from silo_tui.sessions.recordings import Fetching
 
 if TYPE_CHECKING:
     from silo.analysis.reports import ElementReport
+    from silo.client.client import Client
     from silo.conditions.requests import TriggerTried
     from silo_tui.model.plots.overlay import Overlay
 
 Result = TypeVar("Result")
+Condition: TypeAlias = Derived | SignalLimits | TriggerOptions
 
 AHEAD_NS = 2_000_000_000
 FIRST_EVENTS = 300  # lines of the event log at first, 30 kB on a thin link
@@ -151,6 +156,7 @@ class Session:
         self.saves: dict[int, Event] = {}  # the newest event of each save
         self.fetches: dict[str, Fetching] = {}  # what is on its way here, by name
         self.overlay: Overlay | None = None  # a saved run over the plots
+        self.gone: dict[str, Condition] = {}  # what went with the program before, by words
         self.refused_trigger: TriggerOptions | None = None  # and left, to mend why
         self.left_files: list[SavedFile] = []  # of a robot program that died
         self.happened: list[LoggedEvent] = []  # the newest lines of the event log
@@ -550,7 +556,7 @@ class Session:
 
         Returns what to say: the client goes over to a new robot program of the same name by itself.
         """
-        before, had = self.status, self._conditions()
+        before, had = self.status, {**self.gone, **self._conditions()}
         self.conditions_due = True
         self.saves.clear()  # another helper process counts from 1 again
         await self._read_all()
@@ -560,19 +566,44 @@ class Session:
             return "the link is back"
         with suppress(RefusedError):  # an older silo has none
             await self.refresh_conditions()
-        lost = [one for one in had if one not in self._conditions()]
-        more = f" and {len(lost) - 3} more" if len(lost) > 3 else ""
-        gone = f"; gone with it, as no script of it has them: {', '.join(lost[:3])}{more}" if lost else ""
+        there = self._conditions()
+        self.gone = {words: one for words, one in had.items() if words not in there}
+        way = "; :restore sets them again" if self.gone else ""
+        gone = f"; gone with it, as no script of it has them: {and_more(list(self.gone), 3)}{way}" if way else ""
         return f"started again; before, {before.reason or 'nothing is known of how it ended'}{gone}"
 
-    def _conditions(self) -> list[str]:
-        """What is judged and derived, in words: a new program begins with what its script says."""
-        limits = dict.fromkeys(self.short_name(one.limits) for one in self.limits)
-        return [
-            *(f"trigger {one.options.name}" for one in self.triggers),
-            *(f"limits of {name}" for name in limits),
-            *(f"derived {self.short_name(name)}" for name in self.table.names[self.table.own :]),
-        ]
+    def _conditions(self) -> "dict[str, Condition]":
+        """What is derived and judged, by words: a new program begins with what its script says."""
+        limits = {one.limits: one.options for one in self.limits}
+        return {
+            **{f"derived {self.short_name(one.name)}": one for one in present(self.table)},
+            **{f"limits of {self.short_name(name)}": one for name, one in limits.items()},
+            **{f"trigger {one.options.name}": one.options for one in self.triggers if not one.owner},
+        }
+
+    async def restore(self) -> tuple[list[str], list[str]]:
+        """Set again what went with the program before; return what was set, and what was refused, with the reason.
+
+        What is refused can be tried again.
+        """
+        done, refused = list[str](), list[str]()
+        for words, one in list(self.gone.items()):
+            if problem := await self._restored(one):
+                refused.append(f"{words}: {problem}")
+            else:
+                done.append(words)
+                del self.gone[words]
+        await self.reload()
+        await self.refresh_conditions()
+        return done, refused
+
+    async def _restored(self, one: Condition) -> str:
+        """Set it; return why it was refused."""
+        try:
+            await self.connection.call(partial(_set, one))
+        except RefusedError as error:
+            return str(error)
+        return ""
 
     def close(self) -> None:
         """Let the connection go."""
@@ -580,6 +611,13 @@ class Session:
             fetching.given_up = True
         if self.link is not None:
             self.link.close()
+
+
+def _set(one: Condition, client: "Client") -> object:
+    """Have a logger judge or derive something."""
+    if isinstance(one, Derived):
+        return client.derive(one.name, one.expression, one.unit)
+    return client._set_limits(one) if isinstance(one, SignalLimits) else client._set_trigger(one)
 
 
 def why(error: RefusedError) -> RefusedWhy | None:

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from textual.geometry import Size
 
-from silo.conditions.standing import TriggerStatus
-from silo.core.conditions import TriggerOptions, TriggerWord
+from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
+from silo.core.conditions import SignalLimits, TriggerOptions, TriggerWord
 from silo.core.elements import BufferType, Entry, FileType
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.errors import RefusedError
 from silo.files import write
 from silo_tui import screens as every_screen
 from silo_tui.actions import COMMANDS, footer_for
@@ -84,8 +85,39 @@ async def test_conditions_that_a_new_program_knows_nothing_of_are_named(fake, op
         await screen.shows("No link")
         fake.pid, fake.trigger_statuses = 5000, fake.trigger_statuses[:1]
         fake.mend()
-        await screen.shows("as no script of it has them: trigger slip")
+        await screen.shows("as no script of it has them: trigger slip; :restore sets them again")
         assert "fall" not in screen.text
+        await screen.enter(":restore")
+        await screen.shows("set again: trigger slip")
+        assert [one.options.name for one in fake.trigger_statuses] == ["fall", "slip"]
+        await screen.enter(":restore")
+        await screen.shows("nothing is gone")
+
+
+async def test_what_can_not_be_set_again_is_told_and_stays_to_be_tried(fake, opened, monkeypatch):
+    quiet = LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0, bounds=(None, 0.0, 2.5, None), persistence=3)
+    fake.limit_statuses = [quiet]
+    async with opened(fake) as screen:
+        await screen.until(lambda: screen.session.limits, "what is judged")
+        fake.cut()
+        await screen.shows("No link")
+        fake.pid, fake.limit_statuses = 5000, []
+        fake.mend()
+        await screen.shows("limits of /y; :restore")
+        with monkeypatch.context() as refusing:
+            refusing.setattr(fake, "_set_limits", refused_with("there is no y"))
+            await screen.enter(":restore")
+            await screen.shows("refused: limits of /y: there is no y")
+        await screen.enter(":restore")
+        await screen.shows("set again: limits of /y")
+        assert fake.calls[-1] == ("set_limits", SignalLimits("/log/y", (None, 0.0, 2.5, None), persistence=3))
+
+
+def refused_with(words):
+    def refuse(*_):
+        raise RefusedError(words)
+
+    return refuse
 
 
 async def test_applying_tells_that_a_single_trigger_that_fired_watches_again(fake, opened):
