@@ -24,7 +24,7 @@ import msgspec
 
 from silo.analysis.compute.exports import log_to_polars
 from silo.analysis.log import Log
-from silo.core.recording import Recording, common_axis, has_own_stamps
+from silo.core.recording import Recording
 from silo.errors import LogWarning
 from silo.files.optional_packages import need
 from silo.run_index.facts import SignalFacts, events_of
@@ -186,8 +186,7 @@ def read_signals(recording: Recording, signals: Sequence[str]) -> Any:
         warnings.simplefilter("ignore", LogWarning)  # how many there are stands in `runs`
         log = Log(recording)
         found = {name: log[_whole(log, name.removeprefix("#"))] for name in signals}
-        own = has_own_stamps(log.recording)
-        axis = common_axis([one.time_ns for one in found.values()]) if own else log.time_ns
+        axis = log.time_ns  # whichever signals are asked for: else how many rows there are would depend on them
         frames = [
             log_to_polars({"_": replace(one, name="_", labels={} if name.startswith("#") else one.labels)}, axis)
             for name, one in found.items()

@@ -338,3 +338,25 @@ def test_what_was_interrupted_anywhere_goes_on_without_loss_and_without_double(w
     assert there.sql("select count(slow) from wide").item() == RUNS * TICKS // 4
     assert len(list(Path(to).rglob("run.parquet"))) == RUNS
     assert not list(Path(to).rglob("*.part"))
+
+
+def test_a_row_is_a_tick_of_a_run_that_was_cut_whichever_signals_are_asked_for(tmp_path):
+    log = silo.Logger("arm", frequency=100, folder=tmp_path, script=tmp_path / "none.yaml")
+    x, y = log.array("x"), log.array("y", divider=2)
+    log.start()
+    for tick in range(100):
+        x[...] = y[...] = tick
+        log.collect()
+        if tick == 39:
+            log.set("y", divider=5, cut=True)
+    log.save()
+    log.close()
+    slow = len(range(0, 40, 2)) + len(range(0, 60, 5))
+    runs = silo.runs(tmp_path)
+    for asked, told in (
+        ("count(*)", [(100,)]),
+        ("count(y)", [(slow,)]),
+        ("count(*), count(y)", [(100, slow)]),
+        ("count(*), count(x), count(y)", [(100, 100, slow)]),
+    ):
+        assert runs.sql(f"select {asked} from wide").rows() == told
