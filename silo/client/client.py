@@ -227,7 +227,8 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         except NoAnswerError:
             if not changes:
                 raise
-            why = self._why_no_changes()
+            # first what reads, which waits for the link: else a cut would look like rules that swallow changes
+            why = self._why_no_changes(self._call(self._question))
             if not why:  # the end of an answer may overtake it, and a helper process may end before it answers
                 who = self._connection.label_of(self._connection.found)
                 text = f"{who} gave no answer to {type(request).__name__}; look whether it was done before trying again"
@@ -243,27 +244,26 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
             return self._connection.exchange(request, self._timeout_s, refused=True)
         return Refused(RefusedWhy.FORBIDDEN, why)
 
-    def _why_not(self) -> str:
-        """Return why this user's changes get no answer, from a logger that answers what reads; raises if it doesn't."""
-        question = Hello(version=VERSION, client=self._name)
-        reply = checked(question, self._connection.exchange(question, self._timeout_s))
-        return reply.why_not or viewer_words(self._connection.user, self._connection.root.address)
+    @property
+    def _question(self) -> Hello:
+        return Hello(version=VERSION, client=self._name)
 
     def _hello(self) -> HelloReply:
         """Return who is there, whether this user may change anything, and why not."""
-        reply = self._call(Hello(version=VERSION, client=self._name))
-        why_not = self._why_no_changes()
+        reply = self._call(self._question)
+        why_not = self._why_no_changes(reply)
         return reply if not why_not else msgspec.structs.replace(reply, may_edit=False, why_not=why_not)
 
-    def _why_no_changes(self) -> str:
+    def _why_no_changes(self, told: HelloReply) -> str:
+        """Return why this user's changes get no answer from a logger that has just `told` who it is; empty: they do."""
         if self.read_only:
             return READ_ONLY
         mine = self._connection.mine
-        question = Hello(version=VERSION, client=self._name, id=mine.id, proof=mine.proof)
+        question = msgspec.structs.replace(self._question, id=mine.id, proof=mine.proof)
         try:
             reply = self._connection.exchange(question, self._timeout_s, as_change=True)
-        except NoAnswerError:
-            return self._why_not()  # access control swallows what isn't allowed: no answer on this key is the answer
+        except NoAnswerError:  # access control swallows what isn't allowed: no answer on this key is the answer
+            return told.why_not or viewer_words(self._connection.user, self._connection.root.address)
         return reply.text if isinstance(reply, Refused) else ""
 
     # -------------------------------------------------------------------------------------------------------- control

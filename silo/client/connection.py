@@ -8,6 +8,7 @@ or for a new logger of the same name, and connects again; views and topics go on
 thread is gone, so that a program that forgets `close()` still ends.
 """
 
+import functools
 import logging
 import threading
 import time
@@ -226,13 +227,30 @@ class Connection:
     def exchange(
         self, request: Request[Any], timeout_s: float, *, as_change: bool = False, refused: bool = False
     ) -> AnyReply:
-        """Ask and wait. Raises ConnectionLostError."""
-        mine, root, label = self.borrowed(), self.root, self.label_of(self.found)
-        if request.key == Do.key and not self._clock.is_fresh:
-            self._learn(exchange(mine, root, Hello(version=VERSION, client=self._who), timeout_s, label))
-        return self._learn(
-            exchange(mine, root, request, timeout_s, label, as_change=as_change, refused=refused, clock=self._clock)
-        )
+        """Ask and wait; what only reads is asked again where the link was lost. Raises ConnectionLostError."""
+        until_s = time.monotonic() + timeout_s
+        while True:
+            mine, root, label = self.borrowed(), self.root, self.label_of(self.found)
+            ask = functools.partial(exchange, mine, root, who=label, timeout_s=max(POLL_S, until_s - time.monotonic()))
+            try:
+                if request.key == Do.key and not self._clock.is_fresh:
+                    self._learn(ask(Hello(version=VERSION, client=self._who)))
+                return self._learn(ask(request, as_change=as_change, refused=refused, clock=self._clock))
+            except ConnectionLostError as error:
+                changes = as_change or refused or request.key == Do.key
+                lost = isinstance(error, NoAnswerError) or self._borrowed is not mine
+                if changes or not lost or not self._is_there_again(until_s):
+                    raise
+
+    def _is_there_again(self, until_s: float) -> bool:
+        """Wait for a session to the helper process of this computer that is seen to live; False where none comes."""
+        if self._thread is threading.current_thread():  # it opens the next one
+            return False
+        while self.found.socket and not owner_is_gone(Path(self.found.socket)) and time.monotonic() < until_s:
+            time.sleep(POLL_S)
+            if self._borrowed is not None or self.closed:
+                return not self.closed
+        return False
 
     def ask_later(self, request: Request[Any], timeout_s: float) -> Pending:
         """Ask, and look for the answer when there is time. Raises ConnectionLostError."""
@@ -247,9 +265,17 @@ class Connection:
 
     def attach(self, one: Attachable) -> None:
         """Subscribe something now and in every later session."""
-        one.attach(self.borrowed().session, self.root, self.mine)
+        mine = self.borrowed()
+        try:
+            one.attach(mine.session, self.root, self.mine)
+        except zenoh.ZError as error:
+            raise ConnectionLostError(f"lost the connection to {self.label_of(self.found)}: {error}") from error
         with self._lock:
-            self._attached.add(one)
+            if self._borrowed is mine:
+                self._attached.add(one)
+                return
+        one.detach()
+        self.attach(one)  # in the session that came meanwhile
 
     def forget(self, one: Attachable) -> None:
         """The thing was closed."""

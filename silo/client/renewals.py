@@ -1,5 +1,6 @@
 """Views, streams and pins: what the helper process forgets when nobody renews its lease."""
 
+import contextlib
 import itertools
 import threading
 import time
@@ -10,6 +11,7 @@ import msgspec
 
 from silo.client.connection import Connection
 from silo.control.requests import TakeControl
+from silo.errors import ConnectionLostError
 from silo.fleet.exchange import decode_reply
 from silo.fleet.many import Pending
 from silo.history.requests import ClosePin, CloseStream, KeepPin, OpenStream, StreamOpened
@@ -74,8 +76,9 @@ class Renewals:
             known = self._due_s.pop(view, None)
             self._renewals.pop(view, None)
         if known is not None and self._connection.connected:
-            # nobody waits for the answer: if it gets lost, the lease ends the view
-            self._connection.ask_later(self._signed(self._closing(view)), 1.0)
+            # nobody waits for the answer: if it gets lost, or the link just now, the lease ends the view
+            with contextlib.suppress(ConnectionLostError):
+                self._connection.ask_later(self._signed(self._closing(view)), 1.0)
 
     def _closing(self, leased: "View | Stream | Pin") -> Request[Done]:
         request = leased.request

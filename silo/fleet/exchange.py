@@ -164,8 +164,9 @@ def exchange(
         if (found := payload_of(reply, key)) is not None:
             return decode_reply(found, who, type(request))
     if replies:
+        within = f"{round(timeout_s, 1):g} s"
         raise ConnectionLostError(
-            f"{who} did not answer within {timeout_s:g} s: its helper process is frozen or overloaded; try again"
+            f"{who} did not answer within {within}: its helper process is frozen or overloaded; try again"
         )
     right = "change anything" if changes else "ask"
     raise NoAnswerError(

@@ -22,6 +22,7 @@ class Pending:
     """A request whose answer nobody waits for: it is looked at when it has come.
 
     One that only reads and ends without an answer is asked again a few times, a `patient` one until its time is up.
+    Raises ConnectionLostError where the session has ended.
     """
 
     def __init__(
@@ -44,7 +45,10 @@ class Pending:
             self._pauses_s = chain(self._pauses_s, repeat(AGAIN_S[-1]))
         self._until_s = time.monotonic() + timeout_s
         self._again_s: float | None = None  # when it is asked again
-        self._ask()
+        try:
+            self._ask()
+        except zenoh.ZError as error:
+            raise ConnectionLostError(f"the session ended before anything was asked: {error}") from error
 
     def _ask(self) -> None:
         # not a ring: it loses what it holds when the query ends
@@ -101,13 +105,10 @@ class Asking:
     def poll(self) -> list[tuple[str, bytes | None]]:
         """Return what has come since: None for who gave no answer. Raises ConnectionLostError."""
         found = []
-        try:
-            for key, pending in list(self._under_way.items()):
-                done, payload = pending.poll()
-                if done:
-                    del self._under_way[key]
-                    found.append((key, payload))
-            self._send()
-        except zenoh.ZError as error:
-            raise ConnectionLostError(f"the session ended while loggers were asked: {error}") from error
+        for key, pending in list(self._under_way.items()):
+            done, payload = pending.poll()
+            if done:
+                del self._under_way[key]
+                found.append((key, payload))
+        self._send()
         return found

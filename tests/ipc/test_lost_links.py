@@ -1,0 +1,85 @@
+"""A link that is lost under a call, of a helper process that lives: who asks hears what is so, and no other error."""
+
+import os
+import signal
+
+import pytest
+
+from silo.client import connection
+from silo.client.client import Client
+from silo.errors import ConnectionLostError
+from silo.fleet.exchange import NoAnswerError
+from silo.live.topic import Topic
+from silo.net.session import close
+from silo.rpc.declaring import Do
+from tests.waiting import DEADLINE_S, freeze, wait_until
+
+pytestmark = pytest.mark.slow
+
+
+def cut_once(bench, client: Client) -> None:
+    """Have the client's session end, as that of a helper process which stood still for too long."""
+    freeze(bench.serving.helper_pid)
+    wait_until(lambda: not client.connected)
+    os.kill(bench.serving.helper_pid, signal.SIGCONT)
+
+
+def test_what_reads_is_asked_again_in_the_next_session(bench, monkeypatch) -> None:
+    asked: list[object] = []
+    with Client.connect("bot", timeout_s=min(DEADLINE_S, 60)) as client:
+        exchange = connection.exchange
+
+        def late(mine, *arguments, **options):
+            if not asked:
+                cut_once(bench, client)
+            asked.append(mine)
+            return exchange(mine, *arguments, **options)
+
+        monkeypatch.setattr(connection, "exchange", late)
+        assert client.status().helper_pid == bench.serving.helper_pid
+        assert len(set(map(id, asked))) == 2
+
+
+def test_a_change_that_a_cut_swallowed_is_not_told_as_one_that_the_user_may_not_make(client, monkeypatch) -> None:
+    exchange, cut = connection.exchange, True
+
+    def over_a_link_that_comes_back(mine, root, request, *arguments, as_change=False, **options):
+        nonlocal cut
+        if cut and (as_change or request.key == Do.key):
+            raise NoAnswerError("the link is cut")
+        cut = False  # what reads is asked until it is there
+        return exchange(mine, root, request, *arguments, as_change=as_change, **options)
+
+    monkeypatch.setattr(connection, "exchange", over_a_link_that_comes_back)
+    with pytest.raises(ConnectionLostError, match="gave no answer to AddMark; look whether it was done"):
+        client.mark("pushed")
+    client.mark("pushed")
+
+
+def test_a_session_that_ends_just_now_is_told_as_a_lost_connection(client) -> None:
+    view = client.view(["/log/x"])
+    close(client._connection.borrowed().session)  # as its thread does, between a look at it and its use
+    view.close()
+    for ask in (lambda: client.topic("/log/x"), lambda: client.view(["/log/x"]), lambda: client.mark("pushed")):
+        with pytest.raises(ConnectionLostError, match="lost the connection"):
+            ask()
+
+
+def test_what_subscribes_while_the_session_is_replaced_hears_the_next_one(bench, client, monkeypatch) -> None:
+    attach = Topic.attach
+
+    def overtaken(topic, *arguments):
+        attach(topic, *arguments)
+        monkeypatch.undo()
+        cut_once(bench, client)
+        wait_until(lambda: client.connected)
+
+    monkeypatch.setattr(Topic, "attach", overtaken)
+    topic = client.topic("/log/x")
+    bench.logger.start()
+
+    def heard() -> object:
+        bench.ticks(5)
+        return topic.read()
+
+    wait_until(heard)
