@@ -54,7 +54,8 @@ DAMAGED = [
     '{"op": "getParameters", "parameterNames": 5}',
     "{", "[]", '"op"', "{}", '{"op": "subscribe"}', '{"op": "subscribe", "subscriptions": [{"id": "x"}]}',
     '{"op": "subscribe", "subscriptions": [{"id": -1, "channelId": 1}]}',
-    '{"op": "unsubscribe", "subscriptionIds": 5}',
+    '{"op": "unsubscribe", "subscriptionIds": 5}', '{"op": "unsubscribe", "subscriptionIds": [Infinity]}',
+    json.dumps({"op": "subscribeParameterUpdates", "parameterNames": [*range(70_000)]}),
     '{"op": "subscribe", "subscriptions": [{"id": 1, "channelId": 99999}]}', '{"op": "advertise", "channels": []}',
     b"", b"\x02", b"\x02" + b"\xff" * 12, b"\x01" * 40,
 ]  # fmt: skip
@@ -313,6 +314,30 @@ class TestStrangers:
             viewer.socket.send(request)
             assert viewer.json("status")["message"], request
         viewer.subscribe(_1="/log/x")
+
+    def test_who_asks_and_does_not_read_fills_no_memory(self, bench, bridge, look, monkeypatch):
+        waited: list[int] = []
+        monkeypatch.setattr(viewers, "QUEUE_BYTES", 20_000)
+        for number in range(50):
+            bench.logger.parameter(f"p{number}", 1.0)
+        one = bridge()
+        viewer = look(to=one)
+        wait_until(lambda: len(one.server._parameters) == 50)
+        (known,) = one.server._viewers
+        write = known.write
+
+        def seen(frames: bytes) -> None:
+            waited.append(known.connection.transport.get_write_buffer_size())
+            write(frames)
+
+        monkeypatch.setattr(known, "write", seen)
+        asks = [json.dumps({"op": "getParameters", "parameterNames": [], "id": str(number)}) for number in range(2000)]
+        asking = threading.Thread(target=lambda: [viewer.socket.send(ask) for ask in asks])
+        asking.start()
+        wait_until(lambda: waited and waited[-1] > 40_000 - 5_000)
+        assert [viewer.json("parameterValues")["id"] for _ in asks] == [str(number) for number in range(2000)]
+        asking.join()
+        assert max(waited) <= 40_000
 
 
 class TestParameters:

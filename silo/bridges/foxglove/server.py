@@ -30,6 +30,7 @@ from silo.history.arrays import SampleArrays
 MOST_VIEWERS = 16
 QUEUE_BYTES = 8 << 20  # that a viewer may be behind before frames of data are dropped
 MOST_REQUEST_BYTES = 4 << 20  # a viewer subscribes to 65,535 topics in 2 MB
+ROOM_S = 0.05
 ALIVE_S = 20.0  # a viewer that doesn't answer within this is let go
 
 log = logging.getLogger("silo.foxglove")
@@ -72,6 +73,11 @@ class Viewer:
         """Send frames, whatever waits already, unless it goes: behind its good-bye nothing can be written any more."""
         if self.connection.state is State.OPEN and not self.connection.transport.is_closing():
             self.connection.transport.write(frames)
+
+    async def has_room(self) -> None:
+        """Wait until it has taken answers, where it asks and doesn't read: what it asks next waits in the kernel."""
+        while self.connection.transport.get_write_buffer_size() > 2 * QUEUE_BYTES:
+            await asyncio.sleep(ROOM_S)
 
     def tell(self, level: StatusLevel, text: str) -> None:
         """Show something among the viewer's problems."""
@@ -157,6 +163,7 @@ class ViewerServer:
             if services:
                 await connection.send(protocol.services(list(services)))
             async for message in connection:
+                await viewer.has_room()
                 await self._take(viewer, message)
         except ConnectionClosed:
             pass  # it went; what it looked at is asked for no more
@@ -172,7 +179,7 @@ class ViewerServer:
                 await self._tune(viewer, request)
             else:
                 self._obey(viewer, request)
-        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
             viewer.tell(StatusLevel.ERROR, f"silo doesn't understand this request ({type(error).__name__}: {error})")
 
     def _obey(self, viewer: Viewer, request: Mapping[str, Any]) -> None:
@@ -184,12 +191,15 @@ class ViewerServer:
             for number in request["subscriptionIds"]:
                 viewer.subscriptions.pop(int(number), None)
         elif operation in ("getParameters", "subscribeParameterUpdates", "unsubscribeParameterUpdates"):
-            names = [str(name) for name in request["parameterNames"]] or list(self._parameters)
+            names = list(dict.fromkeys(map(str, request["parameterNames"]))) or list(self._parameters)
             if operation == "unsubscribeParameterUpdates":
                 viewer.parameters -= set(names)
                 return
             if operation == "subscribeParameterUpdates":
-                viewer.parameters |= set(names)
+                wanted = viewer.parameters.union(names)
+                if len(wanted) > protocol.MOST_SUBSCRIPTIONS:
+                    raise ValueError(f"{protocol.MOST_SUBSCRIPTIONS} parameters are the most")
+                viewer.parameters = wanted
             self._show(viewer, names, request.get("id"))
             return
         else:
