@@ -42,7 +42,7 @@ class HistoryServer(Server, does=[requests, search_requests]):
     def get_history(self, request: requests.GetHistory) -> requests.Columns:
         pinned = self.pins.rows(request.pin) if request.pin else None
         check_history(request)
-        return history(request, self.replica.now, self.replica.open_watcher(), pinned)
+        return history(request, self.replica.now, None if request.pin else self.replica.open_watcher(), pinned)
 
     def get_samples(self, request: requests.GetSamples) -> requests.SampleRows:
         source = self.pins.rows(request.pin) if request.pin else self.replica.open_watcher()

@@ -194,6 +194,16 @@ def test_a_pin_survives_a_new_start(bench, client):
         assert client.samples(["/log/x"], pin=pin)["/log/x"].values.tolist() == list(range(1, 21))
 
 
+def test_what_a_pin_does_not_hold_is_not_read_from_the_buffers(bench, client):
+    with client.pin(["/log/x"], 0, 2**61) as pin:  # nothing was logged yet
+        client.start()
+        bench.ticks(20)
+        span = bench.begin_ns, bench.now_ns, bench.tick_ns
+        assert np.isfinite(client.history(["/log/x"], *span).low).any()
+        assert not np.isfinite(client.history(["/log/x"], *span, pin=pin).low).any()
+        assert not len(client.samples(["/log/x"], pin=pin)["/log/x"])
+
+
 def test_a_pin_that_its_helper_process_does_not_know_is_not_asked_for_again_and_again(bench, client):
     client.start()
     bench.ticks(20)
