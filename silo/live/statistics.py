@@ -367,6 +367,9 @@ class Surveyor:
         if unknown or not request.quantities:
             what = f"{unknown[0][:40]!r} is no quantity" if unknown else "no quantity was asked for"
             raise RequestRefusedError(RefusedWhy.INVALID, f"no survey: {what}; there are {', '.join(QUANTITIES)}")
+        if max(len(request.quantities), len(request.some_quantities)) > len(QUANTITIES):
+            text = f"no survey: there are {len(QUANTITIES)} quantities; name each once"
+            raise RequestRefusedError(RefusedWhy.INVALID, text)
         asked = max(len(request.names), len(request.some))
         if asked > MAX_NAMES:
             raise RequestRefusedError(RefusedWhy.INVALID, f"no survey: at most {MAX_NAMES} names, got {asked}")

@@ -5,6 +5,7 @@ import pytest
 import silo
 from silo.errors import RefusedError
 from silo.history.requests import CloseStream, OpenStream
+from silo.live.quantities import QUANTITIES
 from silo.live.requests import CloseView, GetSurvey, OpenView
 from silo.net.keys import ClientId, may_use
 from silo.state.requests import Hello
@@ -68,6 +69,14 @@ def test_nobody_else_asks_for_statistics_in_the_place_of_a_client_or_begins_them
         assert other._survey(["max"], reset=True).since_ns > since_ns
         assert other._call(GetSurvey(quantities=["max"], reset=True, client=name)).since_ns > since_ns
     assert client._survey(["max"]).since_ns == since_ns
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("which", ["quantities", "some_quantities"])
+def test_quantities_that_are_asked_for_again_and_again_take_no_memory(client, which) -> None:
+    with pytest.raises(RefusedError, match=r"no survey: there are \d+ quantities; name each once"):
+        client._survey(**{"quantities": ["max"], which: ["max"] * 5000})
+    assert client._survey([*QUANTITIES], some_quantities=[*QUANTITIES]).values
 
 
 @pytest.mark.slow
