@@ -10,12 +10,10 @@ from silo.core.arguments import real, word
 from silo.core.tuning.excitation import LEASE_S, LONGEST_S, element_of, usual_ramp_s
 from silo.core.tuning.parameters import Excitation, ParameterInfo, ParameterValue, Wave
 from silo.errors import ElementError, SiloError
-from silo.parameters.requests import ExcitationState, ParameterRequests, ParametersSet
+from silo.parameters.requests import LONGEST_REVERT_S, ExcitationState, ParameterRequests, ParametersSet
 
 if TYPE_CHECKING:
     from silo.core.tuning.parameters import ParameterScalar
-
-LONGEST_REVERT_S = 24 * 3600.0
 
 KEEP_S = LEASE_S / 5  # between two signs of life
 STOP_S = 10.0  # for its way back, which takes as long as its program's `rate=` wants

@@ -3,6 +3,8 @@
 from silo.core.tuning.parameters import Excitation, ParameterInfo, ParameterValue
 from silo.rpc.declaring import Caller, Reply, ask, change
 
+LONGEST_REVERT_S = 24 * 3600.0
+
 
 class ParameterTable(Reply, frozen=True):
     """All parameters with their present values; `locked`: those that are `locked` are closed now."""

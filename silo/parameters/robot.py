@@ -3,10 +3,11 @@
 import secrets
 from dataclasses import dataclass
 
+from silo.core.arguments import real
 from silo.core.tuning.parameters import Excitation, ParameterValue
 from silo.parameters import requests
 from silo.parameters.parameters import Parameters
-from silo.parameters.requests import ExcitationState, ParametersSet, ParameterTable
+from silo.parameters.requests import LONGEST_REVERT_S, ExcitationState, ParametersSet, ParameterTable
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn
 
@@ -27,7 +28,9 @@ class ParameterRobot(Server, does=[requests], robot=True):
     ) -> ParametersSet:
         where = "network" if remote else "this computer"
         name = name or secrets.token_hex(8)
-        self.parameters.request(values, turn.by, where, name, remote=remote, revert_s=revert_after_s)
+        # by which the thread of the link waits: one that is no time has it end, or never wait again
+        revert_s = real("revert_after", revert_after_s, 0, LONGEST_REVERT_S, "s")
+        self.parameters.request(values, turn.by, where, name, remote=remote, revert_s=revert_s)
         return ended(self.parameters, name)
 
     def confirm_parameters(self, name: str) -> str:

@@ -124,6 +124,15 @@ def test_what_is_not_confirmed_is_taken_back_by_the_robot_program(tuned, client)
     assert client.parameters.confirm(kept) == "it stays"
 
 
+@pytest.mark.parametrize("after_s", [float("nan"), float("inf"), 1e300, -1.0])
+def test_a_time_to_confirm_that_is_none_is_refused_and_the_link_goes_on(tuned, client, after_s):
+    asked = request_of(ParameterRequests._set_parameters, {"kp": 50.0}, "a", after_s)
+    with pytest.raises(RefusedError, match="revert_after must be from 0 and below 86400 s"):
+        client._call(asked)
+    assert client.parameters["kp"] == 40.0
+    assert client.parameters.set({"kp": 50.0}).tick > 0
+
+
 def test_setting_and_confirming_need_control_and_reading_does_not():
     needs = {name: vars(ParameterRequests)[name].request for name in ("_set_parameters", "_confirm_parameters")}
     assert all(kind.needs_control and kind.key == "do" for kind in needs.values())
