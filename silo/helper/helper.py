@@ -9,7 +9,6 @@ import functools
 import logging
 import math
 import os
-import select
 import signal
 import socket
 import threading
@@ -36,7 +35,7 @@ from silo.helper.request_threads import RequestThreads, Servers
 from silo.helper.robot_link import RobotLink, ending
 from silo.helper.runs import Runs, taken_over
 from silo.helper.saver import Saver
-from silo.link.channel import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
+from silo.link.channel import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, readable
 from silo.live.publisher import Publisher
 from silo.net.access.logins import asks_for_passwords, watch_logins
 from silo.net.configuration import robot_named
@@ -217,25 +216,25 @@ class Helper:
             timeout_s = WATCH_PERIOD_S
             if self._term_s:
                 timeout_s = min(timeout_s, max(0.0, self._term_s + TERM_GRACE_S - time.monotonic()))
-            readable = select.select(waited, [], [], timeout_s)[0]
-            if self._wake in readable:
+            ready = readable(*waited, timeout_s=timeout_s)
+            if self._wake in ready:
                 os.eventfd_read(self._wake)
-            if self._wake in readable or not readable:
+            if self._wake in ready or not ready:
                 runs.look()
             control_lock.watch()
             self._denials.watch()
-            if not readable and self._term_s and time.monotonic() >= self._term_s + TERM_GRACE_S:
+            if not ready and self._term_s and time.monotonic() >= self._term_s + TERM_GRACE_S:
                 log.warning("ended by SIGTERM; the robot program goes on")
                 self._gave_up = True
                 return _Ended.GOODBYE
             # a run first: what comes after it on the link may be about it, and it outlives the robot process
-            if not runs.take() and handed_over in readable:
+            if not runs.take() and handed_over in ready:
                 waited = [link, self._wake]  # that channel is closed
-            if not readable and runs.replica.files_deleted() and select.select(waited, [], [], 0)[0]:
+            if not ready and runs.replica.files_deleted() and readable(*waited, timeout_s=0):
                 continue  # the robot process says first what it deletes itself
-            if not readable and _files_deleted(runs, events, saver, path):
+            if not ready and _files_deleted(runs, events, saver, path):
                 return _Ended.FILES_DELETED
-            if link not in readable:
+            if link not in ready:
                 continue
             try:
                 message = self._robot.receive()
@@ -302,7 +301,7 @@ class Helper:
         while not self._term_s:
             if time.monotonic() - ended_s > stays_s(news=news, clients=bool(publisher.clients)):
                 return
-            if select.select([self._wake], [], [], DEAD_POLL_S)[0]:
+            if readable(self._wake, timeout_s=DEAD_POLL_S):
                 os.eventfd_read(self._wake)
                 held.release(at_end=True)
 

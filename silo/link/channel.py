@@ -1,10 +1,13 @@
 """The link between the robot process and its helper: framed messages on a socket pair, msgspec structs in msgpack."""
 
 import contextlib
+import errno
+import math
+import os
 import select
 import socket
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import msgspec
 
@@ -70,10 +73,37 @@ LinkMessage = RobotState | LinkRequest | LinkReply | LinkSaved | LetGo | Beat | 
 _decoder = msgspec.msgpack.Decoder(LinkMessage)
 
 
+LONGEST_WAIT_MS = 2**31 - 1
+
+
+def readable(*descriptors: int, timeout_s: float | None = None) -> list[int]:
+    """Wait until there is something to read, or an end, and return where; none after the timeout.
+
+    Whatever their numbers: `select` takes none beyond 1023, and a robot program may have more files open.
+    """
+    return _ready(descriptors, select.POLLIN, timeout_s)
+
+
+def writable(descriptor: int, timeout_s: float) -> bool:
+    """Wait likewise until something can be written; whether it can."""
+    return bool(_ready((descriptor,), select.POLLOUT, timeout_s))
+
+
+def _ready(descriptors: Iterable[int], events: int, timeout_s: float | None) -> list[int]:
+    asked = select.poll()
+    for descriptor in descriptors:
+        asked.register(descriptor, events)
+    timeout_ms = None if timeout_s is None else min(math.ceil(timeout_s * 1000), LONGEST_WAIT_MS)
+    found = asked.poll(timeout_ms)
+    if any(event & select.POLLNVAL for _, event in found):
+        raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+    return [descriptor for descriptor, _ in found]
+
+
 class LinkChannel:
     """Sends and receives whole messages: 4 bytes of length, then msgpack.
 
-    `receive` reads exactly one message and nothing beyond it, so that `select` on the socket stays right. Sending and
+    `receive` reads exactly one message and nothing beyond it, so that `readable` of the socket stays right. Sending and
     receiving may be done by two threads; two senders need a lock of their own.
     """
 
@@ -93,8 +123,8 @@ class LinkChannel:
             return
         while data:
             if self.socket.fileno() < 0:
-                raise BrokenPipeError("this end of the link is closed")  # select tells it by a ValueError
-            if select.select([], [self.socket], [], ASKED_EVERY_S)[1]:
+                raise BrokenPipeError("this end of the link is closed")  # poll tells it by a ValueError
+            if writable(self.socket.fileno(), ASKED_EVERY_S):
                 with contextlib.suppress(BlockingIOError):
                     data = data[self.socket.send(data, socket.MSG_DONTWAIT) :]
             elif give_up():

@@ -1,10 +1,12 @@
 """Loggers whose helper process is down, or dead beside a living namesake; views that can't be fed."""
 
 import os
+import resource
 import signal
 import subprocess
 import weakref
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -129,6 +131,38 @@ def test_a_helper_process_of_a_newer_silo_serves_a_program_that_was_started_befo
     with silo.connect("bot") as client:
         bench.logger.start()
         wait_until(lambda: client.status().state is State.RUNNING)
+
+
+MANY_FILES = 4096
+
+
+@pytest.fixture
+def many_files(cold):
+    """This program has more open files than `select` can count."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard != resource.RLIM_INFINITY and hard < MANY_FILES:
+        pytest.skip("needs a limit of 4096 open files")
+    resource.setrlimit(resource.RLIMIT_NOFILE, (MANY_FILES, hard))
+    opened = [os.open(os.devnull, os.O_RDONLY) for _ in range(1100)]
+    yield
+    for descriptor in opened:
+        os.close(descriptor)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("many_files")
+def test_a_program_with_more_than_a_thousand_open_files_is_served_by_one_helper_process_after_the_other(bench) -> None:
+    links: list[bool] = []
+    with silo.connect("bot") as client:
+        client.on_link(links.append)
+        client.start()
+        bench.ticks(5)
+        os.kill(bench.serving.helper_pid, signal.SIGKILL)
+        wait_until(lambda: links == [False, True])
+        client.stop()
+        assert bench.logger._life.state is State.STOPPED
+    assert Path(bench.logger.save()).is_file()
 
 
 @pytest.mark.slow

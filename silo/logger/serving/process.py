@@ -9,7 +9,6 @@ import hashlib
 import logging
 import os
 import secrets
-import select
 import socket
 import time
 from collections.abc import Callable, Sequence
@@ -19,7 +18,7 @@ from silo.bridges.listening import bound, check_installed
 from silo.core.child import ENDING_S, NONE, PIPE, ChildProcess
 from silo.core.runtime import down_mark, open_unfinished, unopened
 from silo.errors import ConnectionLostError, SegmentError
-from silo.link.channel import LinkChannel, LinkReply
+from silo.link.channel import LinkChannel, LinkReply, readable
 from silo.rpc.declaring import Done
 from silo.rpc.refusals import Refused
 from silo.state.handover import handover_pair
@@ -83,7 +82,7 @@ class HelperProcess(ChildProcess):
         began_s = quiet_s = time.monotonic()
         used = self.worked_ns() // TICK_NS
         while time.monotonic() < min(quiet_s + READY_TIMEOUT_S, began_s + LONGEST_START_S):
-            if select.select([self.link], [], [], min(1.0, READY_TIMEOUT_S / 4))[0]:
+            if readable(self.link.fileno(), timeout_s=min(1.0, READY_TIMEOUT_S / 4)):
                 return True
             if (now := self.worked_ns() // TICK_NS) > used:
                 used, quiet_s = now, time.monotonic()  # it works

@@ -10,7 +10,6 @@ import functools
 import itertools
 import logging
 import os
-import select
 import threading
 import time
 import weakref
@@ -23,7 +22,17 @@ import msgspec
 from silo.core.calls import told_class, told_names
 from silo.core.elements import FileType, SavedFile
 from silo.errors import ConnectionLostError, SaveError, SiloError
-from silo.link.channel import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
+from silo.link.channel import (
+    FILES_DELETED,
+    Beat,
+    Goodbye,
+    LetGo,
+    LinkReply,
+    LinkRequest,
+    LinkSaved,
+    readable,
+    writable,
+)
 from silo.logger.serving.answers import Served, answer, robot_state
 from silo.logger.serving.process import (
     FROZEN_ROUNDS,
@@ -171,19 +180,19 @@ class Serving:
         next_look_s = time.monotonic() + LOOK_S
         while self.alive:
             link = self._helper.link.fileno()
-            readable = select.select([link, self._wake], [], [], self._until_due(next_look_s))[0]
+            ready = readable(link, self._wake, timeout_s=self._until_due(next_look_s))
             try:
                 if time.monotonic() >= next_look_s:
                     self._look()
                     next_look_s = time.monotonic() + LOOK_S
                 self._look_at_parameters()
-                if self._wake in readable:
+                if self._wake in ready:
                     os.eventfd_read(self._wake)
                     if not self.alive:
                         return
                     self._push_state()
                     self._look_at_end()
-                if link in readable:
+                if link in ready:
                     message = self._helper.channel.receive()
                     if message is None:
                         self._helper_died()
@@ -301,7 +310,7 @@ class Serving:
         if not self._sending.acquire(blocking=False):
             return
         try:
-            if select.select([], [self._helper.link], [], 0)[1]:
+            if writable(self._helper.link.fileno(), 0):
                 self._helper.channel.send(Beat())
         except (OSError, ValueError):  # it is being replaced: whoever waits is told by others
             log.debug("no beat can be sent")
@@ -351,7 +360,7 @@ class Serving:
         self._tries += 1
         until_s = time.monotonic() + delay_s
         while (left_s := until_s - time.monotonic()) > 0:
-            if select.select([self._wake], [], [], left_s)[0]:
+            if readable(self._wake, timeout_s=left_s):
                 os.eventfd_read(self._wake)
                 if not self.alive:
                     return True
