@@ -4,11 +4,12 @@ A log counts as known while its size and time of change are what they were. Seve
 at once: each log is one short transaction. Where the folder can't be written, the index is in memory.
 """
 
+import functools
 import os
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import msgspec
 import numpy as np
@@ -43,8 +44,34 @@ _EVENTS = "SELECT run.path, event.* FROM event JOIN run ON run.id = event.run OR
 _ENCODE, _DECODE = msgspec.msgpack.Encoder().encode, msgspec.msgpack.Decoder(RunFacts).decode
 
 
+P = ParamSpec("P")
+Found = TypeVar("Found")
+
+
+def _in_words(ask: "Callable[Concatenate[RunIndex, P], Found]") -> "Callable[Concatenate[RunIndex, P], Found]":
+    """Have SiloError raised where the file can't be used; one that is damaged goes, as it can be made anew."""
+
+    @functools.wraps(ask)
+    def asked(index: "RunIndex", /, *args: P.args, **kwargs: P.kwargs) -> Found:
+        try:
+            return ask(index, *args, **kwargs)
+        except (sqlite3.DatabaseError, msgspec.MsgspecError) as error:
+            file = index.root / NAME
+            if isinstance(error, sqlite3.OperationalError) and "decode" not in str(
+                error
+            ):  # a full disk, or a long wait
+                raise SiloError(f"the index '{file}' can't be used now: {error}; try again") from error
+            if index.kept:
+                file.unlink(missing_ok=True)
+            raise SiloError(
+                f"the index '{file}' was damaged ({error}), and is removed: try again, it is made anew from the logs"
+            ) from error
+
+    return asked
+
+
 class RunIndex:
-    """The index of one folder."""
+    """The index of one folder. Every method may raise SiloError, where its file can't be used."""
 
     def __init__(self, root: Path) -> None:
         """Open it, or make it anew. Raises SiloError where there is no such folder."""
@@ -67,6 +94,7 @@ class RunIndex:
         """Let go of the file."""
         self._database.close()
 
+    @_in_words
     def refresh(self, told: Told = lambda done, total: None, *, anew: bool = False) -> None:
         """Bring it up to date with the folder; `told` is called with how many of how many logs were read.
 
@@ -135,10 +163,12 @@ class RunIndex:
                     del known[path]
                     break
 
+    @_in_words
     def runs(self) -> list[RunFacts]:
         """Return all runs."""
         return [_DECODE(facts) for (facts,) in self._database.execute("SELECT facts FROM run")]
 
+    @_in_words
     def elements(self) -> dict[str, list[str]]:
         """Return the elements that any run has, and the scalars of each."""
         found: dict[str, list[str]] = {}
@@ -146,6 +176,7 @@ class RunIndex:
             found.setdefault(element, []).append(name)
         return found
 
+    @_in_words
     def signals(self, names: Sequence[str] | None = None) -> dict[str, list[SignalFacts]]:
         """Return the facts of scalars by the path of their run: its number is another one once it was read anew.
 
@@ -156,6 +187,7 @@ class RunIndex:
             found.setdefault(path, []).append(SignalFacts(name, *rest))
         return found
 
+    @_in_words
     def signals_of_episodes(self, names: Sequence[str] | None = None) -> dict[tuple[str, int], list[SignalFacts]]:
         """Return the facts of scalars by the path of their run and the number of the episode in it."""
         found: dict[tuple[str, int], list[SignalFacts]] = {}
@@ -164,6 +196,7 @@ class RunIndex:
                 found.setdefault((path, number), []).append(signal_facts(name, element, unit, numbers, kind))
         return found
 
+    @_in_words
     def of_run(self, path: str, episode: int | None = None) -> list[SignalFacts]:
         """Return the facts of all scalars of a run, or of one of its episodes, by name."""
         if episode is None:
@@ -181,6 +214,7 @@ class RunIndex:
             some = names[begin : begin + 500]
             yield from self._database.execute(f"{query} WHERE name IN ({', '.join('?' * len(some))})", some)
 
+    @_in_words
     def events(self) -> dict[str, list[EventFacts]]:
         """Return what happened by the path of the run, in its order there."""
         found: dict[str, list[EventFacts]] = {}

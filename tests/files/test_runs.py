@@ -5,6 +5,7 @@ import json
 import math
 import os
 import shutil
+import sqlite3
 import subprocess
 import sys
 import threading
@@ -20,7 +21,7 @@ from silo.core.elements import LoggedEvent
 from silo.core.episodes.words import Episode
 from silo.core.recording import Recording
 from silo.core.tuning.parameters import ParameterChange
-from silo.errors import ExpressionError
+from silo.errors import ExpressionError, SiloError
 from silo.run_index import finding, index, labels
 from silo.run_index.archive import Archive
 from silo.run_index.facts import EpisodeFacts, RunFacts, SignalFacts, by_run, facts_of, merged, read_facts
@@ -292,6 +293,30 @@ def test_an_index_that_is_damaged_or_gone_is_made_anew(root, damage):
     file.write_bytes(damage) if damage else file.unlink()
     assert silo.runs(root).values("max(joints/tau)") == before
     assert file.stat().st_size > 4096
+
+
+@pytest.mark.parametrize("begin", [1, 3])
+def test_an_index_that_is_damaged_within_is_told_of_in_words_and_made_anew(root, begin):
+    before = silo.runs(root).values("max(joints/tau)")
+    file = root / index.NAME
+    pages = file.read_bytes()
+    assert len(pages) > begin * 4096
+    file.write_bytes(pages[: begin * 4096] + b"\xa5" * (len(pages) - begin * 4096))
+    with pytest.raises(SiloError, match=r"was damaged .*, and is removed: try again, it is made anew from the logs"):
+        silo.runs(root).values("max(joints/tau)")
+    assert silo.runs(root).values("max(joints/tau)") == before
+
+
+def test_an_index_that_somebody_holds_for_long_is_told_of_in_words(root, monkeypatch):
+    silo.runs(root)
+    monkeypatch.setattr(index, "PATIENCE_S", 0.01)
+    with sqlite3.connect(root / index.NAME) as other:
+        other.execute("BEGIN IMMEDIATE")
+        (root / "monday" / "run1.silo").unlink()
+        with pytest.raises(SiloError, match="can't be used now: database is locked; try again"):
+            silo.runs(root)
+    other.close()
+    assert len(silo.runs(root)) == RUNS - 1
 
 
 def test_where_nothing_can_be_written_the_index_is_in_memory(root, monkeypatch):
