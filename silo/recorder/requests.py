@@ -10,7 +10,7 @@ from silo.core.arguments import texts
 from silo.core.calls import told_class
 from silo.core.elements import RecorderState
 from silo.rpc.declaring import Caller, Do, Done, Lane, Reply, ask
-from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError, paths_refused
 
 DEFAULT_FOLDER = "recordings"
 MOST_LETTERS = 1000
@@ -155,6 +155,7 @@ class RecorderRequests(Caller):
         """Which endless recordings are there, and how far are they?"""
 
 
+@paths_refused("nothing is recorded")
 def recording_folder(asked: str, own: Path, *, anywhere: bool) -> Path:
     """Return the folder that is meant by a path relative to the logger's folder, or an absolute one inside it.
 

@@ -3,9 +3,10 @@
 A helper or robot process makes an answer of it in `answered`, a client the same error of that answer in `checked`.
 """
 
+import contextlib
 import enum
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TypeVar
 
 from silo.core.elements import Problem
@@ -62,6 +63,16 @@ class RequestRefusedError(RefusedError):
     def __init__(self, why: RefusedWhy, text: str, problems: Iterable[Problem] = ()) -> None:
         super().__init__(text)
         self.why, self.problems = why, list(problems)
+
+
+@contextlib.contextmanager
+def paths_refused(outcome: str) -> Iterator[None]:
+    """Refuse a path that the system can't follow: a name in it is too long, or links lead in a circle."""
+    try:
+        yield
+    except (OSError, RuntimeError) as error:  # a circle is a RuntimeError until Python 3.13
+        why = getattr(error, "strerror", None) or "its links lead in a circle"
+        raise RequestRefusedError(RefusedWhy.INVALID, f"this path leads nowhere: {why}; {outcome}") from error
 
 
 WHYS: Mapping[type[Exception], RefusedWhy] = {

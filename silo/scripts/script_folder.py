@@ -11,7 +11,7 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
-from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError, paths_refused
 
 SUFFIXES = (".yaml", ".yml")
 MAX_LISTED = 500
@@ -105,6 +105,7 @@ def _opened(path: Path) -> int:
     return os.open(path.resolve(), os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
 
 
+@paths_refused("nothing was changed")
 def resolve(asked: str, own_script: Path) -> Path:
     """Return the file that a client means: a path relative to the script folder, or an absolute one inside it.
 
@@ -169,6 +170,7 @@ def read_text(path: Path) -> str:
     return text
 
 
+@paths_refused("nothing was changed")
 def check_target(path: Path, own_script: Path, *, overwrite: bool) -> None:
     """Raise RequestRefusedError if a script must not be written there; its folder is made where missing.
 

@@ -241,7 +241,8 @@ def test_clients_record_below_the_loggers_folder_and_the_program_where_it_likes(
         assert isinstance(refused, Refused)
         assert refused.why is RefusedWhy.FORBIDDEN
     (tmp_path / "file").touch()
-    for asked in ("file", "a\nb"):
+    (tmp_path / "circle").symlink_to("circle")
+    for asked in ("file", "a\nb", "circle", "circle/a", "ö" * 200):
         with pytest.raises(RequestRefusedError):
             recording_folder(asked, tmp_path, anywhere=False)
 

@@ -46,6 +46,16 @@ def test_nothing_hidden_and_nothing_outside_is_made(started_in, asked) -> None:
         resolve(asked, started_in)
 
 
+@pytest.mark.parametrize("asked", ["circle/x.yaml", "circle.yaml", f"{'ö' * 200}.yaml"])
+def test_a_path_that_leads_nowhere_is_refused_in_words(tmp_path, asked) -> None:
+    for name in ("circle", "circle.yaml"):
+        (tmp_path / name).symlink_to(name)
+    own = tmp_path / "robot.yaml"
+    assert list_scripts(own) == []
+    with pytest.raises(RequestRefusedError, match=r"leads nowhere: .*; nothing was changed"):
+        check_target(resolve(asked, own), own, overwrite=True)
+
+
 def test_new_scripts_go_into_a_folder_of_their_own_where_the_program_has_none(started_in) -> None:
     path = resolve("walk.yaml", started_in)
     assert path == started_in.parent / "logger.scripts" / "walk.yaml"
