@@ -55,6 +55,7 @@ class LoggerFollower:
         self._pending = threading.Semaphore(MOST_PENDING)
         self._stream: Stream | None = None
         self._streamed: frozenset[str] = frozenset()
+        self._refused = ""  # why there is no stream of what is wished for
         self._seen_run = ""  # the newest one, of which `_last_tick` is, by element
         self._last_tick: dict[str, int] = {}
         self._table: Sequence[ElementInfo] | None = None
@@ -156,16 +157,20 @@ class LoggerFollower:
         wished = self._wished
         known = {element.name for element in self._table or () if element.options.enabled}
         names = sorted(wished & known)
-        stream = None
+        stream, before = None, self._refused
         try:
             stream = client.stream(names, PERIOD_S) if names else None
-        except RefusedError as error:
-            self._listener.told(str(error))
+            self._refused = ""
+        except RefusedError as error:  # for now: it is tried again, and told once
+            self._refused = str(error)
+            if self._refused != before:
+                self._listener.told(self._refused)
         if self._stream is not None:  # what was under way before the new one began
             for _ in range(LAST_BATCHES):
                 self._pass_on(self._stream.read(2 * PERIOD_S))
         self._end_stream()
-        self._stream, self._streamed = stream, wished
+        if not self._refused:
+            self._stream, self._streamed = stream, wished
 
     def _end_stream(self) -> None:
         if self._stream is not None:

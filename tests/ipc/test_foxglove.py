@@ -240,6 +240,23 @@ class TestSamples:
         viewer.close()
         one.reads()
 
+    def test_a_stream_that_is_refused_comes_when_there_is_room_for_it(self, bench, client, bridge, look):
+        others = [Client.connect("bot") for _ in range(4)]
+        for _ in range(8):
+            for other in others:
+                other.stream(["/log/x"])
+        one = bridge()
+        viewer = look("/log/x", to=one)
+        viewer.subscribe(_1="/log/x")
+        wait_until(lambda: one.said)
+        for other in others:
+            other.close()
+        one.reads("/log/x")
+        client.start()
+        bench.ticks(5)
+        assert viewer.message()[0] == "/log/x"
+        assert one.said == ["the stream can't be opened: 32 streams are open already; close others first"]
+
     def test_a_frozen_viewer_loses_messages_and_holds_up_nobody(self, bench, client, bridge, look, monkeypatch):
         monkeypatch.setattr(viewers, "QUEUE_BYTES", 20_000)
         one = bridge()
