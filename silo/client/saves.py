@@ -18,6 +18,7 @@ class Saves:
     def __init__(self) -> None:
         self._newest: OrderedDict[int, Event] = OrderedDict()
         self._changed = threading.Condition()
+        self._losses = 0  # of the link: what ends meanwhile is heard of by nobody
 
     def wake(self) -> None:
         """Have those that wait look again whether the connection is there."""
@@ -29,12 +30,12 @@ class Saves:
     ) -> list[SavedFile]:
         """Return the files of a save when it is done. Raises SaveError and ConnectionLostError."""
         deadline = time.monotonic() + timeout_s
-        told = -1.0
+        told, losses = -1.0, self._losses
         while True:
             with self._changed:
                 event = self._newest.get(job)
                 if event is None or event.kind is EventKind.SAVING:
-                    _check_saving(deadline, timeout_s, connected())
+                    _check_saving(deadline, timeout_s, connected() and self._losses == losses)
                     self._changed.wait(0.1)
                     event = self._newest.get(job)
             if event is None:
@@ -60,6 +61,7 @@ class Saves:
     def note_link(self, connected: bool) -> None:
         """Take in that the connection was lost or is there again."""
         with self._changed:
+            self._losses += not connected
             if connected:
                 self._newest.clear()  # another helper process counts from 1 again
             self._changed.notify_all()

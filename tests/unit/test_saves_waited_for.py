@@ -66,6 +66,19 @@ def test_the_newest_saves_are_known_and_a_lost_link_forgets_none(monkeypatch):
         made.wait(1, DEADLINE_S, None, lambda: False)
 
 
+def test_a_link_that_is_back_before_anybody_looked_is_lost_for_who_waits():
+    made = Saves()
+
+    def back_at_once():
+        made.note_link(connected=False)
+        made.note_link(connected=True)
+        return True
+
+    made.note(event(EventKind.SAVING))
+    with pytest.raises(ConnectionLostError, match="look into its folder"):
+        made.wait(1, 1.0, None, back_at_once)
+
+
 def test_each_of_many_loggers_has_its_answer_whatever_becomes_of_the_others(monkeypatch):
     together = threading.Barrier(3, timeout=DEADLINE_S)
 
