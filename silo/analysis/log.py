@@ -515,7 +515,8 @@ class Log(Mapping[str, Signal]):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is missing, damaged, or could not be read when it was logged; of a bag, as far as values were read."""
-        return tuple(self.recording.warnings)
+        told = tuple(self.recording.warnings)
+        return (*told, *(text for text in self.parameters.warnings if text not in told))
 
     # --------------------------------------------------------------------------------------------------------- tables
 

@@ -1,5 +1,6 @@
 """What the parameters of a run were, and who changed them when: read from the events of its log."""
 
+import functools
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 
 from silo.core.arguments import real
 from silo.core.elements import LoggedEvent
+from silo.core.parameter_images import Unknown, unknown_of_runs, unknown_texts
 from silo.core.tuning.excitation import ENDED
 from silo.core.tuning.parameters import Excitation, ParameterValue
 from silo.errors import ElementError
@@ -85,21 +87,38 @@ class LoggedParameters:
             time_s: seconds since the start of the log; before its first tick and after its last one, these.
 
         Raises:
-            ElementError: it is no number, or the log tells of no parameters.
+            ElementError: it is no number, or the log tells of no parameters, or not of what they were then: a run keeps
+                the newest changes.
         """
         time_s = real("time_s", time_s, -1e12, 1e12, "s")
         if not self._events:
             raise ElementError("this log tells of no parameters: log.parameter(...) declares them")
         since = np.searchsorted(self._time_ns, self._start_ns + round(time_s * 1e9), "right") - 1
         tick = self._offset - len(self._time_ns) + max(0, int(since))
+        for one in self.unknown:
+            if one.first <= tick < one.end:
+                raise ElementError(f"what the parameters were at {time_s:g} s is not known: {one.text(self._seconds)}")
+        known = max((one.end for one in self.unknown if not one.whole and one.end <= tick), default=-1)
         found: dict[str, ParameterValue] = {}
         for event in self._events:
             for name, old, new in _values(event):
+                if event.tick < known:
+                    continue
                 if event.tick <= tick:
                     found[name] = new
                 elif old is not None:  # of what was changed before, nothing is told any more
                     found.setdefault(name, old)
         return found
+
+    @functools.cached_property
+    def unknown(self) -> list[Unknown]:
+        """Of which ticks it is not known what they were."""
+        return unknown_of_runs(self._events)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The same in words."""
+        return unknown_texts(self._events, self._offset - len(self._time_ns), self._seconds)
 
     def __repr__(self) -> str:
         return f"<LoggedParameters: {len(self.names)}, {len(self.changes)} changes>"

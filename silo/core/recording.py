@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from silo.core.calls import no_attribute
 from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import BufferType, Entry, LoggedEvent, Stretch
+from silo.core.parameter_images import image_after, unknown_texts
 from silo.core.printing import html_table
 from silo.core.quantities.writing import many
 from silo.errors import ArgumentError, LogWarning
@@ -449,7 +450,22 @@ def stamped(events: Iterable[LoggedEvent], time_ns: NDArray[np.int64], offset: i
 def with_events(recording: Recording, events: Iterable[LoggedEvent]) -> Recording:
     """The recording with what else happened in its run, in the order of time; what it has already stays once."""
     merged = once_each([*recording.events, *stamped(events, recording.time_ns, recording.offset)])
-    return replace(recording, events=tuple(merged[-MOST_EVENTS:]))
+    if len(merged) > MOST_EVENTS:
+        image = image_after(merged[:-MOST_EVENTS])
+        merged = [*([image] if image is not None else []), *merged[-MOST_EVENTS:]]
+    return replace(recording, events=tuple(merged))
+
+
+def told_unknown(recording: Recording) -> Recording:
+    """The recording with a warning where its events don't tell what parameters were; to be asked when all are there."""
+    time_ns, first = recording.time_ns, recording.offset - len(recording.time_ns)
+
+    def seconds(tick: int) -> float:
+        place = min(max(tick - first, 0), len(time_ns) - 1)
+        return int(time_ns[place] - time_ns[0]) * 1e-9 if len(time_ns) else 0.0
+
+    texts = unknown_texts(recording.events, first, seconds)
+    return replace(recording, warnings=(*recording.warnings, *texts)) if texts else recording
 
 
 def once_each(events: Iterable[LoggedEvent]) -> list[LoggedEvent]:

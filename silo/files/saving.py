@@ -14,7 +14,7 @@ from typing import NamedTuple
 from silo.core.conditions import Conditions
 from silo.core.elements import FileType, LoggedEvent, SavedFile
 from silo.core.quantities.writing import size_text
-from silo.core.recording import Progress, Recording, with_events
+from silo.core.recording import Progress, Recording, told_unknown, with_events
 from silo.errors import SaveError
 from silo.files.atomic import reason
 from silo.files.event_log import with_happened
@@ -108,7 +108,7 @@ def write_run(
         recording = with_happened(recording, events.folder, events.run)
     else:
         recording = with_events(recording, events)
-    return write(recording, folder, logger, types, name, progress, why)
+    return write(told_unknown(recording), folder, logger, types, name, progress, why)
 
 
 def size_of(path: Path) -> int:

@@ -82,7 +82,8 @@ class MarkReader:
             self._taken = marks[-1].number
             self._publish(marks, self._known)
         if changes := reader.stamped_changes(self._changed):
-            lost = changes[-1].number - self._changed - len(changes)
+            told = sum(one.change is not None and not one.change.is_image for one in changes)
+            lost = changes[-1].number - max(self._changed, 0) - told
             self._tell_lost(lost, "changes of parameters", "they change too often")
             self._changed = max(self._changed, changes[-1].number, 0)
             self._publish(changes, self._known)

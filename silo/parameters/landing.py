@@ -198,7 +198,8 @@ class Landing:
             if change.slot is not None:
                 change.slot.refuse()
             return True
-        if change.record is not self.record:  # there was a start meanwhile
+        if change.record is not self.record or (change.slot is not None and change.slot.is_overwritten):
+            # there was a start meanwhile, or more than there are slots for overtook it
             self._open(change)
         return self._store(change, n, t, ramps=True)
 

@@ -100,8 +100,9 @@ class ParameterTail:
                 self._unmatched[_identity(self._start)] = None
                 self._values = {name: new for name, _, new in _values(self._start)}
                 self._seen = 0
-                if found and found[0].number > 1:  # the oldest are overwritten
-                    found = [*self._told_by_the_log(found[0].time_ns), *found]
+                kept = [one for one in found if not _is_image(one)]
+                if found and (len(kept) < len(found) or kept[0].number > 1):  # the oldest are overwritten
+                    found = [*self._told_by_the_log(kept[0].time_ns if kept else time.time_ns()), *found]
             self._seen = found[-1].number if found else self._seen
             self._take(found)
             self._unmatched |= dict.fromkeys(map(_identity, found))
@@ -112,9 +113,8 @@ class ParameterTail:
         schema = self._reader.schema
         with contextlib.suppress(OSError):
             told = read_events(schema.folder, schema.logger, schema.run)
-            return [
-                one for one in told if one.time_ns < until_ns and any(old is not None for _, old, _ in _values(one))
-            ]
+            changes = [(one, one.change) for one in told if one.change is not None and one.time_ns < until_ns]
+            return [one for one, change in changes if change.order > 0 or not change.is_image]
         return []
 
     def _take(self, changes: Sequence[LoggedEvent]) -> None:
@@ -178,6 +178,10 @@ class ParameterTail:
         self._look()
         since = [one for one in self._changes if self._has_begun or one.tick >= tick or not tick]
         return any(_identity(one) not in self._told for one in since)
+
+
+def _is_image(event: LoggedEvent) -> bool:
+    return event.change is None or event.change.is_image
 
 
 def _identity(event: LoggedEvent) -> tuple[int, int, str]:

@@ -8,7 +8,8 @@
     marks        slots of 256 bytes, see `silo.segment.marks`
     rings        rows of 8-byte words: tick, time stamp in ns, words gathered from memory
     unheld       one word per element, see `SegmentSchema`
-    parameters   their changes, see `silo.segment.parameter_changes`; of loggers that have any
+    parameters   their changes, and what overwritten ones left, see `silo.segment.parameter_changes`; of loggers that
+                 have any
     chunk data   chunks of `chunk_bytes`, appended while logging
 
 Everything is little-endian and 8-byte aligned; each part begins on a page.
@@ -199,6 +200,7 @@ class SegmentSchema(msgspec.Struct, frozen=True, weakref=True, rename={"conditio
     parameters: tuple[ParameterInfo, ...] = ()  # with their values at the start of the run
     parameter_changes: int = -1  # the word position of their changes, -1 where there are none
     cut: Cut | None = None  # where it goes on another run
+    parameter_image: int = -1  # the word position of what overwritten changes left, -1 in older segments
 
     @property
     def start_text(self) -> str:

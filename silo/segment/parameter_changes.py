@@ -9,20 +9,36 @@ A slot is opened when a change is accepted, and says so: `tick` waits. When it l
 their place, then the tick is stored: the commit word, one more than the index of the first row with the new values.
 They land in another order than they are accepted: what the program sets itself overtakes what waits.
 Only loggers with parameters have this part.
+
+Of changes that are overwritten stays what they left: beside it, in a place of its own, stands an image of all words.
+
+    control      one line: odd while it changes, how many it holds, ticks of the first and the last one, when that was,
+                 the highest of their orders
+    words        what all parameters were after these
+    orders       of each parameter, the order of the change that it has its words of
 """
 
 import itertools
 import struct
 import time
 import zlib
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import PARAMETER, LoggedEvent
-from silo.core.tuning.parameters import WORD_BYTES, Excitation, ParameterChange, ParameterInfo, decoded, value_text
+from silo.core.tuning.parameters import (
+    WORD_BYTES,
+    Excitation,
+    ParameterChange,
+    ParameterInfo,
+    decoded,
+    encoded,
+    value_text,
+)
 
 SLOTS = 1024  # the newest that are kept for readers; a power of two
 SLOT = struct.Struct("@qqqqqqqqq48xq")  # see above, with sizes of head and words, and the checksum of both
@@ -35,7 +51,15 @@ MOST_WORDS = 1 << 14  # of all parameters of a logger: the largest change takes 
 TICK, TIME, UNTIL, ORDER = 1, 2, 3, 4  # words of a slot
 WAITS, REFUSED, STANDING = 0, -2, -1  # instead of a tick: not yet, never, while the logger stood still
 
+TURN, FOLDED, FIRST, LAST, FOLDED_NS, HIGHEST = range(6)  # words of the image's control line
+READS = 100  # of an image that changes meanwhile: then it is taken as it is, as its writer may be dead
+
 MOST_NAMES = 4  # told in the text of an event
+
+
+def image_bytes(infos: Sequence[ParameterInfo]) -> int:
+    """What the image of these parameters takes."""
+    return WORD_BYTES * (LINE_WORDS + len(infos) + sum(info.words for info in infos))
 
 
 class _Head(msgspec.Struct, array_like=True):
@@ -51,39 +75,57 @@ class _Head(msgspec.Struct, array_like=True):
 class OpenChange:
     """The slot of one change, from its acceptance to its end."""
 
-    __slots__ = ("_at", "_data", "_old", "_order", "_words")
+    __slots__ = ("_at", "_old", "_record", "is_overwritten", "landed", "new", "place", "places")
 
     def __init__(
-        self, words: "memoryview[int]", at: int, data: memoryview, old: slice, order: Callable[[], int]
+        self, record: "ChangeRecord", at: int, old: slice, place: int, places: Sequence[int], new: bytes
     ) -> None:
-        self._words, self._at, self._data, self._old, self._order = words, at, data, old, order
+        self._record, self._at, self._old = record, at, old
+        self.place, self.places, self.new = place, places, new
+        self.landed: tuple[int, int, int] | None = None  # tick, wall clock and order
+        self.is_overwritten = False
 
     def land(self, tick: int, old: bytes) -> None:
         """Commit it: the first row with the new values has this index, -1 while no rows come."""
-        self._data[self._old] = old
-        self._words[self._at + ORDER] = self._order()
-        self._words[self._at + TIME] = time.time_ns()
-        self._words[self._at + TICK] = tick + 1 if tick >= 0 else STANDING
+        record = self._record
+        order, time_ns = next(record.landed), time.time_ns()
+        self.landed = tick, time_ns, order
+        if self.is_overwritten:  # within this moment
+            record.fold(self)
+            return
+        record.texts[self._old] = old
+        record.words[self._at + ORDER] = order
+        record.words[self._at + TIME] = time_ns
+        record.words[self._at + TICK] = tick + 1 if tick >= 0 else STANDING
 
     def refuse(self) -> None:
         """It never comes."""
-        self._words[self._at + TICK] = REFUSED
+        if not self.is_overwritten:
+            self._record.words[self._at + TICK] = REFUSED
 
     def end(self, tick: int) -> None:
         """The ramp is over."""
-        self._words[self._at + UNTIL] = tick + 1
+        if not self.is_overwritten:
+            self._record.words[self._at + UNTIL] = tick + 1
 
 
 class ChangeRecord:
     """The writer's end. Its caller sees to it that one thread at a time opens a change."""
 
-    def __init__(self, area: memoryview) -> None:
+    def __init__(self, area: memoryview, image: memoryview, infos: Sequence[ParameterInfo]) -> None:
         """Record in these bytes of a segment, zeros so far."""
-        self._words = area.cast("q")
+        self.words = area.cast("q")
         self._slots = area[WORD_BYTES * LINE_WORDS :][: SLOTS * SLOT.size]
-        self._texts = area[WORD_BYTES * LINE_WORDS + SLOTS * SLOT.size :]
-        self._numbers, self._landed = itertools.count(1), itertools.count(1)
+        self.texts = area[WORD_BYTES * LINE_WORDS + SLOTS * SLOT.size :]
+        self._numbers, self.landed = itertools.count(1), itertools.count(1)
         self._place = 0
+        self._kept: deque[OpenChange] = deque()  # those whose slot and text are not overwritten yet, the oldest first
+        self._line = image.cast("q")[:LINE_WORDS]
+        self._image = image[WORD_BYTES * LINE_WORDS :]
+        self._parts = _parts(infos)
+        self._orders = image[image_bytes(infos) - WORD_BYTES * len(infos) :].cast("q")
+        for info, part in zip(infos, self._parts, strict=True):
+            self._image[part] = encoded(info, info.value)
 
     def open(
         self,
@@ -102,15 +144,81 @@ class ChangeRecord:
         if self._place % TEXT_BYTES + size > TEXT_BYTES:
             self._place += -self._place % TEXT_BYTES
         place, self._place = self._place, self._place + size
-        self._words[0] = self._place  # first: whoever reads what is overwritten now can tell
+        while self._kept and (len(self._kept) == SLOTS or self._kept[0].place < self._place - TEXT_BYTES):
+            oldest = self._kept.popleft()
+            oldest.is_overwritten = True
+            self.fold(oldest)
+        self.words[0] = self._place  # first: whoever reads what is overwritten now can tell
         begin = place % TEXT_BYTES
-        self._texts[begin : begin + len(head)] = head
-        self._texts[begin + len(head) : begin + len(head) + len(new)] = new
+        self.texts[begin : begin + len(head)] = head
+        self.texts[begin + len(head) : begin + len(head) + len(new)] = new
         at = (number & (SLOTS - 1)) * SLOT.size
         check = zlib.crc32(new, zlib.crc32(head))
         SLOT.pack_into(self._slots, at, number, WAITS, 0, 0, 0, place, len(head), len(new), check, number)
         old = slice(begin + len(head) + len(new), begin + size)
-        return OpenChange(self._words, LINE_WORDS + at // WORD_BYTES, self._texts, old, self._landed.__next__)
+        opened = OpenChange(self, LINE_WORDS + at // WORD_BYTES, old, place, places, new)
+        self._kept.append(opened)
+        return opened
+
+    def fold(self, change: OpenChange) -> None:
+        """Have the image hold what a change left, before it is overwritten, if it landed at a row."""
+        if change.landed is None:
+            return
+        tick, time_ns, order = change.landed
+        line = self._line
+        line[TURN] += 1
+        at = 0
+        for place in change.places:
+            part = self._parts[place]
+            size = part.stop - part.start
+            if order > self._orders[place] and tick >= 0:
+                self._image[part] = change.new[at : at + size]
+                self._orders[place] = order
+            at += size
+        if tick >= 0:
+            line[FIRST] = min(line[FIRST], tick) if line[LAST] else tick
+            line[LAST] = max(line[LAST], tick + 1)
+            line[FOLDED_NS] = max(line[FOLDED_NS], time_ns)
+        line[FOLDED] += 1
+        line[HIGHEST] = max(line[HIGHEST], order)
+        line[TURN] += 1
+
+
+def _parts(infos: Sequence[ParameterInfo]) -> list[slice]:
+    """Where each of these stands among the bytes of all."""
+    ends = list(itertools.accumulate((WORD_BYTES * info.words for info in infos), initial=0))
+    return [slice(begin, end) for begin, end in itertools.pairwise(ends)]
+
+
+def read_image(
+    words: NDArray[np.uint64], infos: Sequence[ParameterInfo], kept: Sequence[LoggedEvent], logger: str, run: str
+) -> LoggedEvent | None:
+    """What all parameters were once those changes had landed that are overwritten; None where none is.
+
+    `kept` are those that are not, read before this: some of them may have landed between the others.
+    """
+    signed = words.view(np.int64)
+    for _ in range(READS):
+        before = int(signed[TURN])
+        line, data, orders = signed[:LINE_WORDS].tolist(), words[LINE_WORDS:].tobytes(), signed[-len(infos) :].tolist()
+        if not before % 2 and before == int(signed[TURN]):
+            break
+    if not line[LAST]:
+        return None
+    found = {info.name: decoded(info, data[part]) for info, part in zip(infos, _parts(infos), strict=True)}
+    since = dict(zip(found, orders, strict=True))
+    for event in kept:
+        if event.change is not None and event.number < line[HIGHEST]:
+            found |= {name: new for name, _, new in event.change.values if event.number > since[name]}
+    values = tuple((name, None, value) for name, value in found.items())
+    last = line[LAST] - 1
+    change = ParameterChange(values, order=line[HIGHEST], span=last - line[FIRST])
+    text = f"{_count(values)} after {line[FOLDED]:,} changes that are not kept"
+    return LoggedEvent(PARAMETER, text, line[FOLDED_NS], last, who=logger, run=run, number=line[HIGHEST], change=change)
+
+
+def _count(of: Sequence[object]) -> str:
+    return "1 parameter" if len(of) == 1 else f"{len(of)} parameters"
 
 
 def read_changes(
@@ -151,7 +259,7 @@ def _event(
         size = info.words * WORD_BYTES
         values.append((info.name, decoded(info, old[at : at + size]), decoded(info, new[at : at + size])))
         at += size
-    change = ParameterChange(tuple(values), facts.where, facts.name, until - 1, facts.excitation)
+    change = ParameterChange(tuple(values), facts.where, facts.name, until - 1, facts.excitation, order)
     text = change_text(change, {info.name: info.unit for info in changed})
     return LoggedEvent(
         PARAMETER, text, time_ns, max(tick - 1, -1), who=facts.who or logger, run=run, number=order, change=change
@@ -174,6 +282,5 @@ def change_text(change: ParameterChange, units: dict[str, str]) -> str:
 
 def image_event(infos: Sequence[ParameterInfo], started_ns: int, logger: str, run: str) -> LoggedEvent:
     """What all parameters were at the first tick of a run."""
-    change = ParameterChange(tuple((info.name, None, info.value) for info in infos))
-    count = "1 parameter" if len(infos) == 1 else f"{len(infos)} parameters"
-    return LoggedEvent(PARAMETER, f"{count} at the start", started_ns, 0, who=logger, run=run, change=change)
+    change = ParameterChange(tuple((info.name, None, info.value) for info in infos), order=0)
+    return LoggedEvent(PARAMETER, f"{_count(infos)} at the start", started_ns, 0, who=logger, run=run, change=change)

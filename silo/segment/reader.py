@@ -41,7 +41,7 @@ from silo.segment.layout import (
     decode_description,
 )
 from silo.segment.marks import SLOT_WORDS, read_marks
-from silo.segment.parameter_changes import AREA_BYTES, image_event, read_changes
+from silo.segment.parameter_changes import AREA_BYTES, image_bytes, image_event, read_changes, read_image
 from silo.segment.reasons import STOP_TEXTS, LostWhy, StopReason
 from silo.segment.rows import Rows
 from silo.segment.snapshot import in_chain, snapshot
@@ -173,6 +173,7 @@ class SegmentReader:
         for element in schema.elements:
             self._check_element(element)
         ends += [8 * place + AREA_BYTES for place in [schema.parameter_changes] if place >= 0]
+        ends += [8 * place + image_bytes(schema.parameters) for place in [schema.parameter_image] if place >= 0]
         ends += [8 * (element.failures + BLOCK_WORDS) for element in schema.elements if element.failures >= 0]
         if schema.marks >= 0:
             if schema.mark_slots < 0:
@@ -432,7 +433,8 @@ class SegmentReader:
     def changes(self, since: int = -1) -> list[LoggedEvent]:
         """The changes of parameters that landed after the first `since`, those that are still there.
 
-        At their head what all parameters were at the start, where that is asked for: `since` is -1.
+        At their head what all parameters were at the start, where that is asked for: `since` is -1. In place of changes
+        since then that are overwritten an image stands of what they left.
         """
         schema = self.schema
         if not schema.parameters:
@@ -440,9 +442,21 @@ class SegmentReader:
         self._check_size()
         words = self._words[schema.parameter_changes : schema.parameter_changes + AREA_BYTES // 8]
         found = read_changes(words, max(since, 0), schema.parameters, schema.logger, schema.run)
+        if (image := self._image(found)) is not None and image.number > since:
+            kept = read_changes(words, 0, schema.parameters, schema.logger, schema.run)
+            image = self._image(kept) or image
+            found = sorted([image, *(one for one in kept if one.number > since)], key=lambda one: one.number)
         if since >= 0:
             return found
         return [image_event(schema.parameters, schema.started_ns, schema.logger, schema.run), *found]
+
+    def _image(self, kept: list[LoggedEvent]) -> LoggedEvent | None:
+        """What overwritten changes left: to be read behind those that are `kept`, of which more are by then."""
+        schema = self.schema
+        begin, size = schema.parameter_image, image_bytes(schema.parameters) // 8
+        if begin < 0:
+            return None
+        return read_image(self._words[begin : begin + size], schema.parameters, kept, schema.logger, schema.run)
 
     def stamped_changes(self, since: int = -1) -> list[LoggedEvent]:
         """The same with the time stamps of their ticks, as far as these are still held."""

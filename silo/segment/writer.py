@@ -47,7 +47,7 @@ from silo.segment.layout import (
     page_up,
 )
 from silo.segment.marks import MARKS_BYTES, SLOTS, Mark, marker, no_mark
-from silo.segment.parameter_changes import AREA_BYTES, ChangeRecord
+from silo.segment.parameter_changes import AREA_BYTES, ChangeRecord, image_bytes
 from silo.segment.reasons import LOST_TEXTS, LostWhy, StopReason
 
 log = logging.getLogger("silo")
@@ -110,7 +110,8 @@ class Segment:
         elements, end = _place_failures(schema.elements, self._directory + page_up(8 * self._directory_words))
         rings, rings_end = _place(schema.rings, end + MARKS_BYTES)
         changes = rings_end + page_up(8 * len(elements))
-        self._chunk_data = changes + (page_up(AREA_BYTES) if schema.parameters else 0)
+        image = changes + page_up(AREA_BYTES)
+        self._chunk_data = image + page_up(image_bytes(schema.parameters)) if schema.parameters else changes
         self.schema = msgspec.structs.replace(
             schema,
             rings=rings,
@@ -119,6 +120,7 @@ class Segment:
             mark_slots=SLOTS,
             unheld=rings_end // 8,
             parameter_changes=changes // 8 if schema.parameters else -1,
+            parameter_image=image // 8 if schema.parameters else -1,
         )
         if elements is not schema.elements:
             elements_json = msgspec.json.encode(elements)
@@ -176,7 +178,9 @@ class Segment:
         marks = memoryview(mapped)[8 * self.schema.marks :][:MARKS_BYTES]
         self.mark = marker(marks, self.words, self.ring_control(TIME_RING))
         if self.schema.parameters:
-            self.changes = ChangeRecord(memoryview(mapped)[8 * self.schema.parameter_changes :][:AREA_BYTES])
+            area = memoryview(mapped)[8 * self.schema.parameter_changes :][:AREA_BYTES]
+            image = memoryview(mapped)[8 * self.schema.parameter_image :][: image_bytes(self.schema.parameters)]
+            self.changes = ChangeRecord(area, image, self.schema.parameters)
         mapped[PAGE : PAGE + len(body)] = body
         header = {
             HeaderWord.VERSION: LAYOUT_VERSION,
@@ -430,7 +434,7 @@ def _schema_room(schema: SegmentSchema, elements_json: bytes) -> int:
     longest = len(str(2**53)) * sum(element.failures >= 0 for element in schema.elements)
     placed = msgspec.structs.replace(schema, rings=rings, marks=2**53, mark_slots=SLOTS, unheld=2**53)
     if schema.parameters:
-        placed = msgspec.structs.replace(placed, parameter_changes=2**53)
+        placed = msgspec.structs.replace(placed, parameter_changes=2**53, parameter_image=2**53)
     return page_up(len(_encoded(placed, elements_json)) + longest)
 
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import silo
+from silo.core.elements import LoggedEvent
+from silo.core.recording import MOST_EVENTS, with_events
 from silo.core.tuning.parameters import ParameterInfo, ParameterKind
 from silo.errors import ElementError
 from silo.parameters.landing import between
@@ -26,7 +28,7 @@ class Clock:
 @pytest.fixture
 def tuned(new_logger):
     """A running logger of two gains and what asks for changes: `tuned.ask({"kp": 1.0})`."""
-    logger = new_logger(frequency=100, clock=Clock())
+    logger = new_logger(frequency=100, clock=Clock(), max_time=60)
     logger.parameter("kp", 40.0, min=0, max=200, group="legs", locked=True)
     logger.parameter("height", 0.3, min=0.1, max=0.5, rate=1.0)  # per second: 0.01 a tick
     logger.parameter("kd", 1.0, group="legs")
@@ -249,6 +251,8 @@ def test_what_is_confirmed_stays(tuned):
 class Interrupt:
     """A record whose change is interrupted once, at its last step."""
 
+    is_overwritten = False
+
     def __init__(self, slot):
         self.slot, self.done = slot, False
 
@@ -300,6 +304,81 @@ def test_changes_that_the_slots_hold_no_more_are_told_from_what_the_next_one_fou
     log = silo.Log(tuned.snapshot())
     assert log.parameters.at(99.0)["/log/legs/kd"] == 1999.0
     assert len(log.parameters.changes) == 1024
+
+
+@pytest.mark.parametrize("kind", ["silo", "csv", "bag"])
+def test_of_changes_that_are_overwritten_an_image_stays_and_before_it_nobody_knows(tuned, kind):
+    tuned.parameters["kp"].value = 45.0
+    for value in range(2000):
+        tuned.collect()
+        tuned.parameters["kd"].value = float(value)
+    tuned.collect()
+    path = tuned.save(kind).path
+    with pytest.warns(silo.LogWarning, match="977 changes are not kept"):
+        log = silo.open_log(path)
+    kd = {time_s: log.parameters.at(time_s)["/log/legs/kd"] for time_s in (9.77, 15.0, 20.0)}
+    assert kd == {9.77: 976.0, 15.0: 1499.0, 20.0: 1999.0}
+    assert log.parameters.at(9.77)["/log/legs/kp"] == 45.0
+    for time_s in (0.0, 5.0, 9.75):
+        with pytest.raises(silo.ElementError, match=r"not known: 977 changes are not kept, from 0 s on to 9\.76 s"):
+            log.parameters.at(time_s)
+    assert any("977 changes are not kept" in text for text in log.warnings)
+    assert len(log.parameters.changes) == 1024
+
+
+def test_where_the_events_have_all_changes_the_image_hides_none(tuned):
+    told = [*tuned._present.run.reader.changes()]
+    for value in range(1500):
+        tuned.collect()
+        tuned.parameters["kd"].value = float(value)
+        told += tuned._present.run.reader.changes(len(told) - 1)
+    log = silo.Log(with_events(tuned.snapshot(), told))
+    assert log.warnings == ()
+    assert [log.parameters.at(time_s)["/log/legs/kd"] for time_s in (0.0, 0.01, 3.0)] == [1.0, 0.0, 299.0]
+
+
+def test_long_changes_push_others_out_before_there_are_many(tuned):
+    tuned.collect()
+    tuned.parameters["kp"].value = 45.0
+    tuned.collect()
+    many = tuned.parameter("many", np.zeros(12_000))
+    tuned.stop()
+    tuned.start()
+    tuned.parameters["kp"].value = 46.0
+    tuned.collect()
+    for value in range(9):
+        many.value = np.full(12_000, value)
+    tuned.collect()
+    log = silo.Log(tuned.snapshot())
+    assert log.parameters.at(99.0)["/log/legs/kp"] == 46.0
+    assert log.parameters.at(99.0)["/log/many"][-1] == 8.0
+    assert len(log.parameters.changes) < 9
+
+
+@pytest.mark.parametrize("early", [1, 500, 1023, 1024, 1100])
+def test_what_others_overtook_is_told_however_many_they_are(tuned, early):
+    tuned.collect()
+    waits = ask(tuned, {"kp": 55.0})
+    for value in range(early):
+        tuned.parameters["kd"].value = float(value)
+    tuned.collect()
+    tuned.collect()
+    for value in range(early, 1100):
+        tuned.parameters["kd"].value = float(value)
+    tuned.collect()
+    assert waits.landed
+    log = silo.Log(tuned.snapshot())
+    assert log.parameters.at(99.0)["/log/legs/kp"] == 55.0
+    assert log.parameters.at(99.0)["/log/legs/kd"] == 1099.0
+
+
+def test_of_the_oldest_events_of_a_recording_of_too_many_the_values_stay(tuned):
+    tuned.parameters["kp"].value = 45.0
+    tuned.collect()
+    tuned.collect()
+    marks = [LoggedEvent("marker", str(number), time.time_ns(), 1) for number in range(MOST_EVENTS)]
+    log = silo.Log(with_events(tuned.snapshot(), marks))
+    assert log.parameters.at(99.0)["/log/legs/kp"] == 45.0
 
 
 def test_on_the_way_numbers_lie_between_old_and_new_and_all_else_is_as_it_was_until_the_end():

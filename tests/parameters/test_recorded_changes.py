@@ -1,8 +1,13 @@
-"""A change of parameters in a part of an endless recording is read as it stood in the event log."""
+"""A change of parameters in a part of an endless recording is read as it stood in the event log.
+
+What is known where some of them are missing.
+"""
 
 import numpy as np
+import pytest
 
 from silo.core.elements import PARAMETER, LoggedEvent
+from silo.core.parameter_images import FOR_EVER, Unknown, image_until, unknown_ticks
 from silo.core.tuning.parameters import ParameterChange
 from silo.files.parts.events import event_messages, events_of
 
@@ -12,3 +17,37 @@ def test_a_change_comes_out_of_a_part_as_it_went_in():
     event = LoggedEvent(PARAMETER, "kp 40.0 -> 50.0", 5, 7, 9, "alice", "r", 3, change)
     data, _, _ = event_messages(1, [event], "bot", 0)
     assert events_of(data, np.zeros(1, np.uint64), 3, 7, "r") == [event]
+
+
+def told(tick: int, old: float | None, new: float, order: int, span: int = 0) -> LoggedEvent:
+    change = ParameterChange((("/log/kp", old, new),), order=order, span=span)
+    return LoggedEvent(PARAMETER, f"{old} {new}", tick, tick, run="r", change=change)
+
+
+START, FIRST, SECOND, FIFTH = told(0, None, 1.0, 0), told(3, 1.0, 2.0, 1), told(4, 2.0, 3.0, 2), told(9, 5.0, 6.0, 5)
+IMAGE = told(8, None, 5.0, 4, span=5)
+
+
+@pytest.mark.parametrize(
+    ("events", "unknown"),
+    [
+        ([START, FIRST, SECOND], []),
+        ([START, FIRST, SECOND, IMAGE, FIFTH], [Unknown(4, 8, 2, True)]),
+        ([START, FIRST, IMAGE], [Unknown(3, 8, 3, True)]),
+        ([START, IMAGE, FIFTH], [Unknown(3, 8, 4, True)]),
+        ([IMAGE, FIFTH], [Unknown(3, 8, 1, True)]),
+        ([START, SECOND, FIFTH], [Unknown(0, 4, 1, False), Unknown(4, 9, 2, False)]),
+        ([SECOND, told(6, 3.0, 4.0, 3)], []),  # of a part
+        ([START, FIRST, image_until(IMAGE, 5)], [Unknown(3, FOR_EVER, 3, True)]),  # of a capture that ended before
+        ([START], []),
+        ([told(4, None, 1.0, -1)], []),
+    ],
+)
+def test_where_changes_are_missing_nothing_is_known_until_an_image_comes(events, unknown):
+    assert unknown_ticks(events) == unknown
+
+
+def test_of_an_image_behind_the_last_tick_all_of_whose_changes_are_there_too_nothing_stays():
+    assert image_until(IMAGE, 8) == IMAGE
+    assert image_until(IMAGE, 2) is None
+    assert image_until(FIFTH, 8) is None

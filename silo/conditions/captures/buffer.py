@@ -9,6 +9,7 @@ import numpy as np
 from silo.core.conditions import CaptureFacts, Conditions, TriggerOptions
 from silo.core.elements import BufferType, LoggedEvent
 from silo.core.episodes.words import within_ticks
+from silo.core.parameter_images import image_until
 from silo.core.quantities.writing import many
 from silo.core.recording import Recording, once_each, with_events
 from silo.judging.triggers import Capture, longest_capture
@@ -165,7 +166,9 @@ class CaptureBuffer:
 
     def changes(self, since: int = -1) -> list[LoggedEvent]:
         """The changes of parameters until the capture's end."""
-        return [change for change in self._reader.changes(since) if change.tick <= self.capture.last]
+        return [
+            one for change in self._reader.changes(since) if (one := image_until(change, self.capture.last)) is not None
+        ]
 
     def recording(self, happened: Iterable[LoggedEvent] = ()) -> Recording:
         """What was captured, with what there is to say of it: of what `happened` in the run, what is of the capture."""

@@ -129,6 +129,10 @@ class ParameterChange(msgspec.Struct, frozen=True, omit_defaults=True):
 
     `where` tells by which way it came, `id` what its client called it, `until` the tick at which a ramp was over.
     Where an `excitation` begins, before and after are the value around which it goes.
+
+    `order` counts those that landed in a run, from 1; -1 where nobody knows. Of an image it is how many came before it:
+    0 at the start, more where the oldest are not kept. Then `span` is how many ticks before the image the first of
+    these landed.
     """
 
     values: tuple[tuple[str, ParameterValue | None, ParameterValue], ...] = ()
@@ -136,6 +140,13 @@ class ParameterChange(msgspec.Struct, frozen=True, omit_defaults=True):
     id: str = ""
     until: int = -1
     excitation: Excitation | None = None
+    order: int = -1
+    span: int = 0
+
+    @property
+    def is_image(self) -> bool:
+        """Whether it tells what parameters were, and not that somebody changed them."""
+        return all(old is None for _, old, _ in self.values)
 
 
 def value_text(value: object, unit: str = "-") -> str:
