@@ -3,6 +3,7 @@
 A report is made from a `Recording`, printed as a table that fits the terminal or as JSON.
 """
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime, timezone
@@ -62,7 +63,10 @@ class LogReport(msgspec.Struct, frozen=True):
 
 
 class SignalStats(msgspec.Struct, frozen=True):
-    """One row of `silo stats`, over the finite samples; None for strings and where there are none."""
+    """One row of `silo stats`, over all samples but NaN; None for strings, and where there are none or it is none.
+
+    `not_finite` counts NaN and `infinite` ones.
+    """
 
     name: str
     unit: str
@@ -74,6 +78,7 @@ class SignalStats(msgspec.Struct, frozen=True):
     std: float | None
     rms: float | None
     most_common: tuple[str, ...] = ()
+    infinite: int = 0
 
 
 def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
@@ -128,7 +133,7 @@ def type_text(element: RecordedElement) -> str:
 def statistics(signal: "CurveSource") -> SignalStats:
     """Return the minimum, maximum, mean ...
 
-    Of the finite samples; of strings and enumerations the most common values too.
+    NaN is left out; of strings and enumerations the most common values too.
     """
     values, names = signal.as_numbers()
     offsets = from_base(signal.values) if signal.values.dtype.kind in "iu" else values
@@ -137,34 +142,37 @@ def statistics(signal: "CurveSource") -> SignalStats:
         texts = Counter(printable(text_of(value)) for value in signal.values.tolist())
         common = tuple(f"'{text}' {count}x" for text, count in texts.most_common(3))
     elif names:
-        numbers = Counter(number for number in signal.values.tolist() if number is not None)
-        common = tuple(f"{names.get(number, number)} {count}x" for number, count in numbers.most_common(3))
-    finite = finite_of(values)
+        told = Counter(number for number in signal.values.tolist() if number is not None)
+        common = tuple(f"{names.get(number, number)} {count}x" for number, count in told.most_common(3))
+    numbers = numbers_of(values)
     plain = SignalStats(signal.name, signal.unit, len(values), 0, None, None, None, None, None, common)
-    if signal.is_text or not len(finite):
+    if signal.is_text or not len(numbers):
         return msgspec.structs.replace(plain, not_finite=0 if signal.is_text else len(values))
-    least, most, mean, std, rms = moments(finite, offsets)
+    least, most, mean, std, rms = (None if math.isnan(one) else one for one in moments(numbers, offsets))
+    infinite = int(np.isinf(numbers).sum())
     return msgspec.structs.replace(
-        plain, not_finite=len(values) - len(finite), minimum=least, maximum=most, mean=mean, std=std, rms=rms
-    )
+        plain, not_finite=len(values) - len(numbers) + infinite, minimum=least, maximum=most, mean=mean, std=std,
+        rms=rms, infinite=infinite,
+    )  # fmt: skip
 
 
-def finite_of(values: Floats) -> Floats:
-    """Return those that are numbers: no NaN, not infinite."""
-    kept = np.isfinite(values)
+def numbers_of(values: Floats) -> Floats:
+    """Return those that are numbers, be they infinite: no NaN."""
+    kept = ~np.isnan(values)
     return values if kept.all() else values[kept]
 
 
-def moments(finite: Floats, offsets: NDArray[Any] | None = None) -> tuple[float, float, float, float, float]:
-    """Return the minimum, maximum, mean, standard deviation and RMS of one finite number at least.
+def moments(numbers: Floats, offsets: NDArray[Any] | None = None) -> tuple[float, float, float, float, float]:
+    """Return the minimum, maximum, mean, standard deviation and RMS of one number at least; NaN for what is none.
 
-    `offsets` are the same less what they have in common, of which the deviation is taken, where not all is finite too.
+    As `Signal.max()` and the others have them: of one that is infinite, so are mean and RMS, and the deviation is NaN.
+    `offsets` are the same less what they have in common, of which the deviation is taken, where NaN may be, too.
     """
-    spread = finite if offsets is None else finite_of(offsets)
+    spread = numbers if offsets is None else numbers_of(offsets)
     with np.errstate(over="ignore", invalid="ignore"):
         return (
-            float(finite.min()), float(finite.max()), float(finite.mean()), float(spread.std()),
-            float(np.sqrt(np.mean(finite**2))),
+            float(numbers.min()), float(numbers.max()), float(numbers.mean()), float(spread.std()),
+            float(np.sqrt(np.mean(numbers**2))),
         )  # fmt: skip
 
 
@@ -204,13 +212,14 @@ def format_report(facts: LogReport, width: int) -> str:
 
 def format_statistics(rows: Sequence[SignalStats], width: int) -> str:
     """Return the statistics as a table."""
-    head = ("signal", "unit", "n", "nan", "min", "max", "mean", "std", "rms")
+    head = ("signal", "unit", "n", "nan", "inf", "min", "max", "mean", "std", "rms")
     cells = []
     for row in rows:
         numbers = (row.minimum, row.maximum, row.mean, row.std, row.rms)
         texts = ["" if number is None else f"{number:.4g}" for number in numbers]
-        cells.append((row.name, row.unit, str(row.samples), str(row.not_finite or ""), *texts))
-    lines = table(head, cells, width, "llrrrrrrr")
+        counts = (row.not_finite - row.infinite, row.infinite)
+        cells.append((row.name, row.unit, str(row.samples), *(str(count or "") for count in counts), *texts))
+    lines = table(head, cells, width, "llrrrrrrrr")
     lines += [f"{row.name}: {', '.join(row.most_common)}" for row in rows if row.most_common]
     return "\n".join(lines)
 

@@ -19,6 +19,7 @@ import numpy as np
 from silo.analysis.log import Log
 from silo.analysis.reports import report, statistics
 from silo.core.names import matching
+from silo.core.printing import infinite_as_text
 from silo.core.quantities.writing import many
 from silo.errors import ElementError, SiloError
 from silo.expressions.parsing import names_in, parse
@@ -230,7 +231,8 @@ def _row(run: ListedRun) -> dict[str, Any]:
 
 def _told(answer: dict[str, Any], more: int, what: str) -> dict[str, Any]:
     left = {"left_out": f"{more} more {what}: ask for less"} if more > 0 else {}
-    return {**answer, **left, "note": DATA}
+    told: dict[str, Any] = infinite_as_text({**answer, **left, "note": DATA})
+    return told
 
 
 def server(shelf: Shelf) -> Any:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 from click.types import StringParamType
 
-from silo.core.printing import printable
+from silo.core.printing import infinite_as_text, printable
 from silo.core.quantities.writing import duration_text
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 
@@ -428,10 +428,10 @@ def types_option(command: _Command) -> _Command:
 
 
 def show_json(value: object) -> None:
-    """Print a value as one line of JSON."""
+    """Print a value as one line of JSON; an infinite number, which JSON has not, is "inf" or "-inf"."""
     import msgspec
 
-    click.echo(msgspec.json.encode(value).decode())
+    click.echo(msgspec.json.encode(infinite_as_text(msgspec.to_builtins(value))).decode())
 
 
 def show(value: object, as_json: bool, text: Callable[[], str]) -> None:

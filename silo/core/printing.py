@@ -1,6 +1,8 @@
 """How things show themselves: in notebooks as a caption and a table in plain HTML, in terminals harmless."""
 
+import math
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 MOST_ROWS = 60  # in a notebook; nobody reads 10,000
 
@@ -29,3 +31,12 @@ def printable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)
+
+
+def infinite_as_text(value: Any) -> Any:
+    """Return the same of dicts and lists, infinite numbers as "inf" or "-inf": JSON has none."""
+    if isinstance(value, float):
+        return value if abs(value) != math.inf else str(value)
+    if isinstance(value, dict):
+        return {key: infinite_as_text(one) for key, one in value.items()}
+    return [infinite_as_text(one) for one in value] if isinstance(value, list | tuple) else value

@@ -18,7 +18,10 @@ HELD_PERIODS = 100  # a slow loop is late by many: so far back the sample is loo
 
 @dataclass(frozen=True)
 class Between:
-    """Facts of a signal from A to B; NaN where there is none. `samples` are those between, both ends included."""
+    """Facts of a signal from A to B; NaN where there is none. `samples` are those between, both ends included.
+
+    `not_finite` of these are NaN, which is left out, or infinite.
+    """
 
     at_a: float = NAN
     at_b: float = NAN
@@ -36,7 +39,8 @@ class Between:
 class Measuring:
     """Adds up a signal from A to B, whichever is earlier; of texts only how many there are.
 
-    At a cursor counts the sample that held then; what is no finite number is counted and left out.
+    At a cursor counts the sample that held then. NaN is left out; of infinite ones, as everywhere, extremes, mean and
+    RMS are infinite, too, and there is no deviation.
     """
 
     def __init__(self, a_ns: int, b_ns: int) -> None:
@@ -62,6 +66,9 @@ class Measuring:
         inside = floats[first:last]
         finite = inside[np.isfinite(inside)]
         self._not_finite += len(inside) - len(finite)
+        if len(finite) < len(inside):
+            self._smallest = min(self._smallest, float(np.fmin.reduce(inside, initial=math.inf)))
+            self._largest = max(self._largest, float(np.fmax.reduce(inside, initial=-math.inf)))
         if len(finite):
             self._add(finite)
 
@@ -88,6 +95,9 @@ class Measuring:
             return Between(samples=self._samples)
         seconds, difference = (self._b_ns - self._a_ns) / 1e9, self._at_b - self._at_a
         ends = (self._at_a, self._at_b, difference, difference / seconds if seconds else NAN)
+        if self._smallest == -math.inf or self._largest == math.inf:
+            mean = self._smallest if self._largest < math.inf else self._largest if self._smallest > -math.inf else NAN
+            return Between(*ends, mean, NAN, math.inf, self._smallest, self._largest, self._samples, self._not_finite)
         if not self._finite:
             return Between(*ends, samples=self._samples, not_finite=self._not_finite)
         std, rms = (math.sqrt(some / self._finite) * self._size for some in (self._spread, self._squares))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from silo.analysis.plots.curves import CurveSource, picked
 from silo.analysis.plots.events import episodes_of
-from silo.analysis.reports import finite_of, moments
+from silo.analysis.reports import moments, numbers_of
 from silo.core.arrays.values import from_base
 from silo.core.elements import MARKER, LoggedEvent
 from silo.core.episodes.words import Episode, said_by
@@ -231,12 +231,11 @@ def signal_facts(name: str, element: str, unit: str, numbers: Sequence[float], k
 
 
 def _numbers(values: NDArray[np.float64], offsets: NDArray[Any], is_text: bool) -> tuple[float, ...]:
-    """Count, minimum, maximum, mean, standard deviation, RMS of the finite ones, and the last one; NaN for none."""
-    finite = finite_of(values)
-    if is_text or not len(finite):
-        return (len(finite), *[math.nan] * 6)
-    last = float(values[-1])
-    return (len(finite), *moments(finite, offsets), last if math.isfinite(last) else math.nan)
+    """Count, minimum, maximum, mean, standard deviation, RMS of all but NaN, and the last one; NaN for none."""
+    numbers = numbers_of(values)
+    if is_text or not len(numbers):
+        return (len(numbers), *[math.nan] * 6)
+    return (len(numbers), *moments(numbers, offsets), float(values[-1]))
 
 
 # ------------------------------------------------------------------------------------------- several files of one run
@@ -375,22 +374,26 @@ def signals_of(several: Sequence[Sequence[SignalFacts]]) -> list[SignalFacts]:
 
 
 def _signal(some: Sequence[SignalFacts]) -> SignalFacts:
-    numbers = [one for one in some if one.mean is not None and one.rms is not None]
+    numbers = [one for one in some if one.least is not None and one.most is not None]
     last = some[-1]
     count = sum(one.count for one in some)
     if not numbers:
         return msgspec.structs.replace(last, count=count)
-    of = sum(one.count for one in numbers)
-    mean = sum((one.mean or 0.0) * one.count for one in numbers) / of
-    spread = sum(((one.std or 0.0) ** 2 + ((one.mean or 0.0) - mean) ** 2) * one.count for one in numbers) / of
+    weights = np.array([one.count for one in numbers], float)
+    means, stds, roots = np.array([(one.mean, one.std, one.rms) for one in numbers], float).T  # NaN for None
+    with np.errstate(over="ignore", invalid="ignore"):
+        mean = float(np.average(means, weights=weights))
+        std, rms = (
+            float(np.sqrt(np.average(some, weights=weights))) for some in (stds**2 + (means - mean) ** 2, roots**2)
+        )
     return msgspec.structs.replace(
         last,
         count=count,
         least=min(one.least for one in numbers if one.least is not None),
         most=max(one.most for one in numbers if one.most is not None),
-        mean=mean,
-        std=math.sqrt(spread),
-        rms=math.sqrt(sum((one.rms or 0.0) ** 2 * one.count for one in numbers) / of),
+        mean=None if math.isnan(mean) else mean,
+        std=None if math.isnan(std) else std,
+        rms=None if math.isnan(rms) else rms,
         last=next((one.last for one in reversed(some) if one.last is not None), None),
     )
 

@@ -32,7 +32,7 @@ OF_SIGNALS: dict[str, tuple[str, Callable[[Sequence[float]], float], str]] = {
     "min": ("least", min, "smallest value"), "max": ("most", max, "largest value"),
     "mean": ("mean", operator.itemgetter(0), "mean"), "std": ("std", operator.itemgetter(0), "standard deviation"),
     "rms": ("rms", operator.itemgetter(0), "root of the mean square"),
-    "last": ("last", operator.itemgetter(0), "last value"), "count": ("count", sum, "finite samples"),
+    "last": ("last", operator.itemgetter(0), "last value"), "count": ("count", sum, "samples but NaN"),
 }  # fmt: skip
 FUNCTIONS = {name: Function(1, 1, f"{what} of a signal") for name, (_, _, what) in OF_SIGNALS.items()} | {
     "abs": Function(1, 1, "without its sign"), "tagged": Function(1, 1, "whether the run has this tag"),

@@ -214,5 +214,5 @@ def _cursor_words(session: Session) -> str:
     name = element.name + (element.entries[position].suffix if rows.entry is not None else "")
     bad = session.table.facts.detail(name, "bad")
     if bad > 0:
-        parts.append(f"{text.plural_count(int(bad), 'sample')} nan or inf, left out of min to std")
+        parts.append(f"{text.plural_count(int(bad), 'sample')} nan or inf: min to std leave nan out")
     return " │ ".join(parts)

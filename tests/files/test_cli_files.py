@@ -175,6 +175,22 @@ class TestStats:
         assert rows["/log/mode"]["most_common"] == ["STAND 60x", "WALK 40x"]
         assert rows["/log/text"]["most_common"] == ["'on' 75x", "'off' 25x"]
 
+    def test_what_is_infinite_counts_and_json_says_it_in_letters(self, folder, new_logger):
+        log = new_logger()
+        x = log.array("x")
+        log.start()
+        for x[...] in (1, np.nan, -np.inf, 4):
+            log.collect()
+        path = str(log.save().path)
+        (row,) = json.loads(run(stats_command, path, "--json").stdout)
+        assert (row["minimum"], row["maximum"], row["mean"], row["std"]) == ("-inf", 4, "-inf", None)
+        assert (row["samples"], row["not_finite"], row["infinite"]) == (4, 2, 1)
+        head, line = run(stats_command, path).stdout.splitlines()
+        assert (head.split(), line.split()) == (
+            ["signal", "n", "nan", "inf", "min", "max", "mean", "rms"],  # no deviation
+            ["/log/x", "4", "1", "1", "-inf", "4", "-inf", "inf"],
+        )
+
     def test_a_window(self, folder):
         rows = json.loads(run(stats_command, "run.silo", "/log/x", "--from", "0.1", "--to", "0.2", "--json").stdout)
         assert (rows[0]["minimum"], rows[0]["maximum"], rows[0]["samples"]) == (10, 20, 11)

@@ -12,6 +12,7 @@ from click.testing import CliRunner
 import silo
 from silo.cli.group import cli
 from silo.core.conditions import SignalLimits
+from silo.core.recording import RecordedEntry
 from silo.errors import ScriptError
 from silo.guards.guard import guard, words
 from silo.guards.rules import Rule, read_rules
@@ -96,6 +97,27 @@ def test_a_rule_finds_what_it_says(folder, run, rule, verdict, says):
     assert says in first.why
     assert first.violated == (verdict == "VIOLATED")
     assert first.what == "same torque" or "same torque" not in rule
+
+
+@pytest.mark.parametrize(
+    ("rule", "verdict"),
+    [
+        ("- holds: max(joints/tau) < 100", "VIOLATED"),
+        ("- holds: mean(joints/tau) < 100", "VIOLATED"),
+        ("- {value: max(joints/tau), at_most: 100}", "VIOLATED"),
+        ("- {value: min(joints/tau), at_least: -1}", "GREEN"),
+        ("- holds: count(joints/tau) == 49", "GREEN"),
+    ],
+)
+def test_a_rule_sees_what_is_infinite_and_no_nan(folder, rule, verdict):
+    recording = silo.open_log(folder / "good.silo").recording
+    (tau,) = [one for one in recording.elements if one.name == "/log/joints/tau"]
+    values = np.array(tau.entries[0].values)
+    values[7:9] = np.nan, np.inf
+    broken = replace(tau, entries=(RecordedEntry(tau.name, tau.entries[0].entry, values),))
+    (folder / "rules.yaml").write_text(rule)
+    judged = guard(replace(recording, elements=(broken,)), read_rules(folder / "rules.yaml"), None)
+    assert judged[0].worst == verdict
 
 
 @pytest.mark.parametrize(

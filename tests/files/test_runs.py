@@ -9,6 +9,7 @@ import sqlite3
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -24,7 +25,7 @@ from silo.core.tuning.parameters import ParameterChange
 from silo.errors import ExpressionError, SiloError
 from silo.run_index import finding, index, labels
 from silo.run_index.archive import Archive
-from silo.run_index.facts import EpisodeFacts, RunFacts, SignalFacts, by_run, facts_of, merged, read_facts
+from silo.run_index.facts import EpisodeFacts, RunFacts, SignalFacts, by_run, facts_of, merged, read_facts, signals_of
 from silo.run_index.finding import There
 from silo.run_index.where import FACTS, FUNCTIONS, Query
 from tests.stand_ins.saved import element
@@ -216,6 +217,20 @@ def test_texts_and_signals_without_a_number_have_no_statistics(tmp_path, new_log
     (run,) = silo.runs(tmp_path)
     told = {signal.name: (signal.count, signal.least, signal.last) for signal in run.signals}
     assert told == {"/log/word": (1, None, None), "/log/gone": (0, None, None)}
+
+
+@pytest.mark.parametrize(
+    "values", [[1.0, 2.0, 5.0, 7.0], [1.0, math.nan, 5.0, 7.0], [1.0, math.inf, 5.0, 7.0], [-math.inf, math.inf, 1, 2]]
+)
+def test_the_numbers_of_pieces_together_are_those_of_the_whole(values):
+    def of(some):
+        stamps = np.arange(len(some), dtype=np.int64)
+        recording = Recording("arm", stamps, len(some), [element("x", np.array(some))])
+        return facts_of(recording, "run.silo", 7, Path()).signals
+
+    (whole,), (found,) = of(values), signals_of([of(values[:2]), of(values[2:])])
+    for field in ("count", "least", "most", "mean", "std", "rms", "last"):
+        assert getattr(found, field) == (pytest.approx(one) if (one := getattr(whole, field)) is not None else None)
 
 
 def test_a_number_of_each_run_is_nan_where_it_is_missing(root):

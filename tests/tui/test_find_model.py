@@ -128,9 +128,19 @@ def test_rms_of_very_small_and_very_large_numbers_is_one(size):
     assert facts.std == pytest.approx(size)
 
 
-def test_what_is_no_number_is_counted_and_left_out():
-    facts = between(np.arange(4, dtype=np.int64), np.array([1.0, math.nan, 3.0, math.inf]), 0, 3)
-    assert (facts.mean, facts.not_finite, facts.samples) == (2.0, 2, 4)
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        ([1.0, math.nan, 3.0], (2.0, 1.0, 1.0, 3.0, 1)),
+        ([1.0, math.nan, 3.0, math.inf], (math.inf, math.nan, 1.0, math.inf, 2)),
+        ([-math.inf, 1.0], (-math.inf, math.nan, -math.inf, 1.0, 1)),
+        ([-math.inf, math.inf], (math.nan, math.nan, -math.inf, math.inf, 2)),
+        ([math.nan], (math.nan,) * 4 + (1,)),
+    ],
+)
+def test_nan_is_counted_and_left_out_infinite_ones_are_in(values, told):
+    facts = between(np.arange(len(values), dtype=np.int64), np.array(values), 0, 3)
+    np.testing.assert_equal((facts.mean, facts.std, facts.smallest, facts.largest, facts.not_finite), told)
 
 
 @settings(max_examples=50)

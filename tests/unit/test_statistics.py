@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import silo
+from silo.analysis.signal import Signal
 from silo.core.arrays.running import RunningStatistics
 from silo.core.conditions import Derived
 from silo.journal.derived_rows import with_derived
@@ -80,12 +81,26 @@ def test_of_a_vector_the_norm_is_told_and_each_entry_by_its_name(robot):
     assert robot.of("/log/force_z", "min") == -1
 
 
-def test_what_is_not_finite_is_left_out_of_statistics_and_gets_a_sign(robot):
-    for value in (1, np.nan, 3, np.inf):
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        ((1, np.nan, 3), [1, 3, 2, 1]),
+        ((1, np.nan, 3, np.inf), [1, np.inf, np.inf, np.nan]),
+        ((-np.inf, 3), [-np.inf, 3, -np.inf, np.nan]),
+        ((np.inf, 1, -np.inf), [-np.inf, np.inf, np.nan, np.nan]),
+        ((np.inf, np.inf), [np.inf, np.inf, np.inf, np.nan]),
+    ],
+)
+def test_nan_is_left_out_of_statistics_infinite_ones_count_and_both_get_a_sign(robot, values, told):
+    for value in values:
         robot.tick(value)
-    robot.advance()
-    assert [robot.of("/log/x", quantity) for quantity in ("min", "max", "mean", "count")] == [1, 3, 2, 2]
+        robot.advance()
+    found = [robot.of("/log/x", quantity) for quantity in ("min", "max", "mean", "std")]
+    np.testing.assert_equal(found, told)
+    assert robot.of("/log/x", "count") == np.isfinite(values).sum()
     assert int(robot.of("/log/x", "signs")) & NOT_FINITE
+    signal = Signal("x", np.array(values, float), np.arange(len(values)))
+    np.testing.assert_equal([signal.min(), signal.max(), signal.mean()], told[:3])
 
 
 def test_a_signal_that_was_never_finite_has_no_statistics(robot):

@@ -8,7 +8,10 @@ from silo.core.arrays.columns import Floats
 
 
 class RunningStatistics:
-    """Minimum, maximum, mean and standard deviation of many signals over all finite samples that were added."""
+    """Minimum, maximum, mean and standard deviation of many signals over all samples that were added, but NaN.
+
+    Of infinite ones, as everywhere: they are extremes, the mean is infinite, too, and there is no deviation.
+    """
 
     def __init__(self, count: int) -> None:
         self.since_ns = 0  # when they begin, as far as somebody says so
@@ -43,8 +46,8 @@ class RunningStatistics:
                 self.number[slots] += len(block)
             else:
                 finite = np.isfinite(block)
-                self.low[slots] = np.minimum(self.low[slots], np.where(finite, block, np.inf).min(axis=0))
-                self.high[slots] = np.maximum(self.high[slots], np.where(finite, block, -np.inf).max(axis=0))
+                self.low[slots] = np.fmin(self.low[slots], np.fmin.reduce(block, axis=0))
+                self.high[slots] = np.fmax(self.high[slots], np.fmax.reduce(block, axis=0))
                 rest = np.where(finite, block - base, 0.0)
                 self.number[slots] += finite.sum(axis=0)
                 self.bad[slots] += (~finite).sum(axis=0)
@@ -52,17 +55,23 @@ class RunningStatistics:
             self._squares[slots] += np.einsum("ij,ij->j", rest, rest)
 
     def of(self, quantity: str) -> Floats:
-        """Return one of `min`, `max`, `mean`, `std`, `count`, `bad`, NaN where there is no sample."""
+        """Return one of `min`, `max`, `mean`, `std`, `count`, `bad`, NaN where there is no sample.
+
+        `count` is of the finite ones, `bad` of all others.
+        """
         if quantity in {"count", "bad"}:
             return (self.number if quantity == "count" else self.bad).astype(float)
         if quantity in {"min", "max"}:
             found = self.low if quantity == "min" else self.high
-            return np.where(self.number > 0, found, np.nan)
+            return np.where(self.low <= self.high, found, np.nan)
+        infinite = np.where(self.high == np.inf, np.inf, 0.0), np.where(self.low == -np.inf, -np.inf, 0.0)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             mean = self._sum / self.number
             if quantity == "mean":
-                return self._base + mean
-            return np.sqrt(np.maximum(self._squares / self.number - mean * mean, 0.0))
+                ends = infinite[0] + infinite[1]  # NaN of both
+                return np.where(ends == 0.0, self._base + mean, ends)
+            std = np.sqrt(np.maximum(self._squares / self.number - mean * mean, 0.0))
+            return np.where((infinite[0] == 0.0) & (infinite[1] == 0.0), std, np.nan)
 
 
 def move(before: object, after: object, names: Sequence[str], kept: Sequence[tuple[slice, slice]]) -> None:

@@ -178,7 +178,7 @@ def _statistics(signal: _Signal) -> dict[str, float]:
 
 
 def _statistics_of(blocks: Iterator[Floats]) -> dict[str, float]:
-    """Return statistics of the finite samples."""
+    """Return statistics of all samples but NaN."""
     running = RunningStatistics(1)
     for block in blocks:
         running.add(slice(0, 1), block[:, None], all_finite=False)
