@@ -95,6 +95,14 @@ _OTHER_NAMES = {
 }
 
 
+class NoMomentError(ElementError):
+    """An event by which runs are laid on each other doesn't happen in `which` of them, the first or the second."""
+
+    def __init__(self, text: str, which: str) -> None:
+        super().__init__(text)
+        self.which = which
+
+
 @told_names("a comparison", _OTHER_NAMES)
 @told_class("comparison")
 @dataclass(frozen=True)
@@ -560,7 +568,8 @@ def _moment(log: Log, event: Event, which: str) -> float:
     if isinstance(found, Signal):
         moments = found.when()
         if not len(moments):
-            raise ElementError(f"the event '{found.name}' doesn't happen in the {which} run, which {found._span}")
+            words = f"the event '{found.name}' doesn't happen in the {which} run, which {found._span}"
+            raise NoMomentError(words, which)
         return float(moments[0])
     return real(f"the time of the event in the {which} run", found, -1e9, 1e9, "s")
 

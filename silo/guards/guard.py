@@ -7,14 +7,15 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from silo.analysis.check import Finding, check
-from silo.analysis.compare import compare
+from silo.analysis.compare import Comparison, NoMomentError, compare
 from silo.analysis.log import Log
 from silo.core.quantities.writing import and_more, many
 from silo.core.recording import Recording
+from silo.core.units import factor
 from silo.errors import ElementError, ScriptError
 from silo.files.atomic import atomic_file
 from silo.guards.rules import NEW, Bound, Rule
-from silo.run_index.facts import IndexedRun, facts_of
+from silo.run_index.facts import IndexedRun, SignalFacts, facts_of, scaled
 from silo.run_index.tables import short
 from silo.run_index.where import Query
 
@@ -88,7 +89,29 @@ class _Pair:
         """Return what an expression over a whole run is; NaN where the run lacks something."""
         query = self._query(text)
         facts = self.facts(recording)
-        return query.number(facts.run, (), facts.signals)
+        signals = facts.signals if recording is self.run else self._in_units_of_run(recording, facts.signals)
+        return query.number(facts.run, (), signals)
+
+    def why_unknown(self, text: str, value: float) -> str:
+        """Return in words why a value is not to be told, of the run or else of the baseline."""
+        facts = self.facts(self.good) if self.good is not None else None
+        if math.isnan(value) or facts is None:
+            return "the run lacks something that it speaks of"
+        if math.isnan(self._query(text).number(facts.run, (), facts.signals)):
+            return "the baseline lacks something that it speaks of"
+        return "the baseline has something that it speaks of in units that don't fit those of the run"
+
+    def _in_units_of_run(self, good: Recording, signals: Sequence[SignalFacts]) -> list[SignalFacts]:
+        """The baseline's signals in the units that the run has; without those whose units say something else."""
+        units = {short(self.run.prefix, one.name): one.unit for one in self.facts(self.run).signals}
+        found = []
+        for one in signals:
+            unit = units.get(short(good.prefix, one.name), one.unit)
+            if unit == one.unit or not {unit, one.unit}.isdisjoint(("", "-")):
+                found.append(one)
+            elif (times := factor(one.unit, unit)) is not None:
+                found.append(scaled(one, times, unit))
+        return found
 
     def holds(self, text: str) -> bool:
         return self._query(text).holds((facts := self.facts(self.run)).run, (), facts.signals)
@@ -136,8 +159,7 @@ def _value(rule: Rule, pair: _Pair) -> list[Finding]:
         what = f"{rule.text} {key.replace('_', ' ')} {size}"
         low, high = _range(key, bound, usual)
         if math.isnan(value) or math.isnan(low) or math.isnan(high):
-            which = "the run" if math.isnan(value) else "the baseline"
-            found.append(Finding(what, BLIND, why=f"{which} lacks something that it speaks of"))
+            found.append(Finding(what, BLIND, why=pair.why_unknown(rule.text, value)))
             continue
         digits = _digits(value, low, high)
         beside = "" if math.isnan(usual) else f", the baseline has {usual:.{digits}g}"
@@ -153,7 +175,9 @@ def _digits(value: float, *bounds: float) -> int:
 
 
 def _range(key: str, bound: Bound, usual: float) -> tuple[float, float]:
-    size = bound.number * (abs(usual) if key == "within" else usual) if bound.of_baseline else bound.number
+    size = bound.number
+    if bound.of_baseline:  # also of a negative one 110 % are more, 90 % less
+        size = bound.number * abs(usual) if key == "within" else usual + (bound.number - 1) * abs(usual)
     if key == "within":
         return usual - size, usual + size
     return (-math.inf, size) if key == "at_most" else (size, math.inf)
@@ -162,7 +186,12 @@ def _range(key: str, bound: Bound, usual: float) -> tuple[float, float]:
 def _signals(rule: Rule, pair: _Pair) -> list[Finding]:
     run, good = Log(pair.run), Log(pair.baseline)
     event = (lambda log: log.eval(rule.event)) if rule.event else None
-    found = compare(good, run, rule.text, event=event, tolerance=rule.tolerance)
+    what = f"{rule.text} as the baseline"
+    try:
+        found = compare(good, run, rule.text, event=event, tolerance=rule.tolerance)
+    except NoMomentError as error:
+        # what happened in the good run, and doesn't here, is the difference
+        return [Finding(what, BLIND if error.which == "first" else BAD, int(error.which != "first"), why=str(error))]
     unseen = {**dict.fromkeys(found.only_a, "the run does not have it"), **found.not_compared}
     if not (len(found) or found.alike or unseen):
         raise ElementError(f"the baseline has no signals '{rule.text}'")
@@ -171,7 +200,21 @@ def _signals(rule: Rule, pair: _Pair) -> list[Finding]:
         for row in found.rows
     ]
     blind = [Finding(f"{name} as the baseline", BLIND, why=why) for name, why in unseen.items()]
-    return bad + blind or [Finding(f"{rule.text} as the baseline", GOOD)]
+    blind += [
+        Finding(f"{what} to its end", BLIND, why=f"{why}: {and_more(names, 3)}")
+        for why, names in _short(good, run, found).items()
+    ]
+    return bad + blind if bad or unseen else [Finding(what, GOOD), *blind]
+
+
+def _short(good: Log, run: Log, found: Comparison) -> dict[str, list[str]]:
+    """Which signals end before those of the baseline do, by what there is to say of that."""
+    short_of: dict[str, list[str]] = {}
+    for name, words in found.partly.items():
+        ours, theirs = run[name], good[name]
+        if theirs.times.max() > ours.times.max() + found.shift_s + theirs._step_ns * 1e-9:
+            short_of.setdefault(words, []).append(name)
+    return short_of
 
 
 def _new(rule: Rule, pair: _Pair) -> Iterator[Finding]:

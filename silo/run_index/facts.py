@@ -230,6 +230,13 @@ def signal_facts(name: str, element: str, unit: str, numbers: Sequence[float], k
     return SignalFacts(name, element, unit, int(numbers[0]), least, most, mean, std, rms, last, kind)
 
 
+def scaled(facts: SignalFacts, times: float, unit: str) -> SignalFacts:
+    """Return them in another unit."""
+    fields = ("least", "most", "mean", "std", "rms", "last")
+    told = {name: value * times for name in fields if (value := getattr(facts, name)) is not None}
+    return msgspec.structs.replace(facts, unit=unit, **told)
+
+
 def _numbers(values: NDArray[np.float64], offsets: NDArray[Any], is_text: bool) -> tuple[float, ...]:
     """Count, minimum, maximum, mean, standard deviation, RMS of all but NaN, and the last one; NaN for none."""
     numbers = numbers_of(values)

@@ -100,6 +100,59 @@ def test_a_rule_finds_what_it_says(folder, run, rule, verdict, says):
 
 
 @pytest.mark.parametrize(
+    ("unit", "rule", "verdict"),
+    [
+        ("mNm", "- {value: max(joints/tau), at_most: 110%}", "VIOLATED"),
+        ("mNm", "- {value: max(joints/tau), at_most: 110000%}", "GREEN"),
+        ("mNm", "- {value: max(joints/tau), within: 0.1}", "VIOLATED"),
+        ("mNm", "- {value: 'max(joints/tau) - min(joints/tau)', at_least: 90000%}", "GREEN"),
+        ("Nm", "- {value: max(joints/tau), at_most: 101%}", "GREEN"),
+        ("-", "- {value: max(joints/tau), at_most: 101%}", "GREEN"),
+        ("m", "- {value: max(joints/tau), at_most: 101%}", "UNOBSERVABLE"),
+    ],
+)
+def test_the_baseline_is_taken_in_the_units_of_the_run(folder, unit, rule, verdict):
+    run = silo.open_log(folder / "good.silo").recording
+    good = replace(run, elements=[replace(one, unit=unit) if one.unit == "Nm" else one for one in run.elements])
+    (folder / "rules.yaml").write_text(rule)
+    assert guard(run, read_rules(folder / "rules.yaml"), good)[0].worst == verdict
+
+
+@pytest.mark.parametrize(
+    ("rule", "verdict"),
+    [
+        ("at_most: 110%", "GREEN"),
+        ("at_least: 90%", "GREEN"),
+        ("at_most: 90%", "VIOLATED"),
+        ("at_least: 110%", "VIOLATED"),
+    ],
+)
+def test_of_a_negative_number_90_percent_are_less_and_110_more(folder, rule, verdict):
+    assert found(folder, "good", f"- {{value: min(joints/tau), {rule}}}", "good")[0].worst == verdict
+
+
+def test_a_run_that_ends_before_the_good_one_is_judged_as_far_as_it_goes_and_that_is_told(folder):
+    good = silo.open_log(folder / "good.silo")
+    short = good.clip(0, 0.2).recording
+    rules = [Rule("signals", "joints/*")]
+    same, rest = guard(short, rules, good.recording)[:2]
+    assert (same.worst, rest.worst, rest.what) == ("GREEN", "UNOBSERVABLE", "joints/* as the baseline to its end")
+    assert "0.2 s" in rest.why
+    assert [one.worst for one in guard(good.recording, rules, short)[:1]] == ["GREEN"]
+    assert not any("to its end" in one.what for one in guard(good.recording, rules, short))
+
+
+def test_an_event_of_the_good_run_that_does_not_happen_is_a_difference_and_the_other_rules_are_judged(folder):
+    good = silo.open_log(folder / "good.silo")
+    short = good.clip(0, 0.1).recording
+    rules = [Rule("signals", "joints/*", event="mode == 1"), Rule("holds", "max(joints/tau) < 9")]
+    assert [one.worst for one in guard(short, rules, good.recording)[:2]] == ["VIOLATED", "GREEN"]
+    first, other = guard(good.recording, rules, short)[:2]
+    assert (first.worst, other.worst) == ("UNOBSERVABLE", "GREEN")
+    assert "the event 'mode == 1' doesn't happen in the first run" in first.why
+
+
+@pytest.mark.parametrize(
     ("rule", "verdict"),
     [
         ("- holds: max(joints/tau) < 100", "VIOLATED"),
