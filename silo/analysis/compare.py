@@ -22,6 +22,7 @@ from silo.core import units
 from silo.core.arguments import real, shown, text
 from silo.core.arrays.values import as_floats, difference, from_base
 from silo.core.calls import told, told_class, told_names
+from silo.core.enumerations import contradiction, to_compare
 from silo.core.printing import html_table
 from silo.core.quantities.writing import and_more
 from silo.core.recording import RecordedElement, Recording, stamps_of
@@ -40,7 +41,8 @@ class SignalDifference:
 
     `largest` is the largest absolute difference, at `at_s` seconds of the first run; `differ` is the share of samples
     that differ by more than the tolerance, `count` of `samples`, from `first_s` on. NaN in both is no difference, in
-    one of them it is one; `most` is the largest difference of numbers. Texts differ or don't.
+    one of them it is one; `most` is the largest difference of numbers. Texts differ or don't, as do the words of
+    enumerations whose numbers are others in the second run.
     """
 
     name: str
@@ -111,7 +113,7 @@ class Comparison:
 
     `shift_s` is how far the second run was moved. `alike` counts the signals without a difference, `only_a` and
     `only_b` are names that one run has, `not_compared` says of others why not. `partly` says of signals that go on
-    longer in one run which time both have.
+    longer in one run which time both have, and of enumerations whose words have other numbers which.
     """
 
     rows: tuple[SignalDifference, ...]
@@ -301,7 +303,10 @@ def _log(given: Any) -> Log:
 
 
 class _Pair(NamedTuple):
-    """An element of both logs: the scalars that differ, how many don't, which time both have, or why neither."""
+    """An element of both logs: the scalars that differ, how many don't, which time both have, or why neither.
+
+    `span` says which words have other numbers, too.
+    """
 
     name: str
     rows: Sequence[SignalDifference] = ()
@@ -404,9 +409,19 @@ def _scalars(
     every = [(one, other)]
     if one.components:
         every = [(one.component(place), other.component(place)) for place in range(len(one.components))]
-    return [
-        _Scalar(pair[0].name, pair[0].unit, (pair[0].values, pair[1].values), meeting, _always(pair)) for pair in every
-    ], _Pair(name, alike=len(every), span=meeting.span)
+    words = dict.fromkeys(contradiction(*(each.labels for each in pair)) for pair in every)
+    told = [meeting.span, *(f"compared by words, whose numbers differ: {each}" for each in words if each)]
+    return [_Scalar(pair[0].name, pair[0].unit, _by_words(*pair), meeting, _always(pair)) for pair in every], _Pair(
+        name, alike=len(every), span="; ".join(filter(None, told))
+    )
+
+
+def _by_words(one: Signal, other: Signal) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The values of two signals, as texts where their enumerations contradict each other."""
+    mine, theirs = to_compare(one.labels, other.labels)
+    if mine == theirs:
+        return one.values, other.values
+    return replace(one, labels=mine).texts, replace(other, labels=theirs).texts
 
 
 def _always(pair: tuple[Signal, Signal]) -> Callable[[], tuple[Signal, Signal]]:
@@ -414,8 +429,11 @@ def _always(pair: tuple[Signal, Signal]) -> Callable[[], tuple[Signal, Signal]]:
 
 
 def _same_kind(one: RecordedElement, other: RecordedElement) -> bool:
-    known = (one.unit, one.kind, one.shape, one.count, len(one.entries))
-    return bool(one.count) and known == (other.unit, other.kind, other.shape, other.count, len(other.entries))
+    known, theirs = (
+        (each.unit, each.kind, each.shape, each.count, [entry.entry.labels or None for entry in each.entries])
+        for each in (one, other)
+    )
+    return bool(one.count) and known == theirs
 
 
 def _same_bytes(one: RecordedElement, other: RecordedElement) -> bool:

@@ -156,6 +156,30 @@ def test_a_value_in_another_unit_is_the_same_for_both():
     assert [one.what for one in differences(a, b)] == ["unit: m, then mm"]
 
 
+def test_enumerations_are_compared_by_their_words():
+    numbers = np.arange(COUNT) % 2
+    swapped, numbered = {0: "trot", 1: "stand"}, {0: "stand", 1: "trot"}
+
+    def two(mine, theirs, values):
+        both = ((numbers, mine), (values, theirs))
+        return [recorded([element("/log/gait", each, labels=labels)]) for each, labels in both]
+
+    a, b = two(numbered, swapped, numbers)
+    (row,) = silo.compare(silo.Log(a), silo.Log(b)).rows
+    words = "compared by words, whose numbers differ: 0 is stand, then trot; 1 is trot, then stand"
+    assert row.count == COUNT
+    assert [one.what for one in differences(a, b)] == [words, row.words]
+    a, b = two(numbered, swapped, 1 - numbers)
+    comparison = silo.compare(silo.Log(a), silo.Log(b))
+    assert (len(comparison), comparison.alike) == (0, 1)
+    assert words in str(comparison)
+    assert [(one.what, one.differs) for one in differences(a, b)] == [(words, False)]
+    # what only one of them has a word for is its number
+    for labels in ({0: "stand"}, {0: "stand", 1: "trot", 2: "walk"}, None):
+        assert not differences(*two(numbered, labels, numbers))
+    assert silo.compare(*map(silo.Log, two({0: "stand"}, {0: "stand", 1: "trot"}, 0 * numbers))).rows
+
+
 def test_what_neither_run_has_a_sample_of_is_no_difference():
     nothing = recorded([element("/log/x", np.empty(0))])
     assert not differences(nothing, replace(nothing, elements=list(nothing.elements)))
