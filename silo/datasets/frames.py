@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from silo.analysis.log import Log
 from silo.analysis.signal import Signal
 from silo.core.arguments import INT64
+from silo.core.enumerations import contradiction
 from silo.errors import ElementError, UnknownSignalError
 
 How = Literal["last", "mean", "window"]
@@ -22,13 +23,17 @@ HOWS: tuple[How, ...] = ("last", "mean", "window")
 
 
 class Feature(msgspec.Struct, frozen=True):
-    """A column of a data set: its name, its type there, the shape of one frame, the names and units of its numbers."""
+    """A column of a data set: its name, its type there, the shape of one frame, the names and units of its numbers.
+
+    `labels` are the words of enumerations, by the names of these numbers.
+    """
 
     name: str
     dtype: str
     shape: tuple[int, ...]
     names: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
+    labels: dict[str, dict[int, str]] = {}
 
 
 @dataclass(frozen=True)
@@ -127,10 +132,30 @@ def _places(signal: Signal, grid_ns: NDArray[np.int64]) -> NDArray[np.intp]:
 
 
 def same_features(known: tuple[Feature, ...], made: FrameTable, name: str) -> tuple[Feature, ...]:
-    """Return the features of an episode. Raises ElementError where they aren't those that are known of the others."""
-    if known and made.features != known:
+    """Return the features of an episode, with the words that are known of the others, too.
+
+    Raises ElementError where they aren't those that are known of the others.
+    """
+    if not known:
+        return made.features
+    if _without_words(known) != _without_words(made.features):
         raise ElementError(f"'{name}': {_difference(known, made.features)}; take runs of one kind")
-    return made.features
+    return tuple(_with_words(one, other, name) for one, other in zip(known, made.features, strict=True))
+
+
+def _without_words(features: Sequence[Feature]) -> list[Feature]:
+    return [msgspec.structs.replace(one, labels={}) for one in features]
+
+
+def _with_words(known: Feature, made: Feature, name: str) -> Feature:
+    labels = {number: {**known.labels.get(number, {}), **words} for number, words in made.labels.items()}
+    for number, words in made.labels.items():
+        if wrong := contradiction(known.labels.get(number, {}), words):
+            raise ElementError(
+                f"'{name}': '{number}' of '{known.name}' means something else than in the runs before: {wrong}; take "
+                "runs whose words have the same numbers"
+            )
+    return msgspec.structs.replace(known, labels={**known.labels, **labels})
 
 
 def _difference(first: Sequence[Feature], other: Sequence[Feature]) -> str:
@@ -148,6 +173,7 @@ def _difference(first: Sequence[Feature], other: Sequence[Feature]) -> str:
 
 def _column(wanted: Wanted, grid_ns: NDArray[np.int64], width: int) -> tuple[Feature, NDArray[Any]]:
     parts, names, units = [], [], []
+    labels: dict[str, dict[int, str]] = {}
     for signal in (one._in_order() for one in wanted.signals):
         places = _places(signal, grid_ns)
         flat = np.asarray(signal.values if signal.values.dtype.kind in "US" else np.asarray(signal))
@@ -160,12 +186,14 @@ def _column(wanted: Wanted, grid_ns: NDArray[np.int64], width: int) -> tuple[Fea
         else:
             parts.append(flat[places])
         short = _short(signal, wanted.prefix)
-        names += [f"{short}_{part}" for part in signal.components] or [short]
+        own = {f"{short}_{part}": signal.component_labels.get(part, signal.labels) for part in signal.components}
+        names += [*(own or (own := {short: signal.labels}))]
+        labels |= {name: dict(words) for name, words in own.items() if words}
         units += [signal.unit] * flat.shape[1]
     values = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=-1)
     shape = values.shape[1:] if wanted.how == "window" else (values.shape[1],)
     dtype = wanted.dtype or _dtype(values)
-    feature = Feature(wanted.name, dtype, shape, tuple(names), tuple(units))
+    feature = Feature(wanted.name, dtype, shape, tuple(names), tuple(units), labels)
     values = values.astype(object if dtype == "string" else dtype, copy=False)
     return feature, values[:, 0] if shape == (1,) else values
 

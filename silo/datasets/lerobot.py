@@ -321,7 +321,8 @@ class _Writer:
 
 def _told(feature: Feature) -> dict[str, Any]:
     said = {"dtype": feature.dtype, "shape": list(feature.shape), "names": list(feature.names) or None}
-    return said | ({"units": list(feature.units)} if feature.units else {})
+    said |= {"units": list(feature.units)} if feature.units else {}
+    return said | ({"labels": feature.labels} if feature.labels else {})
 
 
 def _of_hugging_face(feature: Feature) -> dict[str, Any]:

@@ -15,11 +15,13 @@ from hypothesis import strategies as st
 import silo
 from silo.analysis.signal import Signal
 from silo.core.elements import Stretch
+from silo.core.recording import Recording
 from silo.datasets.check import check_lerobot
 from silo.datasets.frames import Wanted, frames, wanted_of
 from silo.datasets.lerobot import write_lerobot
 from silo.datasets.moments import Moments, merged
 from tests.later import Later
+from tests.stand_ins.saved import element
 
 pa, pq = Later("pyarrow"), Later("pyarrow.parquet")
 
@@ -296,6 +298,25 @@ def test_runs_of_another_kind_are_told_apart(runs, tmp_path, new_logger):
     ):
         write_lerobot([runs[0], other], tmp_path / "out", fps=FPS, state=["joints/q"])
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("to", ["lerobot", "episodes"])
+def test_words_of_enumerations_are_told_and_runs_in_which_they_contradict_are_refused(tmp_path, to):
+    def run(labels):
+        values = np.arange(100) % 2
+        return silo.Log(Recording("dog", np.arange(100) * 10**7, 100, [element("m", values, labels=labels)]))
+
+    stand, more, swapped = {0: "STAND"}, {0: "STAND", 1: "TROT"}, {0: "TROT", 1: "STAND"}
+    given = {"fps": FPS, "state": ["m"], "also": ["m"], "to": to}
+    write_lerobot([run(stand), run(more)], tmp_path / "out", **given)
+    head = json.loads((tmp_path / "out" / ("meta/info.json" if to == "lerobot" else "episodes.json")).read_text())
+    features = head["features"]
+    features = features if to == "lerobot" else {one["name"]: one for one in features}
+    for name in ("observation.state", "observation.m"):
+        assert features[name]["labels"] == {"m": {"0": "STAND", "1": "TROT"}}
+    with pytest.raises(silo.ElementError, match=r"'m' of 'observation.state' .*0 is STAND, then TROT; 1 is TROT, then"):
+        write_lerobot([run(more), run(swapped)], tmp_path / "none", **given)
+    assert not (tmp_path / "none").exists()
 
 
 def test_only_a_data_set_is_replaced_and_only_if_asked(runs, tmp_path):
