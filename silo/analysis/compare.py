@@ -292,7 +292,7 @@ def _episode(log: Log, which: str | int) -> Log:
     if not found:
         names = ", ".join(dict.fromkeys(one.name for one in log.episodes)) or "none"
         raise ElementError(f"{log.path or 'a run'} has no episode {shown(which)}; it has {names}")
-    part = log.clip(found[0].start_s, found[0].stop_s)
+    part = log.clip(found[0])
     return Log(part.recording, part.path, log.start_ns + round(found[0].start_s * 1e9))
 
 

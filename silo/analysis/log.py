@@ -24,7 +24,7 @@ from silo.analysis.parameters import LoggedParameters
 from silo.analysis.plots.events import LogEvent, episodes_of, events_of
 from silo.analysis.responses import bode_between, step_between
 from silo.analysis.signal import Signal
-from silo.analysis.stretches import clipped, resampled
+from silo.analysis.stretches import clipped, clipped_to_ticks, resampled
 from silo.core.arguments import INT64, real, shown, switch, text
 from silo.core.arguments import path as file_path
 from silo.core.calls import no_attribute, told_class
@@ -262,18 +262,21 @@ class Log(Mapping[str, Signal]):
 
     # ----------------------------------------------------------------------------------------------- parts, other times
 
-    def clip(self, start_s: float | None = None, stop_s: float | None = None) -> "Log":
-        """Return the part of the log from `start_s` to `stop_s`, both included.
+    def clip(self, start_s: float | Episode | None = None, stop_s: float | None = None) -> "Log":
+        """Return the part of the log from `start_s` to `stop_s`, both included, or the part that is an episode.
 
         Times go on counting from the start of the whole log.
 
         Args:
-            start_s: seconds since start; None: from the first tick.
+            start_s: seconds since start; None: from the first tick. Or one of `log.episodes`: its ticks are meant, also
+                where the clock of a simulation begins anew with each of them.
             stop_s: seconds since start; None: to the last tick.
 
         Raises:
             ElementError: there is no tick between them.
         """
+        if isinstance(start_s, Episode):
+            return self._of_episode(start_s, stop_s)
         low, high = (self._bound(*each) for each in (("start_s", start_s, 0), ("stop_s", stop_s, 1)))
         made = clipped(self.recording, low, high)
         if not len(made.time_ns) and len(self.time_ns):
@@ -281,6 +284,15 @@ class Log(Mapping[str, Signal]):
                 f"the log has no tick from {'its start' if start_s is None else f'{start_s:g} s'} to "
                 f"{'its end' if stop_s is None else f'{stop_s:g} s'}; it goes from 0 to {self.duration_s:g} s"
             )
+        return Log(made, self.path, self.start_ns)
+
+    def _of_episode(self, episode: Episode, stop_s: object) -> "Log":
+        if stop_s is not None:
+            raise ElementError("an episode has its end: log.clip(episode), or log.clip(start_s, stop_s)")
+        made = clipped_to_ticks(self.recording, episode.first, episode.last)
+        if not len(made.time_ns):
+            ticks = f"tick {episode.first} to {episode.last}"
+            raise ElementError(f"the log has no tick of episode '{episode.name}', which goes from {ticks}")
         return Log(made, self.path, self.start_ns)
 
     def _bound(self, argument: str, given: float | None, end: int) -> int:
@@ -509,7 +521,7 @@ class Log(Mapping[str, Signal]):
 
     @property
     def episodes(self) -> list[Episode]:
-        """What `log.episode("pick")` marked, in the order of time: `log.clip(one.start_s, one.stop_s)` is its part."""
+        """What `log.episode("pick")` marked, in the order of time: `log.clip(one)` is its part."""
         return episodes_of(self.recording, self.start_ns)
 
     @property

@@ -27,7 +27,9 @@ from silo.core.recording import (
     falls,
     lazy_entry,
     once_each,
+    places_of_ticks,
     samples_between,
+    samples_of_ticks,
     stamps_of,
     within,
 )
@@ -40,13 +42,29 @@ def clipped(recording: Recording, first_ns: int, last_ns: int) -> Recording:
     kept = within(recording.time_ns, first_ns, last_ns)
     if not isinstance(kept, slice):
         return _kept(recording, kept, first_ns, last_ns)
-    low, high = kept.start, kept.stop
+    elements = tuple(
+        _between(element, kept.start, kept.stop)
+        if element.own_ns is None
+        else _own_between(element, element.own_ns, within(element.own_ns, first_ns, last_ns))
+        for element in recording.elements
+    )
+    return _stretch(recording, kept.start, kept.stop, elements)
+
+
+def clipped_to_ticks(recording: Recording, first: int, last: int) -> Recording:
+    """Return the ticks from `first` to `last` since the start, both included, and what was logged at them."""
+    low, high = places_of_ticks(recording, first, last)
     elements = tuple(
         _between(element, low, high)
         if element.own_ns is None
-        else _own_between(element, element.own_ns, first_ns, last_ns)
+        else _own_between(element, element.own_ns, samples_of_ticks(recording, element, low, high))
         for element in recording.elements
     )
+    return _stretch(recording, low, high, elements)
+
+
+def _stretch(recording: Recording, low: int, high: int, elements: tuple[RecordedElement, ...]) -> Recording:
+    """The ticks whose stamps stand at `low <= place < high`, with what was logged at them and happened there."""
     offset = recording.offset - (len(recording.time_ns) - high)
     begin = offset - (high - low)
     events = tuple(event for event in recording.events if begin <= event.tick < offset)
@@ -60,7 +78,7 @@ def _kept(recording: Recording, kept: NDArray[np.bool_], first_ns: int, last_ns:
 
     def cut(element: RecordedElement) -> RecordedElement:
         if element.own_ns is not None:
-            return _own_between(element, element.own_ns, first_ns, last_ns)
+            return _own_between(element, element.own_ns, within(element.own_ns, first_ns, last_ns))
         ticks = element.first + np.arange(element.count) * element.divider
         mine = kept[ticks]
         at = places[ticks[mine]]
@@ -91,9 +109,8 @@ def _between(element: RecordedElement, low: int, high: int) -> RecordedElement:
     return replace(element, first=max(first, 0), entries=entries, buffer_type=BufferType.GROWING)
 
 
-def _own_between(element: RecordedElement, own: NDArray[np.int64], first_ns: int, last_ns: int) -> RecordedElement:
-    """The samples of an element with time stamps of its own, read when they are asked for."""
-    kept = within(own, first_ns, last_ns)
+def _own_between(element: RecordedElement, own: NDArray[np.int64], kept: slice | NDArray[np.bool_]) -> RecordedElement:
+    """Some samples of an element with time stamps of its own, read when they are asked for."""
     stamps = own[kept]
     return alike(RecordedElement, element, own_ns=stamps, entries=_cut(element, kept, len(stamps)))
 

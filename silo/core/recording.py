@@ -337,6 +337,27 @@ def samples_between(first: int, divider: int, count: int, begin: int, end: int) 
     return low, min(count, max(low, -((first - end) // divider)))
 
 
+def places_of_ticks(recording: Recording, first: int, last: int) -> tuple[int, int]:
+    """Where the kept ones of the ticks `first ... last` stand among the stamps: the first, and the one after the last.
+
+    The clock of a simulation begins anew with each reset: which ticks an episode has, its times don't tell.
+    """
+    before = recording.offset - len(recording.time_ns)
+    low = min(max(first - before, 0), len(recording.time_ns))
+    return low, min(max(last + 1 - before, low), len(recording.time_ns))
+
+
+def samples_of_ticks(recording: Recording, element: RecordedElement, low: int, high: int) -> slice | NDArray[np.bool_]:
+    """Which samples of an element belong to the ticks whose stamps stand at `low <= place < high`.
+
+    Of what has stamps of its own those that lie between the times of these ticks.
+    """
+    if element.own_ns is None:
+        return slice(*samples_between(element.first, element.divider, element.count, low, high))
+    time_ns = recording.time_ns[low:high]
+    return within(element.own_ns, int(time_ns.min()), int(time_ns.max())) if len(time_ns) else slice(0, 0)
+
+
 def common_axis(stamps: Iterable[NDArray[np.int64]]) -> NDArray[np.int64]:
     """All stamps that there are, rising; one that somebody has twice is there twice."""
     parts = list({id(each): each for each in stamps}.values())

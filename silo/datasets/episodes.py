@@ -28,7 +28,7 @@ def pieces_of(log: Log, name: str, pieces: Pieces) -> list[tuple[str, Log, Episo
     found = [one for one in log.episodes if one.verdict != REDO]
     if not found:
         raise ElementError("no episode is marked in it that isn't to be done again")
-    return [(f"{name}#{one.number}", log.clip(one.start_s, one.stop_s), one) for one in found]
+    return [(f"{name}#{one.number}", log.clip(one), one) for one in found]
 
 
 def with_facts(log: Log, episode: Episode) -> Log:

@@ -18,7 +18,7 @@ from silo.analysis.reports import moments, numbers_of
 from silo.core.arrays.values import from_base
 from silo.core.elements import MARKER, LoggedEvent
 from silo.core.episodes.words import Episode, said_by
-from silo.core.recording import Recording, read_ahead, stamps_of, within
+from silo.core.recording import Recording, places_of_ticks, read_ahead, samples_of_ticks
 from silo.core.tuning.parameters import ParameterValue
 from silo.errors import SiloError
 from silo.files.added import added_formats
@@ -135,7 +135,7 @@ def facts_of(recording: Recording, name: str, size_bytes: int, path: Path) -> In
     signals, parts = [], []
     for element in recording.elements:
         pieces = [
-            within(stamps_of(recording, element), *(begin_ns + round(at * 1e9) for at in (one.start_s, one.stop_s)))
+            samples_of_ticks(recording, element, *places_of_ticks(recording, one.first, one.last))
             for one in facts.episodes
         ]
         for entry in element.entries:

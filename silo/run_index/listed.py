@@ -181,7 +181,7 @@ class ListedEpisode(ListedRun):
         """Open its part of the log. Raises as `silo.open_log`, and ElementError where the log lacks it by now."""
         log = super().open()
         one = next((one for one in log.episodes if self.files and one.number == self.episode.number), self.episode)
-        return log.clip(one.start_s, one.stop_s)
+        return log.clip(one)
 
     def __repr__(self) -> str:
         one = self.episode

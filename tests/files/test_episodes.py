@@ -193,6 +193,46 @@ def test_the_command_has_a_line_for_each(root):
     assert CliRunner().invoke(cli, ["runs", str(root), "--where", "episodes == 4"]).output.count(".silo") == 2
 
 
+def test_an_episode_has_its_own_ticks_where_the_clock_of_a_simulation_begins_anew_with_each(tmp_path, new_logger):
+    now = [0.0]
+    log = new_logger("sim", frequency=100, clock=lambda: now[0])
+    x, slow = log.array("x"), log.array("slow", divider=3)
+    log.start()
+    for number in range(3):
+        for tick in range(50):
+            now[0] = tick * 0.01
+            if tick == 10:
+                episode = log.episode("run", number=number)
+                episode.__enter__()
+            x[...] = slow[...] = 100 * number + tick
+            log.collect()
+            if tick == 39:
+                episode.__exit__(None, None, None)
+    path = log.save("silo", name="resets").path
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", silo.LogWarning)  # of the clock
+        read = silo.open_log(path)
+    truth = [np.arange(100 * number + 10, 100 * number + 40) for number in range(3)]
+    rest = [[one[of] for of in range(30) if (50 * place + 10 + of) % 3 == 0] for place, one in enumerate(truth)]
+    parts = [read.clip(one) for one in read.episodes]
+    assert [part["x"].values.tolist() for part in parts] == [one.tolist() for one in truth]
+    assert [part["slow"].values.tolist() for part in parts] == rest
+    assert [part.start_ns for part in parts] == [read.start_ns] * 3
+    with pytest.raises(silo.ElementError, match="an episode has its end"):
+        read.clip(read.episodes[0], 0.3)
+    with pytest.raises(silo.ElementError, match="no tick of episode 'run', which goes from tick 10 to 39"):
+        parts[1].clip(read.episodes[0])
+    listed = silo.runs(tmp_path).episodes()
+    assert [one.open()["x"].values.tolist() for one in listed] == [one.tolist() for one in truth]
+    facts = [{signal.name: (signal.count, signal.least, signal.most) for signal in one.signals} for one in listed]
+    assert [one["/log/x"] for one in facts] == [(30, values[0], values[-1]) for values in truth]
+    assert [one["/log/slow"] for one in facts] == [(10, values[0], values[-1]) for values in rest]
+    made = write_lerobot([path], tmp_path / "set", fps=100, state=["x"], to="episodes", episodes="episodes")
+    for number, values in enumerate(truth):
+        frames = np.load(made.path / f"episode_{number:06d}.npz")["observation.state"]
+        assert frames.ravel().tolist() == values.tolist()
+
+
 def test_a_data_set_has_the_marked_episodes_without_those_to_be_done_again(root, tmp_path):
     words = ["--to", "lerobot", "--fps", "50", "--state", "q", "--episodes", "episodes", "--where", "success"]
     runs = [str(root / f"run{number}.silo") for number in range(2)]

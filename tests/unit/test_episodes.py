@@ -47,7 +47,7 @@ def test_every_format_tells_of_episodes(log, tmp_path, kind):
     (one,) = read.episodes
     assert (one.name, one.first, one.last, one.verdict, one.whole, one.success) == ("pick up", 3, 6, "good", True, True)
     assert one.about == {"object": "cup", "speed": 0.5, "tries": 2, "wet": True}
-    assert len(read.clip(one.start_s, one.stop_s).time_ns) == 4
+    assert len(read.clip(one).time_ns) == 4
 
 
 def test_an_exception_makes_it_no_success_and_stands_in_its_mark(log, tmp_path):
