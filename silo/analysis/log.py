@@ -20,7 +20,7 @@ from silo.analysis.compute.arithmetic import warn_outside
 from silo.analysis.compute.responses import Bode, StepResponse
 from silo.analysis.compute.shapes import assembled, component_names
 from silo.analysis.lookup import names_of
-from silo.analysis.parameters import LoggedParameters
+from silo.analysis.parameters import LoggedParameters, parameters_of
 from silo.analysis.plots.events import LogEvent, episodes_of, events_of
 from silo.analysis.responses import bode_between, step_between
 from silo.analysis.signal import Signal
@@ -511,8 +511,7 @@ class Log(Mapping[str, Signal]):
     @property
     def parameters(self) -> LoggedParameters:
         """What was tuned: `log.parameters.at(12.5)` are all values then, `log.parameters.changes` who changed what."""
-        recording = self.recording
-        return LoggedParameters(recording.events, recording.time_ns, recording.offset, self.start_ns)
+        return parameters_of(self.recording, self.start_ns)
 
     @property
     def events(self) -> list[LogEvent]:

@@ -1,15 +1,17 @@
 """What the parameters of a run were, and who changed them when: read from the events of its log."""
 
 import functools
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.analysis.ramps import Ramp, Samples, between, samples_of
 from silo.core.arguments import real
 from silo.core.elements import LoggedEvent
 from silo.core.parameter_images import Unknown, unknown_of_runs, unknown_texts
+from silo.core.recording import Recording
 from silo.core.tuning.excitation import ENDED
 from silo.core.tuning.parameters import Excitation, ParameterValue
 from silo.errors import ElementError
@@ -49,11 +51,22 @@ def excitations_told(events: Iterable[LoggedEvent]) -> list[ToldExcitation]:
 class LoggedParameters:
     """The parameters of a log: `log.parameters.at(12.5)` are their values then, `.changes` all that changed them."""
 
-    def __init__(self, events: Sequence[LoggedEvent], time_ns: NDArray[np.int64], offset: int, start_ns: int) -> None:
-        """Read what events tell. `time_ns` are the stamps of the ticks before `offset`; times count from `start_ns`."""
+    def __init__(
+        self,
+        events: Sequence[LoggedEvent],
+        time_ns: NDArray[np.int64],
+        offset: int,
+        start_ns: int,
+        samples: Callable[[str], Samples | None] = lambda name: None,
+    ) -> None:
+        """Read what events tell. `time_ns` are the stamps of the ticks before `offset`; times count from `start_ns`.
+
+        `samples` are those of a parameter, which tell how far a ramp had come.
+        """
         told = [event for event in events if event.change is not None]
         self._events = sorted(told, key=lambda event: (event.tick, event.time_ns, event.number))
-        self._time_ns, self._offset, self._start_ns = time_ns, offset, start_ns
+        self._time_ns, self._offset, self._start_ns, self._samples = time_ns, offset, start_ns, samples
+        self._ramps: dict[int, Ramp] = {}
 
     @property
     def changes(self) -> list[LoggedEvent]:
@@ -72,8 +85,7 @@ class LoggedParameters:
         ]
 
     def _seconds(self, tick: int) -> float:
-        place = min(max(0, tick - self._offset + len(self._time_ns)), len(self._time_ns) - 1)
-        return (int(self._time_ns[place]) - self._start_ns) * 1e-9 if len(self._time_ns) else 0.0
+        return (self._stamp(tick) - self._start_ns) * 1e-9 if len(self._time_ns) else 0.0
 
     @property
     def names(self) -> list[str]:
@@ -81,7 +93,10 @@ class LoggedParameters:
         return list(dict.fromkeys(name for event in self._events for name, _, _ in _values(event)))
 
     def at(self, time_s: float) -> dict[str, ParameterValue]:
-        """Return what each parameter was at a time, of a ramp where it went to.
+        """Return what each parameter was at a time; of one that is excited, around what it goes.
+
+        One with a rate is on its way then, and all that was set with it, as far as its samples tell (10 a second);
+        where it wasn't logged, it is where it went to.
 
         Args:
             time_s: seconds since the start of the log; before its first tick and after its last one, these.
@@ -98,16 +113,30 @@ class LoggedParameters:
         for one in self.unknown:
             if one.first <= tick < one.end:
                 raise ElementError(f"what the parameters were at {time_s:g} s is not known: {one.text(self._seconds)}")
+        return self._at_tick(tick)
+
+    @property
+    def last(self) -> dict[str, ParameterValue]:
+        """What each is behind the last tick; empty where the log tells of none."""
+        return self._at_tick(max([self._offset, *(event.tick for event in self._events)]))
+
+    def _at_tick(self, tick: int) -> dict[str, ParameterValue]:
         known = max((one.end for one in self.unknown if not one.whole and one.end <= tick), default=-1)
         found: dict[str, ParameterValue] = {}
-        for event in self._events:
+        ways: dict[str, tuple[int, ParameterValue]] = {}  # of what was changed last: by which event, from where
+        for number, event in enumerate(self._events):
             for name, old, new in _values(event):
                 if event.tick < known:
                     continue
                 if event.tick <= tick:
                     found[name] = new
+                    ways.pop(name, None)
+                    if old is not None:
+                        ways[name] = number, old
                 elif old is not None:  # of what was changed before, nothing is told any more
                     found.setdefault(name, old)
+        for name, (number, old) in ways.items():
+            found[name] = between(old, found[name], self._ramp(number).share(tick))
         return found
 
     @functools.cached_property
@@ -120,8 +149,24 @@ class LoggedParameters:
         """The same in words."""
         return unknown_texts(self._events, self._offset - len(self._time_ns), self._seconds)
 
+    def _ramp(self, number: int) -> Ramp:
+        if number not in self._ramps:
+            later = self._events[number + 1 :]
+            self._ramps[number] = Ramp(self._events[number], later, self._samples, self._stamp)
+        return self._ramps[number]
+
+    def _stamp(self, tick: int) -> int:
+        place = min(max(0, tick - self._offset + len(self._time_ns)), len(self._time_ns) - 1)
+        return int(self._time_ns[place]) if len(self._time_ns) else 0
+
     def __repr__(self) -> str:
         return f"<LoggedParameters: {len(self.names)}, {len(self.changes)} changes>"
+
+
+def parameters_of(recording: Recording, start_ns: int) -> LoggedParameters:
+    """Return the parameters of a recording; times count from `start_ns`."""
+    samples = samples_of(recording)
+    return LoggedParameters(recording.events, recording.time_ns, recording.offset, start_ns, samples)
 
 
 def _values(event: LoggedEvent) -> Sequence[tuple[str, ParameterValue | None, ParameterValue]]:

@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.analysis.parameters import parameters_of
 from silo.analysis.plots.curves import CurveSource, picked
 from silo.analysis.plots.events import episodes_of
 from silo.analysis.reports import moments, numbers_of
@@ -156,9 +157,6 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
     span_s = float(stamps[-1] - stamps[0]) * 1e-9 if ticks else 0.0
     happened = _happened(recording.events)
     began = recording.started_ns or (int(stamps[0]) if ticks and stamps[0] > SANE_NS else 0)
-    parameters: dict[str, ParameterValue] = {}
-    for event in recording.events:
-        parameters |= {key: new for key, _, new in (event.change.values if event.change is not None else ())}
     return RunFacts(
         path=name,
         prefix=recording.prefix,
@@ -179,7 +177,7 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
         warnings=len(recording.warnings),
         size_bytes=size_bytes,
         about=recording.told_about,
-        parameters=parameters,
+        parameters=parameters_of(recording, 0).last,
         episodes=tuple(episodes_of(recording, int(stamps[0]) if ticks else 0)),
         run=recording.stretch.run if recording.stretch is not None else _run_of(recording.events),
         part=recording.stretch.part if recording.stretch is not None else 0,

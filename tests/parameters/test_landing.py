@@ -296,6 +296,58 @@ def test_a_file_tells_what_held_at_a_time_and_who_changed_it(tuned, kind):
     assert next((event.tick, event.who) for event in log.parameters.changes) == (2, "alice")
 
 
+class Ramps:
+    """A run of 100 Hz, and what its parameters were at each tick as the program saw them; they are logged at 10 Hz."""
+
+    def __init__(self, logger):
+        self.logger, self.saw = logger, []
+        self.slow = logger.parameter("slow", 0.0, rate=1.0, group="leg", locked=True)
+        self.with_it = [logger.parameter("on", False, group="leg"), logger.parameter("n", 0, group="leg")]
+        logger.start()
+
+    def ticks(self, count):
+        for _ in range(count):
+            self.saw.append((self.slow.value, *(one.value for one in self.with_it)))
+            self.logger.collect()
+
+    def told(self):
+        log = silo.open_log(self.logger.save("silo").path)
+        held = (log.parameters.at(time_s) for time_s in log.times)
+        return [tuple(one[f"/log/leg/{name}"] for name in ("slow", "on", "n")) for one in held], log
+
+
+def test_a_ramp_is_on_its_way_at_a_time_and_all_that_was_set_with_it(new_logger):
+    ramps = Ramps(new_logger(frequency=100, clock=Clock()))
+    ramps.ticks(7)
+    ask(ramps.logger, {"slow": 0.5, "on": True, "n": 40})  # over within the run
+    ramps.ticks(70)
+    ask(ramps.logger, {"slow": 0.0, "n": 0})
+    ramps.ticks(23)
+    ask(ramps.logger, {"slow": 0.4})  # before it was over
+    ramps.ticks(25)
+    ramps.logger.parameters["slow"].value = -1.0  # the program's own are there at once
+    ramps.ticks(8)
+    ask(ramps.logger, {"slow": 9.0, "on": False})
+    ramps.ticks(33)  # and ends on its way
+    told, log = ramps.told()
+    assert [one[1:] for one in told] == [one[1:] for one in ramps.saw]
+    assert [one[0] for one in told] == pytest.approx([one[0] for one in ramps.saw], abs=1e-9)
+    assert log.parameters.last["/log/leg/slow"] == pytest.approx(ramps.slow.value)
+    (run,) = silo.runs(log.path.rpartition("/")[0])
+    assert run.facts.parameters["/log/leg/slow"] == pytest.approx(ramps.slow.value)
+
+
+def test_a_ramp_that_a_lock_ends_stays_where_it_came_to(new_logger):
+    ramps = Ramps(new_logger(frequency=100, clock=Clock()))
+    ask(ramps.logger, {"slow": 5.0})
+    ramps.ticks(40)
+    ramps.logger.parameters.lock()
+    ramps.ticks(40)
+    told, _ = ramps.told()
+    assert [one[0] for one in told[:30]] == pytest.approx([one[0] for one in ramps.saw[:30]], abs=1e-9)
+    assert [one[0] for one in told[51:]] == pytest.approx([ramps.slow.value] * 29)
+
+
 def test_changes_that_the_slots_hold_no_more_are_told_from_what_the_next_one_found(tuned):
     tuned.collect()
     for value in range(2000):
