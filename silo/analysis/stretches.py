@@ -24,10 +24,14 @@ from silo.core.recording import (
     RecordedEntry,
     Recording,
     alike,
+    as_holds,
     falls,
+    held_ticks,
     lazy_entry,
+    masked,
     once_each,
     places_of_ticks,
+    places_on,
     samples_between,
     samples_of_ticks,
     stamps_of,
@@ -111,8 +115,9 @@ def _between(element: RecordedElement, low: int, high: int) -> RecordedElement:
 
 def _own_between(element: RecordedElement, own: NDArray[np.int64], kept: slice | NDArray[np.bool_]) -> RecordedElement:
     """Some samples of an element with time stamps of its own, read when they are asked for."""
-    stamps = own[kept]
-    return alike(RecordedElement, element, own_ns=stamps, entries=_cut(element, kept, len(stamps)))
+    stamps, held = own[kept], held_ticks(element)
+    holds = () if held is None else as_holds(held[kept])
+    return alike(RecordedElement, element, own_ns=stamps, holds=holds, entries=_cut(element, kept, len(stamps)))
 
 
 def _cut(element: RecordedElement, kept: slice | NDArray[np.bool_], count: int) -> tuple[RecordedEntry, ...]:
@@ -145,6 +150,25 @@ class _Piece:
         return ticks if self.stretch.part == 1 else f"part {self.stretch.part}, {ticks}"
 
 
+@dataclass(frozen=True)
+class _Ends:
+    """Places in the whole, rising, before which nothing holds on: `all` of them, and of these behind missing ticks."""
+
+    gaps: Sequence[int]
+    all: Sequence[int]
+
+    def hides_gap(self, first: int, last: int) -> bool:
+        """Whether ticks are missing between two places."""
+        return bisect_right(self.gaps, first) < bisect_right(self.gaps, last)
+
+    def held(self, first: int, divider: int, count: int) -> list[tuple[int, int]]:
+        """How long samples hold, as `RecordedElement.holds`: the last one to the next end."""
+        last = first + (count - 1) * divider
+        at = bisect_right(self.all, last)
+        ticks = min(divider, self.all[at] - last) if at < len(self.all) else divider
+        return [(divider, count - 1), (ticks, 1)] if count > 1 else [(ticks, 1)] * count
+
+
 def joined(parts: Sequence[Recording]) -> Recording:
     """Return the parts of a run that was cut, or of a recording, as one: each sample, event and mark at its own time.
 
@@ -153,7 +177,9 @@ def joined(parts: Sequence[Recording]) -> Recording:
     first are taken. Values are read when they are asked for.
     """
     ordered = _in_order(parts)
-    begin, (pieces, time_ns, told) = _begin(ordered), _placed(ordered)
+    begin, (pieces, time_ns, told, gaps) = _begin(ordered), _placed(ordered)
+    begun = [piece.place for before, piece in pairwise(pieces) if piece.stretch.part != before.stretch.part]
+    ends = _Ends(gaps, sorted({*gaps, *begun}))
     first, last = pieces[0].part, pieces[-1]
     by_name: dict[str, list[tuple[_Piece, RecordedElement]]] = {}
     for piece in pieces:
@@ -165,18 +191,14 @@ def joined(parts: Sequence[Recording]) -> Recording:
         last.part,
         time_ns=time_ns,
         offset=begin + len(time_ns),
-        elements=tuple(_as_one(found, time_ns, own) for found in by_name.values()),
+        elements=tuple(_as_one(found, time_ns, own, ends) for found in by_name.values()),
         started_ns=first.started_ns,
         time_looping=first.time_looping,
         warnings=_warnings(pieces, told),
         events=tuple(once_each(events)),
         stretch=Stretch(last.stretch.run, parts=len(pieces), recorder=last.stretch.recorder),
     )
-    cuts = [
-        int(time_ns[piece.place])
-        for before, piece in pairwise(pieces)
-        if piece.stretch.part != before.stretch.part and piece.place < len(time_ns)
-    ]
+    cuts = [int(time_ns[place]) for place in begun if place < len(time_ns)]
     return _over_cuts(whole, cuts) if cuts else whole
 
 
@@ -240,10 +262,11 @@ def _in_order(parts: Sequence[Recording]) -> list[tuple[Recording, Stretch]]:
     return [ordered[key] for key in sorted(ordered)]
 
 
-def _placed(parts: Sequence[tuple[Recording, Stretch]]) -> tuple[list[_Piece], NDArray[np.int64], list[str]]:
-    """Where each part stands, the time stamps of all, and what is missing between them."""
+def _placed(parts: Sequence[tuple[Recording, Stretch]]) -> tuple[list[_Piece], NDArray[np.int64], list[str], list[int]]:
+    """Where each part stands, the time stamps of all, what is missing between them, and at which places."""
     pieces: list[_Piece] = []
     told: list[str] = []
+    gaps: list[int] = []
     stamps: list[NDArray[np.int64]] = [np.empty(0, np.int64)]
     known: list[tuple[int, NDArray[np.int64], NDArray[np.int64]]] = []
     taken: dict[str, list[range]] = {}  # by element of the stretch, the ticks of which it has samples
@@ -261,6 +284,7 @@ def _placed(parts: Sequence[tuple[Recording, Stretch]]) -> tuple[list[_Piece], N
         over = max(0, after - first) if len(part.time_ns) else 0
         if len(part.time_ns) and first > after:
             told.append(_gap(stretch, after, first - 1))
+            gaps.append(end)
         place = end - over
         pieces.append(_Piece(part, stretch, elements, place, begin + place - first))
         if over:  # rings end some ticks apart: which of two stamps was logged is told by samples
@@ -275,7 +299,7 @@ def _placed(parts: Sequence[tuple[Recording, Stretch]]) -> tuple[list[_Piece], N
     time_ns = np.concatenate(stamps)
     for place, logged, stamp_ns in known:
         time_ns[place + logged] = stamp_ns
-    return pieces, time_ns, told
+    return pieces, time_ns, told, gaps
 
 
 def _missing(before: Stretch | None, stretch: Stretch, first: int) -> list[str]:
@@ -374,6 +398,7 @@ def _as_one(
     found: list[tuple[_Piece, RecordedElement]],
     time_ns: NDArray[np.int64],
     own: dict[tuple[tuple[int, int, int], ...], NDArray[np.int64]],
+    ends: _Ends,
 ) -> RecordedElement:
     """An element of several parts; `own` are time stamps that others have, too, by where they stand."""
     pieces = sorted(
@@ -387,6 +412,7 @@ def _as_one(
     for first, divider, count in layout:
         steps = steps and first == follows and divider == last.divider
         follows = first + count * divider
+    steps = steps and (last.divider == 1 or not ends.hides_gap(begin, follows - last.divider))
     if not steps and layout not in own:
         own[layout] = time_ns[np.concatenate([first + np.arange(count) * step for first, step, count in layout])]
     spans = tuple((low + piece.shift, high + piece.shift) for piece, one in pieces for low, high in one.failures.spans)
@@ -397,6 +423,7 @@ def _as_one(
         last,
         first=begin if steps else 0,
         own_ns=None if steps else own[layout],
+        holds=() if steps else tuple(pair for place in layout for pair in ends.held(*place)),
         entries=tuple(_one_entry([one.entries[number] for _, one in pieces]) for number in range(len(last.entries))),
         lost=sum(one.lost for _, one in pieces),
         failures=Failures(sum(one.failures.count for _, one in pieces), spans),
@@ -420,7 +447,7 @@ def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) ->
     """Return every element at the same stamps: the value that held, or, of real numbers, what lies between.
 
     Stamps before an element's first sample have none of it, nor those at which one more would have come behind its last
-    (`linear`: those after its last).
+    (`linear`: those after its last). Where a cut had it switched off there is none (`silo.core.recording.masked`).
     """
     elements = tuple(_at(recording, element, time_ns, linear) for element in recording.elements)
     rate = None
@@ -441,6 +468,17 @@ def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) ->
     )
 
 
+def _until(recording: Recording, element: RecordedElement) -> NDArray[np.int64] | None:
+    """Before which stamp each sample holds, of an element that was changed at a cut; None: to the next sample."""
+    held, own, ticks = held_ticks(element), element.own_ns, recording.time_ns
+    if held is None or own is None or not len(own) or falls(own):
+        return None
+    ends = places_on(ticks, own) + held
+    step = int(np.median(np.diff(ticks))) if len(ticks) > 1 else 0
+    last = len(ticks) - 1
+    return np.asarray(ticks[np.minimum(ends, last)] + np.maximum(ends - last, 0) * step, np.int64)
+
+
 def _last(own: NDArray[np.int64], time_ns: NDArray[np.int64], smooth: bool) -> int:
     """The last stamp at which there is a value; a single sample, as of a map, holds on."""
     if not len(own) or (len(own) == 1 and not smooth):
@@ -457,9 +495,12 @@ def _at(recording: Recording, element: RecordedElement, time_ns: NDArray[np.int6
     places = np.searchsorted(own, time_ns, side="right") - 1
     begin = int(np.searchsorted(places, 0))
     smooth = linear and all(goes_straight(e.dtype, e.entry.labels) for e in element.entries)
-    end = int(np.searchsorted(time_ns, _last(own, time_ns, smooth), side="right"))
+    until = _until(recording, element)
+    last = _last(own, time_ns, smooth) if until is None or smooth else int(until[-1]) - 1
+    end = int(np.searchsorted(time_ns, last, side="right"))
     places = places[begin : max(begin, end)]
     wanted = time_ns[begin : max(begin, end)]
+    off = None if until is None else wanted >= until[places]
 
     @cache
     def straight() -> NDArray[np.float64]:
@@ -468,10 +509,9 @@ def _at(recording: Recording, element: RecordedElement, time_ns: NDArray[np.int6
         return between(element.kind, (own - zero).astype(float), columns, (wanted - zero).astype(float))
 
     def values(place: int, entry: RecordedEntry) -> NDArray[Any]:
-        if not smooth or not len(own):
-            return entry.values[order][places]
-        found: NDArray[Any] = straight()[:, place].astype(entry.dtype)
-        return found
+        held = not smooth or not len(own)
+        found: NDArray[Any] = entry.values[order][places] if held else straight()[:, place].astype(entry.dtype)
+        return found if off is None or not off.any() else masked(found, off)
 
     first = begin if len(places) else 0
     entries = tuple(
@@ -479,5 +519,5 @@ def _at(recording: Recording, element: RecordedElement, time_ns: NDArray[np.int6
         for place, e in enumerate(element.entries)
     )
     if element.own_ns is not None:
-        return alike(RecordedElement, element, own_ns=None, first=first, entries=entries)
+        return alike(RecordedElement, element, own_ns=None, holds=(), divider=1, first=first, entries=entries)
     return replace(element, divider=1, first=first, entries=entries, buffer_type=BufferType.GROWING)

@@ -146,7 +146,9 @@ class RecordedElement:
     first or the newest samples, so what it holds is always one unbroken run. `lost` counts the samples that fell
     due and could not be kept although the policy asked for them (memory limit). `dtype` are the fields of a NumPy
     structure (`silo.core.kinds.struct_text`), empty for all else. `own_ns`, shape `(count,)`, are time stamps of its
-    own: bags of others have no ticks, `first` and `divider` say nothing of them.
+    own: bags of others have no ticks, `first` and `divider` say nothing of them. `holds` are of an element that was
+    changed while it was logged, of which there are stretches: pairs of how many ticks samples hold (until the next is
+    due, or the stretch ends) and how many do; without them a sample with a stamp of its own holds until the next one.
     """
 
     name: str
@@ -162,6 +164,7 @@ class RecordedElement:
     dtype: str = ""
     failures: Failures = NO_FAILURES
     own_ns: NDArray[np.int64] | None = None
+    holds: tuple[tuple[int, int], ...] = ()
 
     @property
     def count(self) -> int:
@@ -174,6 +177,21 @@ class RecordedElement:
     def stamp_indices(self) -> NDArray[np.int64]:
         """Shape `(count,)`: which time stamp of the recording each sample belongs to."""
         return self.first + np.arange(self.count, dtype=np.int64) * self.divider
+
+
+def held_ticks(element: RecordedElement) -> NDArray[np.int64] | None:
+    """Shape `(count,)`: how many ticks each sample holds; None where it holds as its divider says, or to the next."""
+    if not element.holds:
+        return None
+    ticks, counts = np.array(element.holds, np.int64).T
+    return np.repeat(ticks, counts)
+
+
+def as_holds(ticks: NDArray[np.int64]) -> tuple[tuple[int, int], ...]:
+    """What `held_ticks` reads."""
+    begins = np.flatnonzero(np.diff(ticks, prepend=-1))
+    counts = np.diff(begins, append=len(ticks))
+    return tuple(zip(ticks[begins].tolist(), counts.tolist(), strict=True))
 
 
 _OF_LOGS = ("save", "to_pandas", "to_polars", "to_xarray", "plot", "eval", "clip", "resample", "names", "glob", "times")

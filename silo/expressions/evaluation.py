@@ -54,12 +54,14 @@ FALSE, TRUE, UNOBSERVABLE = 0, 1, -1
 class SourceRows:
     """New rows of one source: ticks and time stamps of shape `(n,)`, and by (element, entry) values of that shape.
 
-    They are float64, integers int64: sums, products and comparisons of these are exact.
+    They are float64, integers int64: sums, products and comparisons of these are exact. `holds`, of that shape, are how
+    many ticks each row holds, where it isn't always the divider of the source.
     """
 
     ticks: Ints
     time_ns: Ints
     columns: Mapping[tuple[int, int], Floats | Ints]
+    holds: Ints | None = None
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,14 @@ class _Source:
     divider: int
     tick: int | None = None
     values: dict[tuple[int, int], int | float] = field(default_factory=dict)
+    holds: int | None = None  # how many ticks its last row does, where that isn't the divider
+
+    def steps(self, rows: SourceRows | None) -> Ints:
+        """How many ticks the row of the batch before, and each of this one, hold."""
+        before = self.divider if self.holds is None else self.holds
+        own = rows.holds if rows is not None else None
+        here = np.full(0 if rows is None else len(rows.ticks), self.divider) if own is None else own
+        return np.concatenate([np.asarray([before], np.int64), here])
 
 
 class _Grid:
@@ -131,7 +141,7 @@ class _Grid:
         if self.alike:
             return None
         if source not in self._missing:
-            lost = self.ticks - self._held_ticks(source) >= self._known[source].divider
+            lost = self.ticks - self._held_ticks(source) >= self._steps(source)
             self._missing[source] = lost if lost.any() else None
         return self._missing[source]
 
@@ -140,6 +150,12 @@ class _Grid:
         ticks = self._rows[source].ticks if source in self._rows else _NO_ROWS.ticks
         with_before = np.concatenate([[_NEVER if before is None else before], ticks])
         return np.asarray(with_before[self.places(source) + 1], np.int64)
+
+    def _steps(self, source: int) -> Ints | int:
+        known, rows = self._known[source], self._rows.get(source)
+        if known.holds is None and (rows is None or rows.holds is None):
+            return known.divider
+        return known.steps(rows)[self.places(source) + 1]
 
     def breaks(self) -> NDArray[np.intp]:
         """Places before which samples of one of the sources are missing."""
@@ -152,6 +168,9 @@ class _Grid:
         if not len(ticks):
             return _NOWHERE
         begin = int(ticks[0]) - divider if before is None else before
+        if self._rows[source].holds is not None:
+            steps = self._known[source].steps(self._rows[source])[:-1]
+            return np.searchsorted(self.ticks, ticks[np.flatnonzero(np.diff(ticks, prepend=begin) > steps)])
         if int(ticks[-1]) - begin == len(ticks) * divider:
             return _NOWHERE
         late = ticks[np.flatnonzero(np.diff(ticks, prepend=begin) > divider)]
@@ -320,6 +339,7 @@ class Evaluator:
             if source in self._sources and len(rows.ticks):
                 kept = self._sources[source]
                 kept.tick = int(rows.ticks[-1])
+                kept.holds = None if rows.holds is None else int(rows.holds[-1])
                 if len(self._sources) > 1:  # alone it never has to hold
                     kept.values = {key: rows.columns[key][-1].item() for key in self._wanted[source]}
         for part, memory in self._memories.items():

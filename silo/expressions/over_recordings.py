@@ -23,6 +23,7 @@ from silo.core.recording import (
     Recording,
     common_axis,
     has_own_stamps,
+    held_ticks,
     places_on,
     read_ahead,
     samples_between,
@@ -53,13 +54,15 @@ class Evaluated:
 class _Ticks:
     """At which ticks a source has samples: `first`, then every `divider`-th, `count` in all.
 
-    Of elements with stamps of their own, `own` are the ticks themselves, and `divider` the longest way between two.
+    Of elements with stamps of their own, `own` are the ticks themselves, and `divider` the longest that one holds: to
+    the next one, or, of a run that was cut, as many ticks as `holds` says.
     """
 
     first: int
     divider: int
     count: int
     own: NDArray[np.int64] | None = None
+    holds: NDArray[np.int64] | None = None
 
     def between(self, begin: int, end: int) -> tuple[int, int]:
         """Which samples belong to the ticks `begin ... end - 1`."""
@@ -117,12 +120,14 @@ class RecordingJudge:
 
     def __init__(self, recording: Recording) -> None:
         self._elements = list(recording.elements)
-        stamps = [element.own_ns for element in self._elements if element.own_ns is not None]
-        # of a run that was cut some have stamps of their own, all of them from among those of the recording
-        alone = bool(stamps) and len(stamps) == len(self._elements)
+        its_own = [element for element in self._elements if element.own_ns is not None]
+        stamps = [element.own_ns for element in its_own if element.own_ns is not None]
+        # of a run that was cut elements have stamps of their own, all of them from among those of the recording
+        cut = any(element.holds for element in its_own)
+        alone = bool(stamps) and not cut and len(stamps) == len(self._elements)
         self.time_ns = common_axis(stamps) if alone else recording.time_ns
         # elements of one topic have the same array
-        own = {id(each): _own_ticks(self.time_ns, each) for each in {id(each): each for each in stamps}.values()}
+        own = {key: _own_ticks(self.time_ns, one) for key, one in {id(one.own_ns): one for one in its_own}.items()}
         numbers: dict[tuple[int, int, int, int], int] = {}
         keys = [(one.first, one.divider, one.count, id(one.own_ns)) for one in self._elements]
         self._sources = [numbers.setdefault(key, len(numbers)) for key in keys]
@@ -151,13 +156,15 @@ class RecordingJudge:
         low, high = layout.between(begin, end)
         ticks = layout.numbers(low, high)
         columns = {key: as_exact(self._elements[key[0]].entries[key[1]].values[low:high]) for key in keys}
-        return SourceRows(ticks, self.time_ns[ticks], columns)
+        holds = None if layout.holds is None else layout.holds[low:high]
+        return SourceRows(ticks, self.time_ns[ticks], columns, holds)
 
     def span(self, source: int) -> tuple[int, int]:
         """Return the time stamps, by number, from which on and before which the samples of a source hold."""
         layout = self._layouts[source]
         if layout.own is not None and len(layout.own):
-            return int(layout.own[0]), int(layout.own[-1]) + layout.divider
+            last = layout.divider if layout.holds is None else int(layout.holds[-1])
+            return int(layout.own[0]), int(layout.own[-1]) + last
         return layout.first, layout.first + layout.divider * layout.count
 
     def common_span(self, bound: BoundExpression) -> tuple[int, int]:
@@ -212,8 +219,11 @@ class RecordingJudge:
 _NO_TICKS = np.zeros(0, np.int64)
 
 
-def _own_ticks(axis: NDArray[np.int64], stamps: NDArray[np.int64]) -> _Ticks:
-    ticks = places_on(axis, stamps)
+def _own_ticks(axis: NDArray[np.int64], element: RecordedElement) -> _Ticks:
+    stamps: Any = element.own_ns
+    ticks, holds = places_on(axis, stamps), held_ticks(element)
+    if holds is not None and len(holds):
+        return _Ticks(0, int(holds.max()), len(ticks), ticks, holds)
     # a single message, as of a map, holds to the end
     return _Ticks(0, int(np.diff(ticks).max()) if len(ticks) > 1 else len(axis) + 1, len(ticks), ticks)
 

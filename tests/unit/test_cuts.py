@@ -454,3 +454,77 @@ def test_windows_in_the_file_of_a_stretch_are_nan_where_they_reach_back_into_the
     assert np.flatnonzero(np.isnan(log["smooth"].values)).tolist() == list(range(5))
     assert log["smooth"].values[5:].tolist() == [tick - 2 for tick in range(15, 20)]
     assert not np.isnan(log["plain"].values).any()
+
+
+@pytest.fixture
+def changing(tmp_path):
+    """A run of 60 ticks of 10 ms in which `x` and `number` are off from tick 20 to 40, and `slow` becomes slower."""
+    ticks = itertools.count()
+    script = tmp_path / "no.yaml"
+    log = silo.Logger("cut", frequency=100, folder=tmp_path, script=script, clock=lambda: 10**18 + next(ticks) * 10**7)
+    n, x = log.array("n", buffer="growing"), log.array("x", buffer="growing")
+    number = log.array("number", (), "int32", buffer="growing", divider=3)
+    slow = log.array("slow", buffer="growing", divider=2)
+    log.start()
+    for tick in range(60):
+        if tick in (20, 40):
+            edits = [silo.Edit(f"/log/{name}", enabled=tick == 40) for name in ("x", "number")]
+            log._scripted.apply([*edits, silo.Edit("/log/slow", divider=5 if tick == 20 else 3)], cut=True)
+        n[...] = x[...] = number[...] = slow[...] = tick
+        log.collect()
+    log.save()
+    log.close()
+    return tmp_path
+
+
+def test_what_a_cut_switched_off_for_a_while_holds_no_value_then(changing):
+    log = silo.open_log(changing)
+    there = [*range(20), *range(40, 60)]
+    for text in ("n - x", "prev(n) - x", "diff(x)", "n > x"):
+        found = log.eval(text)
+        assert set((found.time_ns - log.start_ns) // 10**7) <= set(there), text
+    assert log.eval("n - x").values.tolist() == [0.0] * 40
+    assert np.flatnonzero(log.eval("diff(x)").values != 1).tolist() == [0, 20], "where it begins anew it is NaN"
+    numbered = log.eval("n - number")
+    assert ((numbered.time_ns - log.start_ns) // 10**7).tolist() == there, "to the cut, not as far as its divider says"
+    assert numbered.values.max() == 2
+    assert len(log.eval("n - slow")) == 60, "what becomes slower holds to its next sample"
+    again = log.clip(0.1, 0.5).eval("n - x")
+    assert len(again) == 21
+
+
+@pytest.mark.parametrize("ending", ["npz", "mat"])
+def test_a_file_of_a_whole_run_knows_how_long_its_samples_hold(changing, tmp_path, ending):
+    silo.open_log(changing).save(tmp_path / f"whole.{ending}")
+    assert len(silo.open_log(tmp_path / f"whole.{ending}").eval("n - x")) == 40
+
+
+@pytest.mark.parametrize("ending", ["silo", "csv", "mcap", "npz"])
+def test_a_run_that_was_cut_has_at_one_rate_the_values_that_held(changing, tmp_path, ending):
+    made = silo.open_log(changing).resample(50)
+    assert made["slow"].values.tolist() == [
+        tick // 2 * 2 if tick < 20 else 20 + (tick - 20) // 5 * 5 if tick < 40 else 40 + (tick - 40) // 3 * 3
+        for tick in range(0, 60, 2)
+    ]
+    assert len(made.eval("slow + 0")) == len(made.clip(0.2, 0.3)["slow"]) * 5 == 30
+    assert np.isnan(made["x"].values).tolist() == [20 <= tick < 40 for tick in range(0, 60, 2)]
+    assert np.ma.getmaskarray(made["number"].values).tolist() == [20 <= tick < 40 for tick in range(0, 60, 2)]
+    made.save(tmp_path / f"made.{ending}")
+    again = silo.open_log(tmp_path / f"made.{ending}")
+    for name in ("slow", "x", "number"):
+        np.testing.assert_array_equal(np.asarray(again[name]), np.asarray(made[name]), err_msg=name)
+
+
+def test_a_value_from_before_missing_ticks_of_a_recording_does_not_hold_behind_them():
+    def part(*ticks):
+        stamps = 10**18 + 10**6 * np.arange(ticks[0], ticks[1])
+        slow = np.arange(-(-ticks[0] // 5) * 5, ticks[1], 5)
+        elements = [
+            element("x", np.arange(*ticks, dtype=float)),
+            element("slow", slow.astype(float), divider=5, first=int(slow[0]) - ticks[0]),
+        ]
+        return Recording("arm", stamps, ticks[1], elements, stretch=Stretch("run", 1, recorder="arm"))
+
+    for end, begin in ((18, 38), (18, 33)):
+        log = silo.Log(joined([part(0, end), part(begin, 60)]))
+        assert log.eval("x - slow").values.max() == 4

@@ -158,6 +158,7 @@ class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True, rename={"buf
     first: int | None = None
     dtype: str = ""
     failures: Failures = NO_FAILURES
+    holds: tuple[tuple[int, int], ...] = ()
 
 
 class LogFacts(msgspec.Struct, frozen=True, omit_defaults=True, rename={"conditions": "extras"}):
