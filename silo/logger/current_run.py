@@ -112,6 +112,9 @@ class CurrentRun:
         """Have a run that was made ready be the present one; the one before it stays until it is saved."""
         before = self.run
         assert before is not None
+        if before.segment.schema.cut is None and before.saved_ticks:
+            before.unmarked = True
+            before.segment.mark_saved(0)  # for who finds it when this process is gone
         self.cut_off.append(before)  # first: what is in neither place is let go of
         self.begun_ns = self.begun_ns or before.segment.schema.started_ns
         self._begun, self.run = self.runs, made
@@ -125,7 +128,7 @@ class CurrentRun:
             if following.segment.ticks or not following.segment.is_running:
                 if run.segment.is_running:
                     run.segment.stop(StopReason.CUT)
-                if run.saved_ticks >= run.segment.ticks:
+                if not is_to_be_saved(run):
                     self._count(run)
                     remove_journals(run.segment.schema)
                     self.cut_off.remove(run)
@@ -290,14 +293,14 @@ class CurrentRun:
 
     def mark_saved(self, run: Run, ticks: int) -> None:
         """Remember that the first `ticks` of a run stand in files, unless it is none of those that are there."""
-        if run in self.stretches and ticks > run.saved_ticks:
-            run.saved_ticks = ticks
+        if run in self.stretches and (ticks > run.saved_ticks or run.unmarked):
+            run.saved_ticks, run.unmarked = ticks, False
             run.segment.mark_saved(ticks)
 
     def _save(self, options: LoggerOptions, conditions: Conditions) -> None:
         """Save in this process: the link thread, which an answer of the helper comes by, may wait for the caller."""
         paths = []
-        for run in filter(unsaved_of, self.stretches):
+        for run in filter(is_to_be_saved, self.stretches):
             ticks, held = run.segment.ticks, run.reader.snapshot()
             saved = save_run(held, run.id, options, "saved before the next start", conditions)
             paths += [file.path for file in saved]
@@ -359,6 +362,11 @@ def check_cut(present: CurrentRun, run: Run, table: Sequence[ElementInfo], *, ex
 def unsaved_of(run: Run) -> int:
     """How many ticks of a run stand in no file."""
     return max(0, run.segment.ticks - run.saved_ticks)
+
+
+def is_to_be_saved(run: Run) -> bool:
+    """Whether ticks of a run stand in no file, or in one alone that doesn't tell that others go on it."""
+    return bool(unsaved_of(run)) or run.unmarked
 
 
 def _lost(run: Run) -> Counter[str]:

@@ -29,7 +29,7 @@ from silo.logger.arguments.options import (
 )
 from silo.logger.arguments.other_names import LoggerNames, no_attribute_of
 from silo.logger.conditions import LoggerConditions
-from silo.logger.current_run import CurrentRun, check_cut, unsaved_of
+from silo.logger.current_run import CurrentRun, check_cut, is_to_be_saved
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
 from silo.logger.results import Elements, LoggedElement, as_html
@@ -572,7 +572,7 @@ class Logger(LoggerNames):
             if self._life.serving.left == left:
                 return  # the helper process saves them and deletes the segment
         self._set_mark(no_mark)
-        unsaved = filter(unsaved_of, self._present.stretches)
+        unsaved = filter(is_to_be_saved, self._present.stretches)
         if not [one for one in unsaved if not save_at_end(one, self.options, self._conditions.now)]:
             self._drop()
             drop_journals(self.options)
@@ -585,7 +585,7 @@ class Logger(LoggerNames):
         if run is not None and self.has_unsaved and (self._life.serving is None or not self._life.serving.is_up):
             self.stop()
             self._life.closed = True
-            for one in filter(unsaved_of, self._present.stretches):
+            for one in filter(is_to_be_saved, self._present.stretches):
                 say_where_it_is(one, self.options)  # the collector may run in any thread: no place to write files
         else:
             self._abandon()

@@ -16,7 +16,7 @@ from silo.core.elements import FileType, FileTypes, LoggerOptions, SavedFile
 from silo.core.recording import Recording
 from silo.errors import ElementError, SegmentError, SiloError, StateError
 from silo.logger.conditions import LoggerConditions
-from silo.logger.current_run import CurrentRun, unsaved_of
+from silo.logger.current_run import CurrentRun, is_to_be_saved
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
 from silo.logger.results import LoggedElement, NewValues, NewValuesReader, SavedFiles, look_at
@@ -162,7 +162,7 @@ class RunData:
 
     def save_cut_off(self) -> None:
         """Have the helper process save the stretches before the present one, if it is there; nobody waits for it."""
-        if self._life.helper_is_up and any(map(unsaved_of, self._present.cut_off)):
+        if self._life.helper_is_up and any(map(is_to_be_saved, self._present.cut_off)):
             threading.Thread(target=self._save_alone, name="silo-cut", daemon=True).start()
 
     def _save_alone(self) -> None:
@@ -182,7 +182,7 @@ class RunData:
         with self._saving:
             for run in self._present.cut_off.copy():
                 self._present.wait_over(run)
-                if not unsaved_of(run):
+                if not is_to_be_saved(run):
                     continue
                 ticks = run.segment.ticks
                 saved = self._saved_by_helper(types, name, str(where.resolve()), run)

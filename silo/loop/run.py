@@ -79,6 +79,7 @@ class Run:
         self._announced = options.storage is Storage.FILE
         self.number = number
         self.saved_ticks = 0  # how many of its ticks stand in files
+        self.unmarked = False  # whether these are of before it was cut, and don't tell that it is a part of a run
         self._reader: SegmentReader | None = None
         self.segment = Segment(
             path,

@@ -191,6 +191,22 @@ def test_a_cut_waits_for_a_tick_and_for_files(new_logger):
     logger.set("x", divider=99, cut=True)
 
 
+@pytest.mark.parametrize("between", [0, 1])
+def test_a_run_that_was_saved_just_before_it_was_cut_is_one_log_with_what_follows(new_logger, tmp_path, between):
+    logger = new_logger()
+    loop = Loop(logger)
+    loop.turn(5)
+    logger.save()
+    loop.turn(between)
+    logger.set("x", divider=2, cut=True)
+    assert logger._present.unsaved_ticks == between, "what stands in a file that knew of no cut isn't lost"
+    loop.turn(4)
+    logger.save()
+    assert not logger._present.cut_off
+    assert sorted(path.stem[-5:] for path in tmp_path.glob("*_part*.silo")) == ["part1", "part2"]
+    loop.whole(tmp_path)
+
+
 def test_too_many_elements_are_refused_with_the_way_out(new_logger):
     logger = new_logger()
     for number in range(MOST_ELEMENTS + 1):
