@@ -39,12 +39,14 @@ _WORDS = {
 class ScalarMemory:
     """What is kept of a scalar beside its state: the worst of its violations, and what clients were told.
 
-    `untold` is the worst since they were told of it, `told` the range that they were told of last.
+    `untold` is the worst that they know nothing of, or that became worse than they know; `told` the range that they
+    were told of last, `going` what became since of one that they know.
     """
 
     name: str
     worst: Violation | None = None
     untold: Violation | None = None
+    going: Violation | None = None
     told: Level = Level.GREEN
     told_peak: int = -1  # its tick
     told_count: int = 0
@@ -62,8 +64,8 @@ class ScalarMemory:
 
     def elsewhere(self) -> "ScalarMemory":
         """Return it as it goes on where ticks count anew."""
-        worst, untold = (one and one.elsewhere() for one in (self.worst, self.untold))
-        return replace(self, worst=worst, untold=untold, told_peak=-1)
+        worst, untold, going = (one and one.elsewhere() for one in (self.worst, self.untold, self.going))
+        return replace(self, worst=worst, untold=untold, going=going, told_peak=-1)
 
 
 @dataclass
@@ -104,6 +106,9 @@ class _Limited:
                 self.fired = _violation_text(self, scalar, violation)
             if scalar.worst is None or scalar.worst.number == violation.number or _is_worse(violation, scalar.worst):
                 scalar.worst = violation
+            if violation.number <= scalar.told_count and abs(violation.worst) <= abs(scalar.told):
+                scalar.going = violation
+                continue
             waits = scalar.untold
             if waits is None or waits.number == violation.number or _is_worse(violation, waits):
                 scalar.untold = violation
@@ -434,10 +439,15 @@ def _news(one: _Limited, scalar: ScalarMemory, state: EntryState) -> list[LimitN
     """Say what has become of it since clients were told, and take it as told."""
     unit = _unit(one)
     new, new_stale, over = state.count - scalar.told_count, state.stale_count - scalar.told_stale, _is_over(state)
-    untold, told = scalar.untold, scalar.told
+    untold, going, told = scalar.untold, scalar.going, scalar.told
+    grew = going is not None and going.peak_tick != scalar.told_peak
     scalar.told_count, scalar.told_stale, scalar.told_over = state.count, state.stale_count, over
     scalar.untold, scalar.told_s = None, time.monotonic()
+    scalar.going = going if going is not None and over and not going.over else None
     found: list[LimitNews] = []
+    if going is not None and grew and going.over and new > 0:
+        text = f"{_violation_text(one, scalar, going)}; within its limits again"
+        found.append(LimitNews(True, text, going.peak_tick, going.peak_ns))
     if untold is not None and (new > 0 or abs(untold.worst) > abs(told)):
         scalar.told, scalar.told_peak = untold.worst, untold.peak_tick
         times = f", {new} times" if new > 1 else ""
@@ -448,8 +458,7 @@ def _news(one: _Limited, scalar: ScalarMemory, state: EntryState) -> list[LimitN
         stale_s = one.limit.rule.stale_ns * 1e-9
         found.append(LimitNews(True, f"{scalar.name} == has had no new value for {stale_s:g} s"))
     if not found and not over:
-        grew = untold is not None and untold.peak_tick != scalar.told_peak
-        peak = f"; its peak was {untold.peak:.6g}{unit}{_tick_words(untold.peak_tick)}" if untold and grew else ""
+        peak = f"; its peak was {going.peak:.6g}{unit}{_tick_words(going.peak_tick)}" if going and grew else ""
         found.append(LimitNews(False, f"{scalar.name} is within its limits again{peak}", _well_tick(state)))
     return found
 

@@ -92,6 +92,35 @@ def test_a_peak_that_grew_is_told_when_it_is_over(robot):
     assert told == ["/log/x is within its limits again; its peak was 90 at tick 1"]
 
 
+@pytest.mark.parametrize("level", [30, 7])
+def test_what_comes_behind_a_violation_that_is_known_is_told_with_its_own_peak(robot, monkeypatch, level):
+    robot.start()
+    robot.collect(0, level)
+    assert len(robot.told()) == 1
+    robot.collect(level, level, 0)
+    assert robot.told() == []
+    robot.collect(level - 1, 0)
+    assert robot.told() == []
+    monkeypatch.setattr(limit_judge, "TELL_AGAIN_S", 0.0)
+    word = {30: "HH 29 at tick 5, limit 10", 7: "H 6 at tick 5, limit 5"}[level]
+    (news,) = robot.judge.step().limits
+    assert (news.text, news.tick) == (f"/log/x {word}; within its limits again from tick 6 on", 5)
+    assert robot.told() == []
+
+
+def test_a_known_violation_that_grew_and_one_behind_it_are_both_told(robot):
+    robot.start()
+    robot.collect(30)
+    robot.told()
+    robot.collect(50, 0, 20, 0)
+    robot.judge.step()
+    robot.logger.stop()
+    assert [news.text for news in robot.judge.end("the logger was stopped").limits] == [
+        "/log/x HH 50 at tick 1, limit 10; within its limits again",
+        "/log/x HH 20 at tick 3, limit 10; within its limits again from tick 4 on",
+    ]
+
+
 def test_of_many_at_once_those_that_are_not_told_now_are_told_next_each_with_its_peak(robot):
     robot.logger.limit("tau", (None, None, 5, 10))
     robot.start()
