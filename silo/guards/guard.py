@@ -1,23 +1,24 @@
 """A run held against rules and against a run that was good: what it found, each as a `Finding`."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
 from silo.analysis.check import Finding, check
-from silo.analysis.compare import Comparison, NoMomentError, compare
+from silo.analysis.compare import Comparison, NoMomentError, SignalDifference, compare
 from silo.analysis.log import Log
 from silo.core.quantities.writing import and_more, many
 from silo.core.recording import Recording
+from silo.core.tuning.parameters import ParameterValue
 from silo.core.units import factor
 from silo.errors import ElementError, ScriptError
 from silo.files.atomic import atomic_file
 from silo.guards.rules import NEW, Bound, Rule
 from silo.run_index.facts import IndexedRun, SignalFacts, facts_of, scaled
 from silo.run_index.tables import short
-from silo.run_index.where import Query
+from silo.run_index.where import Query, said_by
 
 BAD, GOOD, BLIND = "VIOLATED", "GREEN", "UNOBSERVABLE"
 
@@ -118,13 +119,16 @@ class _Pair:
 
     def _query(self, text: str) -> Query:
         known: dict[str, list[str]] = {}
-        parameters: set[str] = set()
+        words: list[dict[str, set[str]]] = []
+        parameters: list[Mapping[str, ParameterValue]] = []
         for one in (self.run, self.good):
             facts = self.facts(one) if one is not None else None
             for signal in facts.signals if facts is not None else ():
                 known.setdefault(signal.element, []).append(signal.name)
-            parameters |= set(facts.run.parameters) if facts is not None else set()
-        return Query(text, {name: list(dict.fromkeys(scalars)) for name, scalars in known.items()}, parameters)
+                words.append({signal.element: {*signal.labels.values()}})
+            parameters += [facts.run.parameters] if facts is not None else []
+        scalars = {name: list(dict.fromkeys(some)) for name, some in known.items()}
+        return Query(text, scalars, {name for some in parameters for name in some}, (), said_by(words, parameters))
 
 
 def _found(rule: Rule, pair: _Pair) -> Iterator[Finding]:
@@ -196,7 +200,7 @@ def _signals(rule: Rule, pair: _Pair) -> list[Finding]:
     if not (len(found) or found.alike or unseen):
         raise ElementError(f"the baseline has no signals '{rule.text}'")
     bad = [
-        Finding(f"{row.name} as the baseline", BAD, 1, row.count, row.first_s, row.most, row.at_s, row.unit)
+        Finding(f"{row.name} as the baseline", BAD, 1, row.count, row.first_s, *_peak(row), row.unit)
         for row in found.rows
     ]
     blind = [Finding(f"{name} as the baseline", BLIND, why=why) for name, why in unseen.items()]
@@ -215,6 +219,11 @@ def _short(good: Log, run: Log, found: Comparison) -> dict[str, list[str]]:
         if theirs.times.max() > ours.times.max() + found.shift_s + theirs._step_ns * 1e-9:
             short_of.setdefault(words, []).append(name)
     return short_of
+
+
+def _peak(row: SignalDifference) -> tuple[float | None, float | None]:
+    """The largest difference and when; none of words and texts."""
+    return (None, None) if math.isnan(row.most) else (row.most, row.at_s)
 
 
 def _new(rule: Rule, pair: _Pair) -> Iterator[Finding]:

@@ -82,7 +82,7 @@ Piece = tuple[str, int | None]  # of a run of several files: one of them, and an
 
 
 class SignalFacts(msgspec.Struct, frozen=True, array_like=True):
-    """One scalar of a run and its element, over its finite samples; None where there are none."""
+    """One scalar of a run and its element, over its finite samples; None where there are none. Labels are words."""
 
     name: str
     element: str
@@ -95,6 +95,7 @@ class SignalFacts(msgspec.Struct, frozen=True, array_like=True):
     rms: float | None
     last: float | None
     kind: str = "number"  # or text, enum
+    labels: Mapping[int, str] = {}
 
 
 class EventFacts(msgspec.Struct, frozen=True, array_like=True):
@@ -219,13 +220,16 @@ def _of_signal(
     parts = np.array([_numbers(values[piece], offsets[piece], signal.is_text) for piece in pieces]).reshape(
         -1, len(NUMBERS)
     )
-    return signal_facts(signal.name, element, signal.unit, _numbers(values, offsets, signal.is_text), kind), parts
+    numbers = _numbers(values, offsets, signal.is_text)
+    return signal_facts(signal.name, element, signal.unit, numbers, kind, signal.labels), parts
 
 
-def signal_facts(name: str, element: str, unit: str, numbers: Sequence[float], kind: str) -> SignalFacts:
+def signal_facts(
+    name: str, element: str, unit: str, numbers: Sequence[float], kind: str, labels: Mapping[int, str]
+) -> SignalFacts:
     """Return them of numbers as `IndexedRun.parts` has them; NaN is None."""
     least, most, mean, std, rms, last = (None if math.isnan(one) else float(one) for one in numbers[1:])
-    return SignalFacts(name, element, unit, int(numbers[0]), least, most, mean, std, rms, last, kind)
+    return SignalFacts(name, element, unit, int(numbers[0]), least, most, mean, std, rms, last, kind, labels)
 
 
 def scaled(facts: SignalFacts, times: float, unit: str) -> SignalFacts:

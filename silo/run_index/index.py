@@ -7,7 +7,7 @@ at once: each log is one short transaction. Where the folder can't be written, t
 import functools
 import os
 import sqlite3
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
@@ -27,7 +27,7 @@ Told = Callable[[int, int], None]
 _TABLES = """
 CREATE TABLE run (id INTEGER PRIMARY KEY, path TEXT UNIQUE, size INTEGER, changed INTEGER, facts BLOB, others BLOB);
 CREATE TABLE signal (name TEXT, run INTEGER, element TEXT, unit TEXT, count INTEGER, least REAL,
-    most REAL, mean REAL, std REAL, rms REAL, last REAL, kind TEXT, PRIMARY KEY (name, run)) WITHOUT ROWID;
+    most REAL, mean REAL, std REAL, rms REAL, last REAL, kind TEXT, labels TEXT, PRIMARY KEY (name, run)) WITHOUT ROWID;
 CREATE INDEX signal_of_run ON signal (run);
 CREATE TABLE part (name TEXT, run INTEGER, numbers BLOB, PRIMARY KEY (name, run)) WITHOUT ROWID;
 CREATE INDEX part_of_run ON part (run);
@@ -37,8 +37,8 @@ CREATE INDEX event_of_run ON event (run);
 _TABLES_OF_A_RUN = ("signal", "part", "event")
 _OF_RUNS = "SELECT run.path, signal.* FROM signal JOIN run ON run.id = signal.run"
 _OF_EPISODES = (
-    "SELECT run.path, part.numbers, signal.name, signal.element, signal.unit, signal.kind FROM part"
-    " JOIN signal USING (name, run) JOIN run ON run.id = part.run"
+    "SELECT run.path, part.numbers, signal.name, signal.element, signal.unit, signal.kind, signal.labels"
+    " FROM part JOIN signal USING (name, run) JOIN run ON run.id = part.run"
 )
 _EVENTS = "SELECT run.path, event.* FROM event JOIN run ON run.id = event.run ORDER BY event.rowid"
 _ENCODE, _DECODE = msgspec.msgpack.Encoder().encode, msgspec.msgpack.Decoder(RunFacts).decode
@@ -129,8 +129,11 @@ class RunIndex:
                         (path, *log[:2], _ENCODE(facts.run), _ENCODE(log.others)),
                     ).lastrowid
                     database.executemany(
-                        f"INSERT OR IGNORE INTO signal VALUES ({', '.join('?' * 12)})",
-                        [(one.name, run, *msgspec.structs.astuple(one)[1:]) for one in facts.signals],
+                        f"INSERT OR IGNORE INTO signal VALUES ({', '.join('?' * 13)})",
+                        [
+                            (one.name, run, *msgspec.structs.astuple(one)[1:-1], _text_of(one.labels))
+                            for one in facts.signals
+                        ],
                     )
                     database.executemany(
                         "INSERT OR IGNORE INTO part VALUES (?, ?, ?)",
@@ -177,23 +180,32 @@ class RunIndex:
         return found
 
     @_in_words
+    def words(self) -> dict[str, set[str]]:
+        """Return the words of enumerations that any run has, by their elements."""
+        found: dict[str, set[str]] = {}
+        for element, words in self._database.execute("SELECT DISTINCT element, labels FROM signal WHERE labels <> ''"):
+            found.setdefault(element, set()).update(_labels(words).values())
+        return found
+
+    @_in_words
     def signals(self, names: Sequence[str] | None = None) -> dict[str, list[SignalFacts]]:
         """Return the facts of scalars by the path of their run: its number is another one once it was read anew.
 
         Of all scalars without names.
         """
         found: dict[str, list[SignalFacts]] = {}
-        for path, name, _, *rest in self._rows(_OF_RUNS, names):
-            found.setdefault(path, []).append(SignalFacts(name, *rest))
+        for path, name, _, *rest, words in self._rows(_OF_RUNS, names):
+            found.setdefault(path, []).append(SignalFacts(*(name, *rest, _labels(words))))
         return found
 
     @_in_words
     def signals_of_episodes(self, names: Sequence[str] | None = None) -> dict[tuple[str, int], list[SignalFacts]]:
         """Return the facts of scalars by the path of their run and the number of the episode in it."""
         found: dict[tuple[str, int], list[SignalFacts]] = {}
-        for path, blob, name, element, unit, kind in self._rows(_OF_EPISODES, names):
+        for path, blob, name, element, unit, kind, words in self._rows(_OF_EPISODES, names):
+            labels = _labels(words)
             for number, numbers in enumerate(_parts(blob)):
-                found.setdefault((path, number), []).append(signal_facts(name, element, unit, numbers, kind))
+                found.setdefault((path, number), []).append(signal_facts(name, element, unit, numbers, kind, labels))
         return found
 
     @_in_words
@@ -201,10 +213,10 @@ class RunIndex:
         """Return the facts of all scalars of a run, or of one of its episodes, by name."""
         if episode is None:
             rows = self._database.execute(f"{_OF_RUNS} WHERE path = ? ORDER BY name", (path,))
-            return [SignalFacts(name, *rest) for _, name, _, *rest in rows]
+            return [SignalFacts(*(name, *rest, _labels(words))) for _, name, _, *rest, words in rows]
         rows = self._database.execute(f"{_OF_EPISODES} WHERE path = ? ORDER BY name", (path,))
-        return [signal_facts(name, element, unit, _parts(blob)[episode], kind)
-                for _, blob, name, element, unit, kind in rows]  # fmt: skip
+        return [signal_facts(name, element, unit, _parts(blob)[episode], kind, _labels(words))
+                for _, blob, name, element, unit, kind, words in rows]  # fmt: skip
 
     def _rows(self, query: str, names: Sequence[str] | None) -> Iterator[tuple[Any, ...]]:
         if names is None:
@@ -250,6 +262,14 @@ class RunIndex:
 def _parts(blob: bytes) -> list[list[float]]:
     numbers: list[list[float]] = np.frombuffer(blob).reshape(-1, len(NUMBERS)).tolist()
     return numbers
+
+
+def _text_of(labels: Mapping[int, str]) -> str:
+    return msgspec.json.encode(labels).decode() if labels else ""
+
+
+def _labels(text: str) -> dict[int, str]:
+    return msgspec.json.decode(text, type=dict[int, str]) if text else {}
 
 
 def _version(database: sqlite3.Connection) -> int:

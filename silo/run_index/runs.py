@@ -15,7 +15,7 @@ from silo.run_index import labels
 from silo.run_index.facts import SignalFacts, by_run, merged
 from silo.run_index.index import RunIndex, Told
 from silo.run_index.listed import EPOCH, ListedEpisode, ListedRun, episodes_of
-from silo.run_index.where import Query
+from silo.run_index.where import Query, said_by
 
 if TYPE_CHECKING:
     from silo.analysis.compare import Comparison
@@ -203,8 +203,10 @@ class RunList(Sequence[ListedRun]):
         for index in self.indexes:
             for element, scalars in index.elements().items():
                 known[element] = list(dict.fromkeys([*known.get(element, ()), *scalars]))
-        parameters = {word for run in self for word in run.facts.parameters}
-        condition = Query(text, known, parameters, {word for run in self for word in run.tags})
+        parameters = [run.facts.parameters for run in self]
+        said = said_by([index.words() for index in self.indexes], parameters)
+        tags = {word for run in self for word in run.tags}
+        condition = Query(text, known, {name for some in parameters for name in some}, tags, said)
         judge, signals = how(condition), self.signals(condition.signals)
         return [judge(run.facts, run.tags, of_run) for run, of_run in zip(self, signals, strict=True)]
 

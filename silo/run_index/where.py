@@ -1,15 +1,18 @@
 """`--where "max(joints/tau_3) > 30 and success"`: a condition on what the index knows, so that no run is read.
 
 `min max mean std rms last count` are those of a signal over its run; a name alone is a fact of the run (`span`, `lost`,
-`limits`), a tag, a parameter, or a signal's last value. A run that lacks what is asked for doesn't match.
+`limits`), a tag, a parameter, or a signal's last value. Beside `==` and `!=` enumerations and texts are compared with
+words: `gait == TROT`. A run that lacks what is asked for doesn't match.
 """
 
+import itertools
 import math
 import operator
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from silo.core.names import Names, did_you_mean
+from silo.core.tuning.parameters import ParameterValue
 from silo.core.units import factor
 from silo.expressions.operations import Function
 from silo.expressions.parsing import Call, ComparisonChain, Expression, Name, Node, Number, Operation, parse
@@ -65,21 +68,43 @@ class MissingError(Exception):
 
 @dataclass(frozen=True)
 class Value:
-    """A number with its unit, empty where it has none."""
+    """A number with its unit, empty where it has none; `word` is that of an enumeration or text."""
 
     number: float
     unit: str = ""
+    word: str = ""
+
+
+def said_by(
+    labels: Sequence[Mapping[str, Collection[str]]], parameters: Sequence[Mapping[str, ParameterValue]]
+) -> dict[str, set[str]]:
+    """Return the words that elements and parameters have: labels by elements, and values of parameters."""
+    found: dict[str, set[str]] = {}
+    for some in labels:
+        for name, words in some.items():
+            found.setdefault(name, set()).update(words)
+    for values in parameters:
+        for name, value in values.items():
+            if isinstance(value, str):
+                found.setdefault(name, set()).add(value)
+    return found
 
 
 class Query:
     """An expression, and which of all known signals its names mean."""
 
     def __init__(
-        self, text: str, known: Mapping[str, Sequence[str]], words: Collection[str] = (), tags: Collection[str] = ()
+        self,
+        text: str,
+        known: Mapping[str, Sequence[str]],
+        words: Collection[str] = (),
+        tags: Collection[str] = (),
+        said: Mapping[str, Collection[str]] = {},
     ) -> None:
         """Read it; `known` are elements with their scalars, `words` parameters and `tags` that any run has.
 
-        A name that is a tag of some runs and nothing else is 0 in all others. Raises ExpressionError with the place; a
+        `said` are the words that elements and parameters are compared with, of `said_by`. A name that is a tag of some
+        runs and nothing else is 0 in all others. Raises ExpressionError with the place; a
         name that nothing has is one.
         """
         self._tags = set(tags) - set(words)
@@ -88,15 +113,43 @@ class Query:
         names = Names(known, scalars=known.values)
         elements = list(known)
         self._meant: dict[str, list[str]] = {}
+        self._said: dict[str, set[str]] = {}  # of a name: with what it may be compared
+        for name, _ in _names(self.expression.root):
+            meant = [elements[place] for place, _ in names.find(name.text, scalars=True)]
+            self._said[name.text] = {word for one in (*meant, name.text) for word in said.get(one, ())}
+        asked = [id(word) for _, word in self._compared_with_words(self.expression.root)]
         for name, of_tag in _names(self.expression.root):
+            if id(name) in asked:
+                continue
             found = names.find(name.text, scalars=True)
             scalars = [known[elements[place]] if at is None else [known[elements[place]][at]] for place, at in found]
             self._meant[name.text] = [one for some in scalars for one in some]
             self._tags -= {name.text} if found else set()
             if not found and not of_tag and name.text not in FACTS and name.text not in words:
-                near = names.near(name.text, 1, more=[*FACTS, *words])
+                near = names.near(name.text, 1, more=[*FACTS, *words, *itertools.chain(*said.values())])
                 hint = did_you_mean(near, f"facts of a run are {', '.join(FACTS)}")
                 raise self.expression.error(f"no run has '{name.text}'{hint}", name)
+
+    def _compared_with_words(self, node: Node) -> Iterator[tuple[Node, Name]]:
+        """What is compared with a word that it may be, and the word."""
+        if isinstance(node, ComparisonChain):
+            for one, how, other in zip(node.operands, node.operators, node.operands[1:], strict=False):
+                if found := self._with_word(one, how, other):
+                    yield found
+        if not isinstance(node, Number | Name):
+            for part in node.arguments if isinstance(node, Call) else node.operands:
+                yield from self._compared_with_words(part)
+
+    def _with_word(self, one: Node, how: str, other: Node) -> tuple[Node, Name] | None:
+        for value, word in ((one, other), (other, one)):
+            if how in ("==", "!=") and isinstance(word, Name) and word.text in self._words_of(value):
+                return value, word
+        return None
+
+    def _words_of(self, node: Node) -> Collection[str]:
+        if isinstance(node, Call) and node.function in ("last", "min", "max"):
+            node = node.arguments[0]
+        return self._said.get(node.text, ()) if isinstance(node, Name) else ()
 
     @property
     def signals(self) -> list[str]:
@@ -133,10 +186,14 @@ class Query:
                 return Value(float(argument.text in tags))
             return self._statistic(node.function, argument, signals)
         if isinstance(node, ComparisonChain):
-            values = [value(part) for part in node.operands]
-            pairs = zip(values, node.operators, values[1:], strict=False)
-            return Value(float(all(_COMPARED[how](*self._alike(one, other, node)) for one, how, other in pairs)))
+            pairs = zip(node.operands, node.operators, node.operands[1:], strict=False)
+            return Value(float(all(self._holds_between(*pair, node, value) for pair in pairs)))
         return self._operation(node, value)
+
+    def _holds_between(self, one: Node, how: str, other: Node, node: Node, value: Callable[[Node], Value]) -> bool:
+        if (found := self._with_word(one, how, other)) is not None:
+            return bool(_COMPARED[how](value(found[0]).word, found[1].text))
+        return bool(_COMPARED[how](*self._alike(value(one), value(other), node)))
 
     def _operation(self, node: Operation, value: Callable[[Node], Value]) -> Value:
         if node.operator == "and":
@@ -171,6 +228,8 @@ class Query:
         parameter = run.parameters.get(name.text)
         if isinstance(parameter, bool | int | float):
             return Value(float(parameter))
+        if isinstance(parameter, str) and not self._meant[name.text]:
+            return Value(math.nan, word=parameter)
         return Value(0.0) if name.text in self._tags else self._statistic("last", name, signals)
 
     def _statistic(self, function: str, name: Name, signals: Mapping[str, SignalFacts]) -> Value:
@@ -184,7 +243,9 @@ class Query:
             raise self.expression.error(f"'{name.text}' means {len(found)} signals ({names}): name one", name)
         units = {one.unit for one in found}
         unit = units.pop() if len(units) == 1 and function != "count" else ""
-        return Value(float(together(values)), "" if unit == "-" else unit)
+        number = float(together(values))
+        word = found[0].labels.get(int(number), "") if function in ("last", "min", "max") else ""
+        return Value(number, "" if unit == "-" else unit, word)
 
     def _alike(self, one: Value, other: Value, node: Node) -> tuple[float, float]:
         """Both numbers in the unit of the first. Raises ExpressionError where units don't fit."""

@@ -27,7 +27,7 @@ from silo.run_index import finding, index, labels
 from silo.run_index.archive import Archive
 from silo.run_index.facts import EpisodeFacts, RunFacts, SignalFacts, by_run, facts_of, merged, read_facts, signals_of
 from silo.run_index.finding import There
-from silo.run_index.where import FACTS, FUNCTIONS, Query
+from silo.run_index.where import FACTS, FUNCTIONS, Query, said_by
 from tests.stand_ins.saved import element
 
 RUNS = 5
@@ -130,6 +130,7 @@ SIGNALS_OF_ONE = [
     SignalFacts("/log/v_0", "/log/v", "s", 10, 1.0, 2.0, 1.5, 0.1, 0.2, 1.25),
     SignalFacts("/log/v_1", "/log/v", "s", 20, 0.0, 3.0, 1.5, 0.3, 0.4, 1.75),
     SignalFacts("/log/off", "/log/off", "-", 0, None, None, None, None, None, None),
+    SignalFacts("/log/m", "/log/m", "-", 5, 0.0, 1.0, 0.5, 0.5, 0.5, 1.0, "enum", {0: "STAND", 1: "TROT"}),
 ]
 
 
@@ -144,7 +145,11 @@ def test_facts_take_no_room_for_what_a_run_has_not_and_never_change():
 
 def query(text):
     return Query(
-        text, {"/log/x": ["/log/x"], "/log/v": ["/log/v_0", "/log/v_1"], "/log/off": ["/log/off"]}, {"wet", "kp"}
+        text,
+        {"/log/x": ["/log/x"], "/log/v": ["/log/v_0", "/log/v_1"], "/log/off": ["/log/off"], "/log/m": ["/log/m"]},
+        {"wet", "kp", "gait"},
+        (),
+        said_by([{"/log/m": {"STAND", "TROT"}}, {"/log/m": {"WALK", "lost"}}], [{"gait": "trot"}, {"gait": "bound"}]),
     )
 
 
@@ -163,6 +168,9 @@ def query(text):
         ("lost and marks", 1), ("lost and marks == 5", 0), ("lost == 2 or marks == 5", 0), ("not lost", 0),
         ("not (lost - 1)", 1), ("1 < marks < 5", 1), ("1 < marks < 4", 0), ("4 < marks < 9", 0), ("marks <= 4", 1),
         ("marks >= 4", 1), ("marks > 4", 0), ("marks != 4", 0), ("marks == 4", 1),
+        ("m == TROT", 1), ("TROT == m", 1), ("m == STAND", 0), ("m != STAND", 1), ("last(m) == TROT", 1),
+        ("min(m) == STAND", 1), ("max(m) == TROT and lost", 1), ("m == WALK", 0), ("m != WALK", 1), ("m == 1", 1),
+        ("m == lost", 0), ("gait == trot", 1), ("gait == bound", 0), ("gait != bound", 1),
     ],
 )  # fmt: skip
 def test_what_a_word_of_a_condition_is(text, wanted):
@@ -177,6 +185,28 @@ def test_a_word_of_a_condition_takes_one_name(function):
     for arguments in ("", "x, x"):
         with pytest.raises(ExpressionError, match=function):
             query(f"{function}({arguments})")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [("m == TROTT", "no run has 'TROTT'; did you mean 'TROT'"), ("x == TROT", "'TROT'"), ("m > TROT", "'TROT'")],
+)
+def test_a_word_that_the_other_side_never_has_is_none(text, says):
+    with pytest.raises(ExpressionError, match=says):
+        query(text)
+
+
+def test_the_shell_takes_words_of_enumerations_and_of_parameters(tmp_path):
+    def write(name, labels, last):
+        values = np.array([0, last])
+        log = silo.Log(Recording("dog", np.arange(2) * 10**9, 2, [element("m", values, labels=labels)]))
+        log.save(tmp_path / f"{name}.silo")
+
+    write("a", {0: "STAND", 1: "TROT"}, 1)
+    write("b", {0: "TROT", 1: "STAND"}, 1)
+    write("c", {0: "TROT", 1: "STAND"}, 0)
+    for where, names in (("m == TROT", "ac"), ("last(m) != TROT", "b"), ("m == 0", "c")):
+        assert sorted(run.name for run in silo.runs(tmp_path).where(where)) == [*names]
 
 
 def test_the_signals_of_a_condition_are_all_that_its_names_mean_each_once():
