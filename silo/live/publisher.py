@@ -154,10 +154,8 @@ class Publisher:
         self.views = Views(session, root, replica)
         self.streams = Streams(session, root, replica)
         self.pins = Pins()
-        self._presence = session.liveliness().declare_subscriber(
-            root.key("client", "*"), zenoh.handlers.RingChannel(256), history=True
-        )
         self._clients: set[str] = set()
+        self._came: dict[str, bool] = {}  # by id, clients that are there, or went, since they were looked at
         self._names: OrderedDict[str, Present] = OrderedDict()  # by their ids, as each hello tells
         self.summary = SummaryFeed(session, root, replica)
         self._disk = DiskWatch(replica)
@@ -172,6 +170,8 @@ class Publisher:
         self._lost_seen, self._lost_due_s = 0, 0.0
         self._topics_due_s = 0.0
         self._thread = threading.Thread(target=self._run, name="publisher")
+        # not a ring: where hundreds go at once, as behind a link that is cut, some would stay for good
+        self._presence = session.liveliness().declare_subscriber(root.key("client", "*"), self._note, history=True)
 
     def start(self) -> None:
         """Start the thread."""
@@ -274,11 +274,17 @@ class Publisher:
         else:
             self._derived.forget()
 
+    def _note(self, sample: zenoh.Sample) -> None:
+        """A client came or went; in a thread of Zenoh."""
+        with self._lock:
+            self._came[str(sample.key_expr).rsplit("/", 1)[1]] = sample.kind == zenoh.SampleKind.PUT
+
     def _follow_clients(self) -> None:
         before = set(self._clients)
-        while (sample := self._presence.try_recv()) is not None:
-            client = str(sample.key_expr).rsplit("/", 1)[1]
-            if sample.kind == zenoh.SampleKind.PUT:
+        with self._lock:
+            came, self._came = self._came, {}
+        for client, is_there in came.items():
+            if is_there:
                 if len(self._clients) < MAX_CLIENTS:
                     self._clients.add(client)
                 continue

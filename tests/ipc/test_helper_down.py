@@ -27,6 +27,8 @@ from silo.live.streams import ServedStream
 from silo.live.views import ServedView
 from silo.logger.serving import process, serving
 from silo.logger.serving.process import DownMark
+from silo.net.keys import ClientId, Root
+from silo.net.session import close, open_client
 from silo.rpc.refusals import Refused, answered
 from tests.fuzz.test_wire import Bench as Parts
 from tests.ipc.conftest import no_process
@@ -359,5 +361,20 @@ def test_what_the_pin_of_a_client_that_is_gone_holds_is_freed_though_nobody_asks
         parts.publisher.pins.set("gone-1", held, 0.05)
         del held
         wait_until(lambda: freed() is None)
+    finally:
+        parts.end()
+
+
+@pytest.mark.slow
+def test_of_hundreds_of_clients_that_go_at_once_none_is_thought_to_be_there(tmp_path) -> None:
+    parts = Parts(tmp_path)
+    try:
+        there, tokens = open_client(parts.path), []
+        for count in range(100, 700, 100):
+            keys = [Root(parts.replica.host, "fuzz").key("client", ClientId.drawn().id) for _ in range(100)]
+            tokens += [there.liveliness().declare_token(key) for key in keys]
+            wait_until(lambda: parts.publisher.clients == count)  # noqa: B023
+        close(there)
+        wait_until(lambda: not parts.publisher.clients)
     finally:
         parts.end()
