@@ -67,7 +67,10 @@ def read_preset(path: str | os.PathLike[str], infos: Sequence[ParameterInfo]) ->
 
 def _take(name: str, value: yaml.Node, infos: Sequence[ParameterInfo], found: dict[str, ParameterValue]) -> str:
     """Add the value of a line to what was found; why it makes no sense, empty where it does."""
-    words = value.value if isinstance(value, yaml.ScalarNode) else [one.value for one in value.value]
+    items = [] if isinstance(value, yaml.ScalarNode) else value.value
+    if not all(isinstance(one, yaml.ScalarNode) for one in items):
+        return f"parameter '{name}': its values stand in one list, [1, 2, 3, 4], whatever its shape"
+    words = value.value if isinstance(value, yaml.ScalarNode) else [one.value for one in items]
     try:
         info = find_parameter(name, infos)
         read = typed_value(info, words)

@@ -58,3 +58,13 @@ def test_what_is_no_preset_is_told(tmp_path, text):
     file.write_text(text)
     with pytest.raises(ScriptError, match=r"walk\.yaml"):
         read_preset(file, INFOS)
+
+
+@pytest.mark.parametrize(
+    "line", ["gains: [[1, 2]]", "gains: [{a: 1}, 2]", "on: [[on]]", "legs/kp: [[1]]", "note: [[]]"]
+)
+def test_lists_within_a_list_are_told_of(tmp_path, line):
+    file, name = tmp_path / "walk.yaml", line.partition(":")[0]
+    file.write_text(f"n: 3\n{line}\n")
+    with pytest.raises(ScriptError, match=rf"walk.yaml:2: parameter '{name}': its values stand in one list"):
+        read_preset(file, INFOS)
