@@ -126,7 +126,8 @@ class Fetch:
             return piece
 
         piece = self._patiently(ask)
-        if not piece.count or len(piece.data) != piece.count or zlib.crc32(piece.data) != piece.crc32:
+        fits = 0 < piece.count <= part.size_bytes - have
+        if not fits or len(piece.data) != piece.count or zlib.crc32(piece.data) != piece.crc32:
             raise ConnectionLostError(f"bytes {have} and following of {part.path} came damaged, or the file was cut")
         return piece
 
@@ -175,7 +176,7 @@ def _check(told: RecordingParts, name: str) -> None:
             raise ConnectionLostError(
                 f"the helper process told of a part {one.path!r} of {name!r}; nothing was fetched"
             )
-    if not told.parts or "/" in name or name in ("", ".", ".."):
+    if not told.parts or told.name != name or "/" in name or name in ("", ".", ".."):
         raise ConnectionLostError(f"the helper process told of no part of {name!r}; nothing was fetched")
 
 

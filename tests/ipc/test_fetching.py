@@ -3,6 +3,7 @@
 import errno
 import fcntl
 import os
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -245,6 +246,27 @@ def test_a_robot_can_not_have_anything_written_elsewhere(tmp_path, path):
     with pytest.raises(ConnectionLostError, match="nothing was fetched"):
         fetch.run("x.silo", here)
     assert list(tmp_path.rglob("*")) == []
+
+
+@pytest.mark.parametrize(("name", "is_folder"), [("../precious", True), ("../precious", False), ("y.silo", True)])
+def test_a_robot_can_not_have_a_folder_replaced_by_calling_the_recording_otherwise(tmp_path, name, is_folder):
+    kept = tmp_path / "precious" / "thesis.txt"
+    kept.parent.mkdir()
+    kept.write_text("years")
+    told = RecordingParts(name, is_folder, [PartOfRecording("x.silo/a.mcap" if is_folder else "x.silo", 4, "m", 0)])
+    fetch = Fetch(lambda _: told, lambda *_: Piece(4, zlib.crc32(b"evil"), b"evil"), lambda: True, 0.0)
+    with pytest.raises(ConnectionLostError, match=r"told of no part of 'x\.silo'; nothing was fetched"):
+        fetch.run("x.silo", tmp_path / "here")
+    assert kept.read_text() == "years"
+    assert not (tmp_path / "here").exists()
+
+
+def test_a_robot_can_not_send_more_than_it_told(tmp_path):
+    told = RecordingParts("x.silo", False, [PartOfRecording("x.silo", 4, "m", 0)])
+    fetch = Fetch(lambda _: told, lambda *_: Piece(9, zlib.crc32(b"evil more"), b"evil more"), lambda: True, 0.0)
+    with pytest.raises(ConnectionLostError, match="came damaged"):
+        fetch.run("x.silo", tmp_path)
+    assert (tmp_path / "x.silo.part").stat().st_size == 0
 
 
 def test_pieces_grow_on_a_quick_link(robot, here, monkeypatch):
