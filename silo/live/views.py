@@ -40,6 +40,8 @@ def _problem(request: OpenView) -> str:
         return "its id must be `<client id>-<number>`, the client id of letters and digits"
     if len(request.values) > MAX_VALUES or len(request.plots) > MAX_PLOTS:
         return f"at most {MAX_VALUES} values and {MAX_PLOTS} plots, got {len(request.values)} and {len(request.plots)}"
+    if len(set(request.values)) < len(request.values):
+        return "name each of its values once"  # all numbers of an element come as often as it is named
     if not MIN_RATE_HZ <= request.rate_hz <= 1e6:  # also false for NaN
         return f"rate_hz must be {MIN_RATE_HZ} or more, got {request.rate_hz}"
     if not MIN_COLUMN_NS <= request.column_ns < 2**62:

@@ -40,7 +40,8 @@ def test_what_is_off_is_told_once():
     [
         ({}, ""),
         ({"view": "a/b"}, "its id must be"),
-        ({"values": ["x"] * MAX_VALUES}, ""),
+        ({"values": [f"x{number}" for number in range(MAX_VALUES)]}, ""),
+        ({"values": ["x", "y", "x"]}, "name each of its values once"),
         (
             {"values": ["x"] * (MAX_VALUES + 1)},
             f"at most {MAX_VALUES} values and {MAX_PLOTS} plots, got {MAX_VALUES + 1}",
