@@ -11,6 +11,7 @@ import msgspec
 
 from silo.analysis.opening import open_log
 from silo.core.episodes.words import Episode
+from silo.core.quantities.writing import and_more, many
 from silo.core.recording import Recording
 from silo.errors import LogWarning
 from silo.files.added import added_formats
@@ -95,6 +96,13 @@ class ListedRun:
     def signals(self) -> list[SignalFacts]:
         """Each scalar in a few numbers, from the index."""
         return signals_of([self._of(path, None) for path in self.paths])
+
+    @property
+    def more_words(self) -> str:
+        """That there are more files of it, of which this has more: other saves, a recording; empty for none."""
+        folders = {path.rpartition("/")[0] for path in self.others} - {self.facts.path.rpartition("/")[0]}
+        where = f" in {and_more(sorted(folders), 2)}" if folders else ""
+        return f"{many(len(self.others), 'more file')}{where}" if self.others else ""
 
     def open(self) -> "Log":
         """Open the log. Raises as `silo.open_log`."""

@@ -405,7 +405,8 @@ async def may_leave(context: Context) -> bool:
 
 async def leave(context: Context) -> None:
     """End the app; asks where edits are pending, and where a demo ends with it."""
-    edits, ends_robot = _pending(context), context.has_demo() and context.logger_session is not None
+    session = context.logger_session
+    edits, ends_robot = _pending(context), context.has_demo() and session is not None and not session.dead
     if edits or ends_robot:
         goes_on = "The demo robot ends with silo-tui; what it logged is saved." if ends_robot else "The logger goes on."
         title = "Quit without applying?" if edits else "Quit, and end the demo?"

@@ -1,11 +1,14 @@
 """The runs of a folder on the screen: what the index knows, narrowed, ordered, opened, over each other."""
 
+from dataclasses import replace
+
+import msgspec
 import numpy as np
 import pytest
 
 import silo
 from silo.analysis.log import Log
-from silo.core.elements import BufferType, Entry, LoggedEvent
+from silo.core.elements import BufferType, Entry, LoggedEvent, Stretch
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import ElementError
 from silo.files import write
@@ -13,7 +16,7 @@ from silo_tui.app import SiloApp
 from silo_tui.model.lists.runs import together
 from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.screens.lists.runs import RunsScreen
-from tests.stand_ins.saved import recorded_in_two
+from tests.stand_ins.saved import cut_in_two, recorded_in_two
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -124,6 +127,62 @@ def test_together_stand_the_moments_that_are_alike():
     assert moved["tau/run1"].value(mark.seconds) == pytest.approx(2.0)
     with pytest.raises(ElementError, match="no event with 'slip'"):
         together(logs, "slip")
+
+
+def test_runs_whose_samples_have_no_time_in_common_say_which_they_have():
+    long = run_of(1, 9)
+    (tau,) = long.elements
+    entry = replace(tau.entries[0], values=tau.entries[0].values[-100:])
+    newest = replace(long, elements=[replace(tau, first=801, entries=(entry,))])  # a buffer held the last second
+    with pytest.raises(ElementError, match=r"run0 has samples from 0 s to 3 s; run1 has samples from 8.01 s to 9 s"):
+        together([("run0", Log(run_of(0))), ("run1", Log(newest))])
+    made = Log(together([("whole", Log(long)), ("newest", Log(newest))]))
+    assert made["tau/whole"].values.tolist() == made["tau/newest"].values.tolist()
+
+
+def test_a_run_that_was_cut_lies_over_others_too(tmp_path):
+    cut_in_two(tmp_path)
+    log = silo.open_log(tmp_path)
+    made = Log(together([("one", log), ("two", log)]))
+    for name in ("q/one", "q/two"):
+        values = made[name].values[:, 0]
+        assert sorted(set(values.tolist())) == log["q"].values[:, 0].tolist()
+        assert (np.diff(values) >= 0).all()
+
+
+async def test_marks_of_a_list_are_taken_back_by_the_menu_and_runs_of_another_folder_typed_there(
+    new_finder, screen_of, folder, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(folder)
+    async with screen_of(SiloApp(new_finder())) as screen:
+        await screen.shows("No logger is running")
+        await screen.do("runs")
+        await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 3)
+        await screen.press("*")
+        await screen.shows("3 marked")
+        await screen.do("unmark")
+        await screen.until(lambda: "3 marked" not in screen.text)
+        recorded_in_two(tmp_path / "else")
+        await screen.enter(f":runs {tmp_path / 'else'}")
+        await screen.until(lambda: len(screen.app.screen.shown) == 1)
+
+
+async def test_a_recording_of_a_run_that_was_saved_is_named_beside_it(fake, opened, tmp_path):
+    made = run_of(0)
+    stretch = Stretch("r1", 1, recorder="walks", since=0)
+    told = tuple(msgspec.structs.replace(event, run="r1") for event in made.events)
+    write(replace(made, events=told), tmp_path, "robot", ["silo"], "robot_20260921_14-00-00_00001")
+    shorter = replace(made, time_ns=made.time_ns[:200], offset=200, stretch=stretch, events=())
+    (tau,) = made.elements
+    cut = replace(tau, entries=(replace(tau.entries[0], values=tau.entries[0].values[:200]),))
+    (tmp_path / "walks").mkdir()
+    write(replace(shorter, elements=[cut]), tmp_path / "walks", "robot", ["bag"], "robot_20260921_14-00-00_00002")
+    async with opened(fake) as screen:
+        await screen.press(":", *f"runs {tmp_path}", "enter")
+        await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 1)
+        assert screen.app.screen.shown[0].more_words == "1 more file in walks"
+        await screen.press("/", *"walks/", "enter")
+        await screen.shows("/walks/: 1 of 1")
 
 
 async def test_a_folder_without_runs_says_what_to_do(fake, opened, tmp_path):

@@ -155,7 +155,7 @@ def _show_apart(found: "list[Apart]", as_json: bool) -> None:
 
 def _row(run: "ListedRun", more: list[str]) -> tuple[str, ...]:
     facts = run.facts
-    said = " ".join([*(f"#{tag}" for tag in run.tags), *run.notes[-1:]])
+    said = " ".join(filter(None, [*(f"#{tag}" for tag in run.tags), *run.notes[-1:], run.more_words]))
     if facts.problem:
         said = f"can't be read: {facts.problem}"
     elif facts.kind == "episode":

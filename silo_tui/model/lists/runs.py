@@ -13,7 +13,7 @@ import numpy as np
 from silo.analysis.log import Log
 from silo.analysis.stretches import resampled
 from silo.core.elements import LoggedEvent
-from silo.core.recording import RecordedElement, Recording, has_own_stamps
+from silo.core.recording import RecordedElement, Recording, stamps_of
 from silo.errors import ElementError
 from silo.run_index.listed import ListedRun
 from silo_tui.model.lists.ordering import Order
@@ -38,7 +38,8 @@ ORDERS: tuple[Order[ListedRun], ...] = (
 def told(one: ListedRun) -> str:
     """Return what a filter looks in: name, robot, task, why, tags, notes, episodes."""
     facts = one.facts
-    said = (facts.path, facts.kind, facts.robot, facts.task, facts.why, *one.tags, *one.notes, *facts.about.values())
+    said = (facts.path, facts.kind, facts.robot, facts.task, facts.why, *one.tags, *one.notes, *facts.about.values(),
+            *one.others)  # fmt: skip
     return " ".join([*said, *(f"{each.name} {each.verdict}" for each in facts.episodes)])
 
 
@@ -66,7 +67,7 @@ def row(
         begun_text(facts.begun_ns, time.time() if now_s is None else now_s), text.span(facts.span_s, 3),
         text.count(facts.lost) if facts.lost else "", str(facts.limits or ""),
         f"{good}/{len(facts.episodes)}" if facts.episodes else "", text.clean(facts.task),
-        said or " ".join([*(f"#{tag}" for tag in one.tags), *one.notes[-1:]]),
+        said or " ".join(filter(None, [*(f"#{tag}" for tag in one.tags), *one.notes[-1:], one.more_words])),
     )  # fmt: skip
     return _line(cells, ["-" if math.isnan(value) else text.short(value, 5) for value in values], width)
 
@@ -89,10 +90,14 @@ def together(logs: Sequence[tuple[str, Log]], event: str = "") -> Recording:
     Raises ElementError.
     """
     begun = [_begin_ns(name, log, event) for name, log in logs]
-    first = max(int(log.time_ns[0]) - at for (_, log), at in zip(logs, begun, strict=True))
-    last = min(int(log.time_ns[-1]) - at for (_, log), at in zip(logs, begun, strict=True))
+    ends = [[end - at for end in _extent_ns(log)] for (_, log), at in zip(logs, begun, strict=True)]
+    first, last = max(begin for begin, _ in ends), min(end for _, end in ends)
     if last <= first:
-        raise ElementError("these runs have no time in common; choose others, or another event")
+        told = "; ".join(
+            f"{name} has samples from {begin * 1e-9:.3g} s to {end * 1e-9:.3g} s"
+            for (name, _), (begin, end) in zip(logs, ends, strict=True)
+        )
+        raise ElementError(f"these runs have no time in common ({told}); choose others, or another event")
     step = max(min(int(np.median(np.diff(log.time_ns))) for _, log in logs), (last - first) // MOST_TICKS, 1)
     ticks = np.arange(first, last + 1, step, dtype=np.int64)
     shared = set.intersection(*({one.name for one in log.recording.elements if one.kind != "text"} for _, log in logs))
@@ -108,8 +113,14 @@ def together(logs: Sequence[tuple[str, Log]], event: str = "") -> Recording:
     return Recording("runs", ticks - first, len(ticks), elements, prefix=logs[0][1].recording.prefix, events=marks)
 
 
+def _extent_ns(log: Log) -> tuple[int, int]:
+    """The first and the last moment that any signal has a sample of: of a long run buffers hold the end alone."""
+    stamps = [stamps_of(log.recording, element) for element in log.recording.elements if element.count]
+    return min(int(each[0]) for each in stamps), max(int(each[-1]) for each in stamps)
+
+
 def _begin_ns(name: str, log: Log, event: str) -> int:
-    if has_own_stamps(log.recording) or len(log.time_ns) < 2:
+    if len(log.time_ns) < 2 or not any(element.count > 1 for element in log.recording.elements):
         raise ElementError(f"{name} has no ticks that could lie over those of others")
     if not event:
         return log.start_ns

@@ -290,6 +290,10 @@ class ListScreen(SiloScreen, Generic[LineT]):
             self.say(self.marks.range_to(self.chosen_key, self.shown_keys))
             self.show()
 
+    def command_unmark(self) -> None:
+        self.marks.clear()
+        self.show()
+
     def command_list_order(self) -> None:
         arrow = "↓" if self._order.backwards != self._turned else "↑"
         ask(self, OrderDialog(self.orders, self._order.name, arrow), self._by)
