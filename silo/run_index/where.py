@@ -244,7 +244,8 @@ class Query:
         units = {one.unit for one in found}
         unit = units.pop() if len(units) == 1 and function != "count" else ""
         number = float(together(values))
-        word = found[0].labels.get(int(number), "") if function in ("last", "min", "max") else ""
+        named = function in ("last", "min", "max") and number.is_integer()
+        word = found[0].labels.get(int(number), "") if named else ""
         return Value(number, "" if unit == "-" else unit, word)
 
     def _alike(self, one: Value, other: Value, node: Node) -> tuple[float, float]:

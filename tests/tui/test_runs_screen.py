@@ -146,7 +146,9 @@ def test_a_run_that_was_cut_lies_over_others_too(tmp_path):
     made = Log(together([("one", log), ("two", log)]))
     for name in ("q/one", "q/two"):
         values = made[name].values[:, 0]
-        assert sorted(set(values.tolist())) == log["q"].values[:, 0].tolist()
+        assert set(values.tolist()) <= set(log["q"].values[:, 0].tolist())
+        assert values[0] == 0
+        assert values[-1] >= 16  # the grid ends within the last period of it
         assert (np.diff(values) >= 0).all()
 
 
