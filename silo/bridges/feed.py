@@ -56,6 +56,7 @@ class LoggerFollower:
         self._stream: Stream | None = None
         self._streamed: frozenset[str] = frozenset()
         self._refused = ""  # why there is no stream of what is wished for
+        self._outdated = False  # the stream may name elements that are off now
         self._seen_run = ""  # the newest one, of which `_last_tick` is, by element
         self._last_tick: dict[str, int] = {}
         self._table: Sequence[ElementInfo] | None = None
@@ -107,7 +108,7 @@ class LoggerFollower:
                 table = client.table()
                 revision = table.revision
                 self._announce(client.found.label, table.elements)
-                self._end_stream()  # it may name elements that are off now
+                self._outdated = True
             self._read(client)
 
     def _announce(self, label: str, elements: Sequence[ElementInfo]) -> None:
@@ -145,7 +146,7 @@ class LoggerFollower:
             if self._ended.is_set():
                 return
             self._look_at_parameters(client)
-            if self._wished != self._streamed:
+            if self._outdated or self._wished != self._streamed:
                 self._change_stream(client)
             if self._stream is None:
                 self._changed.wait(TABLE_PERIOD_S)
@@ -170,7 +171,7 @@ class LoggerFollower:
                 self._pass_on(self._stream.read(2 * PERIOD_S))
         self._end_stream()
         if not self._refused:
-            self._stream, self._streamed = stream, wished
+            self._stream, self._streamed, self._outdated = stream, wished, False
 
     def _end_stream(self) -> None:
         if self._stream is not None:

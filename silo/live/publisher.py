@@ -246,7 +246,7 @@ class Publisher:
     def _round(self, now_s: float) -> float:
         """Do what is due and say when to come again."""
         self.pins.expire()
-        self._follow_run()
+        self._follow_run(now_s)
         self._follow_clients()
         self._measure(now_s)
         self.summary.send(now_s)
@@ -263,10 +263,10 @@ class Publisher:
         this = Round(self._replica.now, reader, now_s, self._replica.measured_hz, self._idle_s)
         return min(self.streams.send(this, due_s), self.views.send(this, due_s))
 
-    def _follow_run(self) -> None:
+    def _follow_run(self, now_s: float) -> None:
         if self._present.look():
             reader = self._present.reader
-            self._topics.adopt(reader)
+            self._topics.adopt(reader, now_s)
             self._ticks.clear()
             self._lost_seen = lost_samples(reader) if reader is not None else 0
         if self._replica.now.table.derived:

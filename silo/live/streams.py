@@ -4,11 +4,13 @@ Nothing is kept for a client: rows are sent once, and what it doesn't take in ti
 numbered, so that it counts what it missed. `Streams` is driven by the publisher thread; opened and closed by any.
 """
 
+import math
 import time
 
 import msgspec
 import zenoh
 
+from silo.errors import SegmentError
 from silo.history.picking import RingGroup, check_known, pick
 from silo.history.requests import OpenStream, SampledRows, StreamFrame, StreamOpened
 from silo.history.samples import MAX_NAMES
@@ -16,6 +18,7 @@ from silo.live.feeds import Feed, Feeds, Round
 from silo.net import keys
 from silo.segment.reader import SegmentReader
 from silo.state.replica import LoggerSnapshot, Replica
+from silo.state.run_follower import is_over
 
 MIN_PERIOD_S, MAX_PERIOD_S = 0.01, 10.0
 MAX_FRAME_BYTES = 2**20  # the rest follows at once
@@ -32,11 +35,13 @@ class ServedStream(Feed[OpenStream]):
         self._reader: SegmentReader | None = None
         self._groups: tuple[RingGroup, ...] = ()
         self._cursors: dict[tuple[int | str, int], int] = {}
+        self._next_s = math.inf  # since when another run is the present one
         self._derived: dict[int, str] = {}  # rings of derived signals have no lasting numbers: their names
 
     def prepare(self, this: Round) -> None:
-        """Go over to the present table and run."""
-        self.adopt(this.logger, this.reader)
+        """Go over to the present table and run; a run that another one came behind is read to its end first."""
+        if this.reader is None or self._reader is None or this.reader.schema.run == self._run:
+            self.adopt(this.logger, this.reader)
 
     def adopt(self, now: LoggerSnapshot, reader: SegmentReader | None) -> None:
         """Go over to another table or segment: a stream begins with what comes, and a new run with its first row."""
@@ -60,14 +65,33 @@ class ServedStream(Feed[OpenStream]):
         if (picked.names, missing) != (self.opened.names, self.opened.missing) or self.opened.generation < 0:
             # else frames are read as before, and their client needs no other words to read them by
             self.opened = StreamOpened(self.request.stream, self.opened.generation + 1, picked.names, missing)
+        self._next_s = math.inf
         self._table, self._run, self._reader, self._groups = now.generation, run, reader, picked.groups
 
     def _key(self, group: RingGroup) -> tuple[int | str, int]:
         return self._derived.get(group.ring, group.ring), group.after
 
     def frame(self, this: Round) -> tuple[bytes | None, bool]:
-        """Return what came since the last one, encoded."""
-        reader = this.reader
+        """Return what came since the last one, encoded: of one run."""
+        if this.reader is not None and self._reader is not None and self._reader is not this.reader:
+            frame, more = self._rest(self._reader, this.reader, this.now_s)
+            if frame is not None or not more:
+                return frame, more
+            self.adopt(this.logger, this.reader)
+        return self._rows()
+
+    def _rest(self, before: SegmentReader, following: SegmentReader, now_s: float) -> tuple[bytes | None, bool]:
+        """Return what is left of a run; no frame and more to come once that is all."""
+        self._next_s = min(self._next_s, now_s)
+        try:
+            over = is_over(before, following, now_s - self._next_s)
+            frame, more = self._rows()
+        except SegmentError:
+            return None, True  # its files were cut short: the next run goes on
+        return frame, more or over
+
+    def _rows(self) -> tuple[bytes | None, bool]:
+        reader = self._reader
         if reader is None or not self._groups:
             return None, False
         found: list[SampledRows] = []

@@ -11,11 +11,13 @@ from math import prod
 
 import zenoh
 
+from silo.errors import SegmentError
 from silo.net.keys import Root, escape
 from silo.segment.layout import ElementSchema
 from silo.segment.picking import Packer
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import stored_type
+from silo.state.run_follower import is_over
 
 MAX_BATCH_BYTES = 2 * 2**20  # rows read per ring and round
 CHECK_PERIOD_S = 0.25  # how soon a new subscriber is noticed
@@ -57,14 +59,23 @@ class Topics:
         # one publisher for all keys tells whether anybody wants anything: nothing else is done until somebody does
         self._any = session.declare_publisher(root.key("topic", "**"))
         self._reader: SegmentReader | None = None
+        self._next: SegmentReader | None = None  # the run behind that one, which is read to its end first
+        self._next_s = 0.0  # since when that is known
         self._published: list[ElementSchema] = []
         self._topics: list[_Topic] = []
         self._cursors: dict[int, int] = {}
         self._check_s = 0.0
         self._read_before: set[str] = set()
 
-    def adopt(self, reader: SegmentReader | None) -> None:
-        """Go over to another segment; rings that somebody reads go on with the first sample of the new run."""
+    def adopt(self, reader: SegmentReader | None, now_s: float) -> None:
+        """Go over to another segment, once what somebody reads of the one before is sent to its end."""
+        self._next, self._next_s = reader, now_s
+        if reader is None or self._reader is None or not self._cursors:
+            self._go_over(reader)
+
+    def _go_over(self, reader: SegmentReader | None) -> None:
+        """Rings that somebody reads go on with the first sample of the new run."""
+        self._next = None
         self._read_before = {topic.element.info.name for topic in self._topics if topic.active}
         self._check_s = 0.0
         self._reader = reader
@@ -83,6 +94,12 @@ class Topics:
 
     def publish(self, now_s: float) -> bool:
         """Send what came since the last call; True if there is more than fits in one round."""
+        if self._next is not None and self._reader is not None and self.wanted():
+            over, more = self._publish_rest(self._reader, self._next, now_s)
+            if more or not over:
+                return more
+        if self._next is not None:
+            self._go_over(self._next)
         reader = self._reader
         if reader is None:
             return False
@@ -94,6 +111,17 @@ class Topics:
         if now_s >= self._check_s:
             self._check_s = now_s + CHECK_PERIOD_S
             self._check(reader)
+        return self._publish_rows(reader)
+
+    def _publish_rest(self, before: SegmentReader, following: SegmentReader, now_s: float) -> tuple[bool, bool]:
+        """Send what is left of a run; returns whether it has all its rows, and whether more of them are to be sent."""
+        try:
+            over = is_over(before, following, now_s - self._next_s)
+            return over, self._publish_rows(before)
+        except SegmentError:
+            return True, False  # its files were cut short: the next run goes on
+
+    def _publish_rows(self, reader: SegmentReader) -> bool:
         by_ring: dict[int, list[_Topic]] = {}
         for topic in self._topics:
             if topic.active:

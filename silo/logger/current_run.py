@@ -22,14 +22,13 @@ from silo.journal.holdings import segment_holdings
 from silo.logger.unclosed import save_run
 from silo.loop.run import Run
 from silo.segment.held_runs import bytes_of, trim
-from silo.segment.reasons import StopReason
+from silo.segment.reasons import LAST_TICK_S, StopReason
 
 log = logging.getLogger("silo")
 
 SWITCH_S = 0.0002  # how long a tick may wait for the interpreter while a stretch is prepared: 5 ms otherwise
 MOST_ELEMENTS = 500  # of a run that is cut: to prepare 10,000 makes ticks late by 5 - 40 ms
 MOST_CUT_OFF = 16  # stretches that no file has yet
-LAST_TICK_S = 1.0  # longer than a tick takes: a loop that has stopped ticking has none under way
 FREEING_S = 3.0  # how long other processes may take to unmap what was deleted
 
 

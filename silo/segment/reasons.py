@@ -3,6 +3,8 @@
 import enum
 from collections.abc import Iterable
 
+LAST_TICK_S = 1.0  # longer than a tick takes: of a run that was cut, and has ended so long, none is under way
+
 
 class StopReason(enum.IntEnum):
     """Why collection ended."""

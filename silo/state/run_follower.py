@@ -3,9 +3,18 @@
 import time
 
 from silo.segment.reader import SegmentReader
+from silo.segment.reasons import LAST_TICK_S
 from silo.state.replica import Replica
 
 RELEASE_PERIOD_S = 2.0  # a segment of 16 MB that is followed made the process 14 MB larger within 10 s
+
+
+def is_over(before: SegmentReader, following: SegmentReader, waited_s: float) -> bool:
+    """Whether a run has all its rows, as far as the one that began behind it tells: of a cut a tick may be under way.
+
+    waited_s: since that one is known. Raises SegmentError.
+    """
+    return bool(not before.running or following.ticks or not following.running or waited_s > LAST_TICK_S)
 
 
 class RunFollower:

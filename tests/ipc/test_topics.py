@@ -31,6 +31,32 @@ def test_a_loop_over_a_topic_gets_each_sample_once(running, client):
     assert np.diff(values).tolist() == [1] * (len(values) - 1)
 
 
+def test_topics_and_streams_have_each_sample_over_cuts(running, client):
+    topic, stream, found = client.topic("x"), client.stream(["x"], 0.02), {"topic": [], "stream": []}
+
+    def read():
+        for batch in topic.read():
+            found["topic"] += batch.values.tolist()
+        while (batch := stream.read(0.0)) is not None:
+            found["stream"] += batch["x"].values.tolist()
+
+    def has_read(value):
+        read()
+        return all(values and values[-1] >= value for values in found.values())
+
+    wait_until(lambda: has_read(1))
+    for number in range(3):
+        begin = running.x.item()
+        wait_until(lambda begin=begin: running.x > begin + 20)
+        running.logger.set("slow", divider=2 + number, cut=True)
+        wait_until(lambda begin=begin: has_read(begin + 40))
+    topic.close()
+    stream.close()
+    for name, values in found.items():
+        missing = set(np.arange(values[0], values[-1] + 1)) - set(values)
+        assert len(values) == len(set(values)) == values[-1] - values[0] + 1, (name, sorted(missing))
+
+
 def test_a_loop_ends_when_its_topic_is_closed(bench, client):
     topic = client.topic("/log/x")
     closing = threading.Timer(0.05, topic.close)

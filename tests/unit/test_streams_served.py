@@ -25,8 +25,9 @@ def test_a_stream_goes_on_as_the_table_changes_and_has_a_new_run_from_its_first_
             replace(Replica(robot_state(log, "", -1)).now, generation=generation),
             SegmentReader(log._present.path),
         )
-        stream.adopt(now, reader)
-        data, more = stream.frame(Round(now, reader, 0.0, 100.0, 0.0))
+        this = Round(now, reader, 0.0, 100.0, 0.0)
+        stream.prepare(this)
+        data, more = stream.frame(this)
         rows = msgspec.msgpack.decode(data, type=StreamFrame).rows if data else []
         return [(one.first, one.count) for one in rows], more
 
@@ -42,3 +43,46 @@ def test_a_stream_goes_on_as_the_table_changes_and_has_a_new_run_from_its_first_
     monkeypatch.setattr(streams, "MAX_FRAME_BYTES", 2 * 24 + 1)
     assert came(3, 2) == ([(4, 2)], True)
     assert came(0, 2) == ([(6, 1)], False)
+
+
+def test_a_run_that_is_cut_or_ends_is_sent_to_its_end_before_the_next_one(new_logger):
+    log = new_logger("bot", frequency=100)
+    log.array("x")
+    stream = ServedStream(OpenStream(stream="a-1", names=["/log/x"]), None, 0.0)
+    runs = []
+
+    def came(ticks=0, now_s=0.0):
+        """What the next frame has: the number of its run, the first row, and how many; and if there is more."""
+        for _ in range(ticks):
+            log.collect()
+        this = Round(Replica(robot_state(log, "", -1)).now, SegmentReader(log._present.path), now_s, 100.0, 0.0)
+        stream.prepare(this)
+        data, more = stream.frame(this)
+        frame = msgspec.msgpack.decode(data, type=StreamFrame) if data else None
+        if frame is not None and frame.run not in runs:
+            runs.append(frame.run)
+        return [(runs.index(frame.run), one.first, one.count) for one in frame.rows] if frame else [], more
+
+    def cut(divider):
+        for _ in range(3):
+            log.collect()
+        log.set("x", divider=divider, cut=True)
+
+    log.start()
+    assert came() == ([], False)
+    assert came(2) == ([(0, 0, 2)], False)
+    cut(2)
+    assert came() == ([(0, 2, 3)], False), "a tick may be under way yet"
+    assert came() == ([], False)
+    assert came(2) == ([(1, 0, 1)], False)
+    cut(1)
+    assert came(1) == ([(1, 1, 2)], True), "the rest comes at once"
+    assert came() == ([(2, 0, 1)], False)
+    cut(2)
+    assert came(now_s=1.0) == ([(2, 1, 3)], False)
+    assert came(now_s=3.0) == ([], False), "a loop that is paused ends nothing, and holds nothing up"
+    assert stream._run == log._present.run.id
+    log.collect()
+    log.restart()
+    assert came(4) == ([(3, 0, 1)], True)
+    assert came() == ([(4, 0, 2)], False)
