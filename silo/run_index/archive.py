@@ -2,9 +2,11 @@
 
     wide/robot=anymal/date=2026-11-22/run=walk.silo/run.parquet    a row per tick, a column per scalar
     runs.parquet, signals.parquet, events.parquet ...              the tables of `silo query`
+    facts/walk_part1.silo.json, parts.json                         of runs in several files: of each, and which are one
     manifest/walk.silo.json                                        what was archived: sizes, SHA-256; written last
 
-silo opens the Parquet files like any log.
+silo opens the Parquet files like any log. Each file of a run in several is archived by itself, and they are one run in
+the tables.
 
 A run is in the archive from when its manifest is. What was interrupted before that is done again, what is in it is not
 touched; the tables follow at the end.
@@ -15,8 +17,8 @@ import json
 import os
 import socket
 import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
 from functools import cached_property, partial
@@ -26,6 +28,7 @@ from urllib.parse import quote, urlsplit
 
 import msgspec
 
+from silo.analysis.stretches import joined
 from silo.core.recording import Recording, has_own_stamps
 from silo.errors import ElementError, FileFormatError, LogNotFoundError, SaveError, SiloError
 from silo.files.atomic import PART_ENDING, atomic_file, reason, sweep_parts
@@ -34,17 +37,21 @@ from silo.files.optional_packages import need
 from silo.files.tables.parquet import read_parquet
 from silo.run_index.index import Told
 from silo.run_index.listed import ListedRun
+from silo.run_index.parts import FileFacts, KnownFiles, Parts, chain_of, known_files
 from silo.run_index.runs import RunList
 from silo.run_index.tables import COLUMNS, FACTS, Folders, read_numbers, read_signals, typed
 
 EXTRA = "archive"
 MARK = "silo-archive.json"
+PARTS = "parts.json"
 VERSION = 1
 _BLOCK = 1 << 20
 
 
 class Archived(msgspec.Struct, frozen=True):
-    """The manifest of a run. source: the folder that it is from, with its computer."""
+    """The manifest of a file. source: the folder that it is from, with its computer. chain: what other files of its run
+    have in common with it, empty where it is a run by itself.
+    """
 
     run: str
     file: str
@@ -53,6 +60,7 @@ class Archived(msgspec.Struct, frozen=True):
     source: str
     source_bytes: int
     source_changed_ns: int
+    chain: str = ""
 
 
 @dataclass
@@ -76,6 +84,7 @@ class Archive:
             self._files, self._root = need("fsspec.core", EXTRA, "Archives").url_to_fs(where)
         self.where = where
         self._listed: list[Archived] | None = None
+        self._several: dict[str, Parts] | None = None
         self._is_local = "file" in (protocol := self._files.protocol) or protocol == "file"
 
     @property
@@ -101,7 +110,7 @@ class Archive:
         """
         need("pyarrow", EXTRA, "Archives")
         self._check(anew=True)
-        self._listed = None
+        self._listed = self._several = None
         vars(self).pop("_numbers", None)
         self._sweep()
         known, outcome = {one.run: one for one in self.manifest()}, Archiving()
@@ -115,7 +124,8 @@ class Archive:
             except (FileFormatError, LogNotFoundError, ElementError, MemoryError) as error:
                 outcome.problems[called] = str(error) or type(error).__name__
         self._write_tables(source, name)
-        for lost in {one.run: one for one in self.manifest() if one.run not in self.frame("runs")["run"]}.values():
+        there = set(self.frame("runs")["run"]).union(*((*one.files, *one.others) for one in self._parts().values()))
+        for lost in (one for one in self.manifest() if one.run not in there):
             outcome.problems[lost.run] = (
                 f"it is in the archive, but not in its tables: archive it again, from {lost.source}"
             )
@@ -159,16 +169,26 @@ class Archive:
 
     def read(self, run: str, signals: Sequence[str]) -> Any:
         """Return signals of a run, as `Drawer.read` does. Raises ElementError for a run that isn't here any more."""
-        entry = next((one for one in self._known() if one.run == run), None)
-        if entry is None:
+        files = self._parts().get(run, Parts((run,))).files
+        entries = [one for name in files for one in self._known() if one.run == name]
+        if len(entries) < len(files):
             raise ElementError(f"'{self.where}' has no run '{run}': ask again, the archive changed meanwhile")
-        file = self._at(entry.file)
+        if len(entries) > 1:
+            return self._read_joined(entries, signals)
+        file = self._at(entries[0].file)
         if self._is_local and self._numbers.get(run, frozenset()).issuperset(signals):
             frame = read_numbers(file, signals)
             if frame is not None:
                 return frame
         with _told(self.where), self._files.open(file) as source:
             return read_signals(read_parquet(Path(file), source), signals)
+
+    def _read_joined(self, entries: Sequence[Archived], signals: Sequence[str]) -> Any:
+        with _told(self.where), ExitStack() as opened:
+            files = [self._at(one.file) for one in entries]
+            sources = [opened.enter_context(self._files.open(file)) for file in files]
+            recordings = [read_parquet(Path(file), source) for file, source in zip(files, sources, strict=True)]
+            return read_signals(joined(recordings), signals)
 
     def sql(self, statement: str) -> Any:
         """Answer an SQL statement, as `RunList.sql` does; here the runs are those of the archive."""
@@ -201,6 +221,8 @@ class Archive:
         if before is not None:
             if (before.source_bytes, before.source_changed_ns) == (size, changed_ns):
                 outcome.kept += 1
+                if before.chain != chain_of(run.facts):  # of a silo that knew of none
+                    self._write_manifest(msgspec.structs.replace(before, chain=chain_of(run.facts)))
                 return
             if before.source != source:
                 raise ElementError(
@@ -214,13 +236,15 @@ class Archive:
         day = datetime.fromtimestamp(run.facts.begun_ns * 1e-9, timezone.utc).date()
         file = f"wide/robot={_part(run.facts.robot or 'none')}/date={day}/run={_part(name)}/run.parquet"
         written, digest = self._put(recording, file)
-        made = Archived(name, file, written, digest, source, size, changed_ns)
-        self._write(f"manifest/{_part(name)}.json", msgspec.json.format(msgspec.json.encode(made)))
+        self._write_manifest(Archived(name, file, written, digest, source, size, changed_ns, chain_of(run.facts)))
         if before is not None and before.file != file:
             with _told(self.where):
                 self._files.rm(self._at(before.file))
         outcome.added.append(name)
         outcome.bytes += written
+
+    def _write_manifest(self, made: Archived) -> None:
+        self._write(f"manifest/{_part(made.run)}.json", msgspec.json.format(msgspec.json.encode(made)))
 
     def _put(self, recording: Recording, file: str) -> tuple[int, str]:
         """Write a run; return its size and what it sums up to."""
@@ -253,14 +277,59 @@ class Archive:
         """Bring the tables of facts up to date: rows of runs that are there now take the place of those of before."""
         polars = need("polars", EXTRA, "Archives")
         run = polars.col("run")
-        there = [one.run for one in self.manifest()]
+        self._listed = None
+        there = {one.run: one for one in self.manifest()}
         new = [called for one in source.runs if (called := _called(one, name)) in there]
+        files = self._files_of_runs(source, there, name)
+        known, parts = KnownFiles(list(files.values())), self._parts()
+        joined_runs = Folders(known.runs(), [known])
+        parts = {one: some for one, some in parts.items() if not files.keys() & {*some.files, *some.others}}
+        for one in joined_runs.runs.values():
+            if one.files or one.others:
+                parts[one.facts.path] = Parts(tuple(one.paths), tuple(one.others))
+        self._write(PARTS, msgspec.json.format(msgspec.json.encode(parts)))
+        self._several = None
         for table in FACTS:
             rows = source.frame(table).with_columns(run.map_elements(partial(_called, name=name), polars.String))
-            old = self.frame(table).filter(~run.is_in(new) & run.is_in(there))
-            frame = polars.concat([old, rows.filter(run.is_in(new))], how="diagonal")
+            old = self.frame(table).filter(~run.is_in([*new, *files]) & run.is_in(list(there)))
+            alone = rows.filter(run.is_in(new) & ~run.is_in(list(files)))
+            frame = polars.concat([old, alone, joined_runs.frame(table)], how="diagonal")
             with self._local(f"{table}.parquet") as path, atomic_file(path) as out:
                 frame.write_parquet(out)
+
+    def _files_of_runs(self, source: Folders, there: Mapping[str, Archived], name: str) -> dict[str, FileFacts]:
+        """What is known of the archived files of runs in several, of which one is in the source; it is kept here."""
+        runs = {called: one for key, one in source.runs.items() if (called := _called(key, name)) in there}
+        found = known_files({one: run for one, run in runs.items() if chain_of(run.facts)}, source.indexes)
+        chains = {there[one].chain for one in found}
+        kept = [one.run for one in there.values() if one.chain in chains]
+        names = {f"{_part(one)}.json": one for one in kept}
+        with _told(self.where):
+            paths = [path for path in (self._at(f"facts/{file}") for file in names) if self._files.exists(path)]
+            stored = self._files.cat(paths) if len(paths) > 1 else {path: self._files.cat(path) for path in paths}
+        texts = {names[path.rpartition("/")[2]]: text for path, text in stored.items()}
+        before = {one: self._decoded(text, FileFacts, one) for one, text in texts.items()}
+        for one, facts in found.items():
+            if before.get(one) != facts:
+                self._write(f"facts/{_part(one)}.json", msgspec.json.encode(facts))
+        return {**before, **found}
+
+    def _parts(self) -> dict[str, Parts]:
+        """The runs in several files, by their names."""
+        if self._several is None:
+            with _told(self.where):
+                there = self._files.exists(self._at(PARTS))
+                text = self._files.cat(self._at(PARTS)) if there else b"{}"
+            self._several = self._decoded(text, dict[str, Parts], PARTS)
+        return self._several
+
+    def _decoded(self, text: bytes, kind: Any, what: str) -> Any:
+        try:
+            return msgspec.json.decode(text, type=kind)
+        except msgspec.DecodeError as error:
+            raise FileFormatError(
+                f"'{self.where}' has damaged facts of '{what}': {error}; remove them and archive again"
+            ) from error
 
     def _check(self, anew: bool = False) -> None:
         """Raise SiloError where this is no archive, or one of a newer silo; make it where it is to be made anew."""

@@ -18,6 +18,7 @@ one name means the same of every robot. NaN is NULL, as SQL takes it for larger 
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, Protocol
 
 import msgspec
@@ -27,8 +28,7 @@ from silo.analysis.log import Log
 from silo.core.recording import Recording
 from silo.errors import LogWarning
 from silo.files.optional_packages import need
-from silo.run_index.facts import SignalFacts, events_of
-from silo.run_index.index import RunIndex
+from silo.run_index.facts import EventFacts, SignalFacts, events_of
 from silo.run_index.listed import ListedRun, episodes_of
 
 EXTRA = "query"
@@ -90,14 +90,29 @@ def typed(columns: Mapping[str, str]) -> dict[str, Any]:
     return {name: types[kind] for name, kind in columns.items()}
 
 
+class Known(Protocol):
+    """What is known of the files of runs, as an index has it."""
+
+    root: Path
+
+    def signals(self) -> Mapping[str, Sequence[SignalFacts]]:
+        """Return the facts of scalars by file."""
+
+    def signals_of_episodes(self) -> Mapping[tuple[str, int], Sequence[SignalFacts]]:
+        """Return the facts of scalars by file, and the number of the episode in it."""
+
+    def events(self) -> Mapping[str, Sequence[EventFacts]]:
+        """Return what happened by file."""
+
+
 class Folders:
     """The runs of a list."""
 
-    def __init__(self, runs: Sequence[ListedRun], indexes: Sequence[RunIndex]) -> None:
+    def __init__(self, runs: Sequence[ListedRun], indexes: Sequence[Known]) -> None:
         """Name each by its path below its folder; where there are several folders, by its whole path."""
         folders = {run.folder for run in runs}
         self.runs = {run.facts.path if len(folders) == 1 else str(run.path): run for run in runs}
-        self._indexes = indexes
+        self.indexes = indexes
 
     def frame(self, table: str) -> Any:
         """Return one of `FACTS`."""
@@ -113,7 +128,7 @@ class Folders:
         return read_signals(self.runs[run].read(), signals)
 
     def _signals(self) -> list[tuple[Any, ...]]:
-        every = {index.root: index.signals() for index in self._indexes}
+        every = {index.root: index.signals() for index in self.indexes}
         return [
             (name, *_signal(run, one))
             for name, run in self.runs.items()
@@ -121,7 +136,7 @@ class Folders:
         ]
 
     def _episode_signals(self) -> list[tuple[Any, ...]]:
-        every = {index.root: (index.signals(), index.signals_of_episodes()) for index in self._indexes}
+        every = {index.root: (index.signals(), index.signals_of_episodes()) for index in self.indexes}
         return [
             (name, episode.episode.number, *_signal(run, one))
             for name, run in self.runs.items()
@@ -130,7 +145,7 @@ class Folders:
         ]
 
     def _events(self) -> list[tuple[Any, ...]]:
-        every = {index.root: index.events() for index in self._indexes}
+        every = {index.root: index.events() for index in self.indexes}
         return [
             (name, one.at_s, one.tick, one.time_ns, one.kind, one.text, one.who)
             for name, run in self.runs.items()

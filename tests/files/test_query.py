@@ -249,9 +249,9 @@ def test_the_shell_prints_writes_and_counts(written, tmp_path):
     assert len(polars.read_parquet(tmp_path / "runs.parquet")) == RUNS
     assert "60 rows more" in ran("query", "select t from wide", "--in", written)
     ran("query", "select 1", "--to", tmp_path / "runs.parquet", code=1)
-    assert "4 runs added" in ran("archive", written, tmp_path / "kept")
-    assert "0 runs added (0 B), 4 there already" in ran("archive", written, tmp_path / "kept")
-    assert "4 runs, 0 not as archived" in ran("archive", "--check", tmp_path / "kept")
+    assert "4 files added" in ran("archive", written, tmp_path / "kept")
+    assert "0 files added (0 B), 4 there already" in ran("archive", written, tmp_path / "kept")
+    assert "4 files, 0 not as archived" in ran("archive", "--check", tmp_path / "kept")
     assert "run3.silo" in ran("query", asked, "--in", tmp_path / "kept")
     next((tmp_path / "kept").rglob("run=run2.silo/run.parquet")).write_bytes(b"PAR1")
     assert "run2.silo: it isn't what was archived" in ran("archive", "--check", tmp_path / "kept", code=4)

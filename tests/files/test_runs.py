@@ -671,3 +671,42 @@ def test_of_a_run_in_several_files_each_is_archived_once_whatever_comes_or_goes(
     (cut / names[0]).unlink()
     later = archive.add(silo.runs(cut))
     assert (later.added, later.kept, later.problems) == ([], 2, {})
+
+
+@pytest.mark.parametrize("where", ["there", "memory://runs-in-parts"])
+def test_a_run_in_several_files_is_one_in_an_archive_and_stays_whole_where_files_are_deleted(cut, tmp_path, where):
+    pytest.importorskip("pyarrow")
+    pytest.importorskip("polars")
+    archive = Archive(where if ":" in where else str(tmp_path / where))
+    names = [path.name for path in sorted(cut.glob("*_part?.silo"))]
+    silo.runs(cut)[0].tag("kept")
+
+    def answers(drawer):
+        asked = {
+            "runs": "run, ticks, span_s, marks, size_bytes, tags",
+            "signals": "*",
+            "events": "t, tick, kind, text",
+            "episodes": "*",
+            "episode_signals": "*",
+            "parameters": "*",
+            "samples": "*",
+            "wide": "*",
+        }
+        return {table: drawer.sql(f"select {what} from {table} order by all").rows() for table, what in asked.items()}
+
+    (cut / names[1]).rename(late := tmp_path / "late")
+    assert archive.add(silo.runs(cut)).added == [names[0], names[2]]
+    assert archive.sql("select ticks from runs").item() == 40
+    late.rename(cut / names[1])
+    assert archive.add(silo.runs(cut)).added == [names[1]], "one that comes later takes its place"
+    wanted = answers(silo.runs(cut))
+    assert [row[1] for row in wanted["runs"]] == [60]
+    for _ in range(2):
+        assert answers(archive) == wanted
+        assert not archive.add(silo.runs(cut)).problems
+    for name in names[:2]:
+        (cut / name).unlink()
+        assert archive.add(silo.runs(cut)).problems == {}
+        assert archive.sql("select run, ticks from runs").rows() == [(names[0], 60)]
+        assert archive.sql("select n from wide order by t")["n"].to_list() == list(range(60))
+    assert answers(archive)["signals"] == wanted["signals"]

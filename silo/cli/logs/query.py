@@ -86,13 +86,13 @@ def archive(
         with progress("check") as tell:
             wrong = there.check(tell)
         _name(wrong)
-        click.echo(f"{many(len(there.manifest()), 'run')}, {len(wrong)} not as archived")
+        click.echo(f"{many(len(there.manifest()), 'file')}, {len(wrong)} not as archived")
         return EXIT_FOUND if wrong else 0
     with progress("archive") as tell:
         done = there.add(runs(*folders, where=where, since=since, until=until), tell, name)
     _name(done.problems)
     click.echo(
-        f"{to}: {many(len(done.added), 'run')} added ({size_text(done.bytes)}), {done.kept} there already, "
+        f"{to}: {many(len(done.added), 'file')} added ({size_text(done.bytes)}), {done.kept} there already, "
         f"{len(done.problems)} not archived"
     )
     return EXIT_FAILED if done.problems else 0
