@@ -24,7 +24,7 @@ from silo.analysis.parameters import LoggedParameters, parameters_of
 from silo.analysis.plots.events import LogEvent, episodes_of, events_of
 from silo.analysis.responses import bode_between, step_between
 from silo.analysis.signal import Signal
-from silo.analysis.stretches import clipped, clipped_to_ticks, resampled
+from silo.analysis.stretches import clipped, clipped_to_ticks, holes, resampled
 from silo.core.arguments import INT64, real, shown, switch, text
 from silo.core.arguments import path as file_path
 from silo.core.calls import no_attribute, told_class
@@ -583,6 +583,7 @@ class Log(Mapping[str, Signal]):
             values=assembled(element),
             time_ns=stamps_of(self.recording, element),
             axis_ns=self.recording.time_ns if element.own_ns is None else None,
+            holes=holes(self.recording, element),
             start_ns=self.start_ns,
             components=names,
             labels=(labels[0] if alone else None) or {},

@@ -138,10 +138,15 @@ class Signal(Samples, _Operators):
             time_s: seconds since start, one or an array of them.
 
         Raises:
-            ElementError: the time is before the first sample.
+            ElementError: the time is before the first sample, or while a cut had switched it off.
         """
         times = self._seconds(time_s)
-        places = self._places(self._stamps(times))
+        stamps = self._stamps(times)
+        places, off = self._places(stamps), self._in_hole(stamps)
+        if off.any():
+            raise ElementError(
+                f"'{self.name}' has no value at {np.min(times[off]):g} s: it was switched off, or not recorded, then"
+            )
         if (places < 0).any():
             raise ElementError(f"'{self.name}' has no value yet at {np.min(times):g} s; it {self._span}")
         return self.values[places] if np.ndim(places) else self.values[int(places)]
@@ -163,8 +168,8 @@ class Signal(Samples, _Operators):
     ) -> "Signal":
         """Return the signal at other times.
 
-        Times before the first sample are left out, with `linear` those after the last as well. A signal of another log
-        is met on the time since its log's start, and the result has its stamps.
+        Times before the first sample are left out, those while a cut had it switched off, and with `linear` those after
+        the last as well. A signal of another log is met on the time since its log's start; the result has its stamps.
 
         Args:
             times: another signal, whose times are meant, an array of seconds since start, or a rate in Hz.
@@ -184,6 +189,7 @@ class Signal(Samples, _Operators):
         inside = time_ns >= mine._bounds[0] if len(self) else np.zeros(len(time_ns), bool)
         if method == "linear" and len(self):
             inside &= time_ns <= mine._bounds[1]
+        inside &= ~mine._in_hole(time_ns)
         if len(time_ns) and not inside.any():
             asked = (time_ns[[0, -1]] - mine.start_ns) * 1e-9
             raise ElementError(

@@ -468,7 +468,7 @@ def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) ->
     )
 
 
-def _until(recording: Recording, element: RecordedElement) -> NDArray[np.int64] | None:
+def held_until(recording: Recording, element: RecordedElement) -> NDArray[np.int64] | None:
     """Before which stamp each sample holds, of an element that was changed at a cut; None: to the next sample."""
     held, own, ticks = held_ticks(element), element.own_ns, recording.time_ns
     if held is None or own is None or not len(own) or falls(own):
@@ -477,6 +477,15 @@ def _until(recording: Recording, element: RecordedElement) -> NDArray[np.int64] 
     step = int(np.median(np.diff(ticks))) if len(ticks) > 1 else 0
     last = len(ticks) - 1
     return np.asarray(ticks[np.minimum(ends, last)] + np.maximum(ends - last, 0) * step, np.int64)
+
+
+def holes(recording: Recording, element: RecordedElement) -> tuple[tuple[int, int], ...]:
+    """From which stamps on, and before which, an element between two of its samples holds no value."""
+    until, own = held_until(recording, element), element.own_ns
+    if until is None or own is None:
+        return ()
+    at = np.flatnonzero(until[:-1] < own[1:])
+    return tuple(zip(until[at].tolist(), own[at + 1].tolist(), strict=True))
 
 
 def _last(own: NDArray[np.int64], time_ns: NDArray[np.int64], smooth: bool) -> int:
@@ -495,7 +504,7 @@ def _at(recording: Recording, element: RecordedElement, time_ns: NDArray[np.int6
     places = np.searchsorted(own, time_ns, side="right") - 1
     begin = int(np.searchsorted(places, 0))
     smooth = linear and all(goes_straight(e.dtype, e.entry.labels) for e in element.entries)
-    until = _until(recording, element)
+    until = held_until(recording, element)
     last = _last(own, time_ns, smooth) if until is None or smooth else int(until[-1]) - 1
     end = int(np.searchsorted(time_ns, last, side="right"))
     places = places[begin : max(begin, end)]

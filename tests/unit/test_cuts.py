@@ -509,6 +509,21 @@ def test_what_a_cut_switched_off_for_a_while_holds_no_value_then(changing):
     assert len(again) == 21
 
 
+def test_a_signal_that_a_cut_switched_off_for_a_while_has_no_value_then(changing):
+    log = silo.open_log(changing)
+    n, x = log["n"], log["x"]
+    for made in (n - x, x - n, n.resample(x) - x):
+        assert ((made.time_ns - log.start_ns) // 10**7).tolist() == [*range(20), *range(40, 60)]
+        assert made.values.tolist() == [0.0] * 40
+    assert x.resample([0.1, 0.25, 0.45]).values.tolist() == [10, 45]
+    assert x.value([0.1, 0.199, 0.41, 9]).tolist() == [10, 19, 41, 59]
+    for time in (0.2, 0.35, [0.1, 0.35]):
+        with pytest.raises(
+            ElementError, match=r"'/log/x' has no value at 0.\d+ s: it was switched off, or not recorded, then"
+        ):
+            x.value(time)
+
+
 @pytest.mark.parametrize("ending", ["npz", "mat"])
 def test_a_file_of_a_whole_run_knows_how_long_its_samples_hold(changing, tmp_path, ending):
     silo.open_log(changing).save(tmp_path / f"whole.{ending}")
