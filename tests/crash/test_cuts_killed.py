@@ -45,6 +45,9 @@ def after(owner, name):
     setattr(owner, name, patched)
 
 turn(5)
+if point == "saved":
+    RunData.save_cut_off = lambda self: None
+    log.save()
 log.set("x", divider=2, cut=True)
 turn(7)
 if point == "prepared":
@@ -71,7 +74,9 @@ TICKS = {"prepared": 12, "ended": 12, "not handed over": 12, "handed over": 12}
 
 
 @pytest.mark.parametrize("served", ["alone", "served"])
-@pytest.mark.parametrize("point", ["prepared", "ended", "not handed over", "handed over", "not saved", "saving"])
+@pytest.mark.parametrize(
+    "point", ["prepared", "ended", "not handed over", "handed over", "not saved", "saved", "saving"]
+)
 def test_every_tick_before_a_kill_around_a_cut_is_recovered_once(runtime_folder, tmp_path, point, served):
     told = subprocess.run([sys.executable, "-c", PROGRAM, point, served, str(tmp_path)], check=False)
     assert told.returncode == -signal.SIGKILL
