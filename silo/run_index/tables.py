@@ -12,7 +12,8 @@
 | `wide` | a tick of a run, with a column for each scalar that any run has |
 
 `run` is a run's path below the folder, in each of them; signals are called without the prefix of their logger, so that
-one name means the same of every robot. NaN is NULL, as SQL takes it for larger than all numbers.
+one name means the same of every robot. NaN is NULL, as SQL takes it for larger than all numbers. Signals that are
+dates and durations are seconds, dates since 1970.
 """
 
 import warnings
@@ -63,6 +64,7 @@ COLUMNS: dict[str, dict[str, str]] = {
     "wide": {"run": "text", "t": "number", "time": "time"},
 }  # fmt: skip
 T, TIME = "##t", "##time"  # columns that no signal is called like
+_SECONDS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "d": 86400.0}  # in one of each; a date without a time is days
 _OWN = ("time_ns", "time", "events")  # columns of an archived log that are no signals
 FACTS = tuple(name for name in COLUMNS if name not in ("samples", "wide"))  # those that no log is read for
 
@@ -244,6 +246,8 @@ def _plain(polars: Any, name: str, frame: Any) -> Any:
     column = frame[name]
     if column.dtype in (polars.String, polars.Categorical) or isinstance(column.dtype, polars.Enum):
         return column.cast(polars.String)
-    if column.dtype == polars.Boolean or column.dtype.is_numeric() or column.dtype.is_temporal():
+    if column.dtype.is_temporal():  # as the facts of a signal have them
+        return column.to_physical().cast(polars.Float64) * _SECONDS[getattr(column.dtype, "time_unit", "d")]
+    if column.dtype == polars.Boolean or column.dtype.is_numeric():
         return column.to_physical().cast(polars.Float64).fill_nan(None)
     return polars.Series(name, [None] * len(frame), dtype=polars.Float64)

@@ -15,9 +15,11 @@ from click.testing import CliRunner
 
 import silo
 from silo.cli.group import cli
+from silo.core.recording import Recording
 from silo.errors import ElementError, LogNotFoundError, SiloError
 from silo.run_index import tables
 from silo.run_index.archive import Archive
+from tests.stand_ins.saved import element
 
 duckdb = pytest.importorskip("duckdb")
 polars = pytest.importorskip("polars")
@@ -230,6 +232,42 @@ def test_a_log_that_went_away_is_an_error_that_names_it(written, tmp_path):
     (tmp_path / "run0.silo").unlink()
     with pytest.raises(LogNotFoundError, match=r"run0\.silo"):
         found.sql("select max(slow) from wide")
+
+
+@pytest.mark.parametrize("kept", [False, True])
+def test_dates_and_durations_are_seconds_in_all_tables(tmp_path, kept):
+    at = np.arange(5)
+    columns = {
+        "when": (1_700_000_000 * 10**9 + at * 10**6).astype("M8[ns]"), "late": (at * 1000).astype("m8[ms]"),
+        "day": at.astype("M8[D]"), "micro": (at * 500_000).astype("m8[us]"), "whole": at.astype("m8[s]"),
+    }  # fmt: skip
+    columns["late"][2] = "NaT"
+    stamps = 1_700_000_000 * 10**9 + at * 10_000_001
+    made = Recording("dog", stamps, 5, [element(name, values) for name, values in columns.items()])
+    (tmp_path / "logs").mkdir()
+    silo.Log(made).save(tmp_path / "logs" / "run.silo")
+    asked = silo.runs(tmp_path / "logs")
+    if kept:
+        asked = Archive(str(tmp_path / "archive"))
+        asked.add(silo.runs(tmp_path / "logs"))
+    known = dict(asked.sql("select signal, max from signals").iter_rows())
+    assert known == pytest.approx(
+        {"when": 1_700_000_000.004, "late": 4.0, "day": 4 * 86400.0, "micro": 2.0, "whole": 4.0}
+    )
+    largest = ", ".join(f'max("{name}") as "{name}"' for name in columns)
+    wide = asked.sql(f"select {largest} from wide").row(0, named=True)
+    assert wide == pytest.approx(known)
+    assert dict(asked.sql("select signal, max(value) from samples group by signal").iter_rows()) == pytest.approx(known)
+    assert asked.sql("select count(late) from wide").item() == 4
+
+
+def test_programs_are_told_times_to_the_nanosecond(tmp_path):
+    stamps = 1_700_000_000 * 10**9 + np.arange(2) * 10_000_001
+    silo.Log(Recording("dog", stamps, 2, [element("x", np.arange(2.0))])).save(tmp_path / "run.silo")
+    asked = "select time from wide order by t desc limit 1"
+    shown = CliRunner().invoke(cli, ["query", asked, "--in", str(tmp_path), "--json"])
+    (row,) = json.loads(shown.stdout)
+    assert row["time"] == "2023-11-14T22:13:20.010000001Z"
 
 
 def test_the_shell_prints_writes_and_counts(written, tmp_path):

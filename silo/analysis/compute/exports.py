@@ -169,4 +169,8 @@ def _polars_column(polars: Any, name: str, column: _Column) -> Any:
     values = column.values
     if values.dtype.kind in "UV":
         return polars.Series(name, [v if isinstance(v, str) else bytes(v) for v in values.tolist()])
+    if values.dtype.kind in "mM":
+        step, _ = np.datetime_data(values.dtype)
+        if step not in ("ms", "us", "ns") and (values.dtype.kind, step) != ("M", "D"):  # those that polars has
+            values = values.astype(f"{values.dtype.kind}8[{'ns' if step in ('ps', 'fs', 'as') else 'ms'}]")
     return polars.Series(name, np.ascontiguousarray(values))

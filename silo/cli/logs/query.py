@@ -9,6 +9,7 @@ from silo.cli.codes import EXIT_FAILED, EXIT_FOUND
 from silo.cli.common import progress, show_json, show_rows
 from silo.core.quantities.writing import many, size_text
 from silo.errors import SaveError
+from silo.files.optional_packages import need
 
 MOST_ROWS = 100
 
@@ -42,7 +43,7 @@ def query(statement: str, places: tuple[str, ...], where: str, file: str | None,
         (frame.write_csv if file.endswith(".csv") else frame.write_parquet)(file)
         click.echo(f"{file}: {many(len(frame), 'row')}")
     elif as_json:
-        show_json(frame.to_dicts())
+        show_json(_with_all_digits(frame).to_dicts())
     elif frame.width:
         numbers = [place for place, kind in enumerate(frame.dtypes) if kind.is_numeric()]
         show_rows([frame.columns, *([_cell(one) for one in row] for row in frame.head(MOST_ROWS).iter_rows())], numbers)
@@ -115,6 +116,14 @@ def _asked(places: tuple[str, ...], where: str) -> Any:
 def _name(problems: dict[str, str]) -> None:
     for run, why in problems.items():
         click.echo(f"{run}: {why}")
+
+
+def _with_all_digits(frame: Any) -> Any:
+    """The frame with its times as text: Python's have no nanoseconds."""
+    polars = need("polars", "query", "SQL over runs")
+    times = [name for name, kind in frame.schema.items() if isinstance(kind, polars.Datetime)]
+    digits = {name: f"%Y-%m-%dT%H:%M:%S%.9f{'Z' if frame.schema[name].time_zone else ''}" for name in times}
+    return frame.with_columns([polars.col(name).dt.strftime(digits[name]) for name in times])
 
 
 def _cell(value: object) -> str:
