@@ -248,6 +248,32 @@ def test_numbers_in_files_of_the_original_are_read(name, fixtures_folder):
     assert checked > 15
 
 
+@pytest.mark.parametrize(
+    ("name", "cells", "step_ns"),
+    [
+        ("time", ("0", "0.5"), 500_000_000), ("time_s", ("1", "1.000000001"), 1), ("t", ("0", "2e-3"), 2_000_000),
+        ("time_ms", ("0", "10"), 10_000_000), ("Time [ms]", ("0.25", "0.5"), 250_000), ("t_us", ("-1", "2.5"), 3500),
+        ("timestamp (us)", ("1700000000000000", "1700000000000001"), 1000), ("stamp_ms", ("0", "1e1"), 10_000_000),
+        ("stamp_ns", ("1700000000000000000", "1700000000000000001"), 1), ("time_ns", ("0.0", "7.0"), 7),
+        ("date", ("2026-11-28T10:00:00", "2026-11-28T10:00:01"), 10**9),
+    ],
+)  # fmt: skip
+def test_the_name_of_the_time_says_its_unit(tmp_path, name, cells, step_ns):
+    (tmp_path / "x.csv").write_text(f"{name},a\n{cells[0]},1\n{cells[1]},2\n")
+    read = read_csv(tmp_path / "x.csv")
+    assert np.diff(read.time_ns).tolist() == [step_ns]
+    assert not read.warnings
+
+
+@pytest.mark.parametrize(
+    ("name", "cells", "unit"), [("tau", "12", " in seconds"), ("a_ms", "12", " in milliseconds"), ("a", "2026", " in")]
+)
+def test_a_first_column_that_is_not_called_like_a_time_is_told(tmp_path, name, cells, unit):
+    (tmp_path / "x.csv").write_text(f"{name},b\n{cells[0]},1\n{cells[1]},2\n")
+    (told,) = read_csv(tmp_path / "x.csv").warnings
+    assert told.startswith(f"its first column, '{name}', is taken as the time{unit}")
+
+
 def test_what_is_no_table_is_an_error_that_names_the_file(tmp_path):
     (tmp_path / "x.csv").write_text("a,b\nx,1\n")
     with pytest.raises(FileFormatError, match=r"x\.csv.*first column \('a'\) holds no time"):

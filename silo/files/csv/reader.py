@@ -33,16 +33,20 @@ _MOST_NS = 2**63
 _MOST_DIGITS = 18  # of a number that surely is an int64
 _CELL = re.compile(rb'(?:("(?:[^"]|"")*"?)[^,]*|([^,]*))(?:,|$)')
 _DECIMAL = re.compile(rb"([+-]?)(\d+)(?:\.(\d*))?")
+_UNIT = re.compile(r"(?:_|\s*[\[(]\s*)(ns|us|µs|μs|ms|s)\s*[\])]?$")
+_UNITS = {"s": ("seconds", 9), "ms": ("milliseconds", 6), "us": ("microseconds", 3), "ns": ("nanoseconds", 0)}  # digits
+_LIKE_TIME = re.compile(r"time|stamp|date|clock|sec|elapsed|^\W*t(?![a-z0-9])", re.IGNORECASE)
 _MOST_OFFSETS = 1_000_000
 _LONGEST_LINE = 1 << 26  # a million columns with names of 64 bytes; a file of 1 TB without a line break is told at once
 _BOM = b"\xef\xbb\xbf"
 
 
 def read_csv(path: str | os.PathLike[str]) -> Recording:
-    """Open a CSV file, of one column per entry (first column: time in seconds) or one row per entry.
+    """Open a CSV file, of one column per entry (first column: time) or one row per entry.
 
-    What can't be understood is left out, with a warning of the recording. Raises `LogNotFoundError` if the file can't
-    be opened, `FileFormatError` if it is empty or its first column (or rows) holds no time.
+    The time is in seconds, or in what its name says (`time_ms`, `t_us`, `stamp_ns`, `time [ms]`). What can't be
+    understood is left out, with a warning of the recording. Raises `LogNotFoundError` if the file can't be opened,
+    `FileFormatError` if it is empty or its first column (or rows) holds no time.
     """
     try:
         # no memory map: of a table that is written anew in its place values were mixed, or a signal ended the process
@@ -174,7 +178,13 @@ def _from_columns(
             if near.all():
                 return names[1:-1], columns[1:-1], counted
     end = width - (width > 1 and names[-1] == TIME_NS)
-    return names[1:end], columns[1:end], _time(names[0], words)
+    time_ns, unit = _time(names[0], words)
+    if not _LIKE_TIME.search(names[0]):
+        warnings.append(
+            f"its first column, '{names[0]}', is taken as the time{unit}: a table of signals "
+            "needs one before them, called time, time_ms or time_ns"
+        )
+    return names[1:end], columns[1:end], time_ns
 
 
 def _from_rows(
@@ -211,26 +221,29 @@ def _cells_of(row: list[bytes]) -> list[bytes]:
 # --------------------------------------------------------------------------------------------------- columns to values
 
 
-def _time(name: str, cells: Words) -> NDArray[np.int64]:
-    """Nanoseconds of a time column: exact for decimal texts; dates and counts of ns (`..._ns`) are understood, too."""
+def _time(name: str, cells: Words) -> tuple[NDArray[np.int64], str]:
+    """Nanoseconds of a time column, exact for decimal texts, and their unit, fit to show."""
     texts: list[bytes] = np.char.lstrip(cells, QUOTE).tolist()
-    if name.endswith("_ns"):
+    said = _UNIT.search(name)
+    unit = said[1].replace("µ", "u").replace("μ", "u") if said is not None else "s"
+    words, digits = _UNITS[unit]
+    if unit == "ns":
         whole = _numbers(texts)
         if whole is not None and whole.dtype == np.int64:
-            return whole
+            return whole, f" in {words}"
     matches = [_DECIMAL.fullmatch(text) for text in texts]
     if all(matches):
-        return _stamps([_nanoseconds(match) for match in matches if match])
+        return _stamps([_nanoseconds(match, digits) for match in matches if match]), f" in {words}"
     numbers = _numbers(texts)
     if numbers is not None:
-        scaled = np.round(numbers.astype(np.float64) * 1e9)
+        scaled = np.round(numbers.astype(np.float64) * 10.0**digits)
         if not (np.abs(scaled) < _MOST_NS).all():
             raise FileFormatError("a time stamp is out of range: nanoseconds must fit 63 bits, the years 1678 to 2262")
-        return scaled.astype(np.int64)
+        return scaled.astype(np.int64), f" in {words}"
     try:
-        return np.array([decode_text(text) for text in texts], "M8[ns]").view(np.int64)
+        return np.array([decode_text(text) for text in texts], "M8[ns]").view(np.int64), ""
     except ValueError:
-        raise FileFormatError(f"its first column ('{name}') holds no time in seconds") from None
+        raise FileFormatError(f"its first column ('{name}') holds no time in {words}") from None
 
 
 def _stamps(numbers: list[int]) -> NDArray[np.int64]:
@@ -240,8 +253,9 @@ def _stamps(numbers: list[int]) -> NDArray[np.int64]:
     return np.array(numbers, np.int64)
 
 
-def _nanoseconds(match: re.Match[bytes]) -> int:
-    stamp = int(match[2]) * _SECOND + int((match[3] or b"").ljust(9, b"0")[:9])
+def _nanoseconds(match: re.Match[bytes], digits: int) -> int:
+    """Of a decimal number, of whose point nanoseconds stand so many digits behind."""
+    stamp = int(match[2] + (match[3] or b"").ljust(digits, b"0")[:digits])
     return -stamp if match[1] == b"-" else stamp
 
 
