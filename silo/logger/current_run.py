@@ -333,9 +333,11 @@ class CurrentRun:
             return 0
         assert self.run is not None
         held = segment_holdings(self.run.reader).text
+        held += f", and {many(self.unsaved_before, 'tick')} before that" if self.unsaved_before else ""
         raise UnsavedError(
             f"logger '{options.name}' holds {held}, and what is new of it is in no file; a start clears it: save it "
-            "first, or say what is to become of it (save or discard); nothing was changed"
+            "first, or say what is to become of it (save or discard; in a program unsaved='save' or 'clear'); nothing "
+            "was changed"
         )
 
 

@@ -12,7 +12,7 @@ import silo
 from silo.analysis.stretches import joined
 from silo.core.elements import Edit, LoggedEvent, Stretch
 from silo.core.recording import Recording
-from silo.errors import ElementError, SaveError, SegmentError, StateError
+from silo.errors import ElementError, SaveError, SegmentError, StateError, UnsavedError
 from silo.journal.holdings import segment_holdings
 from silo.logger.current_run import MOST_CUT_OFF, MOST_ELEMENTS, CurrentRun
 from tests.stand_ins.saved import element
@@ -268,6 +268,10 @@ def test_counts_are_of_all_stretches_and_a_start_begins_anew(new_logger, tmp_pat
     assert (present.ticks_before, present.begun_ns) == (12, present.cut_off[0].segment.schema.started_ns)
     assert segment_holdings(present.run.reader).text.endswith("of 1 tick since the last change")
     logger.stop()
+    with pytest.raises(
+        UnsavedError, match=r"of 1 tick since the last change, and 12 ticks before that.*='save'"
+    ):
+        logger.start(unsaved="refuse")
     logger.start(unsaved=unsaved)
     assert (logger.ticks, logger.has_unsaved, present.cut_off) == (0, False, [])
     assert (present.ticks_before, present.begun_ns) == (0, 0)
