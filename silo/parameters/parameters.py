@@ -425,9 +425,12 @@ def _check_bounds(info: ParameterInfo) -> None:
             continue
         if not numeric:
             raise ElementError(f"parameter '{info.name}': a {info.kind.value} has no {word}; leave it out")
-        if not np.isfinite(value) or (word in ("step", "rate") and value <= 0):
+        given = np.asarray(value)
+        number = given.ndim == 0 and given.dtype.kind in "biuf" and bool(np.isfinite(given))
+        if not number or (word in ("step", "rate") and value <= 0):
             fits = "above 0" if word in ("step", "rate") else "a finite number"
-            raise ElementError(f"parameter '{info.name}': {word} must be {fits}, got {value!r}")
+            alone = "" if number or not info.shape else ", the same for all its values"
+            raise ElementError(f"parameter '{info.name}': {word} must be {fits}{alone}, got {value!r}")
     if info.minimum is not None and info.maximum is not None and info.minimum > info.maximum:
         raise ElementError(f"parameter '{info.name}': min {info.minimum:g} is above max {info.maximum:g}")
 

@@ -45,6 +45,19 @@ def test_a_number_that_is_not_whole_is_told_so(new_logger, ends, fits):
         made.value = 2.5
 
 
+def test_a_number_that_64_bits_do_not_hold_is_told_so(new_logger):
+    logger = new_logger()
+    words = r"it takes a whole number of 64 bits with a sign \(-2\^63 to 2\^63 - 1\);"
+    with pytest.raises(ElementError, match=words):
+        logger.parameter("seed", np.uint64(2**63 + 5))
+    made = logger.parameter("n", 2**63 - 1)
+    for value in (2**63, -(2**63) - 1):
+        with pytest.raises(ElementError, match=words):
+            made.value = value
+    with pytest.raises(ElementError, match="takes up to 8 bytes of text without line breaks"):
+        logger.parameter("word", "abc", string_bytes=8).value = "a\0b"
+
+
 def test_words_are_choices_too(new_logger):
     mode = new_logger().parameter("mode", "walk", choices=["walk", "trot"])
     mode.value = "trot"
@@ -128,6 +141,7 @@ def test_nobody_writes_past_the_checks(new_logger):
     [
         ("min 2 is above max 1", {"min": 2, "max": 1}),
         ("step must be above 0", {"step": 0}),
+        ("min must be a finite number, got 'low'", {"min": "low"}),
         ("doesn't fit, it takes up to 30", {"max": 30}),
         ("writable is True, False or 'anywhere'", {"writable": "all"}),
     ],
@@ -137,6 +151,13 @@ def test_a_declaration_that_makes_no_sense_adds_nothing(new_logger, words, optio
     with pytest.raises(ElementError, match=words):
         logger.parameter("kp", 40.0, **options)
     logger.parameter("kp", 40.0)
+
+
+def test_bounds_are_the_same_for_all_values(new_logger):
+    with pytest.raises(
+        ElementError, match=r"finite number, the same for all its values, got \[5, 5, 5\]"
+    ):
+        new_logger().parameter("a", [1, 2, 3], min=0, max=[5, 5, 5])
 
 
 def test_it_is_an_element_with_ten_samples_a_second(new_logger):

@@ -248,8 +248,13 @@ def _fitting_number(info: ParameterInfo, given: float) -> float:
 
 def _refuse(info: ParameterInfo, given: object) -> float:
     unit = "" if info.unit in ("", "-") else f" {info.unit}"
+    takes = range_text(info)
+    if info.kind is ParameterKind.INT and isinstance(given, int) and not -(2**63) <= given < 2**63:
+        takes += " of 64 bits with a sign (-2^63 to 2^63 - 1)"
+    if info.kind is ParameterKind.STRING and isinstance(given, str) and not given.isprintable():
+        takes += " without line breaks and other letters that can't be printed"
     raise ElementError(
-        f"parameter '{info.name}': {_shown(given)} doesn't fit, it takes {range_text(info)}{unit}; nothing was changed"
+        f"parameter '{info.name}': {_shown(given)} doesn't fit, it takes {takes}{unit}; nothing was changed"
     )
 
 
