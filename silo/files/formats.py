@@ -113,7 +113,7 @@ class Format(msgspec.Struct, frozen=True):
                 raise SaveError(
                     f"'{path}' has one time for all signals, but {whose} has its own: choose a rate, "
                     f"log.resample(100).save({path.name!r}) or `silo convert --rate 100`; "
-                    f"{_list([one.ending for one in FORMATS if one.own_times])} keep the times of each"
+                    f"{_list([one.ending for one in FORMATS if one.own_times and one.writer])} keep the times of each"
                 )
             read_whole(recording)
             if recording.conditions.derived:

@@ -229,9 +229,13 @@ class TestEveryStorage:
         assert made["state/mode"].texts[-1] == "WALK"
         assert len({len(made[name].time_ns) for name in made.names("/imu/*")}) == 1
 
+    def test_what_has_one_time_for_all_names_those_that_are_written_and_keep_the_times(self, log, tmp_path):
+        with pytest.raises(silo.SaveError, match=r"\.mat, \.npz, \.h5 and \.rrd keep the times of each"):
+            log.save(tmp_path / "run.csv")
+
     def test_bytes_are_named_in_one_warning(self, log):
         (text,) = log.warnings
-        assert text == "bytes and lists of messages are no signals: /camera/data"
+        assert text == "bytes, lists of messages and of lists are no signals: /camera/data"
         assert "/camera/width" in log
 
 

@@ -9,7 +9,7 @@ from silo.files.others import json_text
 from silo.files.others.topics import equal
 
 KEYS = ["a", "b", "late", "n1", "n2", "", "\u00e9", 'with "quotes"', "back\\slash", "a/b", "nested"]
-RARE = ["float", "text", "bool", "null", "list", "floats", "large", "huge", "odd", "texts", "dict"]
+RARE = ["float", "text", "bool", "null", "list", "floats", "large", "huge", "odd", "texts", "words", "truths", "dict"]
 
 
 def value(chance, depth=0):
@@ -35,6 +35,10 @@ def value(chance, depth=0):
             return chance.choice([float("nan"), float("inf")])
         case "texts":
             return ["x", 1]
+        case "words":
+            return [chance.choice(["", "a", "\u00e9"]) for _ in range(chance.randrange(3))]
+        case "truths":
+            return [chance.random() < 0.5 for _ in range(chance.randrange(1, 3))]
         case "dict" if depth < 3:
             return {key: value(chance, depth + 1) for key in chance.sample(KEYS, 2)}
     return None
@@ -88,6 +92,23 @@ def test_messages_that_are_like_others_are_not_walked_through(monkeypatch):
     assert not told
     assert not bad
     assert len(walks) < 10
+
+
+def test_lists_of_texts_and_of_truths_are_signals_and_lists_of_lists_are_none():
+    rows = [
+        b'{"on": [true, false], "names": ["a", "\xc3\xa9"], "mat": [[1, 2], [3, 4]], "both": ["a", 1]}',
+        b'{"names": ["long"]}',
+        b'{"on": [true], "names": []}',
+    ]
+    groups = list(equal(list(enumerate(rows))))
+    wanted, left, told = json_text.signals_of(lambda _: groups, [])
+    assert [(one.name, one.dtype, one.count) for one in wanted] == [(("on",), "b1", 2), (("names",), "S", 2)]
+    assert left == [("mat",), ("both",)]
+    assert not told
+    found = json_text.columns_of(wanted, groups, 3, [])
+    names = [[b"a", "\u00e9".encode()], [b"long", b""], [b"", b""]]
+    assert found["names",].tolist() == names
+    assert found["on",].tolist() == [[True, False], [None, None], [True, None]]
 
 
 def test_the_first_message_of_another_kind_is_the_first_whatever_its_size():

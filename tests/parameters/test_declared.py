@@ -154,9 +154,7 @@ def test_a_declaration_that_makes_no_sense_adds_nothing(new_logger, words, optio
 
 
 def test_bounds_are_the_same_for_all_values(new_logger):
-    with pytest.raises(
-        ElementError, match=r"finite number, the same for all its values, got \[5, 5, 5\]"
-    ):
+    with pytest.raises(ElementError, match=r"finite number, the same for all its values, got \[5, 5, 5\]"):
         new_logger().parameter("a", [1, 2, 3], min=0, max=[5, 5, 5])
 
 

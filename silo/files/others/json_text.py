@@ -1,4 +1,5 @@
-"""Messages of JSON: the numbers, truths and texts in them by their paths, with the types that the values have.
+"""Messages of JSON: the numbers, truths and texts in them, and lists of such, by their paths, with the types that the
+values have.
 
 Nothing says which keys there are, so that all messages are looked at once, before any value is asked for: a key that
 comes late is a signal like the first one, and integers are of a type that holds all of them. Messages that are like
@@ -20,7 +21,10 @@ from silo.files.others.topics import Bad, Equal
 
 _MOST_SIGNALS = 10_000  # of a topic: keys that are numbers themselves would be as many as messages
 _MOST_DEPTH = 50
-_SIGNALS = {"truth", "number", "text", "list"}
+_LISTS = {"number": "list", "truth": "list of truths", "text": "list of texts"}  # of what, and what it is
+_SIGNALS = {*_LISTS, *_LISTS.values()}
+_OTHER = "list of other things"
+_KIND_OF = {bool: "truth", int: "number", float: "number", str: "text"}
 _EXACT = 2**53
 _MOST_TEXT_BYTES = 64 << 20  # of a column
 _MOST_DECODERS = 100  # of a topic: each takes 0.1 ms, and keys without end come one by one
@@ -67,9 +71,9 @@ class _Met:
     @property
     def dtype(self) -> str:
         """The type of a column: integers as long as one type holds them all."""
-        if self.kind == "truth":
+        if self.kind in ("truth", _LISTS["truth"]):
             return "b1"
-        if self.kind == "text":
+        if self.kind in ("text", _LISTS["text"]):
             return "S"
         if self.fractions or not (self.low >= -(2**63) and self.high < 2 ** (64 if self.low >= 0 else 63)):
             return "f8"
@@ -164,8 +168,11 @@ def _type_of(allowed: Any) -> Any:
     if isinstance(allowed, dict):
         return _struct_of(allowed)
     kind, wide, fractions, most = allowed
-    if kind in ("truth", "text"):
-        return bool if kind == "truth" else str
+    for alone, plain in (("truth", bool), ("text", str)):
+        if kind == alone:
+            return plain
+        if kind == _LISTS[alone]:
+            return Annotated[list[plain], msgspec.Meta(max_length=most)]  # type: ignore[valid-type]
     least, largest = (-(2**63), 2**63 - 1) if wide else (-_EXACT, _EXACT)
     whole: Any = Annotated[int, msgspec.Meta(ge=least, le=largest)]
     number: Any = Union[whole, float] if fractions else whole  # noqa: UP007  # made at run time
@@ -173,7 +180,7 @@ def _type_of(allowed: Any) -> Any:
 
 
 def _wanted(path: Path, one: _Met) -> FieldSpec:
-    count = one.most if one.kind == "list" else 0
+    count = one.most if one.kind in _LISTS.values() else 0
     suffixes = tuple(f"_{at}" for at in range(count)) or ("",)
     return FieldSpec(path, (path,), one.dtype, "vector" if count else "scalar", suffixes, count)
 
@@ -200,9 +207,9 @@ def _look(value: Any, path: Path, met: dict[Path, _Met], number: int) -> None:
     one.add(kind, number)
     if kind == "number":
         one.number(value)
-    elif kind == "list":
+    elif kind in _LISTS.values():
         one.most = max(one.most, len(value))
-        for each in value:
+        for each in value if kind == _LISTS["number"] else ():
             one.number(each)
 
 
@@ -215,12 +222,10 @@ def _kind(value: Any) -> str:
         return "text"
     if value == []:
         return "empty list"
-    numbers = isinstance(value, list) and len(value) <= MOST_VALUES and all(map(_number, value))
-    return "list" if numbers else "list of other things"
-
-
-def _number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    if not isinstance(value, list) or len(value) > MOST_VALUES:
+        return _OTHER
+    kinds = {_KIND_OF.get(type(each), "") for each in value}
+    return _LISTS.get(kinds.pop(), _OTHER) if len(kinds) == 1 else _OTHER
 
 
 def columns_of(wanted: Sequence[FieldSpec], groups: Iterable[Equal], total: int, bad: Bad) -> dict[Path, NDArray[Any]]:
@@ -228,15 +233,21 @@ def columns_of(wanted: Sequence[FieldSpec], groups: Iterable[Equal], total: int,
 
     What a message has not is NaN, an empty text, or masked: integers stay integers.
     """
-    longest = max(256, _MOST_TEXT_BYTES // max(total, 1))
+    room = {one.name: _MOST_TEXT_BYTES // max(total * max(one.count, 1), 1) for one in wanted}
+    longest = {one.name: max(8 if one.count else 256, room[one.name]) for one in wanted}
     made: dict[Path, list[Any]] = {one.name: [None] * total for one in wanted}
     for number, message in _decoded(groups, bad):
         for one in wanted:
             value: Any = message
             for key in one.name:
                 value = value.get(key) if isinstance(value, dict) else None
-            if value is not None and _kind(value) == _KINDS.get(one.dtype, "list" if one.count else "number"):
-                made[one.name][number] = value.encode()[:longest] if one.dtype == "S" else value
+            kind = _KINDS.get(one.dtype, "number")
+            if value is None or _kind(value) != (_LISTS[kind] if one.count else kind):
+                continue
+            if one.dtype == "S":
+                most = longest[one.name]
+                value = [text.encode()[:most] for text in value] if one.count else value.encode()[:most]
+            made[one.name][number] = value
     return {one.name: _column(made[one.name], one) for one in wanted}
 
 
@@ -244,8 +255,11 @@ _KINDS = {"b1": "truth", "S": "text"}
 
 
 def _column(values: list[Any], one: FieldSpec) -> NDArray[Any]:
-    if one.dtype == "S":
+    if one.dtype == "S" and not one.count:
         return np.array([b"" if value is None else value for value in values], "S")
+    if one.dtype == "S":
+        rows = [[*(value or ()), *[b""] * (one.count - len(value or ()))] for value in values]
+        return np.array(rows, "S").reshape(len(values), one.count)
     dtype = np.dtype(one.dtype)
     missing = np.ones((len(values), one.count) if one.count else len(values), bool)
     made = np.zeros(missing.shape, dtype)

@@ -112,7 +112,7 @@ def _told(unknown: Sequence[str], left: Sequence[str]) -> Iterator[str]:
     if unknown:
         parts.append(f"{len(unknown)} topics are left out: {_some(unknown)}")
     if left:
-        parts.append(f"bytes and lists of messages are no signals: {_some(left)}")
+        parts.append(f"bytes, lists of messages and of lists are no signals: {_some(left)}")
     if parts:
         yield "; ".join(parts)
 
