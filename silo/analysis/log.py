@@ -33,7 +33,16 @@ from silo.core.episodes.words import Episode
 from silo.core.kinds import SCALAR
 from silo.core.names import did_you_mean, is_glob
 from silo.core.printing import html_table
-from silo.core.recording import RecordedElement, Recording, alike, common_axis, has_own_stamps, read_ahead, stamps_of
+from silo.core.recording import (
+    RecordedElement,
+    Recording,
+    alike,
+    common_axis,
+    falls,
+    has_own_stamps,
+    read_ahead,
+    stamps_of,
+)
 from silo.errors import ArgumentError, ElementError, SaveError, UnknownSignalError
 from silo.expressions.derived_samples import NOTHING_IN_COMMON, computable
 from silo.expressions.over_recordings import RecordingJudge, narrowed
@@ -283,6 +292,11 @@ class Log(Mapping[str, Signal]):
             raise ElementError(
                 f"the log has no tick from {'its start' if start_s is None else f'{start_s:g} s'} to "
                 f"{'its end' if stop_s is None else f'{stop_s:g} s'}; it goes from 0 to {self.duration_s:g} s"
+            )
+        if falls(made.time_ns) and len(self.episodes) > 1:
+            warn_outside(
+                "the clock stepped back: that is every tick with such a time, maybe of several episodes; "
+                "log.clip(log.episodes[0]) is one of them"
             )
         return Log(made, self.path, self.start_ns)
 

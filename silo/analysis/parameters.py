@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.analysis.ramps import Ramp, Samples, between, samples_of
+from silo.analysis.compute.samples import Samples
+from silo.analysis.ramps import Ramp, TunedSamples, between, samples_of
 from silo.core.arguments import real
 from silo.core.elements import LoggedEvent
 from silo.core.parameter_images import Unknown, unknown_of_runs, unknown_texts
@@ -57,7 +58,7 @@ class LoggedParameters:
         time_ns: NDArray[np.int64],
         offset: int,
         start_ns: int,
-        samples: Callable[[str], Samples | None] = lambda name: None,
+        samples: Callable[[str], TunedSamples | None] = lambda name: None,
     ) -> None:
         """Read what events tell. `time_ns` are the stamps of the ticks before `offset`; times count from `start_ns`.
 
@@ -108,8 +109,9 @@ class LoggedParameters:
         time_s = real("time_s", time_s, -1e12, 1e12, "s")
         if not self._events:
             raise ElementError("this log tells of no parameters: log.parameter(...) declares them")
-        since = np.searchsorted(self._time_ns, self._start_ns + round(time_s * 1e9), "right") - 1
-        tick = self._offset - len(self._time_ns) + max(0, int(since))
+        stamp = np.asarray(self._start_ns + round(time_s * 1e9))
+        since = int(Samples("ticks", self._time_ns, self._time_ns)._places(stamp))
+        tick = self._offset - len(self._time_ns) + max(0, since)
         for one in self.unknown:
             if one.first <= tick < one.end:
                 raise ElementError(f"what the parameters were at {time_s:g} s is not known: {one.text(self._seconds)}")

@@ -18,29 +18,29 @@ from silo.core.tuning.parameters import ParameterValue
 Values = Sequence[tuple[str, ParameterValue | None, ParameterValue]]
 
 
-class Samples(NamedTuple):
+class TunedSamples(NamedTuple):
     """Of a parameter: the ticks at which it was logged, and what it was, shape `(samples, values)`."""
 
     ticks: NDArray[np.int64]
     values: NDArray[Any]
 
 
-def samples_of(recording: Recording) -> Callable[[str], Samples | None]:
+def samples_of(recording: Recording) -> Callable[[str], TunedSamples | None]:
     """Return what gives the samples of a parameter by its name; None where it is no number, or wasn't logged."""
     elements = {element.name: element for element in recording.elements}
     before = recording.offset - len(recording.time_ns)
 
-    def samples(name: str) -> Samples | None:
+    def samples(name: str) -> TunedSamples | None:
         element = elements.get(name)
         return None if element is None else _samples(element, before)
 
     return samples
 
 
-def _samples(element: RecordedElement, before: int) -> Samples | None:
+def _samples(element: RecordedElement, before: int) -> TunedSamples | None:
     if element.own_ns is not None or any(one.dtype.kind not in "iuf" or one.entry.labels for one in element.entries):
         return None
-    return Samples(element.stamp_indices + before, np.stack([one.values for one in element.entries], axis=-1))
+    return TunedSamples(element.stamp_indices + before, np.stack([one.values for one in element.entries], axis=-1))
 
 
 class Ramp:
@@ -50,7 +50,7 @@ class Ramp:
         self,
         event: LoggedEvent,
         later: Sequence[LoggedEvent],
-        samples: Callable[[str], Samples | None],
+        samples: Callable[[str], TunedSamples | None],
         stamp: Callable[[int], int],
     ) -> None:
         """Look at what is known of it. `later` events may set the same again; `stamp` is that of a tick, ns."""
@@ -86,7 +86,7 @@ class Ramp:
 
 
 def _shares(
-    event: LoggedEvent, following: LoggedEvent | None, samples: Callable[[str], Samples | None]
+    event: LoggedEvent, following: LoggedEvent | None, samples: Callable[[str], TunedSamples | None]
 ) -> Iterator[tuple[int, float]]:
     """How far it had come, by tick, as the samples of a number tell, and what the next change found."""
     numbers = [(name, way) for name, old, new in _values(event) if (way := _way(old, new)) is not None]

@@ -214,6 +214,8 @@ def test_an_episode_has_its_own_ticks_where_the_clock_of_a_simulation_begins_ane
         read = silo.open_log(path)
     truth = [np.arange(100 * number + 10, 100 * number + 40) for number in range(3)]
     rest = [[one[of] for of in range(30) if (50 * place + 10 + of) % 3 == 0] for place, one in enumerate(truth)]
+    with pytest.warns(silo.LogWarning, match=r"maybe of several episodes; log.clip\(log.episodes\[0\]\) is one"):
+        assert len(read.clip(read.episodes[0].start_s, read.episodes[0].stop_s)["x"]) == 90
     parts = [read.clip(one) for one in read.episodes]
     assert [part["x"].values.tolist() for part in parts] == [one.tolist() for one in truth]
     assert [part["slow"].values.tolist() for part in parts] == rest

@@ -296,6 +296,21 @@ def test_a_file_tells_what_held_at_a_time_and_who_changed_it(tuned, kind):
     assert next((event.tick, event.who) for event in log.parameters.changes) == (2, "alice")
 
 
+def test_of_a_time_that_is_there_twice_the_parameters_are_those_that_were_last(new_logger):
+    now = [0]
+    logger = new_logger(frequency=100, clock=lambda: now[0])
+    kp = logger.parameter("kp", 0.0)
+    logger.start()
+    for number in range(3):
+        for tick in range(20):
+            now[0] = tick * 10_000_000
+            if tick == 10:
+                kp.value = float(number)
+            logger.collect()
+    log = silo.Log(logger.snapshot())
+    assert [log.parameters.at(time_s)["/log/kp"] for time_s in (0.0, 0.095, 0.1, 5.0)] == [1.0, 1.0, 2.0, 2.0]
+
+
 class Ramps:
     """A run of 100 Hz, and what its parameters were at each tick as the program saw them; they are logged at 10 Hz."""
 
