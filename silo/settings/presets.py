@@ -1,6 +1,7 @@
 """Presets of parameters: YAML files `name: value` of which lines and comments stay when they are written again."""
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -16,6 +17,9 @@ _TRUTH = {"true": True, "on": True, "yes": True, "false": False, "off": False, "
 
 def typed_value(info: ParameterInfo, words: str | Sequence[str]) -> ParameterValue:
     """Return the value that somebody wrote for a parameter. Raises ElementError for one that doesn't fit."""
+    if len(info.shape) == 2 and isinstance(words, str) and words.count("[") > 1:
+        rows = re.findall(r"\[([^\[\]]*)\]", words)
+        return fitting(info, [[_item(info, part.strip()) for part in row.split(",")] for row in rows])
     if info.shape:
         items = [part.strip() for part in words.strip(" []").split(",")] if isinstance(words, str) else list(words)
         return fitting(info, [_item(info, item) for item in items])

@@ -3,8 +3,8 @@
 import pytest
 
 from silo.core.tuning.parameters import ParameterInfo, ParameterKind
-from silo.errors import ScriptError
-from silo.settings.presets import read_preset, write_preset
+from silo.errors import ElementError, ScriptError
+from silo.settings.presets import read_preset, typed_value, write_preset
 
 INFOS = [
     ParameterInfo("/log/legs/kp", ParameterKind.FLOAT, 40.0, minimum=0, maximum=200),
@@ -25,6 +25,14 @@ def test_what_is_written_is_read_as_it_was(tmp_path):
 def test_a_text_that_means_something_in_yaml_is_read_as_it_was(tmp_path, text):
     file = write_preset(tmp_path / "walk.yaml", {"/log/note": text})
     assert read_preset(file, INFOS) == {"/log/note": text}
+
+
+@pytest.mark.parametrize("words", ["5, 6, 7, 8", "[5,6,7,8]", "[[5,6],[7,8]]", "[5, 6], [7, 8]"])
+def test_a_matrix_is_typed_as_its_values_or_its_rows(words):
+    matrix = ParameterInfo("/log/m", ParameterKind.FLOAT, (0.0,) * 4, (2, 2))
+    assert typed_value(matrix, words) == (5.0, 6.0, 7.0, 8.0)
+    with pytest.raises(ElementError, match="takes 2 x 2 values"):
+        typed_value(matrix, "[[5,6,7],[8]]")
 
 
 def test_lines_order_and_comments_of_a_preset_stay(tmp_path):
