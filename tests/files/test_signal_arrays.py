@@ -159,6 +159,20 @@ def test_fields_of_one_type_have_their_own_labels():
     assert one[:, 0].texts.tolist() == ["TROT"] * 2
 
 
+def test_words_of_two_enumerations_are_compared_whatever_their_numbers():
+    def signal(values, labels):
+        return silo.Signal("gait", np.asarray(values), np.arange(len(values)), labels=labels)
+
+    one, other = signal([0, 1, 5, 5], {0: "STAND", 1: "TROT"}), signal([1, 1, 5, 0], {0: "TROT", 1: "STAND"})
+    assert (one == other).values.tolist() == [True, False, True, False]
+    assert (one != other).values.tolist() == [False, True, False, True]
+    more = signal([0, 1, 5, 5], {0: "STAND", 1: "TROT", 5: "RUN"})
+    assert (one == more).all()
+    missing = replace(other, values=np.ma.array(other.values, mask=[True, False, False, False]))
+    assert (one == missing).values.tolist() == [False, False, True, False]
+    assert (one[:0] == other[:0]).values.tolist() == []
+
+
 def test_what_is_calculated_of_fields_has_no_labels():
     one = fields("gait", "steps")
     for made in (one * 2, -one, one > 0, one.derivative(), one.integral()):

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from silo.analysis.compute.samples import Samples, in_order
 from silo.core import units
 from silo.core.arguments import shown
+from silo.core.arrays.values import missing_in
+from silo.core.enumerations import to_compare
 from silo.core.recording import falls
 from silo.errors import ElementError, LogWarning
 
@@ -47,15 +49,38 @@ def compared(
     sign: str,
     swapped: bool = False,
 ) -> One:
-    """Return where a comparison holds: bools at the stamps of both. Labels and texts are compared as texts.
+    """Return where a comparison holds: bools at the stamps of both. Labels and texts are compared as texts, of two
+    signals where their labels have other numbers.
 
     Raises `ElementError` for units that don't go together, and for what can't be compared.
     """
     if isinstance(other, str | bytes) or one.values.dtype.kind in "SU":
         return _texts_compared(one, other, function, sign)
-    values, made, name = _both(one, other, function, sign, swapped, lambda each: each._numbers("compare"), "compare")
+    numbers = _words_numbered(one, other) if isinstance(other, Samples) and sign in ("==", "!=") else None
+    values, made, name = _both(one, other, function, sign, swapped, numbers or _as_they_are, "compare")
     truths = np.asarray(np.ma.filled(values, sign == "!="), bool)  # what is missing is, as a NaN, only unequal
     return replace(made, name=name, values=truths, unit="-", labels={}, component_labels={})
+
+
+def _as_they_are(signal: Samples) -> NDArray[Any]:
+    return signal._numbers("compare")
+
+
+def _words_numbered(one: Samples, other: Samples) -> Callable[[Samples], NDArray[Any]] | None:
+    """Return what gives each word of two enumerations a number, that of both; None where theirs are no others."""
+    words = to_compare(one.labels, other.labels)
+    if words[0] == words[1]:
+        return None
+    known: dict[str, int] = {}
+
+    def numbers(signal: Samples) -> NDArray[Any]:
+        texts = replace(signal, labels=words[0] if signal.labels == one.labels else words[1]).texts
+        names, places = np.unique(texts, return_inverse=True)
+        made = np.array([known.setdefault(str(name), len(known)) for name in names])[places.reshape(texts.shape)]
+        missing = missing_in(signal.values)
+        return np.ma.array(made, mask=missing) if missing.any() else made
+
+    return numbers
 
 
 def _both(
