@@ -49,7 +49,7 @@ _TELL_LOSS = frozenset(
 _TOTALS = re.compile(
     r"recording '(?P<name>[^']+)'.*?(?P<parts>\d+) files?, (?P<samples>\d+) samples?, (?P<lost>\d+) lost"
 )
-_LOST_AT = re.compile(r"recording '(?P<name>[^']+)': (?P<lost>\d+) samples were lost, of ticks")
+_LOST_AT = re.compile(r"recording '(?P<name>[^']+)': (?P<lost>\d+) samples were lost, of ticks \d+ to (?P<last>\d+)")
 _ENDED = re.compile(r"recording '(?P<name>[^']+)'.*(ended|stopped|files?, \d+ samples?)")
 _BEGUN = re.compile(r"recording '(?P<name>[^']+)' of .* to (?P<folder>/.*)")
 _UNCOUNTED = re.compile(r"lost, and the end of (a run|\d+ runs)")
@@ -521,6 +521,8 @@ def _recording(run: _Run, name: str, parts: list[_Part], there: _Folder) -> Iter
     full = any(_FULL in event.text and f"'{name}'" in event.text for event in run.events)
     stops = _stops(run, name, there)
     ended = full or any(after is None for _, after in stops)
+    lost = [found for event in run.events if (found := _LOST_AT.match(event.text)) is not None]
+    last_lost = max((int(found["last"]) for found in lost if found["name"] == name), default=-1)
     pauses = [(stop.tick, after.tick) for stop, after in stops if after is not None]
     for number, ring in rings.items():
         rows = [(first, end - 1) for part in parts for first, end in part.scan.rows.get(number, ())]
@@ -529,6 +531,8 @@ def _recording(run: _Run, name: str, parts: list[_Part], there: _Folder) -> Iter
         end = max([0, *(last + 1 for _, last in rows)])
         if run.ended and not ended:
             end = max(end, -(-run.ticks // ring.divider))
+        if last_lost >= 0 and rows:  # told behind its last row: it was to have them
+            end = max(end, last_lost // ring.divider + 1)
         memory = [(-(-first // ring.divider), last // ring.divider) for first, last in run.memory]
         lacks = without([(min(begins), end - 1)], [*rows, *memory]) if end > min(begins) else []
         # parts of another order don't go on from those before them

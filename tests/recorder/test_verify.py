@@ -308,6 +308,16 @@ def test_samples_that_are_told_to_be_lost_at_the_end_are_held_against_where(kept
         assert kept.found()[0] == []
 
 
+def test_ticks_that_were_told_to_be_lost_behind_the_last_row_are_missing_and_nobody_took_them_away(kept):
+    kept.recorded(300)
+    samples = 300 * 3 + 60
+    kept.happens("recording", "recording 'bot': 128 samples were lost, of ticks 300 to 339: their time stamps", 300)
+    kept.happens("recording", f"recording 'bot' ended: stopped; 1 file, {samples} samples, 128 lost", 339)
+    problems, told = kept.found()
+    assert (problems, told) == ([], [("missing", ((300, 339),))])
+    assert not [one for one in verify(kept.folder).not_kept if "no longer there" in one.text]
+
+
 def test_samples_that_are_missing_and_told_as_none_lost_disagree(kept):
     kept.recorded(300, stopped=False)
     samples = 300 * 3 + 60

@@ -6,6 +6,7 @@ ticks at which nothing that was recorded fell due lie evenly between those of th
 is told by the beginning of its first message; values are read when they are asked for.
 """
 
+import re
 import struct
 from collections.abc import Sequence
 from contextlib import suppress
@@ -25,6 +26,8 @@ from silo.files.mcap.index import Index, IndexedChunk, entries_at, entries_in, r
 from silo.files.parts.events import events_of
 from silo.files.parts.metadata import EVENTS_RING, PartFacts, RingFacts
 from silo.files.parts.scan import NO_INDEX, SEQUENCE_AT, first_row, index_fits
+
+_LOST = re.compile(r"samples were lost, of ticks \d+ to \d+: ([^;]*)")  # in the recorder's words, and why
 
 
 @dataclass
@@ -143,10 +146,9 @@ def open_part(file: Path, data: memoryview, index: Index, facts: PartFacts, chec
     if lost := sum(len(ring.missing) for ring in of_elements):
         spans = sorted({span for ring in filled for span in ring.holes})
         shown = ", ".join(f"{low}-{high}" for low, high in spans[:5]) + (", ..." if len(spans) > 5 else "")
-        warnings.append(
-            f"{lost} samples {'are damaged, or ' if damaged else ''}were lost as the recorder could not keep up "
-            f"(ticks {shown}): {GAPS}"
-        )
+        told = dict.fromkeys(one[1] for event in events if (one := _LOST.search(event.text)) is not None)
+        why = f": {'; '.join(told)}" if told else " as the recorder could not keep up"
+        warnings.append(f"{lost} samples {'are damaged, or ' if damaged else ''}were lost{why} (ticks {shown}): {GAPS}")
     # what was found of sources while the part was written: its description came before
     warnings += dict.fromkeys(event.text for event in events if event.kind == UNHELD)
     about = msgspec.structs.replace(
