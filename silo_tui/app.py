@@ -425,8 +425,7 @@ class SiloApp(Guarded, App[None]):
         from silo_tui.screens.lists.runs import RunsScreen
 
         if self.context.file_over_logger:
-            self.context.say(f"{key_of('back')} leaves the file first")
-            return
+            self._leave_file()
         folder = self.context.session.status.folder if self.context.has_session else ""
         if isinstance(self.screen, RunsScreen):
             self.pop_screen()

@@ -158,7 +158,7 @@ class Session:
         self.overlay: Overlay | None = None  # a saved run over the plots
         self.gone: dict[str, Condition] = {}  # what went with the program before, by words
         self.refused_trigger: TriggerOptions | None = None  # and left, to mend why
-        self.left_files: list[SavedFile] = []  # of a robot program that died
+        self.left_files: list[SavedFile] = []  # what was saved last, or when the robot program died
         self.happened: list[LoggedEvent] = []  # the newest lines of the event log
         self._slow_s = -SLOW_TOLD_S  # monotonic, when the loop was slow last
         self.jitter_s = 0.0  # of the loop, as the newest survey says
@@ -220,6 +220,11 @@ class Session:
     def lost_s(self) -> float | None:
         """For how long there has been no link; None where there is one."""
         return None if self.lost_since is None else time.monotonic() - self.lost_since
+
+    @property
+    def closed(self) -> bool:
+        """Whether nobody answers because the robot program closed its logger: nothing is wrong."""
+        return self.lost_since is not None and bool(self.happened) and self.happened[-1].kind == EventKind.CLOSED.value
 
     def try_now(self) -> None:
         """Look for the logger at once, where the link is lost."""
@@ -509,7 +514,7 @@ class Session:
         self._note(event)
         if event.job:
             self.saves[event.job] = event
-        if event.kind is EventKind.CRASHED:
+        if event.kind is EventKind.CRASHED or (event.kind is EventKind.SAVED and event.files):
             self.left_files = event.files
         if event.status is not None and not self._is_of_before(event.status):
             self.take_status(event.status)

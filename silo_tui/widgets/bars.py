@@ -126,7 +126,8 @@ class StatusBar(FittingLine):
             add(0, "connecting …")
             return parts
         if not session.connected:  # what it was; how it stands now nobody knows
-            add(0, f"~ NO LINK {since_words(session.lost_s)}", bold(variables, "dead"))
+            sign = "- CLOSED" if session.closed else "~ NO LINK"
+            add(0, f"{sign} {since_words(session.lost_s)}", bold(variables, "dead"))
             add(5, f", was {status.state.name}")
         else:
             name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "dead"}[status.state]
@@ -239,6 +240,9 @@ class Banner(Guarded, Widget):
             return session.trouble(2 * self.app.size.width - 16)  # two lines, and what breaking at words costs
         if session.link is None:
             return ""
+        if session.closed:
+            saved = f" It saved {text.file_name(session.left_files[0].path)} (:open)." if session.left_files else ""
+            return f"The robot program closed {session.name}.{saved} silo-tui follows when it starts again."
         if session.lost_s is not None:
             retries = key_that_retries(getattr(self.screen, "scope", ""))
             tries = f" {retries} tries now." if retries else ""

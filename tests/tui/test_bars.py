@@ -1,6 +1,7 @@
 """The lines around the table, without an app: the head, the banner, the key bar, and the line of messages."""
 
 import time
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +12,7 @@ from rich.console import Console
 
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
-from silo.core.elements import Control, Present, State
+from silo.core.elements import Control, LoggedEvent, Present, State
 from silo_tui.actions import BY_ID
 from silo_tui.keymap import use_keys
 from silo_tui.model.samples.live import Reading
@@ -141,6 +142,9 @@ def test_without_a_link_the_head_says_since_when_and_what_it_was(desk, monkeypat
     desk.session.lost_since = 100.0
     monkeypatch.setattr(time, "monotonic", lambda: 175.0)
     assert head(desk) == "silo anymal/robot  ~ NO LINK 75 s, was RUNNING"
+    desk.session.happened = [LoggedEvent("saved", "saved", 1, 2), LoggedEvent("closed", "it closed", 2, 3)]
+    assert head(desk) == "silo anymal/robot  - CLOSED 75 s, was RUNNING"
+    desk.session.happened.append(LoggedEvent("started", "started", 3, 0))
     desk.session.lost_total = 2
     assert head(desk) == "silo anymal/robot  ~ NO LINK 75 s, was RUNNING  lost 2"
 
@@ -248,6 +252,13 @@ def test_a_lost_link_is_told_with_what_can_be_done(scope, edited, words, desk, m
     desk.session.lost_since = 100.0
     monkeypatch.setattr(time, "monotonic", lambda: 175.0)
     assert banner(desk, scope) == (words, True)
+
+
+@pytest.mark.parametrize(("files", "saved"), [([], ""), ([SAVED], f" It saved {Path(SAVED.path).name} (:open).")])
+def test_a_robot_program_that_closed_its_logger_left_no_broken_link(files, saved, desk):
+    desk.session.lost_since, desk.session.left_files = 100.0, files
+    desk.session.happened = [LoggedEvent("closed", "the robot program closed its logger", 2, 3)]
+    assert banner(desk) == (f"The robot program closed robot.{saved} silo-tui follows when it starts again.", True)
 
 
 @pytest.mark.parametrize(
@@ -479,7 +490,7 @@ def test_of_the_row_under_the_cursor_it_is_told_what_its_columns_have_no_room_fo
     name = table.names[rows.row]
     assert said.words().plain == "4 of 72"
     table.facts = Facts({}, 0, 0, {name: {"bad": 2.0}})
-    assert said.words().plain.endswith(" │ 2 samples nan or inf, left out of min to std")
+    assert said.words().plain.endswith(" │ 2 samples nan or inf: min to std leave nan out")
     said.width = 160
     table.take_beyond({name: "HH"})
     assert " │ HH " in said.words().plain

@@ -129,6 +129,21 @@ def test_together_stand_the_moments_that_are_alike():
         together(logs, "slip")
 
 
+async def test_from_a_file_over_a_logger_the_list_of_runs_leads_back_to_the_logger(fake, opened, folder):
+    async with opened(fake) as screen:
+        await on_runs(screen, folder)
+        await screen.press("enter")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
+        await screen.press("m")
+        await screen.until(lambda: screen.app.screen.scope == "file_monitor")
+        await screen.enter(f":runs {folder}")
+        await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 3)
+        assert sum(isinstance(one, RunsScreen | FileTableScreen) for one in screen.app.screen_stack) == 1
+        assert not screen.app.context.file_over_logger
+        await screen.press("escape")
+        await screen.until(lambda: screen.app.screen.scope == "table")
+
+
 def test_runs_whose_samples_have_no_time_in_common_say_which_they_have():
     long = run_of(1, 9)
     (tau,) = long.elements

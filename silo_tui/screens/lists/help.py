@@ -31,6 +31,7 @@ HEAD = (
     ("■ STOPPED 02:41", "it logs nothing now; what it logged for so long is held"),
     ("✖ DEAD 02:41", "the robot program is gone; what it logged is saved, or held"),
     ("~ NO LINK 14 s", "nobody answers for so long: values are old, edits are kept"),
+    ("- CLOSED 14 s", "the robot program closed its logger so long ago; silo-tui follows when it starts again"),
     ("488/500 elements on", "so many are logged, of all; +1 derived: computed from them"),
     ("400 Hz", "ticks a second as measured; … of 400 Hz: none was yet"),
     ("318 of 400 Hz slow", "the loop makes fewer ticks than it should: filter `lateness` (logged with timing=True)"),
