@@ -321,7 +321,8 @@ class Log(Mapping[str, Signal]):
             times: a rate in Hz, seconds since start, or a signal, whose times are meant.
             method: `"hold"` takes the value that held; `"linear"` goes straight from sample to sample: of floats,
                 quaternions and poses turn on the shortest way; all others hold. Of an element that a cut had switched
-                off for a while, nothing holds then: NaN stands there, or a sample is missing.
+                off for a while, and of a recording of which a part is missing, nothing holds then: NaN stands there, or
+                a sample is missing.
 
         Raises:
             ElementError: an unknown method, or times that are none.

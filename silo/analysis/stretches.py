@@ -150,25 +150,6 @@ class _Piece:
         return ticks if self.stretch.part == 1 else f"part {self.stretch.part}, {ticks}"
 
 
-@dataclass(frozen=True)
-class _Ends:
-    """Places in the whole, rising, before which nothing holds on: `all` of them, and of these behind missing ticks."""
-
-    gaps: Sequence[int]
-    all: Sequence[int]
-
-    def hides_gap(self, first: int, last: int) -> bool:
-        """Whether ticks are missing between two places."""
-        return bisect_right(self.gaps, first) < bisect_right(self.gaps, last)
-
-    def held(self, first: int, divider: int, count: int) -> list[tuple[int, int]]:
-        """How long samples hold, as `RecordedElement.holds`: the last one to the next end."""
-        last = first + (count - 1) * divider
-        at = bisect_right(self.all, last)
-        ticks = min(divider, self.all[at] - last) if at < len(self.all) else divider
-        return [(divider, count - 1), (ticks, 1)] if count > 1 else [(ticks, 1)] * count
-
-
 def joined(parts: Sequence[Recording]) -> Recording:
     """Return the parts of a run that was cut, or of a recording, as one: each sample, event and mark at its own time.
 
@@ -179,7 +160,7 @@ def joined(parts: Sequence[Recording]) -> Recording:
     ordered = _in_order(parts)
     begin, (pieces, time_ns, told, gaps) = _begin(ordered), _placed(ordered)
     begun = [piece.place for before, piece in pairwise(pieces) if piece.stretch.part != before.stretch.part]
-    ends = _Ends(gaps, sorted({*gaps, *begun}))
+    ends = sorted({*gaps, *begun})
     first, last = pieces[0].part, pieces[-1]
     by_name: dict[str, list[tuple[_Piece, RecordedElement]]] = {}
     for piece in pieces:
@@ -197,6 +178,7 @@ def joined(parts: Sequence[Recording]) -> Recording:
         warnings=_warnings(pieces, told),
         events=tuple(once_each(events)),
         stretch=Stretch(last.stretch.run, parts=len(pieces), recorder=last.stretch.recorder),
+        gaps=tuple((int(time_ns[at - 1]), int(time_ns[at])) for at in gaps if 0 < at < len(time_ns)),
     )
     cuts = [int(time_ns[place]) for place in begun if place < len(time_ns)]
     return _over_cuts(whole, cuts) if cuts else whole
@@ -275,7 +257,8 @@ def _placed(parts: Sequence[tuple[Recording, Stretch]]) -> tuple[list[_Piece], N
         first = _first(part)
         elements = [_fresh(element, first, taken) for element in part.elements] if stretch.recorder else part.elements
         if not pieces or stretch.part != pieces[-1].stretch.part:
-            told += _missing(pieces[-1].stretch if pieces else None, stretch, first)
+            missing = _missing(pieces[-1].stretch if pieces else None, stretch, first)
+            told, gaps = told + missing, gaps + [end] * bool(missing)
             taken, elements, after = {}, part.elements, first
             if stretch.recorder and (pieces or stretch.since >= 0) and len(part.time_ns):
                 after = min(first, max(0, stretch.since))
@@ -398,9 +381,12 @@ def _as_one(
     found: list[tuple[_Piece, RecordedElement]],
     time_ns: NDArray[np.int64],
     own: dict[tuple[tuple[int, int, int], ...], NDArray[np.int64]],
-    ends: _Ends,
+    ends: Sequence[int],
 ) -> RecordedElement:
-    """An element of several parts; `own` are time stamps that others have, too, by where they stand."""
+    """An element of several parts; `own` are time stamps that others have, too, by where they stand.
+
+    `ends` are the places, rising, before which nothing holds on.
+    """
     pieces = sorted(
         [(piece, one) for piece, one in found if one.count] or found[-1:],
         key=lambda pair: pair[0].place + pair[1].first,
@@ -412,7 +398,6 @@ def _as_one(
     for first, divider, count in layout:
         steps = steps and first == follows and divider == last.divider
         follows = first + count * divider
-    steps = steps and (last.divider == 1 or not ends.hides_gap(begin, follows - last.divider))
     if not steps and layout not in own:
         own[layout] = time_ns[np.concatenate([first + np.arange(count) * step for first, step, count in layout])]
     spans = tuple((low + piece.shift, high + piece.shift) for piece, one in pieces for low, high in one.failures.spans)
@@ -423,12 +408,20 @@ def _as_one(
         last,
         first=begin if steps else 0,
         own_ns=None if steps else own[layout],
-        holds=() if steps else tuple(pair for place in layout for pair in ends.held(*place)),
+        holds=() if steps else tuple(pair for place in layout for pair in _holds(*place, ends)),
         entries=tuple(_one_entry([one.entries[number] for _, one in pieces]) for number in range(len(last.entries))),
         lost=sum(one.lost for _, one in pieces),
         failures=Failures(sum(one.failures.count for _, one in pieces), spans),
         buffer_type=BufferType.GROWING,
     )
+
+
+def _holds(first: int, divider: int, count: int, ends: Sequence[int]) -> list[tuple[int, int]]:
+    """How long samples hold, as `RecordedElement.holds`: the last one to the next end."""
+    last = first + (count - 1) * divider
+    at = bisect_right(ends, last)
+    ticks = min(divider, ends[at] - last) if at < len(ends) else divider
+    return [(divider, count - 1), (ticks, 1)] if count > 1 else [(ticks, 1)] * count
 
 
 def _one_entry(entries: list[RecordedEntry]) -> RecordedEntry:
@@ -447,7 +440,8 @@ def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) ->
     """Return every element at the same stamps: the value that held, or, of real numbers, what lies between.
 
     Stamps before an element's first sample have none of it, nor those at which one more would have come behind its last
-    (`linear`: those after its last). Where a cut had it switched off there is none (`silo.core.recording.masked`).
+    (`linear`: those after its last). Where a cut had it switched off, and where ticks are missing, there is none
+    (`silo.core.recording.masked`).
     """
     elements = tuple(_at(recording, element, time_ns, linear) for element in recording.elements)
     rate = None
@@ -465,25 +459,32 @@ def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) ->
         frequency_hz=rate,
         time_looping=False,
         events=events,
+        gaps=(),
     )
 
 
 def held_until(recording: Recording, element: RecordedElement) -> NDArray[np.int64] | None:
-    """Before which stamp each sample holds, of an element that was changed at a cut; None: to the next sample."""
-    held, own, ticks = held_ticks(element), element.own_ns, recording.time_ns
-    if held is None or own is None or not len(own) or falls(own):
+    """Before which stamp each sample holds, where a cut changed it or ticks are missing; None: to the next one."""
+    held, own, ticks = held_ticks(element), stamps_of(recording, element), recording.time_ns
+    if (held is None and not recording.gaps) or not len(own) or falls(own):
         return None
-    ends = places_on(ticks, own) + held
     step = int(np.median(np.diff(ticks))) if len(ticks) > 1 else 0
+    ends = element.stamp_indices + element.divider if held is None else places_on(ticks, own) + held
     last = len(ticks) - 1
-    return np.asarray(ticks[np.minimum(ends, last)] + np.maximum(ends - last, 0) * step, np.int64)
+    until = ticks[np.minimum(ends, last)] + np.maximum(ends - last, 0) * step
+    for before, _ in recording.gaps:
+        at = int(np.searchsorted(own, before, side="right")) - 1
+        if at >= 0:
+            until[at] = min(int(until[at]), before + step)
+    return np.asarray(until, np.int64)
 
 
 def holes(recording: Recording, element: RecordedElement) -> tuple[tuple[int, int], ...]:
     """From which stamps on, and before which, an element between two of its samples holds no value."""
-    until, own = held_until(recording, element), element.own_ns
-    if until is None or own is None:
+    until = held_until(recording, element)
+    if until is None:
         return ()
+    own = stamps_of(recording, element)
     at = np.flatnonzero(until[:-1] < own[1:])
     return tuple(zip(until[at].tolist(), own[at + 1].tolist(), strict=True))
 

@@ -228,6 +228,7 @@ class Recording:
             that are kept.
         about: where it comes from: host, versions, the program's commit, and what the program said of it.
         stretch: which part of a run that was cut, or file of a recording, it is, or of how many; None of any other.
+        gaps: of parts as one, between which stamps ticks are missing: the last before, and the first behind.
     """
 
     logger: str
@@ -244,6 +245,7 @@ class Recording:
     events: tuple[LoggedEvent, ...] = ()
     about: Mapping[str, str] = field(default_factory=dict)
     stretch: Stretch | None = None
+    gaps: tuple[tuple[int, int], ...] = ()
 
     def __repr__(self) -> str:
         span = (int(self.time_ns[-1]) - int(self.time_ns[0])) * 1e-9 if len(self.time_ns) else 0.0

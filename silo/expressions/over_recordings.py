@@ -6,7 +6,7 @@ tick that the rates of its signals have in common, where they hold (`silo.expres
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,6 +22,7 @@ from silo.core.recording import (
     RecordedEntry,
     Recording,
     common_axis,
+    falls,
     has_own_stamps,
     held_ticks,
     places_on,
@@ -35,6 +36,7 @@ BATCH_TICKS = 16_384  # what is computed at once stays in the cache
 # sources from here on down have no values, but a row at every tick that rates have in common: each has one by what they
 # are, as several threads may evaluate at once
 _RATES = -2
+_FAR = 2**40  # ticks: more than any value holds
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,7 @@ class RecordingJudge:
         cut = any(element.holds for element in its_own)
         alone = bool(stamps) and not cut and len(stamps) == len(self._elements)
         self.time_ns = common_axis(stamps) if alone else recording.time_ns
+        self._numbers = _apart(self.time_ns, recording.gaps)
         # elements of one topic have the same array
         own = {key: _own_ticks(self.time_ns, one) for key, one in {id(one.own_ns): one for one in its_own}.items()}
         numbers: dict[tuple[int, int, int, int], int] = {}
@@ -148,7 +151,10 @@ class RecordingJudge:
         read_ahead(self._elements[place] for keys in wanted.values() for place, _ in keys)
         for begin in range(0, len(self.time_ns), BATCH_TICKS):
             end = begin + BATCH_TICKS
-            yield evaluator.feed({at: self.rows(at, keys, begin, end) for at, keys in wanted.items()})
+            judged = evaluator.feed({at: self.rows(at, keys, begin, end) for at, keys in wanted.items()})
+            if self._numbers is not None:
+                judged = replace(judged, ticks=np.searchsorted(self._numbers, judged.ticks))
+            yield judged
 
     def rows(self, source: int, keys: set[tuple[int, int]], begin: int, end: int) -> SourceRows:
         """Return the samples of some columns of a source at the ticks `begin ... end - 1`."""
@@ -157,7 +163,8 @@ class RecordingJudge:
         ticks = layout.numbers(low, high)
         columns = {key: as_exact(self._elements[key[0]].entries[key[1]].values[low:high]) for key in keys}
         holds = None if layout.holds is None else layout.holds[low:high]
-        return SourceRows(ticks, self.time_ns[ticks], columns, holds)
+        numbers = ticks if self._numbers is None else self._numbers[ticks]
+        return SourceRows(numbers, self.time_ns[ticks], columns, holds)
 
     def span(self, source: int) -> tuple[int, int]:
         """Return the time stamps, by number, from which on and before which the samples of a source hold."""
@@ -217,6 +224,16 @@ class RecordingJudge:
 
 
 _NO_TICKS = np.zeros(0, np.int64)
+
+
+def _apart(time_ns: NDArray[np.int64], gaps: Sequence[tuple[int, int]]) -> NDArray[np.int64] | None:
+    """Numbers of ticks of which those with missing ones between them are far apart; None where none are missing."""
+    if not gaps or falls(time_ns):
+        return None
+    numbers = np.arange(len(time_ns), dtype=np.int64)
+    for _, behind in gaps:
+        numbers[np.searchsorted(time_ns, behind) :] += _FAR
+    return numbers
 
 
 def _own_ticks(axis: NDArray[np.int64], element: RecordedElement) -> _Ticks:

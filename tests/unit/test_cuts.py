@@ -542,6 +542,7 @@ def test_a_run_that_was_cut_has_at_one_rate_the_values_that_held(changing, tmp_p
     assert len(made.eval("slow + 0")) == len(made.clip(0.2, 0.3)["slow"]) * 5 == 30
     assert np.isnan(made["x"].values).tolist() == [20 <= tick < 40 for tick in range(0, 60, 2)]
     assert np.ma.getmaskarray(made["number"].values).tolist() == [20 <= tick < 40 for tick in range(0, 60, 2)]
+    assert len(made.eval("number >= 0")) == np.isfinite(made.eval("number + 0").values).sum() == 20
     made.save(tmp_path / f"made.{ending}")
     again = silo.open_log(tmp_path / f"made.{ending}")
     for name in ("slow", "x", "number"):
@@ -561,3 +562,14 @@ def test_a_value_from_before_missing_ticks_of_a_recording_does_not_hold_behind_t
     for end, begin in ((18, 38), (18, 33)):
         log = silo.Log(joined([part(0, end), part(begin, 60)]))
         assert log.eval("x - slow").values.max() == 4
+        fresh = log.eval("diff(x)")
+        assert np.isnan(fresh.values).nonzero()[0].tolist() == [0, end]
+        assert np.nanmax(fresh.values) == 1
+        made = log.resample(1000)
+        for name in ("x", "slow"):
+            off = np.isnan(made[name].values).nonzero()[0]
+            assert (off[0], off[-1] + 1) == (end, begin if name == "x" else -(-begin // 5) * 5), name
+        assert len(made.eval("x > 0")) == 60 - (begin - end)
+        with pytest.raises(ElementError, match=r"has no value at 0\.02 s"):
+            log["x"].value(0.02)
+        assert log["x"].value([0.01, 0.017, 0.038]).tolist() == [10, 17, 38]

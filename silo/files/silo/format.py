@@ -179,6 +179,7 @@ class LogFacts(msgspec.Struct, frozen=True, omit_defaults=True, rename={"conditi
     markers: int = 0
     about: dict[str, str] = {}
     stretch: Stretch | None = None
+    gaps: tuple[tuple[int, int], ...] = ()
 
 
 def file_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
