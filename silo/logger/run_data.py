@@ -145,7 +145,8 @@ class RunData:
         before = self._save_cut_off(chosen, name, where)
         ticks = run.segment.ticks
         if not ticks:
-            log.warning("%s: nothing was collected since start(), the file holds no samples", self._options.name)
+            since = "start()" if run.segment.schema.cut is None else "the cut"
+            log.warning("%s: nothing was collected since %s, the file holds no samples", self._options.name, since)
         self.look_for_unheld()
         saved = self._saved_by_helper(chosen, name, str(where.resolve()) if folder else "")
         if saved is None:

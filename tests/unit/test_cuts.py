@@ -278,6 +278,35 @@ def test_counts_are_of_all_stretches_and_a_start_begins_anew(new_logger, tmp_pat
     assert len(list(tmp_path.glob("*_part?.silo"))) == (4 if unsaved == "save" else 0)
 
 
+def test_a_start_that_refuses_tells_of_what_was_logged_before_the_cut_too(new_logger):
+    logger = new_logger()
+    loop = Loop(logger)
+    for divider in (2, 1):
+        loop.turn(30)
+        logger.set("x", divider=divider, cut=True)
+    loop.turn(39)
+    logger.stop()
+    words = r"of 39 ticks since the last change, and 60 ticks before that, .*unsaved='save' or 'clear'"
+    with pytest.raises(silo.errors.UnsavedError, match=words):
+        logger.start(unsaved="refuse")
+    assert logger.ticks == 99
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("served", [False, True])
+def test_a_run_that_was_cut_and_had_no_tick_since_is_saved(new_logger, runtime_folder, tmp_path, served):
+    logger = new_logger()
+    if served:
+        logger.serve()
+    loop = Loop(logger)
+    loop.turn(30)
+    logger.set("x", divider=2, cut=True)
+    logger.stop()
+    assert logger.save()[-1].path.endswith("_part2.silo")
+    wait_until(lambda: len([*tmp_path.glob("*_part1.silo")]) == 1)
+    loop.whole(tmp_path)
+
+
 def test_an_edit_by_a_client_says_who_asked(new_logger, tmp_path):
     logger = new_logger()
     loop = Loop(logger)
