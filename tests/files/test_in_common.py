@@ -198,3 +198,10 @@ def test_a_plot_of_one_over_another_ends_where_the_other_ends(tmp_path):
     joined = replace(log.recording, elements=elements)
     chart, _ = make_chart(joined, ChartSpec(["x"], x="short"))
     assert np.isfinite(chart.curves[0].x).sum() == 50
+
+
+def test_what_stands_still_meets_at_its_own_time():
+    stamps = np.full(6, 10**9)
+    one, other = silo.Signal("x", np.arange(6.0), stamps), silo.Signal("y", np.arange(3.0), stamps[:3])
+    assert other.resample(one).values.tolist() == [2.0] * 6
+    assert len(one - other) == 6

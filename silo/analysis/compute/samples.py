@@ -284,8 +284,11 @@ class Samples:
 
     @property
     def _step_ns(self) -> float:
-        """Nanoseconds from sample to sample, as a rule; infinite where there are fewer than two."""
-        return float(np.median(np.diff(self.time_ns))) if len(self) > 1 else float("inf")
+        """Nanoseconds from sample to sample, as a rule; infinite where there are fewer than two.
+
+        At least 1: where a clock stands still, a value holds at its own time.
+        """
+        return max(1.0, float(np.median(np.diff(self.time_ns)))) if len(self) > 1 else float("inf")
 
     def _check_overlap(self, other: "Samples", what: str) -> None:
         """Raise ElementError with both spans where this and another signal of the same start have no time in common.
