@@ -192,16 +192,18 @@ def _column(wanted: Wanted, grid_ns: NDArray[np.int64], width: int) -> tuple[Fea
         units += [signal.unit] * flat.shape[1]
     values = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=-1)
     shape = values.shape[1:] if wanted.how == "window" else (values.shape[1],)
-    dtype = wanted.dtype or _dtype(values)
+    dtype = wanted.dtype or _dtype(wanted.signals[0].name, values)
     feature = Feature(wanted.name, dtype, shape, tuple(names), tuple(units), labels)
     values = values.astype(object if dtype == "string" else dtype, copy=False)
     return feature, values[:, 0] if shape == (1,) else values
 
 
-def _dtype(values: NDArray[Any]) -> str:
+def _dtype(name: str, values: NDArray[Any]) -> str:
     kind = values.dtype.kind
     if kind == "u" and values.size and int(values.max()) > INT64[1]:
-        raise ElementError(f"{int(values.max())} is more than a whole number of a data set holds ({INT64[1]})")
+        raise ElementError(
+            f"'{name}': {int(values.max())} is more than a whole number of a data set holds ({INT64[1]})"
+        )
     return {"f": "float32", "b": "bool", "U": "string", "S": "string"}.get(kind, "int64")
 
 

@@ -276,7 +276,7 @@ def test_a_run_that_was_cut_is_there_once_however_many_of_its_parts_are_given(tm
         ({"state": ["joint/q"]}, "nothing was written: .*run0.silo: no signal is meant by 'joint/q'; did you mean"),
         ({"state": ["camera"]}, "'/log/camera' holds text, no numbers; name it in `also`"),
         ({"also": ["mixed"]}, "'/log/mixed' holds values of several types, no numbers; name its parts"),
-        ({"also": ["huge"]}, "18446744073709551615 is more than a whole number of a data set holds"),
+        ({"also": ["huge"]}, "'/log/huge': 18446744073709551615 is more than a whole number of a data set holds"),
         ({"also": ["speed"], "window": ["speed"]}, "'observation.speed' is asked for twice"),
         ({"where": "speed > 100"}, "'speed > 100' is not true at its end"),
     ],
