@@ -51,7 +51,8 @@ def open_log(
 
     Args:
         which: a path, the start of a file name (the newest such is meant), or a run number. A folder or a glob
-            (`logs/*.silo`) means the newest run there; what a trigger captured has its own name, and where one is
+            (`logs/*.silo`) means the newest run there, in a format that loggers save in (what it was converted to is
+            named by its path); what a trigger captured has its own name, and where one is
             newer, or of a recording other parts lie beside, a `LogWarning` says what was taken. `open_logs` opens all.
             Or a list of the parts of a run that was cut, or of a recording, to be read as one.
         folder: where names and run numbers are looked for.

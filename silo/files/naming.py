@@ -16,9 +16,10 @@ from silo.core.quantities.writing import and_more
 from silo.core.runtime import FOLDER_GONE, is_folder_gone, open_own
 from silo.errors import LogNotFoundError, SaveError
 from silo.files.atomic import lock, reason
-from silo.files.formats import LOG_ENDINGS, is_bag_folder
+from silo.files.formats import FORMATS, LOG_ENDINGS, is_bag_folder
 
 _STEM = re.compile(r"(?P<logger>.+)_(?P<when>\d{8}_\d\d-\d\d-\d\d)_(?P<run>\d{5,})")
+_TABLE_ENDINGS = {end for one in FORMATS if one.reader and one.writer and not one.for_logs for end in one.endings}
 _OF_TRIGGER = re.compile(r"_.+_\d+")  # behind the stem: a capture
 
 Tell = Callable[[str], object]
@@ -123,7 +124,14 @@ def find_log(
         return _newest(found, tell)
     if str(which).isdecimal():
         return _by_run(int(str(which)), place)
-    raise LogNotFoundError(f"no log '{which}' in '{_whole(place)}'{_what_is_there(place)}")
+    raise _none(which, place)
+
+
+def _none(which: str | os.PathLike[str], place: Path) -> LogNotFoundError:
+    inside = place / which
+    if inside.is_dir():
+        return LogNotFoundError(f"no log in '{_whole(inside)}'{_what_is_there(inside)}")
+    return LogNotFoundError(f"no log '{which}' in '{_whole(place)}'{_what_is_there(place)}")
 
 
 def _newest(found: list[Path], tell: Tell) -> Path:
@@ -156,7 +164,7 @@ def find_logs(
     exact = [path for path in (Path(which), place / which) if path.exists() and (path.is_file() or is_bag_folder(path))]
     found = exact[:1] or _meant(which, place)
     if not found:
-        raise LogNotFoundError(f"no log '{which}' in '{_whole(place)}'{_what_is_there(place)}")
+        raise _none(which, place)
     runs = [path for path in found if not is_capture(path)]
     if runs and not captures and len(runs) < len(found):
         left = len(found) - len(runs)
@@ -270,5 +278,7 @@ def _what_is_there(folder: Path) -> str:
     if not newest:
         below = [place.name for place in _folders(folder) if any(_logs(place))]
         there = f", but there are some in {' and '.join(map(repr, below[:3]))}: say where" if below else ""
+        tables = [path.name for path in sorted(folder.glob("*")) if path.suffix in _TABLE_ENDINGS]
+        there = there or (f"; {tables[0]} is what one was converted to: name the file" if tables else "")
         return f" (the folder holds no log{there})"
     return f"; there are: {and_more([path.name for path in newest], 3)}"

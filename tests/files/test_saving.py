@@ -311,6 +311,13 @@ def test_what_is_there_is_told_when_nothing_is_found(folder, tmp_path):
         find_log("x", tmp_path / "empty")
 
 
+def test_a_folder_of_what_logs_were_converted_to_says_how_to_open_it(tmp_path):
+    for name in ("run.npz", "flight.ulg"):
+        (tmp_path / name).write_bytes(b"")
+    with pytest.raises(LogNotFoundError, match=r"holds no log; run\.npz is what one was converted to: name the file"):
+        find_log(tmp_path)
+
+
 def test_a_folder_that_holds_no_log_names_those_in_it_that_do(tmp_path):
     for name in ("silo-logs", "other", ".hidden"):
         (tmp_path / name).mkdir()
