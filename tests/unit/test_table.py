@@ -68,7 +68,7 @@ def test_an_unknown_name_gets_the_nearest_one(table):
 
 def test_a_name_that_waits_for_update_is_told_of(table):
     table.add(element("/log/new"))
-    with pytest.raises(ElementError, match=r"call update\(\) first"):
+    with pytest.raises(ElementError, match=r"update\(\) does while the logger stands still"):
         table.place("new")
 
 
