@@ -238,8 +238,15 @@ class Landing:
         assert change.old is not None
         if not (change.superseded or (self.locked and not change.own and any(info.locked for info in change.infos))):
             change.fraction = max(change.fraction, min(1.0, (t - change.begun_ns) / change.ramp_ns))
+            found = np.array(self._words[change.selection])
             self._words[change.selection] = between(change.infos, change.old, change.new, change.fraction)
             self.revision = next(self._revisions)
+            if change.record is not self.record and n >= 0:  # there was a start, or a cut, meanwhile
+                self._open(change)
+                if change.slot is not None:
+                    # where it is over now, the new run has no other tick of it
+                    here = found if change.fraction >= 1.0 else self._words[change.selection]
+                    change.slot.land(n, here.tobytes())
             if change.fraction < 1.0:
                 return False
         if change.slot is not None:

@@ -352,6 +352,30 @@ def test_a_ramp_is_on_its_way_at_a_time_and_all_that_was_set_with_it(new_logger)
     assert run.facts.parameters["/log/leg/slow"] == pytest.approx(ramps.slow.value)
 
 
+@pytest.mark.parametrize("ticks", [1, 30, 120])
+def test_a_run_that_begins_on_the_way_of_a_ramp_tells_where_it_goes(new_logger, ticks):
+    ramps = Ramps(new_logger(frequency=100, clock=Clock()))
+    ask(ramps.logger, {"slow": 0.7, "n": 30})
+    ramps.ticks(20)
+    ramps.logger.restart()
+    ramps.saw.clear()
+    ramps.ticks(ticks)
+    told, log = ramps.told()
+    assert [one[0] for one in told] == pytest.approx([one[0] for one in ramps.saw], abs=1e-9)
+    assert [event.change.values[0][2] for event in log.parameters.changes] == [0.7]
+
+
+def test_a_ramp_goes_on_over_a_cut(new_logger):
+    ramps = Ramps(new_logger(frequency=100, clock=Clock()))
+    ask(ramps.logger, {"slow": 0.7})
+    ramps.ticks(30)
+    ramps.logger.set("leg/n", size=50, cut=True)
+    ramps.ticks(90)
+    whole = silo.open_log(ramps.logger.save("silo")[0].path)
+    held = [whole.parameters.at(time_s)["/log/leg/slow"] for time_s in whole.times]
+    assert held == pytest.approx([one[0] for one in ramps.saw], abs=1e-9)
+
+
 def test_a_ramp_that_a_lock_ends_stays_where_it_came_to(new_logger):
     ramps = Ramps(new_logger(frequency=100, clock=Clock()))
     ask(ramps.logger, {"slow": 5.0})
