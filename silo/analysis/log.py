@@ -598,7 +598,7 @@ class Log(Mapping[str, Signal]):
             values=assembled(element),
             time_ns=stamps_of(self.recording, element),
             axis_ns=self.recording.time_ns if element.own_ns is None else None,
-            holes=holes(self.recording, element),
+            _holes=holes(self.recording, element),
             start_ns=self.start_ns,
             components=names,
             labels=(labels[0] if alone else None) or {},

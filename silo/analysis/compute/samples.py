@@ -49,7 +49,6 @@ class Samples:
             those of the left one).
         axis_ns: time stamps of all ticks of its log, None where it has stamps of its own: at which tick two rates meet
             isn't to be read off their own.
-        holes: of a run that was cut, from which stamps on and before which it was switched off, or not recorded.
     """
 
     name: str
@@ -65,7 +64,8 @@ class Samples:
     failures: Failures = NO_FAILURES
     component_labels: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
     axis_ns: NDArray[np.int64] | None = None
-    holes: tuple[tuple[int, int], ...] = ()
+    # of a run that was cut, from which stamps on and before which it was switched off, or not recorded
+    _holes: tuple[tuple[int, int], ...] = ()
 
     # ------------------------------------------------------------------------------------------------- what it is
 
@@ -263,8 +263,8 @@ class Samples:
     def _as_if_started(self: Self, start_ns: int) -> Self:
         """Return the same `times` in a log that started at another stamp."""
         shift = start_ns - self.start_ns
-        holes = tuple((begin + shift, end + shift) for begin, end in self.holes)
-        return replace(self, time_ns=self.time_ns + shift, start_ns=start_ns, holes=holes)
+        holes = tuple((begin + shift, end + shift) for begin, end in self._holes)
+        return replace(self, time_ns=self.time_ns + shift, start_ns=start_ns, _holes=holes)
 
     def _holding(self, time_ns: NDArray[np.int64], slack_ns: float = 0.0) -> NDArray[np.bool_]:
         """Return at which stamps a value holds: from the first sample to `slack_ns` before one more would come.
@@ -276,9 +276,9 @@ class Samples:
 
     def _in_hole(self, time_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return at which stamps it was switched off, or not recorded."""
-        if not self.holes:
+        if not self._holes:
             return np.zeros(np.shape(time_ns), bool)
-        begins, ends = np.array(self.holes, np.int64).T
+        begins, ends = np.array(self._holes, np.int64).T
         at = np.searchsorted(begins, time_ns, side="right") - 1
         return np.asarray((at >= 0) & (time_ns < ends[at]))
 
