@@ -300,10 +300,11 @@ class Log(Mapping[str, Signal]):
             )
         return Log(made, self.path, self.start_ns)
 
-    def _of_episode(self, episode: Episode, stop_s: object) -> "Log":
+    def _of_episode(self, episode: Episode, stop_s: object = None, *, known: bool = False) -> "Log":
+        """The part that is an episode; with what was `known` when it began."""
         if stop_s is not None:
             raise ElementError("an episode has its end: log.clip(episode), or log.clip(start_s, stop_s)")
-        made = clipped_to_ticks(self.recording, episode.first, episode.last)
+        made = clipped_to_ticks(self.recording, episode.first, episode.last, known=known)
         if not len(made.time_ns):
             ticks = f"tick {episode.first} to {episode.last}"
             raise ElementError(f"the log has no tick of episode '{episode.name}', which goes from {ticks}")

@@ -55,16 +55,32 @@ def clipped(recording: Recording, first_ns: int, last_ns: int) -> Recording:
     return _stretch(recording, kept.start, kept.stop, elements)
 
 
-def clipped_to_ticks(recording: Recording, first: int, last: int) -> Recording:
-    """Return the ticks from `first` to `last` since the start, both included, and what was logged at them."""
+def clipped_to_ticks(recording: Recording, first: int, last: int, *, known: bool = False) -> Recording:
+    """Return the ticks from `first` to `last` since the start, both included, and what was logged at them.
+
+    `known`: with what was known of each element at the first of them, since the clock stepped back before it.
+    """
     low, high = places_of_ticks(recording, first, last)
+    begin = _last_reset(recording.time_ns, low) if known and low < high else low
     elements = tuple(
-        _between(element, low, high)
+        _between(element, begin, high, _known_from(element, begin, low) if known else begin)
         if element.own_ns is None
-        else _own_between(element, element.own_ns, samples_of_ticks(recording, element, low, high))
+        else _own_between(element, element.own_ns, samples_of_ticks(recording, element, begin, high))
         for element in recording.elements
     )
-    return _stretch(recording, low, high, elements)
+    return _stretch(recording, begin, high, elements)
+
+
+def _last_reset(time_ns: NDArray[np.int64], place: int) -> int:
+    """Where the clock begins that a tick has: at the last stamp, up to its own, that is smaller than the one before."""
+    backward = np.flatnonzero(np.diff(time_ns[: place + 1]) < 0)
+    return int(backward[-1]) + 1 if len(backward) else 0
+
+
+def _known_from(element: RecordedElement, begin: int, low: int) -> int:
+    """Where the last two samples up to a tick begin, of those from `begin` on: a value, and how long one holds."""
+    since, to = samples_between(element.first, element.divider, element.count, begin, low + 1)
+    return element.first + max(since, to - 2) * element.divider if to > since else begin
 
 
 def _stretch(recording: Recording, low: int, high: int, elements: tuple[RecordedElement, ...]) -> Recording:
@@ -104,9 +120,9 @@ def _kept(recording: Recording, kept: NDArray[np.bool_], first_ns: int, last_ns:
     return replace(recording, time_ns=time_ns, offset=len(time_ns), elements=elements, events=events)
 
 
-def _between(element: RecordedElement, low: int, high: int) -> RecordedElement:
-    """The samples of an element that belong to the ticks `low <= tick < high`."""
-    begin, end = samples_between(element.first, element.divider, element.count, low, high)
+def _between(element: RecordedElement, low: int, high: int, since: int | None = None) -> RecordedElement:
+    """The samples of an element that belong to the ticks `low <= tick < high`; those `since` one of them alone."""
+    begin, end = samples_between(element.first, element.divider, element.count, low if since is None else since, high)
     first = element.first + begin * element.divider - low
     entries = _cut(element, slice(begin, end), end - begin)
     # a stretch from the middle is what a growing buffer would have held

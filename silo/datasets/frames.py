@@ -1,11 +1,12 @@
 """Frames of a run: signals of different rates at one rate, side by side.
 
 A frame holds what was known at its time: the newest sample of each signal, the mean of the samples since the frame
-before, or all of these (a window).
+before, or all of these (a window). What an episode knows of a slow signal may be older than its begin; the last sample
+holds until the next would come, as everywhere.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import msgspec
@@ -54,6 +55,7 @@ class FrameTable:
     features: tuple[Feature, ...]
     columns: tuple[NDArray[Any], ...]
     begin_s: float
+    lacks: str = ""  # which frames there are not, in words
 
     def __len__(self) -> int:
         return len(self.columns[0])
@@ -84,46 +86,90 @@ def wanted_of(
     return made
 
 
-def frames(wanted: Sequence[Wanted], fps: int, widths: Mapping[str, int] | None = None) -> FrameTable:
+def frames(
+    wanted: Sequence[Wanted], fps: int, widths: Mapping[str, int] | None = None, span_ns: tuple[int, int] | None = None
+) -> FrameTable:
     """Return the frames in which each of the signals has a value, from the first such time on.
 
-    `widths` are those of its windows, by name: what `widths_of` gives for it, or more. Raises ElementError where there
-    is no such time.
+    `widths` are those of its windows, by name: what `widths_of` gives for it, or more. Within `span_ns`, where that is
+    given, of signals that may begin before. Raises ElementError where there is no such time.
     """
-    grid_ns = _grid(wanted, fps)
-    widths = widths_of(wanted, fps) if widths is None else widths
+    wanted, grid_ns, lacks = _on_grid(wanted, fps, span_ns)
+    widths = _widths(wanted, grid_ns) if widths is None else widths
     made = [_column(one, grid_ns, widths.get(one.name, 1)) for one in wanted]
     return FrameTable(
         tuple(feature for feature, _ in made),
         tuple(values for _, values in made),
         (int(grid_ns[0]) - wanted[0].signals[0].start_ns) * 1e-9,
+        lacks,
     )
 
 
-def widths_of(wanted: Sequence[Wanted], fps: int) -> dict[str, int]:
+def widths_of(wanted: Sequence[Wanted], fps: int, span_ns: tuple[int, int] | None = None) -> dict[str, int]:
     """Return by name how many samples come between two frames at most, of what windows are asked for.
 
     Raises ElementError where there are no frames.
     """
-    grid_ns = _grid(wanted, fps)
-    places = {one.name: _places(one.signals[0]._in_order(), grid_ns) for one in wanted if one.how == "window"}
+    wanted, grid_ns, _ = _on_grid(wanted, fps, span_ns)
+    return _widths(wanted, grid_ns)
+
+
+def _widths(wanted: Sequence[Wanted], grid_ns: NDArray[np.int64]) -> dict[str, int]:
+    places = {one.name: _places(one.signals[0], grid_ns) for one in wanted if one.how == "window"}
     return {name: int(np.diff(found).max(initial=1)) for name, found in places.items()}
 
 
-def _grid(wanted: Sequence[Wanted], fps: int) -> NDArray[np.int64]:
-    """The time of each frame, ns."""
+def _on_grid(
+    wanted: Sequence[Wanted], fps: int, span_ns: tuple[int, int] | None
+) -> tuple[list[Wanted], NDArray[np.int64], str]:
+    """The time of each frame, ns, the signals from the sample on that is known at the first, and which frames lack."""
     signals = [signal for one in wanted for signal in one.signals]
     empty = next((signal.name for signal in signals if not len(signal)), "")
     if empty:
         raise ElementError(f"'{empty}' has no samples")
-    begin_ns = max(int(signal.time_ns.min()) for signal in signals)
-    end_ns = min(int(signal.time_ns.max()) for signal in signals)
+    for signal in signals:
+        _check_clock(signal, fps, whole_run=span_ns is None)
+    # no frame is behind all samples, though the last ones hold
+    low_ns, high_ns = span_ns or (min(one._bounds[0] for one in signals), max(one._bounds[1] for one in signals))
+    slack_ns = _half_a_tick(signals)
+    late, early = max(signals, key=lambda one: one._bounds[0]), min(signals, key=lambda one: one._holds_until(slack_ns))
+    begin_ns, end_ns = max(low_ns, late._bounds[0]), min(high_ns, early._holds_until(slack_ns) - 1)
     if end_ns < begin_ns:
-        late = max(signals, key=lambda signal: int(signal.time_ns.min()))
-        raise ElementError(f"its signals have no time in common: '{late.name}' begins after another one has ended")
-    count = (end_ns - begin_ns) * fps // 1_000_000_000 + 1
+        why = f"'{late.name}' begins after another one has ended"
+        why = why if begin_ns > low_ns else f"the last sample of '{early.name}' holds no longer when it begins"
+        raise ElementError(f"its signals have no time in common: {why}")
+    count, all_of_them = (
+        (to - since) * fps // 1_000_000_000 + 1 for since, to in ((begin_ns, end_ns), (low_ns, high_ns))
+    )
+    reasons = [f"'{late.name}' has no sample before"] if begin_ns > low_ns else []
+    reasons += [f"the last sample of '{early.name}' holds no longer"] if end_ns < high_ns else []
+    lacks = f"{all_of_them - count} of {all_of_them} frames are not there: {', '.join(reasons)}"
+    known = [replace(one, signals=tuple(_from_known(each, begin_ns) for each in one.signals)) for one in wanted]
     # whole numbers: a frame's time never drifts from i / fps
-    return begin_ns + np.arange(count, dtype=np.int64) * 1_000_000_000 // fps
+    grid_ns = begin_ns + np.arange(count, dtype=np.int64) * 1_000_000_000 // fps
+    return known, grid_ns, lacks if all_of_them > count else ""
+
+
+def _half_a_tick(signals: Sequence[Signal]) -> float:
+    """Nanoseconds by which the tick at which one more sample would have come may be early; 0 where nobody knows."""
+    ticks = [one.axis_ns for one in signals if one.axis_ns is not None and len(one.axis_ns) > 1]
+    steps = [one._step_ns for one in signals if len(one) > 1] + [float(np.median(np.diff(one))) for one in ticks[:1]]
+    return min(steps, default=0.0) / 2
+
+
+def _check_clock(signal: Signal, fps: int, *, whole_run: bool) -> None:
+    """Raise ElementError where the clock went back by more than a frame: what was known when isn't clear then."""
+    back_ns = int((np.maximum.accumulate(signal.time_ns) - signal.time_ns).max()) if signal._falls else 0
+    if back_ns * fps > 1_000_000_000:
+        way_out = ": episodes that the program marks are taken one by one (episodes='episodes')" if whole_run else ""
+        raise ElementError(f"the clock of '{signal.name}' goes back by {back_ns * 1e-9:.3g} s{way_out}")
+
+
+def _from_known(signal: Signal, begin_ns: int) -> Signal:
+    """The signal in the order of its stamps, from the newest sample on that is known at a time."""
+    signal = signal._in_order()
+    first = int(np.searchsorted(signal.time_ns, begin_ns, side="right")) - 1
+    return signal if first <= 0 else replace(signal, values=signal.values[first:], time_ns=signal.time_ns[first:])
 
 
 def _places(signal: Signal, grid_ns: NDArray[np.int64]) -> NDArray[np.intp]:
@@ -174,7 +220,7 @@ def _difference(first: Sequence[Feature], other: Sequence[Feature]) -> str:
 def _column(wanted: Wanted, grid_ns: NDArray[np.int64], width: int) -> tuple[Feature, NDArray[Any]]:
     parts, names, units = [], [], []
     labels: dict[str, dict[int, str]] = {}
-    for signal in (one._in_order() for one in wanted.signals):
+    for signal in wanted.signals:
         places = _places(signal, grid_ns)
         flat = np.asarray(signal.values if signal.values.dtype.kind in "US" else np.asarray(signal))
         flat = flat.reshape(len(signal), -1)

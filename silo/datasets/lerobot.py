@@ -41,12 +41,13 @@ COUNTERS = tuple(Feature(name, "int64", (1,)) for name in ("frame_index", "episo
 
 @dataclass
 class DataSet:
-    """What was written: episodes, frames, and what was left out and why, by run."""
+    """What was written: episodes, frames, and by run what was left out and why, and of which frames it is short."""
 
     path: Path
     episodes: int = 0
     frames: int = 0
     left_out: list[tuple[str, str]] = field(default_factory=list)
+    short: list[tuple[str, str]] = field(default_factory=list)
     lost: int = 0
 
 
@@ -118,11 +119,11 @@ def write_lerobot(
             widths: dict[str, int] = {}  # of all runs, as each frame has one shape
             for one in _episodes(runs, episodes, where, DataSet(final)) if window else ():
                 with suppress(SiloError):  # it is left out below, and told why
-                    for name, width in widths_of(features(one.log), fps).items():
+                    for name, width in widths_of(features(one.known), fps, one.span_ns).items():
                         widths[name] = max(width, widths.get(name, 1))
             for one in _episodes(runs, episodes, where, done, progress):
                 try:
-                    made = frames(features(one.log), fps, widths)
+                    made = frames(features(one.known), fps, widths, one.span_ns)
                 except SiloError as error:
                     done.left_out.append((one.name, str(error)))
                     continue
@@ -131,6 +132,7 @@ def write_lerobot(
                 facts = {"silo/source": one.source, "silo/begin_s": made.begin_s, "silo/lost": lost}
                 writer.add(one.name, made, words, facts | ({} if one.marked is None else facts_of(one.marked)))
                 done.lost += lost
+                done.short += [(one.name, made.lacks)] if made.lacks else []
             done.episodes, done.frames = len(writer.rows), writer.frames
             if not writer.rows:
                 why = f": {done.left_out[0][0]}: {done.left_out[0][1]}" if done.left_out else "; name some"
@@ -145,7 +147,14 @@ class _Chosen(NamedTuple):
     name: str
     source: str
     log: Log
+    known: Log
     marked: Episode | None
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Where one that the program marked begins and ends."""
+        stamps = self.log.time_ns
+        return None if self.marked is None else (int(stamps.min()), int(stamps.max()))
 
 
 def _episodes(
@@ -174,7 +183,7 @@ def _episodes(
         except SiloError as error:
             done.left_out.append((source, str(error)))
             continue
-        for name, log, marked in found:
+        for name, log, known, marked in found:
             try:
                 if where and not _holds(log if marked is None else with_facts(log, marked), where):
                     done.left_out.append((name, f"'{where}' is not true at its end"))
@@ -182,7 +191,7 @@ def _episodes(
             except SiloError as error:
                 done.left_out.append((name, str(error)))
                 continue
-            yield _Chosen(name, source, log, marked)
+            yield _Chosen(name, source, log, known, marked)
 
 
 def _holds(log: Log, expression: str) -> bool:

@@ -331,6 +331,7 @@ def test_a_data_set_is_made_of_several_logs(tmp_path, new_logger):
         log.array("q", 3)
         if number:
             log.array("cmd")
+        log.array("short", size=30, buffer="fixed")
         log.start()
         for _ in range(50):
             log.collect()
@@ -341,6 +342,14 @@ def test_a_data_set_is_made_of_several_logs(tmp_path, new_logger):
     assert (made.exit_code, made.stdout) == (0, f"{tmp_path}/set  1 episodes, 10 frames at 20/s\n")
     assert "left out: " in made.stderr
     assert "run0.silo: no signal is meant by 'cmd'" in made.stderr
+    made = run(convert_command, runs[1], str(tmp_path / "less"), "--to", "episodes", "--fps", "20", "--state", "short")
+    assert (made.exit_code, made.stdout) == (0, f"{tmp_path}/less  1 episodes, 6 frames at 20/s\n")
+    assert made.stderr == ""
+    made = run(convert_command, runs[1], str(tmp_path / "more"), "--to", "episodes", "--fps", "20", "--state", "short",
+               "--action", "q")  # fmt: skip
+    assert made.stderr == (
+        f"warning: {runs[1]}: 4 of 10 frames are not there: the last sample of '/log/short' holds no longer\n"
+    )
     for given, words in (
         ([*runs, "x.csv"], "more than one IN (2) is for data sets: add --to lerobot or --to episodes"),
         ([runs[0], "x.csv", "--fps", "3"], "--fps is for data sets"),

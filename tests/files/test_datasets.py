@@ -153,6 +153,111 @@ def test_frames_begin_where_every_signal_has_a_value():
             frames([Wanted("both", (early, signal))], 10)
 
 
+def test_the_last_sample_of_a_slow_signal_holds_until_the_next_would_come():
+    fast = Signal("fast", np.arange(100), np.arange(100, dtype=np.int64) * 10_000_000)
+    slow = Signal("slow", np.arange(2), np.arange(2, dtype=np.int64) * 500_000_000)
+    made = frames([Wanted("both", (fast, slow))], 10)
+    assert made.columns[0].tolist() == [[10 * tick, tick // 5] for tick in range(10)]
+    assert made.lacks == ""
+    short = replace(slow, values=slow.values[:2], time_ns=slow.time_ns // 5 + 10**8)
+    made = frames([Wanted("both", (fast, short))], 10)
+    assert made.columns[0].tolist() == [[10, 0], [20, 1]]
+    assert made.lacks == (
+        "8 of 10 frames are not there: 'slow' has no sample before, the last sample of 'slow' holds no longer"
+    )
+
+
+def simulated(log, resets=True):
+    """Three episodes of 81 ticks each in a run of 300, a slow signal, maybe with a clock that begins anew with each."""
+    x, slow = log.array("x"), log.array("slow", divider=50)
+    log.start()
+    for tick in range(300):
+        if tick % 100 == 10:
+            episode = log.episode("run").__enter__()
+        x[...], slow[...] = tick, tick
+        log.clock.now_ns = 10_000_000 * (tick % 100 if resets else tick)
+        log.collect()
+        if tick % 100 == 90:
+            episode.success = True
+            episode.__exit__(None, None, None)
+    log.stop()
+    return log.save().path
+
+
+@pytest.fixture
+def simulation(new_logger):
+    class Clock:
+        now_ns = 0
+
+        def __call__(self):
+            return self.now_ns
+
+    clock = Clock()
+    log = new_logger("sim", frequency=100, clock=clock, max_time=60)
+    log.clock = clock
+    return log
+
+
+@pytest.mark.filterwarnings("ignore::silo.LogWarning")
+@pytest.mark.parametrize("resets", [True, False])
+def test_what_a_slow_signal_was_before_an_episode_is_known_in_it(simulation, tmp_path, resets):
+    path = simulated(simulation, resets)
+    made = write_lerobot([path], tmp_path / "out", fps=50, state=["x", "slow"], episodes="episodes", to="episodes")
+    assert (made.episodes, made.left_out, made.short) == (3, [], [])
+    for number, file in enumerate(sorted((tmp_path / "out").glob("*.npz"))):
+        ticks = 100 * number + np.arange(10, 91, 2)
+        assert np.load(file)["observation.state"].tolist() == [[tick, tick // 50 * 50] for tick in ticks]
+
+
+@pytest.mark.filterwarnings("ignore::silo.LogWarning")
+def test_a_run_whose_clock_began_anew_makes_no_frames_but_of_its_episodes(simulation, tmp_path):
+    log = silo.open_log(simulated(simulation))
+    with pytest.raises(silo.SaveError, match=r"the clock of '/log/x' goes back by 0.99 s: episodes that"):
+        write_lerobot([log], tmp_path / "out", fps=50, state=["x"], to="episodes")
+
+
+@pytest.mark.filterwarnings("ignore::silo.LogWarning")
+def test_of_what_was_known_before_an_episode_two_samples_are_read_and_none_from_before_a_reset(simulation):
+    log = silo.open_log(simulated(simulation, resets=False))
+    known = log._of_episode(log.episodes[2], known=True)
+    assert known["x"].values.tolist() == list(range(209, 291))
+    assert known["slow"].values.tolist() == [150, 200, 250]
+    assert known["slow"].times.tolist() == pytest.approx([1.5, 2.0, 2.5])
+
+
+@pytest.mark.filterwarnings("ignore::silo.LogWarning")
+def test_what_came_before_a_reset_is_not_known_after_it(simulation):
+    log = silo.open_log(simulated(simulation))
+    known = log._of_episode(log.episodes[2], known=True)
+    assert known["slow"].values.tolist() == [200, 250]
+    assert known["slow"].times.tolist() == pytest.approx([0, 0.5])
+
+
+def test_frames_of_slow_signals_alone_go_on_to_the_end_of_an_episode_also_where_ticks_are_uneven(tmp_path, new_logger):
+    stamps = itertools.accumulate(itertools.cycle([9_000_000, 11_500_000, 9_500_000]))
+    log = new_logger("arm", frequency=100, clock=stamps.__next__)
+    slow, ended = log.array("slow", divider=10), log.array("ended", size=30, buffer="fixed")
+    log.start()
+    for tick in range(200):
+        slow[...] = ended[...] = tick
+        if tick in (25, 125):
+            episode = log.episode("pick").__enter__()
+        log.collect()
+        if tick in (79, 179):
+            episode.__exit__(None, None, None)
+    log.stop()
+    path = log.save().path
+    given = {"fps": 100, "episodes": "episodes", "to": "episodes"}
+    made = write_lerobot([path], tmp_path / "slow", state=["slow"], **given)
+    assert (made.episodes, made.frames, made.short) == (2, 110, [])
+    made = write_lerobot([path], tmp_path / "ended", state=["slow", "ended"], **given)
+    assert made.short == [
+        (f"{path}#0", "50 of 55 frames are not there: the last sample of '/log/ended' holds no longer")
+    ]
+    why = "its signals have no time in common: the last sample of '/log/ended' holds no longer when it begins"
+    assert made.left_out == [(f"{path}#1", why)]
+
+
 @given(st.lists(st.integers(1, 30), min_size=1, max_size=5), st.integers(0, 99))
 def test_statistics_of_all_are_those_of_the_whole(sizes, seed):
     parts = [np.random.default_rng([seed, size]).normal(3, 10, (size, 2)) for size in sizes]

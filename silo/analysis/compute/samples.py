@@ -8,6 +8,7 @@ import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from math import ceil
 from typing import Any, TypeVar
 
 import numpy as np
@@ -271,8 +272,13 @@ class Samples:
 
         A single sample, as of a map, holds on; there must be one.
         """
-        first, last = self._bounds
-        return (time_ns >= first) & (time_ns < last + self._step_ns - slack_ns) & ~self._in_hole(time_ns)
+        return (time_ns >= self._bounds[0]) & (time_ns < self._holds_until(slack_ns)) & ~self._in_hole(time_ns)
+
+    def _holds_until(self, slack_ns: float = 0.0) -> int:
+        """Return before which stamp the last sample holds: `slack_ns` before one more would come; a single one on."""
+        if len(self) < 2:
+            return INT64[1]
+        return min(self._bounds[1] + ceil(self._step_ns - slack_ns), INT64[1])
 
     def _in_hole(self, time_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return at which stamps it was switched off, or not recorded."""

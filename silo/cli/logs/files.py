@@ -137,6 +137,8 @@ def _make_data_set(sources: tuple[str, ...], target: Path, force: bool, options:
         made = write_lerobot(runs, target, force=force, progress=tell, **options)
     for name, why in made.left_out:
         click.echo(f"left out: {name}: {why}", err=True)
+    for name, why in made.short:
+        click.echo(f"warning: {name}: {why}", err=True)
     if made.lost:
         click.echo(f"warning: {made.lost} samples of these runs are lost; column silo/lost says of which", err=True)
     problems = check_lerobot(target) if options["to"] == "lerobot" else []
