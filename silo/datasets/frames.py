@@ -227,7 +227,7 @@ def _column(wanted: Wanted, grid_ns: NDArray[np.int64], width: int) -> tuple[Fea
         if wanted.how == "window":
             # oldest first; where fewer came since the frame before, it begins with samples that are in that one, too
             parts.append(flat[np.maximum(places[:, None] + np.arange(1 - width, 1), 0)])
-        elif wanted.how == "mean" and flat.dtype.kind == "f":
+        elif wanted.how == "mean" and _has_mean(signal, flat, wanted):
             parts.append(_means(flat, places))
         else:
             parts.append(flat[places])
@@ -244,6 +244,13 @@ def _column(wanted: Wanted, grid_ns: NDArray[np.int64], width: int) -> tuple[Fea
     return feature, values[:, 0] if shape == (1,) else values
 
 
+def _has_mean(signal: Signal, values: NDArray[Any], wanted: Wanted) -> bool:
+    """Whether a mean of its samples is meant: not of bools and enumerations, nor where whole numbers stay such."""
+    if values.dtype.kind in "iu":
+        return wanted.dtype == "float32" and not signal.labels and not signal.component_labels
+    return values.dtype.kind == "f"
+
+
 def _dtype(name: str, values: NDArray[Any]) -> str:
     kind = values.dtype.kind
     if kind == "u" and values.size and int(values.max()) > INT64[1]:
@@ -254,7 +261,7 @@ def _dtype(name: str, values: NDArray[Any]) -> str:
 
 
 def _means(values: NDArray[Any], places: NDArray[np.intp]) -> NDArray[Any]:
-    """Of each frame the mean of its samples since the frame before; where there are none, what held."""
+    """Of each frame the mean of its samples since the frame before, but NaN; where there are none, what held."""
     made = values[places].astype(np.float64)
     begins, ends = places[:-1] + 1, places[1:] + 1
     some = np.flatnonzero(ends > begins)
@@ -262,8 +269,10 @@ def _means(values: NDArray[Any], places: NDArray[np.intp]) -> NDArray[Any]:
         # pairs of bounds: of every other one the sum is what lies between two frames, and left out
         bounds = np.stack([begins[some], ends[some]], axis=1).reshape(-1)
         padded = np.concatenate([values.astype(np.float64), np.zeros((1, values.shape[1]))])
-        sums = np.add.reduceat(padded, bounds, axis=0)[::2]
-        made[some + 1] = sums / (ends - begins)[some, None]
+        known = ~np.isnan(padded)
+        counts = np.add.reduceat(known, bounds, axis=0, dtype=np.int64)[::2]
+        with np.errstate(invalid="ignore"):  # of NaN alone there is no mean, nor of both infinities
+            made[some + 1] = np.add.reduceat(np.where(known, padded, 0.0), bounds, axis=0)[::2] / counts
     return made
 
 

@@ -84,7 +84,8 @@ def write_lerobot(
         window: likewise, but each frame holds all samples since the frame before: `(samples, numbers)`. It is as wide
             as the most that came between two frames, in any run; where fewer came, it begins with samples that stand
             at the end of the frame before, too.
-        how: what of a signal with a higher rate stands in a frame: `"last"` sample, or `"mean"` since the frame before.
+        how: what of a signal with a higher rate stands in a frame: `"last"` sample, or `"mean"` since the frame before
+            (without NaN); of bools, enumerations, texts, and whole numbers in `also`, the last in any case.
         to: `"episodes"` writes a NumPy file per episode instead (`silo.datasets.npz`).
         episodes: what is an episode: each of the runs, each that the program marked in them (`log.episode`), or those
             of the runs that are captures. One that is to be done again (redo) is left out.

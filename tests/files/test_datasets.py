@@ -167,6 +167,21 @@ def test_the_last_sample_of_a_slow_signal_holds_until_the_next_would_come():
     )
 
 
+def test_of_whole_numbers_side_by_side_with_others_the_mean_is_taken_of_words_the_last():
+    stamps = np.arange(10, dtype=np.int64) * 10**7
+    number, word = Signal("n", np.arange(10), stamps), Signal("w", np.arange(10), stamps, labels={1: "A"})
+    made = frames([Wanted("state", (number, word), "mean", dtype="float32")], 25)
+    assert made.columns[0].tolist() == [[0, 0], [2.5, 4], [6.5, 8]]
+    assert made.features[0].labels == {"w": {1: "A"}}
+    assert frames([Wanted("also", (number,), "mean")], 25).columns[0].tolist() == [0, 4, 8]
+
+
+def test_nan_is_in_no_mean_of_a_frame_where_there_is_a_number():
+    values = np.array([0, np.nan, 2, 3, np.nan, np.nan, np.nan, np.inf, 1, np.inf, -np.inf])
+    made = frames([Wanted("x", (Signal("x", values, np.arange(11, dtype=np.int64) * 10**7),), "mean")], 50)
+    np.testing.assert_equal(made.columns[0], [0, 2, 3, np.nan, np.inf, np.nan])
+
+
 def simulated(log, resets=True):
     """Three episodes of 81 ticks each in a run of 300, a slow signal, maybe with a clock that begins anew with each."""
     x, slow = log.array("x"), log.array("slow", divider=50)
