@@ -37,7 +37,6 @@ from silo_tui.model.plots.limits import Bounds4
 from silo_tui.model.samples.live import LiveValues
 from silo_tui.model.samples.source import PlotSource, Samples, entry_samples
 from silo_tui.model.table.columns import LIVE_COLUMNS, TableColumn
-from silo_tui.model.table.derived import present
 from silo_tui.model.table.facts import Facts
 from silo_tui.model.table.fields import options_of, rows_of
 from silo_tui.model.table.rows import RowList
@@ -579,6 +578,8 @@ class Session:
 
     def _conditions(self) -> "dict[str, Condition]":
         """What is derived and judged, by words: a new program begins with what its script says."""
+        from silo_tui.model.table.derived import present  # which loads expressions: a first screen waits for none
+
         limits = {one.limits: one.options for one in self.limits}
         return {
             **{f"derived {self.short_name(one.name)}": one for one in present(self.table)},

@@ -347,7 +347,7 @@ async def test_samples_that_are_no_numbers_are_told_of_the_row_under_the_cursor(
         await screen.enter("/LF/HAA/torque", "C", "j")
         await screen.until(lambda: screen.session.table.facts.detail(TORQUE, "bad") == 12.0)
         screen.app.screen.say("")
-        await screen.shows("12 samples nan or inf, left out of min to std")
+        await screen.shows("12 samples nan or inf: min to std leave nan out")
 
 
 async def test_value_and_statistics_of_a_row_have_decimals_alike(fake, opened):
