@@ -64,7 +64,7 @@ class TestWords:
         assert head_words([], [HOT, seen, seen])[0] == ("3 alarms HH", "HH 3")
         over = replace(HOT, word=LimitWord.OK)
         assert head_words([], [over, replace(over, alarm=False)]) == (("1 alarm unseen", "1 unseen"), False, ("", ""))
-        assert head_words([], [over, seen])[0] == ("1 alarm HH seen", "HH 1")
+        assert head_words([], [over, seen])[0] == ("1 alarm HH seen, 1 unseen", "HH 1+")
         assert head_words([], []) == (("", ""), False, ("", ""))
         assert head_words([BLIND], []) == (("", ""), False, ("", ""))  # none is armed: nothing to tell
         assert head_words([replace(FALL, state=TriggerWord.FIRING)], [])[2][0] == "trigger fall fires"

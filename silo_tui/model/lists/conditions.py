@@ -160,9 +160,14 @@ def head_words(
             (f"trigger {firing[0]} fires", "FIRES") if firing else (f"{many(armed, 'trigger')} armed", f"{armed} armed")
         )
     seen = "" if any(one.alarm for one in over) else " seen"
-    alarm = (f"{many(len(over), 'alarm')} {worst.value}{seen}", f"{worst.value} {len(over)}") if worst else ("", "")
-    if missed := 0 if over else sum(one.alarm for one in limits):  # short ones, too: the table may never show them
-        alarm = (f"{many(missed, 'alarm')} unseen", f"{missed} unseen")
+    missed = sum(one.alarm for one in limits if not one.is_over)  # short ones, too: the table may never show them
+    alarm = (f"{many(missed, 'alarm')} unseen", f"{missed} unseen") if missed else ("", "")
+    if worst is not None:
+        more = f", {missed} unseen" if missed else ""
+        alarm = (
+            f"{many(len(over), 'alarm')} {worst.value}{seen}{more}",
+            f"{worst.value} {len(over)}{'+' * bool(more)}",
+        )
     return alarm, worst in (LimitWord.RED_HIGH, LimitWord.RED_LOW), watching
 
 
