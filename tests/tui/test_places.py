@@ -31,14 +31,19 @@ def test_both_ways_to_say_where_samples_stand_say_the_same(data, ticks, first, s
             assert one.held_at(at_ns) == int((own <= at_ns).sum()) - 1
 
 
-def test_what_is_a_distance_apart_holds_to_the_end_and_what_is_listed_over_no_hole():
+def test_samples_hold_to_the_next_one_and_those_of_a_cut_run_as_long_as_they_did():
     time_ns = np.arange(100, dtype=np.int64) * 10
     slow = Places(time_ns, 0, 10, 5, 10)
     assert slow.held_until_ns(np.array([0, 4])).tolist() == [490, 490]
     assert slow.period_ns == 100
-    holed = Places.listed(time_ns, np.array([0, 20, 40, 600, 620, 980]), 10)
-    assert holed.period_ns == 20
-    assert holed.held_until_ns(np.array([2, 4, 5])).tolist() == [80, 660, 990]
+    own = np.array([0, 20, 40, 600, 620, 900])
+    of_others = Places.listed(time_ns, own, 10)
+    assert of_others.period_ns == 20
+    assert of_others.held_until_ns(np.array([2, 5])).tolist() == [920, 920]
+    assert [of_others.held_at(at_ns) for at_ns in (59, 60, 599, 990)] == [2, 2, 2, 5]
+    cut = Places.listed(time_ns, own, 10, np.array([2, 2, 2, 2, 2, 30]))
+    assert cut.held_until_ns(np.array([2, 4, 5])).tolist() == [50, 630, 990]
+    assert [cut.held_at(at_ns) for at_ns in (40, 59, 60, 599, 600, 990)] == [2, 2, -1, -1, 3, 5]
 
 
 def cut_run(folder):
@@ -75,7 +80,8 @@ def test_all_parts_of_a_run_that_was_cut_are_on_the_screen(tmp_path):
     assert "4 parts  1.49 s  150 ticks" in "".join(words for _, words, _ in session.facts_words(120, wide=True))
     for tick in range(150):
         found = of.readings(["/log/x", "/log/y"], STARTS + tick * STEP_NS)
-        assert found["/log/x"].newest.tolist() == [float(tick + 1 if not 100 <= tick < 130 else 100)]
+        off = 100 <= tick < 130
+        assert np.array_equal(found["/log/x"].newest, [np.nan if off else tick + 1.0], equal_nan=True)
         held_y = tick if (tick % 3 == 0 if tick < 50 else (tick - 50) % 5 == 0 if tick < 100 else False) else held_y
         if tick < 100:
             assert found["/log/y"].newest.tolist() == [0.0, held_y + 1.0, 2.0 * (held_y + 1)]

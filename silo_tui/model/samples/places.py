@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.recording import RecordedElement
+from silo.core.recording import RecordedElement, held_ticks
 
 Stamps = NDArray[np.int64]
 
@@ -21,12 +21,14 @@ class Places:
         """`time_ns` are all time stamps, which never fall, mostly `tick_ns` apart."""
         self._time_ns, self.first, self.step, self.count, self._tick_ns = time_ns, first, step, count, tick_ns
         self._listed: Stamps | None = None
+        self._holds: Stamps | None = None  # how many ticks each holds, where that is known
 
     @classmethod
-    def listed(cls, time_ns: Stamps, own_ns: Stamps, tick_ns: int) -> "Places":
+    def listed(cls, time_ns: Stamps, own_ns: Stamps, tick_ns: int, holds: Stamps | None = None) -> "Places":
         """Return those of samples with stamps of their own, which are among all."""
         made = cls(time_ns, 0, 1, len(own_ns), tick_ns)
         made._listed = np.searchsorted(time_ns, np.maximum.accumulate(own_ns), "left").astype(np.int64)
+        made._holds = holds
         return made
 
     @property
@@ -45,9 +47,12 @@ class Places:
         return np.clip(-((self.first - numbers) // self.step), 0, self.count)
 
     def held_at(self, at_ns: int) -> int:
-        """Return the newest sample up to a moment; -1 where none had come yet."""
+        """Return the newest sample up to a moment; -1 where none had come yet, or it was switched off by then."""
         number = int(np.searchsorted(self._time_ns, at_ns, "right"))
-        return int(self.from_stamp(np.array([number]))[0]) - 1
+        sample = int(self.from_stamp(np.array([number]))[0]) - 1
+        if self._holds is not None and sample >= 0 and number > self.at(sample) + int(self._holds[sample]):
+            return -1
+        return sample
 
     def stamps(self, begin: int, end: int) -> Stamps:
         """Return the time stamps of samples `begin ... end - 1`."""
@@ -57,15 +62,19 @@ class Places:
         return self._time_ns[first : first + (end - begin) * self.step : self.step]
 
     def held_until_ns(self, samples: Stamps) -> Stamps:
-        """Return until when samples hold: all to the end of the last one's, where they are a distance apart.
+        """Return until when samples hold: to the next one, the last one as long as one more would have taken.
 
-        Where they are listed there may be holes: until a second one after it should have come.
+        Those of a run that was cut may hold shorter.
         """
-        if self._listed is not None:
-            until: Stamps = np.minimum(self._time_ns[self._listed[samples]] + 2 * self.period_ns, self._time_ns[-1])
-            return until
-        last = min(self.first + self.count * self.step, len(self._time_ns)) - 1
-        return np.full(len(samples), self._time_ns[max(last, 0)], np.int64)
+        if self._listed is None:
+            last = min(self.first + self.count * self.step, len(self._time_ns)) - 1
+            return np.full(len(samples), self._time_ns[max(last, 0)], np.int64)
+        if self._holds is None:
+            end_ns = min(int(self._time_ns[self._listed[-1]]) + self.period_ns, int(self._time_ns[-1]))
+            return np.full(len(samples), end_ns, np.int64)
+        lasts = np.minimum(self._listed[samples] + self._holds[samples], len(self._time_ns)) - 1
+        until: Stamps = self._time_ns[lasts]
+        return until
 
     @cached_property
     def period_ns(self) -> int:
@@ -78,16 +87,16 @@ class Places:
 
 def places_of(elements: Sequence[RecordedElement], time_ns: Stamps, tick_ns: int) -> list[Places]:
     """Return where the samples of elements stand, by one object for all that stand alike."""
-    known: dict[tuple[int, int, int, int], Places] = {}
+    known: dict[tuple[int, int, int, int, object], Places] = {}
     found = []
     for element in elements:
         own, step = element.own_ns, max(1, element.divider)
-        key = (element.first, step, element.count, id(own))
+        key = (element.first, step, element.count, id(own), element.holds)
         if key not in known:
             known[key] = (
                 Places(time_ns, element.first, step, element.count, tick_ns)
                 if own is None
-                else Places.listed(time_ns, own, tick_ns)
+                else Places.listed(time_ns, own, tick_ns, held_ticks(element))
             )
         found.append(known[key])
     return found
