@@ -139,7 +139,7 @@ class Registrations:
 
     def _hint(self, name: str) -> str:
         if any(element.info.name.endswith(name) for element in self.pending):
-            return "; it was added after the last update(): call update() first"
+            return "; it was added since: the next start takes it in, and update() does while the logger stands still"
         near = self._known.near(name, 1, more=[element.info.name for element in self.pending])
         return did_you_mean(near, f"the table has {many(len(self._known.names), 'element')}")
 
