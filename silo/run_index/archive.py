@@ -2,7 +2,7 @@
 
     wide/robot=anymal/date=2026-11-22/run=walk.silo/run.parquet    a row per tick, a column per scalar
     runs.parquet, signals.parquet, events.parquet ...              the tables of `silo query`
-    facts/walk_part1.silo.json, parts.json                         of runs in several files: of each, and which are one
+    facts/walk_part1.silo.msgpack, parts.json                      of runs in several files: of each, and which are one
     manifest/walk.silo.json                                        what was archived: sizes, SHA-256; written last
 
 silo opens the Parquet files like any log. Each file of a run in several is archived by itself, and they are one run in
@@ -17,7 +17,7 @@ import json
 import os
 import socket
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
@@ -303,15 +303,16 @@ class Archive:
         found = known_files({one: run for one, run in runs.items() if chain_of(run.facts)}, source.indexes)
         chains = {there[one].chain for one in found}
         kept = [one.run for one in there.values() if one.chain in chains]
-        names = {f"{_part(one)}.json": one for one in kept}
+        names = {f"{_part(one)}.msgpack": one for one in kept}
         with _told(self.where):
             paths = [path for path in (self._at(f"facts/{file}") for file in names) if self._files.exists(path)]
             stored = self._files.cat(paths) if len(paths) > 1 else {path: self._files.cat(path) for path in paths}
         texts = {names[path.rpartition("/")[2]]: text for path, text in stored.items()}
-        before = {one: self._decoded(text, FileFacts, one) for one, text in texts.items()}
+        # JSON has no infinite numbers, which statistics may be
+        before = {one: self._decoded(msgspec.msgpack.decode, text, FileFacts, one) for one, text in texts.items()}
         for one, facts in found.items():
             if before.get(one) != facts:
-                self._write(f"facts/{_part(one)}.json", msgspec.json.encode(facts))
+                self._write(f"facts/{_part(one)}.msgpack", msgspec.msgpack.encode(facts))
         return {**before, **found}
 
     def _parts(self) -> dict[str, Parts]:
@@ -320,12 +321,12 @@ class Archive:
             with _told(self.where):
                 there = self._files.exists(self._at(PARTS))
                 text = self._files.cat(self._at(PARTS)) if there else b"{}"
-            self._several = self._decoded(text, dict[str, Parts], PARTS)
+            self._several = self._decoded(msgspec.json.decode, text, dict[str, Parts], PARTS)
         return self._several
 
-    def _decoded(self, text: bytes, kind: Any, what: str) -> Any:
+    def _decoded(self, decode: Callable[..., Any], text: bytes, kind: Any, what: str) -> Any:
         try:
-            return msgspec.json.decode(text, type=kind)
+            return decode(text, type=kind)
         except msgspec.DecodeError as error:
             raise FileFormatError(
                 f"'{self.where}' has damaged facts of '{what}': {error}; remove them and archive again"

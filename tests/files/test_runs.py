@@ -673,6 +673,26 @@ def test_of_a_run_in_several_files_each_is_archived_once_whatever_comes_or_goes(
     assert (later.added, later.kept, later.problems) == ([], 2, {})
 
 
+def test_infinite_samples_of_a_part_that_was_deleted_are_kept_in_an_archive(tmp_path):
+    pytest.importorskip("pyarrow")
+    pytest.importorskip("polars")
+    log = silo.Logger("anymal", frequency=100, folder=tmp_path, script=tmp_path / "none.yaml")
+    x = log.array("x", buffer="growing")
+    log.start()
+    for value in (0.0, np.inf, 2.0, 3.0):
+        if value == 2.0:
+            log.set("x", divider=2, cut=True)
+        x[...] = value
+        log.collect()
+    log.save()
+    log.close()
+    archive = Archive(str(tmp_path / "archive"))
+    archive.add(silo.runs(tmp_path))
+    min(tmp_path.glob("*_part1.silo")).unlink()
+    assert archive.add(silo.runs(tmp_path)).problems == {}
+    assert archive.frame("signals").select("samples", "min", "max", "mean").rows() == [(3, 0.0, np.inf, np.inf)]
+
+
 @pytest.mark.parametrize("where", ["there", "memory://runs-in-parts"])
 def test_a_run_in_several_files_is_one_in_an_archive_and_stays_whole_where_files_are_deleted(cut, tmp_path, where):
     pytest.importorskip("pyarrow")
