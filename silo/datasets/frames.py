@@ -138,6 +138,8 @@ def _on_grid(
         why = f"'{late.name}' begins after another one has ended"
         why = why if begin_ns > low_ns else f"the last sample of '{early.name}' holds no longer when it begins"
         raise ElementError(f"its signals have no time in common: {why}")
+    for signal in signals:
+        _check_holes(signal, begin_ns, end_ns, fps, whole_run=span_ns is None)
     count, all_of_them = (
         (to - since) * fps // 1_000_000_000 + 1 for since, to in ((begin_ns, end_ns), (low_ns, high_ns))
     )
@@ -167,8 +169,20 @@ def _check_clock(signal: Signal, fps: int, *, whole_run: bool) -> None:
     """Raise ElementError where the clock went back by more than a frame: what was known when isn't clear then."""
     back_ns = int((np.maximum.accumulate(signal.time_ns) - signal.time_ns).max()) if signal._falls else 0
     if back_ns * fps > 1_000_000_000:
-        way_out = ": episodes that the program marks are taken one by one (episodes='episodes')" if whole_run else ""
-        raise ElementError(f"the clock of '{signal.name}' goes back by {back_ns * 1e-9:.3g} s{way_out}")
+        raise ElementError(f"the clock of '{signal.name}' goes back by {back_ns * 1e-9:.3g} s{_way_out(whole_run)}")
+
+
+def _check_holes(signal: Signal, begin_ns: int, end_ns: int, fps: int, *, whole_run: bool) -> None:
+    """Raise ElementError where a cut had it switched off, or ticks are missing, for more than a frame."""
+    for hole in signal._holes:
+        since, to = max(hole[0], begin_ns), min(hole[1], end_ns)
+        if (to - since) * fps > 1_000_000_000:
+            span = " to ".join(f"{(at - signal.start_ns) * 1e-9:.3g} s" for at in (since, to))
+            raise ElementError(f"'{signal.name}' was switched off, or not recorded, from {span}{_way_out(whole_run)}")
+
+
+def _way_out(whole_run: bool) -> str:
+    return ": episodes that the program marks are taken one by one (episodes='episodes')" if whole_run else ""
 
 
 def _from_known(signal: Signal, begin_ns: int) -> Signal:

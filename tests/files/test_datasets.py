@@ -282,6 +282,29 @@ def test_frames_of_slow_signals_alone_go_on_to_the_end_of_an_episode_also_where_
     assert made.left_out == [(f"{path}#1", why)]
 
 
+def test_no_frames_are_made_of_a_time_for_which_a_cut_had_a_signal_switched_off(tmp_path, new_logger):
+    log = new_logger("arm", frequency=100, clock=itertools.count(0, 10_000_000).__next__)
+    x, y = log.array("x", buffer="growing"), log.array("y", buffer="growing")
+    log.start()
+    for tick in range(120):
+        if tick in (40, 80):
+            log.set("y", enabled=tick == 80, cut=True)
+        x[...] = y[...] = tick
+        if tick == 90:
+            episode = log.episode("pick").__enter__()
+        log.collect()
+    episode.__exit__(None, None, None)
+    log.save()
+    run = silo.open_log(tmp_path)
+    given = {"fps": 50, "state": ["x", "y"], "to": "episodes"}
+    why = r"'/log/y' was switched off, or not recorded, from 0.4 s to 0.8 s: episodes that the program marks"
+    with pytest.raises(silo.SaveError, match=why):
+        write_lerobot([run], tmp_path / "runs", **given)
+    made = write_lerobot([run], tmp_path / "marked", episodes="episodes", **given)
+    assert (made.episodes, made.frames, made.left_out, made.short) == (1, 15, [], [])
+    assert write_lerobot([run], tmp_path / "one", fps=2, state=["x", "y"], to="episodes").frames == 3
+
+
 @given(st.lists(st.integers(1, 30), min_size=1, max_size=5), st.integers(0, 99))
 def test_statistics_of_all_are_those_of_the_whole(sizes, seed):
     parts = [np.random.default_rng([seed, size]).normal(3, 10, (size, 2)) for size in sizes]
