@@ -146,16 +146,10 @@ def _on_grid(
     reasons = [f"'{late.name}' has no sample before"] if begin_ns > low_ns else []
     reasons += [f"the last sample of '{early.name}' holds no longer"] if end_ns < high_ns else []
     lacks = f"{all_of_them - count} of {all_of_them} frames are not there: {', '.join(reasons)}"
-    told = [lacks] if all_of_them > count else []
     known = [replace(one, signals=tuple(_from_known(each, begin_ns) for each in one.signals)) for one in wanted]
     # whole numbers: a frame's time never drifts from i / fps
     grid_ns = begin_ns + np.arange(count, dtype=np.int64) * 1_000_000_000 // fps
-    told += [
-        f"{off} of {count} frames have the last value of '{one.name}', which was switched off then"
-        for one in signals
-        if (off := int(one._in_hole(grid_ns).sum()))
-    ]
-    return known, grid_ns, "; ".join(told)
+    return known, grid_ns, lacks if all_of_them > count else ""
 
 
 def _half_a_tick(signals: Sequence[Signal]) -> float:

@@ -167,15 +167,6 @@ def test_the_last_sample_of_a_slow_signal_holds_until_the_next_would_come():
     )
 
 
-def test_frames_of_a_signal_that_a_cut_switched_off_for_a_while_are_told():
-    fast = Signal("fast", np.arange(100), np.arange(100, dtype=np.int64) * 10_000_000)
-    kept = np.r_[0:30, 50:100]
-    off = replace(fast, name="off", values=kept, time_ns=fast.time_ns[kept], _holes=((300_000_000, 500_000_000),))
-    made = frames([Wanted("both", (fast, off))], 10)
-    assert made.columns[0][:, 1].tolist() == [0, 10, 20, 29, 29, 50, 60, 70, 80, 90]
-    assert made.lacks == "2 of 10 frames have the last value of 'off', which was switched off then"
-
-
 def test_of_whole_numbers_side_by_side_with_others_the_mean_is_taken_of_words_the_last():
     stamps = np.arange(10, dtype=np.int64) * 10**7
     number, word = Signal("n", np.arange(10), stamps), Signal("w", np.arange(10), stamps, labels={1: "A"})
