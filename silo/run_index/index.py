@@ -55,11 +55,12 @@ def _in_words(ask: "Callable[Concatenate[RunIndex, P], Found]") -> "Callable[Con
     def asked(index: "RunIndex", /, *args: P.args, **kwargs: P.kwargs) -> Found:
         try:
             return ask(index, *args, **kwargs)
+        except sqlite3.ProgrammingError:
+            raise  # asked by another thread, or behind its end: nothing is wrong with the file
         except (sqlite3.DatabaseError, msgspec.MsgspecError) as error:
             file = index.root / NAME
-            if isinstance(error, sqlite3.OperationalError) and "decode" not in str(
-                error
-            ):  # a full disk, or a long wait
+            # else a full disk, or a long wait
+            if isinstance(error, sqlite3.OperationalError) and "decode" not in str(error):
                 raise SiloError(f"the index '{file}' can't be used now: {error}; try again") from error
             if index.kept:
                 file.unlink(missing_ok=True)

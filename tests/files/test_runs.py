@@ -340,6 +340,15 @@ def test_an_index_that_is_damaged_or_gone_is_made_anew(root, damage):
     assert file.stat().st_size > 4096
 
 
+def test_an_index_that_is_asked_behind_its_end_is_not_taken_for_damaged(root):
+    silo.runs(root)
+    opened = index.RunIndex(root)
+    opened.close()
+    with pytest.raises(sqlite3.ProgrammingError):
+        opened.runs()
+    assert (root / index.NAME).is_file()
+
+
 @pytest.mark.parametrize("begin", [1, 3])
 def test_an_index_that_is_damaged_within_is_told_of_in_words_and_made_anew(root, begin):
     before = silo.runs(root).values("max(joints/tau)")
