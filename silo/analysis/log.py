@@ -32,6 +32,7 @@ from silo.core.conditions import NO_CONDITIONS
 from silo.core.episodes.words import Episode
 from silo.core.kinds import SCALAR
 from silo.core.names import did_you_mean, is_glob
+from silo.core.parameter_images import NOT_KNOWN
 from silo.core.printing import html_table
 from silo.core.recording import (
     RecordedElement,
@@ -543,8 +544,8 @@ class Log(Mapping[str, Signal]):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is missing, damaged, or could not be read when it was logged; of a bag, as far as values were read."""
-        told = tuple(self.recording.warnings)
-        return (*told, *(text for text in self.parameters.warnings if text not in told))
+        told = (text for text in self.recording.warnings if not text.startswith(NOT_KNOWN))  # in a part other times are
+        return (*told, *self.parameters.warnings)
 
     # --------------------------------------------------------------------------------------------------------- tables
 

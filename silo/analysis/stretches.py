@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from silo.analysis.compute.calculus import between, goes_straight
 from silo.core.arguments import INT64
 from silo.core.elements import BufferType, LoggedEvent, Stretch
+from silo.core.parameter_images import between as told_between
 from silo.core.recording import (
     DamageNotes,
     Failures,
@@ -87,7 +88,7 @@ def _stretch(recording: Recording, low: int, high: int, elements: tuple[Recorded
     """The ticks whose stamps stand at `low <= place < high`, with what was logged at them and happened there."""
     offset = recording.offset - (len(recording.time_ns) - high)
     begin = offset - (high - low)
-    events = tuple(event for event in recording.events if begin <= event.tick < offset)
+    events = tuple(told_between(recording.events, begin, offset))
     time_ns = recording.time_ns[low:high]
     return replace(recording, time_ns=time_ns, offset=max(offset, 0), elements=elements, events=events)
 
@@ -378,7 +379,12 @@ def _moved(event: LoggedEvent, pieces: Sequence[_Piece], firsts: Sequence[int], 
         tick = begin + pieces[at].place
     else:
         return event
-    return msgspec.structs.replace(event, tick=tick) if tick != event.tick else event
+    if tick == event.tick:
+        return event
+    change = event.change
+    if change is not None and change.until >= 0:
+        change = msgspec.structs.replace(change, until=change.until + tick - event.tick)
+    return msgspec.structs.replace(event, tick=tick, change=change)
 
 
 def _warnings(pieces: Sequence[_Piece], told: Sequence[str]) -> Sequence[str]:
@@ -463,10 +469,7 @@ def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) ->
     rate = None
     if len(time_ns) > 1:
         rate = float((len(time_ns) - 1) / ((time_ns[-1] - time_ns[0]) * 1e-9))
-    events = tuple(
-        msgspec.structs.replace(event, tick=int(np.searchsorted(time_ns, event.at_ns, side="right")) - 1)
-        for event in recording.events
-    )
+    events = tuple(_event_at(event, recording, time_ns) for event in recording.events)
     return replace(
         recording,
         time_ns=time_ns,
@@ -477,6 +480,21 @@ def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) ->
         events=events,
         gaps=(),
     )
+
+
+def _event_at(event: LoggedEvent, recording: Recording, time_ns: NDArray[np.int64]) -> LoggedEvent:
+    """An event by the ticks of other stamps; of a change of parameters those at which it was there, and over."""
+    change, ticks = event.change, recording.time_ns
+    if change is None or not len(ticks) or not len(time_ns):
+        return msgspec.structs.replace(event, tick=int(np.searchsorted(time_ns, event.at_ns, side="right")) - 1)
+    if event.tick < 0:
+        return event  # the logger stood still: no row has it
+    before = recording.offset - len(ticks)
+    asked = np.clip([event.tick - change.span - before, change.until - before], 0, len(ticks) - 1)
+    stamps = [event.at_ns, *ticks[asked].tolist()]
+    tick, begin, until = np.minimum(np.searchsorted(time_ns, stamps), len(time_ns) - 1).tolist()
+    told = msgspec.structs.replace(change, span=max(0, tick - begin), until=until if change.until >= 0 else -1)
+    return msgspec.structs.replace(event, tick=tick, change=told)
 
 
 def held_until(recording: Recording, element: RecordedElement) -> NDArray[np.int64] | None:

@@ -13,6 +13,7 @@ from silo.core.elements import PARAMETER, LoggedEvent
 from silo.core.tuning.parameters import ParameterChange, ParameterValue
 
 FOR_EVER = 1 << 62
+NOT_KNOWN = "what parameters were is not always known: "
 
 
 class Unknown(NamedTuple):
@@ -55,6 +56,46 @@ def image_after(events: Iterable[LoggedEvent]) -> LoggedEvent | None:
     return msgspec.structs.replace(told[-1], kind=PARAMETER, text=text, tick=last, change=change)
 
 
+def between(events: Iterable[LoggedEvent], first: int, end: int) -> list[LoggedEvent]:
+    """Return what is left of events where ticks before `first`, and from `end` on, are left out.
+
+    An image tells what parameters were before, and one without values that nobody knows.
+    """
+    every = list(events)
+    told = [event for event in every if event.change is not None and event.tick >= 0]
+    told.sort(key=lambda event: (event.tick, event.time_ns, event.number))
+    unknown = unknown_of_runs(told)
+    begin = _before([event for event in told if event.tick < first], first, unknown)
+    kept = [*begin, *(event for event in every if first <= event.tick < end)]
+    late = next((one for one in unknown if max(one.first, first) < end <= one.end), None)
+    changes = [event.change for event in kept if event.change is not None]
+    if late is None or not changes or (begin and not changes[0].values):
+        return kept
+    order = max(change.order for change in changes) + 1
+    nothing = ParameterChange(order=order, span=end - 1 - max(late.first, first))
+    last = next(event for event in reversed(kept) if event.change is not None)
+    text = "changes of parameters that are not kept"
+    return [*kept, msgspec.structs.replace(last, kind=PARAMETER, text=text, tick=end - 1, number=order, change=nothing)]
+
+
+def _before(told: Sequence[LoggedEvent], first: int, unknown: Sequence[Unknown]) -> list[LoggedEvent]:
+    """An image of what parameters were after these; `unknown` are the ticks of all."""
+    told = [event for event in told if event.run == told[-1].run]  # a run begins with an image
+    gaps = unknown_ticks(told)
+    known = max((one.end for one in gaps if not one.whole and one.end <= first), default=-1)
+    image = image_after(event for event in told if event.tick >= known)
+    if image is None or image.change is None:
+        return []
+    change, at_start = image.change, told[0].change
+    if any(one.first < first < one.end for one in unknown):
+        order = change.order + (not any(one.end > first for one in gaps))
+        change = msgspec.structs.replace(change, values=(), order=order)
+    elif len(told) == 1 and at_start is not None and at_start.is_image:
+        return list(told)
+    text = f"{len(change.values)} parameter{'s' * (len(change.values) != 1)} before this part of the run"
+    return [msgspec.structs.replace(image, text=text, number=max(change.order, 0), change=change)]
+
+
 def image_until(event: LoggedEvent, last: int) -> LoggedEvent | None:
     """Return what is left of a change where ticks after this one are left out.
 
@@ -89,7 +130,11 @@ def unknown_ticks(events: Sequence[LoggedEvent]) -> list[Unknown]:
     for before, order in itertools.pairwise(orders):
         missing = order - before - (order in ticks)
         if missing > 0:
-            covering = [(event, change) for event, change in images if change.order >= before + missing]
+            covering = [
+                (event, change)
+                for event, change in images
+                if change.order >= before + missing and event.tick - change.span < ticks.get(order, FOR_EVER)
+            ]
             image = next((one for one in covering if one[1].values), None)
             begin = max([ticks.get(before, -1), *(event.tick - change.span for event, change in covering[:1])])
             end = image[0].tick if image is not None else FOR_EVER if covering else ticks.get(order, FOR_EVER)
@@ -109,4 +154,4 @@ def unknown_of_runs(events: Sequence[LoggedEvent]) -> list[Unknown]:
 def unknown_texts(events: Sequence[LoggedEvent], first: int, seconds: Callable[[int], float]) -> tuple[str, ...]:
     """Return the same as warnings of a log that begins with tick `first`."""
     unknown = [one for one in unknown_of_runs(events) if one.end > first]
-    return tuple(f"what parameters were is not always known: {one.text(seconds)}" for one in unknown)
+    return tuple(f"{NOT_KNOWN}{one.text(seconds)}" for one in unknown)

@@ -5,10 +5,14 @@ What is known where some of them are missing.
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
+import silo
 from silo.core.elements import PARAMETER, LoggedEvent
 from silo.core.parameter_images import FOR_EVER, Unknown, image_until, unknown_ticks
+from silo.core.recording import Recording
 from silo.core.tuning.parameters import ParameterChange
+from silo.errors import ElementError
 from silo.files.parts.events import event_messages, events_of
 
 
@@ -51,3 +55,46 @@ def test_of_an_image_behind_the_last_tick_all_of_whose_changes_are_there_too_not
     assert image_until(IMAGE, 8) == IMAGE
     assert image_until(IMAGE, 2) is None
     assert image_until(FIFTH, 8) is None
+
+
+STANDING = told(-1, 6.0, 7.0, 6)
+
+
+def outcome(log: silo.Log, time_s: float) -> object:
+    try:
+        return log.parameters.at(time_s)
+    except ElementError as error:
+        assert "is not known" in str(error)
+        return "unknown"
+
+
+@pytest.mark.parametrize(
+    "events",
+    [
+        [START],
+        [START, FIRST, SECOND],
+        [START, FIRST, SECOND, IMAGE, FIFTH, STANDING],
+        [START, FIRST, IMAGE],
+        [START, IMAGE, FIFTH],
+        [START, SECOND, FIFTH],
+        [START, FIRST, image_until(IMAGE, 5)],
+    ],
+)
+def test_what_parameters_were_is_the_same_in_parts_and_at_other_times(events):
+    events = [replace(event, stamp_ns=max(event.tick, 0) * 10**9) for event in events]
+    log = silo.Log(Recording("dog", np.arange(12) * 10**9, 12, [], events=tuple(events)))
+    wanted = [outcome(log, second) for second in range(12)]
+    images = [event for event in events if event.change.is_image and event.change.order > 0]
+    for begin in range(12):
+        for end in range(begin, 12):
+            part = log.clip(begin, end)
+            for second in range(begin, end + 1):
+                found = outcome(part, second)
+                # a part that begins where changes without an image are missing may not know what they were to its end
+                assert found == wanted[second] or (found == "unknown" and wanted[begin] == "unknown" and not images)
+            assert part.clip(begin, end).parameters.names == part.parameters.names
+            assert not {event.text for event in part.parameters.changes} - {event.text for event in events}
+    for rate in (1, 4):
+        other = log.resample(rate)
+        assert [outcome(other, second) for second in range(12)] == wanted
+        assert len(other.warnings) == len(log.warnings)
