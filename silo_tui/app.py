@@ -304,7 +304,7 @@ class SiloApp(Guarded, App[None]):
             context.note(session.table.shown(event.text), is_news=True)  # the banner tells it meanwhile
         if event.kind is EventKind.SAVE_FAILED and not own and not self.screen.is_modal:
             context.fail(event.text)
-        elif event.kind not in QUIET_KINDS and not own:
+        elif event.kind not in QUIET_KINDS and not own and not session.tells_no_change(event):
             is_mark = event.kind is EventKind.MARKER and said_by(event.text) is None
             told = f'marker "{event.text}"' if is_mark else session.told(event.text)
             context.hear(told + (f" ({event.by})" if event.by else ""))

@@ -526,6 +526,11 @@ class Session:
         if event.kind in {EventKind.STARTED, EventKind.STOPPED, EventKind.EDITED, EventKind.SCRIPT_LOADED}:
             self.connection.watch_again()
 
+    def tells_no_change(self, event: Event) -> bool:
+        """Whether it says what all parameters are at a start: no news, that would hide others."""
+        newest = next((one for one in reversed(self.happened) if one.number == event.logged), None)
+        return newest is not None and newest.change is not None and newest.change.is_image
+
     def _note(self, event: Event) -> None:
         known = self.happened[-1].number if self.happened else 0
         if event.logged > known:
