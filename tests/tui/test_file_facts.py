@@ -24,7 +24,7 @@ def recording(*elements, frequency_hz=100.0):
 
 def facts_of(*elements, **changes):
     found = recording(*elements, **changes)
-    return FileFacts(found, [one.name for one in elements], places_of(found.elements, found.time_ns, 0))
+    return FileFacts(found, [one.name for one in elements], places_of(found, found.time_ns, 0))
 
 
 def told(facts, name, quantity, at_ns=int(TIMES[-1])):

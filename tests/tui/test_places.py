@@ -31,19 +31,15 @@ def test_both_ways_to_say_where_samples_stand_say_the_same(data, ticks, first, s
             assert one.held_at(at_ns) == int((own <= at_ns).sum()) - 1
 
 
-def test_samples_hold_to_the_next_one_and_those_of_a_cut_run_as_long_as_they_did():
+def test_samples_hold_to_the_next_one_and_the_last_as_long_as_one_more_would_have_taken():
     time_ns = np.arange(100, dtype=np.int64) * 10
     slow = Places(time_ns, 0, 10, 5, 10)
     assert slow.held_until_ns(np.array([0, 4])).tolist() == [490, 490]
     assert slow.period_ns == 100
-    own = np.array([0, 20, 40, 600, 620, 900])
-    of_others = Places.listed(time_ns, own, 10)
+    of_others = Places.listed(time_ns, np.array([0, 20, 40, 600, 620, 900]), 10)
     assert of_others.period_ns == 20
     assert of_others.held_until_ns(np.array([2, 5])).tolist() == [920, 920]
     assert [of_others.held_at(at_ns) for at_ns in (59, 60, 599, 990)] == [2, 2, 2, 5]
-    cut = Places.listed(time_ns, own, 10, np.array([2, 2, 2, 2, 2, 30]))
-    assert cut.held_until_ns(np.array([2, 4, 5])).tolist() == [50, 630, 990]
-    assert [cut.held_at(at_ns) for at_ns in (40, 59, 60, 599, 600, 990)] == [2, 2, -1, -1, 3, 5]
 
 
 def cut_run(folder):
@@ -80,8 +76,7 @@ def test_all_parts_of_a_run_that_was_cut_are_on_the_screen(tmp_path):
     assert "4 parts  1.49 s  150 ticks" in "".join(words for _, words, _ in session.facts_words(120, wide=True))
     for tick in range(150):
         found = of.readings(["/log/x", "/log/y"], STARTS + tick * STEP_NS)
-        off = 100 <= tick < 130
-        assert np.array_equal(found["/log/x"].newest, [np.nan if off else tick + 1.0], equal_nan=True)
+        assert np.array_equal(found["/log/x"].newest, [tick + 1 if not 100 <= tick < 130 else np.nan], equal_nan=True)
         held_y = tick if (tick % 3 == 0 if tick < 50 else (tick - 50) % 5 == 0 if tick < 100 else False) else held_y
         if tick < 100:
             assert found["/log/y"].newest.tolist() == [0.0, held_y + 1.0, 2.0 * (held_y + 1)]
@@ -92,3 +87,15 @@ def test_all_parts_of_a_run_that_was_cut_are_on_the_screen(tmp_path):
     facts = session._facts
     assert facts.of("/log/x", ["count", "max", "changed"], of.end_ns) == {"count": 120, "max": 150, "changed": 0}
     assert np.isnan(facts.of("/log/x", ["share"], of.end_ns)["share"])  # of one rate nobody can say
+
+
+def test_nothing_is_shown_of_a_part_that_is_missing(tmp_path):
+    cut_run(tmp_path)
+    min(tmp_path.glob("*_part2.silo")).unlink()
+    session = open_file(tmp_path)
+    of = session.source
+    shown = of.columns(["/log/x", "/log/y"], of.begin_ns, of.end_ns, STEP_NS)
+    ticks = np.arange(150)
+    there = (ticks < 50) | (ticks >= 130)
+    assert np.array_equal(shown.low[0], np.where(there, ticks + 1.0, np.nan), equal_nan=True)
+    assert np.isnan(of.readings(["/log/y"], STARTS + 70 * STEP_NS)["/log/y"].newest).all()

@@ -1,12 +1,13 @@
 """Where the samples of an element stand among the time stamps of its recording."""
 
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Callable
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.recording import RecordedElement, held_ticks
+from silo.analysis.stretches import held_until
+from silo.core.recording import Recording
 
 Stamps = NDArray[np.int64]
 
@@ -21,14 +22,13 @@ class Places:
         """`time_ns` are all time stamps, which never fall, mostly `tick_ns` apart."""
         self._time_ns, self.first, self.step, self.count, self._tick_ns = time_ns, first, step, count, tick_ns
         self._listed: Stamps | None = None
-        self._holds: Stamps | None = None  # how many ticks each holds, where that is known
+        self._ask_until: Callable[[], Stamps | None] = lambda: None
 
     @classmethod
-    def listed(cls, time_ns: Stamps, own_ns: Stamps, tick_ns: int, holds: Stamps | None = None) -> "Places":
+    def listed(cls, time_ns: Stamps, own_ns: Stamps, tick_ns: int) -> "Places":
         """Return those of samples with stamps of their own, which are among all."""
         made = cls(time_ns, 0, 1, len(own_ns), tick_ns)
         made._listed = np.searchsorted(time_ns, np.maximum.accumulate(own_ns), "left").astype(np.int64)
-        made._holds = holds
         return made
 
     @property
@@ -47,12 +47,15 @@ class Places:
         return np.clip(-((self.first - numbers) // self.step), 0, self.count)
 
     def held_at(self, at_ns: int) -> int:
-        """Return the newest sample up to a moment; -1 where none had come yet, or it was switched off by then."""
+        """Return the newest sample up to a moment; -1 where none had come yet, or it holds no longer, and others come.
+
+        The last one is told to the end.
+        """
         number = int(np.searchsorted(self._time_ns, at_ns, "right"))
         sample = int(self.from_stamp(np.array([number]))[0]) - 1
-        if self._holds is not None and sample >= 0 and number > self.at(sample) + int(self._holds[sample]):
-            return -1
-        return sample
+        if self._until is None or sample < 0 or sample == self.count - 1:
+            return sample
+        return sample if at_ns < self._until[sample] else -1
 
     def stamps(self, begin: int, end: int) -> Stamps:
         """Return the time stamps of samples `begin ... end - 1`."""
@@ -64,17 +67,21 @@ class Places:
     def held_until_ns(self, samples: Stamps) -> Stamps:
         """Return until when samples hold: to the next one, the last one as long as one more would have taken.
 
-        Those of a run that was cut may hold shorter.
+        Of a run that was cut, or of which a part is missing, each until the next would be due.
         """
-        if self._listed is None:
-            last = min(self.first + self.count * self.step, len(self._time_ns)) - 1
-            return np.full(len(samples), self._time_ns[max(last, 0)], np.int64)
-        if self._holds is None:
+        until: Stamps
+        if self._until is not None:
+            until = np.minimum(self._until[samples], self._time_ns[-1])
+            return until
+        if self._listed is not None:
             end_ns = min(int(self._time_ns[self._listed[-1]]) + self.period_ns, int(self._time_ns[-1]))
             return np.full(len(samples), end_ns, np.int64)
-        lasts = np.minimum(self._listed[samples] + self._holds[samples], len(self._time_ns)) - 1
-        until: Stamps = self._time_ns[lasts]
-        return until
+        last = min(self.first + self.count * self.step, len(self._time_ns)) - 1
+        return np.full(len(samples), self._time_ns[max(last, 0)], np.int64)
+
+    @cached_property
+    def _until(self) -> Stamps | None:
+        return self._ask_until()
 
     @cached_property
     def period_ns(self) -> int:
@@ -85,18 +92,19 @@ class Places:
         return int(np.median(steps[steps > 0])) if (steps > 0).any() else self._tick_ns
 
 
-def places_of(elements: Sequence[RecordedElement], time_ns: Stamps, tick_ns: int) -> list[Places]:
+def places_of(recording: Recording, time_ns: Stamps, tick_ns: int) -> list[Places]:
     """Return where the samples of elements stand, by one object for all that stand alike."""
-    known: dict[tuple[int, int, int, int, object], Places] = {}
+    known: dict[tuple[int, int, int, int], Places] = {}
     found = []
-    for element in elements:
+    for element in recording.elements:
         own, step = element.own_ns, max(1, element.divider)
-        key = (element.first, step, element.count, id(own), element.holds)
+        key = (element.first, step, element.count, id(own))
         if key not in known:
-            known[key] = (
+            known[key] = made = (
                 Places(time_ns, element.first, step, element.count, tick_ns)
                 if own is None
-                else Places.listed(time_ns, own, tick_ns, held_ticks(element))
+                else Places.listed(time_ns, own, tick_ns)
             )
+            made._ask_until = partial(held_until, recording, element)
         found.append(known[key])
     return found

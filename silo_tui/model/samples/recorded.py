@@ -93,7 +93,7 @@ class RecordingSource:
         self._begin = _begin_of(recording)
         self._numbers = {name: number for number, name in enumerate(names)}
         self._tick_ns = _period(self.time_ns, recording.frequency_hz)
-        self.places = places_of(recording.elements, self.time_ns, self._tick_ns)
+        self.places = places_of(recording, self.time_ns, self._tick_ns)
         self._signals: dict[str, tuple[int, int]] = {}  # which entry of which element
         for number, info in enumerate(self.elements):
             for position, entry in enumerate(info.entries):
