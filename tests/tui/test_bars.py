@@ -13,6 +13,8 @@ from rich.console import Console
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import Control, LoggedEvent, Present, State
+from silo.core.tuning.parameters import ParameterChange
+from silo.rpc.published import Event, EventKind
 from silo_tui.actions import BY_ID
 from silo_tui.keymap import use_keys
 from silo_tui.model.samples.live import Reading
@@ -516,3 +518,12 @@ def test_of_a_list_a_failure_stands_alone_and_an_answer_before_what_is_told():
     assert line.words().plain == "done │ 2 marked │ by name"
     line.say("it failed", failed=True)
     assert line.words().plain == "it failed"
+
+
+@pytest.mark.parametrize(("values", "quiet"), [([("kp", None, 1.0)], True), ([("kp", 2.0, 1.0)], False)])
+def test_what_all_parameters_are_at_a_start_is_no_news(values, quiet, desk):
+    change = ParameterChange(tuple(values))
+    desk.session.happened = [LoggedEvent("parameter", "told", 1, 0, number=number, change=change) for number in (4, 5)]
+    event = Event(1, 1, EventKind.PARAMETER, "told", logged=5)
+    assert desk.session.tells_no_change(event) == quiet
+    assert not desk.session.tells_no_change(msgspec.structs.replace(event, logged=9))  # its line isn't here
