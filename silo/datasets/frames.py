@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from silo.analysis.log import Log
 from silo.analysis.signal import Signal
 from silo.core.arguments import INT64
-from silo.core.enumerations import contradiction
+from silo.core.arrays.enumerations import contradiction
 from silo.errors import ElementError, UnknownSignalError
 
 How = Literal["last", "mean", "window"]

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from silo.analysis.compute.samples import Samples, in_order
 from silo.core import units
 from silo.core.arguments import shown
+from silo.core.arrays.enumerations import to_compare
 from silo.core.arrays.values import missing_in
-from silo.core.enumerations import to_compare
 from silo.core.recording import falls
 from silo.errors import ElementError, LogWarning
 
