@@ -9,7 +9,7 @@ import itertools
 import math
 import operator
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from silo.core.names import Names, did_you_mean
 from silo.core.tuning.parameters import ParameterValue
@@ -113,9 +113,11 @@ class Query:
         names = Names(known, scalars=known.values)
         elements = list(known)
         self._meant: dict[str, list[str]] = {}
+        self._elements: dict[str, list[str]] = {}
         self._said: dict[str, set[str]] = {}  # of a name: with what it may be compared
         for name, _ in _names(self.expression.root):
             meant = [elements[place] for place, _ in names.find(name.text, scalars=True)]
+            self._elements[name.text] = meant
             self._said[name.text] = {word for one in (*meant, name.text) for word in said.get(one, ())}
         asked = [id(word) for _, word in self._compared_with_words(self.expression.root)]
         for name, of_tag in _names(self.expression.root):
@@ -126,6 +128,10 @@ class Query:
             self._meant[name.text] = [one for some in scalars for one in some]
             self._tags -= {name.text} if found else set()
             if not found and not of_tag and name.text not in FACTS and name.text not in words:
+                if name.text in itertools.chain(*said.values()):
+                    raise self.expression.error(
+                        f"'{name.text}' is a word: it is compared by == and != with what has it", name
+                    )
                 near = names.near(name.text, 1, more=[*FACTS, *words, *itertools.chain(*said.values())])
                 hint = did_you_mean(near, f"facts of a run are {', '.join(FACTS)}")
                 raise self.expression.error(f"no run has '{name.text}'{hint}", name)
@@ -228,8 +234,13 @@ class Query:
         parameter = run.parameters.get(name.text)
         if isinstance(parameter, bool | int | float):
             return Value(float(parameter))
-        if isinstance(parameter, str) and not self._meant[name.text]:
-            return Value(math.nan, word=parameter)
+        texts = (run.parameters.get(one) for one in (name.text, *self._elements[name.text]))
+        if (text := next((one for one in texts if isinstance(one, str)), None)) is not None:
+            try:
+                number = self._statistic("last", name, signals)
+            except MissingError:  # of a text
+                number = Value(math.nan)
+            return replace(number, word=text)
         return Value(0.0) if name.text in self._tags else self._statistic("last", name, signals)
 
     def _statistic(self, function: str, name: Name, signals: Mapping[str, SignalFacts]) -> Value:

@@ -189,7 +189,11 @@ def test_a_word_of_a_condition_takes_one_name(function):
 
 @pytest.mark.parametrize(
     ("text", "says"),
-    [("m == TROTT", "no run has 'TROTT'; did you mean 'TROT'"), ("x == TROT", "'TROT'"), ("m > TROT", "'TROT'")],
+    [
+        ("m == TROTT", "no run has 'TROTT'; did you mean 'TROT'"),
+        ("x == TROT", "'TROT'"),
+        ("m > TROT", "'TROT' is a word: it is compared by == and != with what has it"),
+    ],
 )
 def test_a_word_that_the_other_side_never_has_is_none(text, says):
     with pytest.raises(ExpressionError, match=says):
@@ -207,6 +211,19 @@ def test_the_shell_takes_words_of_enumerations_and_of_parameters(tmp_path):
     write("c", {0: "TROT", 1: "STAND"}, 0)
     for where, names in (("m == TROT", "ac"), ("last(m) != TROT", "b"), ("m == 0", "c")):
         assert sorted(run.name for run in silo.runs(tmp_path).where(where)) == [*names]
+
+
+def test_the_shell_takes_the_words_of_a_text_that_was_tuned(tmp_path, new_logger):
+    log = new_logger("dog", frequency=100)
+    mode = log.parameter("mode", "stand")
+    for word in ("stand", "walk"):
+        mode.value = word
+        log.start(unsaved="clear")
+        log.collect()
+        log.save(name=word)
+        log.stop()
+    for where, name in (("mode == walk", "walk"), ("mode != walk", "stand")):
+        assert [run.name for run in silo.runs(log.options.folder).where(where)] == [name]
 
 
 def test_the_signals_of_a_condition_are_all_that_its_names_mean_each_once():
