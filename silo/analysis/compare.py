@@ -6,7 +6,7 @@ The runs are laid on each other by their starts, by an event in each, or by a si
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import msgspec
 import numpy as np
@@ -18,6 +18,7 @@ from silo.analysis.log import Log
 from silo.analysis.plots.curves import text_of
 from silo.analysis.reports import table, type_text
 from silo.analysis.signal import Signal
+from silo.analysis.stretches import holes
 from silo.core import units
 from silo.core.arguments import real, shown, text
 from silo.core.arrays.enumerations import contradiction, to_compare
@@ -334,6 +335,9 @@ class _Scalar(NamedTuple):
         return (id(self.meeting), *types)
 
 
+Holes: TypeAlias = tuple[tuple[int, int], ...]
+
+
 class _Meeting(NamedTuple):
     """Where samples of two time bases meet: places in both (None: all), their times, the stamps of the other one as if
     it had started with the first, and which time that is where one goes on longer.
@@ -392,7 +396,9 @@ def _scalars(
     starts = a.start_ns, b.start_ns
     if ours is not None and theirs is not None and _same_kind(ours, theirs):
         stamps = stamps_of(a.recording, ours), stamps_of(b.recording, theirs)
-        meeting = _meeting(name, stamps, starts, shift_s, met)
+        meeting = _meeting(
+            name, stamps, starts, shift_s, met, lambda: (holes(a.recording, ours), holes(b.recording, theirs))
+        )
         if meeting.places is None and _same_bytes(ours, theirs):
             return [], _Pair(name, alike=len(ours.entries))
         if len(ours.entries) == 1 and not ours.shape and ours.entries[0].values.ndim == 1:
@@ -452,6 +458,7 @@ def _meeting(
     starts: tuple[int, int],
     shift_s: float,
     met: dict[tuple[object, ...], _Meeting],
+    off: Callable[[], tuple[Holes, Holes]],
 ) -> _Meeting:
     """Where two time bases meet, found once for each pair of them. Raises ElementError where there is no such time."""
     key = tuple((each.__array_interface__["data"][0], each.strides, len(each)) for each in stamps)
@@ -459,7 +466,8 @@ def _meeting(
         return met[key]
     # its own places are the values of each: what is common has the places of both
     one, other = (
-        Samples(name, np.arange(len(each)), each, start_ns=start) for each, start in zip(stamps, starts, strict=True)
+        Samples(name, np.arange(len(each)), each, start_ns=start, _holes=some)
+        for each, start, some in zip(stamps, starts, off(), strict=True)
     )
     if shift_s:
         other = replace(other, start_ns=other.start_ns - round(shift_s * 1e9))
@@ -468,7 +476,10 @@ def _meeting(
         raise ElementError("there is no sample in common")
     each_with_each = np.array_equal(mine.values, one.values) and np.array_equal(theirs.values, other.values)
     places = None if each_with_each else (mine.values, theirs.values)
-    moved_ns = other._as_if_started(one.start_ns).time_ns
+    moved = other._as_if_started(one.start_ns)
+    if one._in_hole(moved.time_ns).any() or moved._in_hole(one.time_ns).any():
+        span = "; ".join(filter(None, [span, "not where it was switched off, or not recorded, in one of them"]))
+    moved_ns = moved.time_ns
     return met.setdefault(key, _Meeting(places, mine.times, moved_ns, span, stamps))
 
 
@@ -480,7 +491,8 @@ def _signals(
         raise ElementError(f"components {one.components or 'none'} and {other.components or 'none'}")
     if not units.same(one.unit, other.unit) and {one.unit, other.unit}.isdisjoint(("", "-")):
         other = other.to(one.unit)
-    meeting = _meeting(one.name, (one.time_ns, other.time_ns), (one.start_ns, other.start_ns), shift_s, met)
+    stamps, starts, off = (one.time_ns, other.time_ns), (one.start_ns, other.start_ns), (one._holes, other._holes)
+    meeting = _meeting(one.name, stamps, starts, shift_s, met, lambda: off)
     return (one, replace(other, time_ns=meeting.moved_ns, start_ns=one.start_ns)), meeting
 
 

@@ -180,6 +180,25 @@ def test_enumerations_are_compared_by_their_words():
     assert silo.compare(*map(silo.Log, two({0: "stand"}, {0: "stand", 1: "trot"}, 0 * numbers))).rows
 
 
+def test_a_value_from_before_a_signal_was_switched_off_is_no_difference(new_logger, tmp_path):
+    def run(folder, cut):
+        log = new_logger("arm", frequency=100, folder=tmp_path / folder, clock=itertools.count(0, 10**7).__next__)
+        x = log.array("x", buffer="growing")
+        log.start()
+        for tick in range(90):
+            if cut and tick in (30, 60):
+                log.set("x", enabled=tick == 60, cut=True)
+            x[...] = tick
+            log.collect()
+        log.save()
+        return silo.open_log(tmp_path / folder)
+
+    whole, cut = run("whole", cut=False), run("cut", cut=True)
+    for found in (silo.compare(whole, cut), silo.compare(cut, whole)):
+        assert (len(found), found.alike) == (0, 1)
+        assert found.partly == {"/log/x": "not where it was switched off, or not recorded, in one of them"}
+
+
 def test_what_neither_run_has_a_sample_of_is_no_difference():
     nothing = recorded([element("/log/x", np.empty(0))])
     assert not differences(nothing, replace(nothing, elements=list(nothing.elements)))
