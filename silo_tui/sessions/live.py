@@ -155,6 +155,7 @@ class Session:
         self.saves: dict[int, Event] = {}  # the newest event of each save
         self.fetches: dict[str, Fetching] = {}  # what is on its way here, by name
         self.overlay: Overlay | None = None  # a saved run over the plots
+        self._said_closed = False  # the program that is connected, since it is
         self.gone: dict[str, Condition] = {}  # what went with the program before, by words
         self.refused_trigger: TriggerOptions | None = None  # and left, to mend why
         self.left_files: list[SavedFile] = []  # what was saved last, or when the robot program died
@@ -223,7 +224,7 @@ class Session:
     @property
     def closed(self) -> bool:
         """Whether nobody answers because the robot program closed its logger: nothing is wrong."""
-        return self.lost_since is not None and bool(self.happened) and self.happened[-1].kind == EventKind.CLOSED.value
+        return self.lost_since is not None and self._said_closed
 
     def try_now(self) -> None:
         """Look for the logger at once, where the link is lost."""
@@ -513,6 +514,7 @@ class Session:
         self._note(event)
         if event.job:
             self.saves[event.job] = event
+        self._said_closed = self._said_closed or event.kind is EventKind.CLOSED
         if event.kind is EventKind.CRASHED or (event.kind is EventKind.SAVED and event.files):
             self.left_files = event.files
         if event.status is not None and not self._is_of_before(event.status):
@@ -569,7 +571,7 @@ class Session:
         self.conditions_due = True
         self.saves.clear()  # another helper process counts from 1 again
         await self._read_all()
-        self.lost_since = None
+        self.lost_since, self._said_closed = None, False
         self.connection.watch_again()
         if before.pid == self.status.pid:
             return "the link is back"

@@ -1,5 +1,6 @@
 """The lines around the table, without an app: the head, the banner, the key bar, and the line of messages."""
 
+import asyncio
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -144,9 +145,11 @@ def test_without_a_link_the_head_says_since_when_and_what_it_was(desk, monkeypat
     desk.session.lost_since = 100.0
     monkeypatch.setattr(time, "monotonic", lambda: 175.0)
     assert head(desk) == "silo anymal/robot  ~ NO LINK 75 s, was RUNNING"
-    desk.session.happened = [LoggedEvent("saved", "saved", 1, 2), LoggedEvent("closed", "it closed", 2, 3)]
+    closed = Event(1, 1, EventKind.CLOSED, "the robot program closed its logger", status=desk.session.status)
+    asyncio.run(desk.session.take_event(closed))
     assert head(desk) == "silo anymal/robot  - CLOSED 75 s, was RUNNING"
-    desk.session.happened.append(LoggedEvent("started", "started", 3, 0))
+    asyncio.run(desk.session.regain())  # another program of that name, which is cut off
+    desk.session.lost_since = 100.0
     desk.session.lost_total = 2
     assert head(desk) == "silo anymal/robot  ~ NO LINK 75 s, was RUNNING  lost 2"
 
@@ -259,7 +262,7 @@ def test_a_lost_link_is_told_with_what_can_be_done(scope, edited, words, desk, m
 @pytest.mark.parametrize(("files", "saved"), [([], ""), ([SAVED], f" It saved {Path(SAVED.path).name} (:open).")])
 def test_a_robot_program_that_closed_its_logger_left_no_broken_link(files, saved, desk):
     desk.session.lost_since, desk.session.left_files = 100.0, files
-    desk.session.happened = [LoggedEvent("closed", "the robot program closed its logger", 2, 3)]
+    asyncio.run(desk.session.take_event(Event(1, 1, EventKind.CLOSED, "closed", status=desk.session.status)))
     assert banner(desk) == (f"The robot program closed robot.{saved} silo-tui follows when it starts again.", True)
 
 
