@@ -585,7 +585,8 @@ class Log(Mapping[str, Signal]):
         wanted = set(names)
         read_ahead(self.recording.elements[place] for place, name in enumerate(self._elements) if name in wanted)
         signals = {name: self[name] for name in names}
-        own = has_own_stamps(self.recording)
+        # what a cut changed has stamps of its own, too, but ticks are rows of the table whichever elements are in it
+        own = has_own_stamps(self.recording) and not any(element.holds for element in self.recording.elements)
         return signals, common_axis([one.time_ns for one in signals.values()]) if own else self.time_ns
 
     def _signal(self, name: str, element: RecordedElement) -> Signal:

@@ -602,3 +602,16 @@ def test_a_value_from_before_missing_ticks_of_a_recording_does_not_hold_behind_t
         with pytest.raises(ElementError, match=r"has no value at 0\.02 s"):
             log["x"].value(0.02)
         assert log["x"].value([0.01, 0.017, 0.038]).tolist() == [10, 17, 38]
+
+
+def test_a_table_of_some_signals_of_a_run_that_was_cut_has_all_its_ticks(new_logger, tmp_path):
+    pytest.importorskip("pandas")
+    logger = new_logger(frequency=100)
+    loop = Loop(logger)
+    loop.turn(10)
+    logger.set("x", divider=5, cut=True)
+    loop.turn(10)
+    logger.save()
+    table = silo.open_log(tmp_path).to_pandas("x")
+    assert len(table) == 20
+    assert table.iloc[:, 0].dropna().tolist() == [*range(11), 15]
