@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import LoggedEvent
-from silo.core.recording import RecordedElement, Recording
+from silo.core.recording import RecordedElement, Recording, places_on
 from silo.core.tuning.parameters import ParameterValue
 
 Values = Sequence[tuple[str, ParameterValue | None, ParameterValue]]
@@ -32,15 +32,19 @@ def samples_of(recording: Recording) -> Callable[[str], TunedSamples | None]:
 
     def samples(name: str) -> TunedSamples | None:
         element = elements.get(name)
-        return None if element is None else _samples(element, before)
+        return None if element is None else _samples(element, recording.time_ns, before)
 
     return samples
 
 
-def _samples(element: RecordedElement, before: int) -> TunedSamples | None:
-    if element.own_ns is not None or any(one.dtype.kind not in "iuf" or one.entry.labels for one in element.entries):
+def _samples(element: RecordedElement, time_ns: NDArray[np.int64], before: int) -> TunedSamples | None:
+    own = element.own_ns
+    if own is not None and not element.holds:  # of a bag of others, which has no ticks
         return None
-    return TunedSamples(element.stamp_indices + before, np.stack([one.values for one in element.entries], axis=-1))
+    if any(one.dtype.kind not in "iuf" or one.entry.labels for one in element.entries):
+        return None
+    places = element.stamp_indices if own is None else places_on(time_ns, own)
+    return TunedSamples(places + before, np.stack([one.values for one in element.entries], axis=-1))
 
 
 class Ramp:

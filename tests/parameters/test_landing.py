@@ -365,10 +365,11 @@ def test_a_run_that_begins_on_the_way_of_a_ramp_tells_where_it_goes(new_logger, 
     assert [event.change.values[0][2] for event in log.parameters.changes] == [0.7]
 
 
-def test_a_ramp_goes_on_over_a_cut(new_logger):
+@pytest.mark.parametrize("ticks", [30, 33])  # behind which samples go on a distance apart, or have stamps of their own
+def test_a_ramp_goes_on_over_a_cut(new_logger, ticks):
     ramps = Ramps(new_logger(frequency=100, clock=Clock()))
     ask(ramps.logger, {"slow": 0.7})
-    ramps.ticks(30)
+    ramps.ticks(ticks)
     ramps.logger.set("leg/n", size=50, cut=True)
     ramps.ticks(90)
     whole = silo.open_log(ramps.logger.save("silo")[0].path)
