@@ -5,9 +5,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import silo
+from silo.core.recording import RecordedElement, Recording, alike
 from silo_tui.model.samples.places import Places
+from silo_tui.model.samples.recorded import RecordingSource
 from silo_tui.sessions.recorded import open_file
 from tests.examples import examples
+from tests.stand_ins.saved import element
 
 STEP_NS = 10_000_000
 STARTS = 1_790_000_000 * 10**9
@@ -99,3 +102,15 @@ def test_nothing_is_shown_of_a_part_that_is_missing(tmp_path):
     there = (ticks < 50) | (ticks >= 130)
     assert np.array_equal(shown.low[0], np.where(there, ticks + 1.0, np.nan), equal_nan=True)
     assert np.isnan(of.readings(["/log/y"], STARTS + 70 * STEP_NS)["/log/y"].newest).all()
+
+
+def test_a_topic_without_a_message_is_shown_as_empty():
+    none = np.zeros(0, np.int64)
+    time_ns = STARTS + np.arange(50) * STEP_NS
+    elements = [
+        alike(RecordedElement, element("x", np.arange(50.0)), own_ns=time_ns),
+        alike(RecordedElement, element("none", np.zeros(0)), own_ns=none),
+    ]
+    source = RecordingSource(Recording("bag", time_ns, 0, elements), ["x", "none"])
+    for column_ns in (STEP_NS // 10, STEP_NS * 10):
+        assert np.isnan(source.columns(["none"], source.begin_ns, source.end_ns, column_ns).low).all()

@@ -73,7 +73,7 @@ class Places:
         if self._until is not None:
             until = np.minimum(self._until[samples], self._time_ns[-1])
             return until
-        if self._listed is not None:
+        if self._listed is not None and self.count:
             end_ns = min(int(self._time_ns[self._listed[-1]]) + self.period_ns, int(self._time_ns[-1]))
             return np.full(len(samples), end_ns, np.int64)
         last = min(self.first + self.count * self.step, len(self._time_ns)) - 1
