@@ -78,7 +78,7 @@ class Host:
             except OSError:  # the program has ended
                 break
             if until and until in said and not asked:
-                asked = bool(os.write(screen, b"q"))
+                asked = bool(os.write(screen, b"qy"))  # a demo that ends with it is asked for
         else:
             os.kill(pid, signal.SIGKILL)
         code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
