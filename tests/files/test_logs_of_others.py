@@ -11,6 +11,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import silo
 from silo.errors import FileFormatError
+from silo_tui.sessions.recorded import open_file
 
 START = 1_700_000_000 * 10**9
 COUNT = 200  # damaged files of each kind
@@ -152,6 +153,17 @@ def test_a_ulog_is_read_as_it_was_written(tmp_path):
     np.testing.assert_allclose(log["/battery_1/voltage"].times, np.arange(10) * 0.02 + 2e-6)
     assert log.recording.about["sys_name"] == "PX4 1"
     assert log.warnings == ("its logger lost 0.03 s in 1 dropouts",)
+
+
+def test_silo_tui_shows_a_ulog_and_a_bag_of_ros_1_at_any_moment(types, tmp_path):
+    (tmp_path / "x.ulg").write_bytes(a_ulog())
+    write_bag(tmp_path / "x.bag", types)
+    for path, name in ((tmp_path / "x.ulg", "/battery_1/voltage"), (tmp_path / "x.bag", "/number/data")):
+        signal, of = silo.open_log(path)[name], open_file(path).source
+        for place, at_ns in enumerate(signal.time_ns.tolist()):
+            for late_ns, held in ((0, place), (-1, place - 1)):
+                if held >= 0:
+                    assert of.readings([name], at_ns + late_ns)[name].newest[0] == signal.values[held]
 
 
 def test_messages_and_parameters_of_a_ulog_are_known(tmp_path):
