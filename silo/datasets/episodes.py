@@ -17,7 +17,7 @@ from silo.files.naming import is_capture
 Pieces = Literal["runs", "episodes", "captures"]
 
 
-class Piece(NamedTuple):
+class EpisodeLog(NamedTuple):
     """An episode: its name, what it is of the log, the same with what was `known` when it began, and its marks."""
 
     name: str
@@ -26,18 +26,18 @@ class Piece(NamedTuple):
     marked: Episode | None
 
 
-def pieces_of(log: Log, name: str, pieces: Pieces) -> list[Piece]:
+def pieces_of(log: Log, name: str, pieces: Pieces) -> list[EpisodeLog]:
     """Return the episodes of a log with their names. Raises ElementError where it has none."""
     if pieces not in get_args(Pieces):
         raise ElementError(f"episodes must be one of {', '.join(get_args(Pieces))}, got {pieces!r}")
     if pieces == "captures" and not is_capture(Path(os.path.basename(name))):  # noqa: PTH119
         raise ElementError("it is no capture")
     if pieces != "episodes":
-        return [Piece(name, log, log, None)]
+        return [EpisodeLog(name, log, log, None)]
     found = [one for one in log.episodes if one.verdict != REDO]
     if not found:
         raise ElementError("no episode is marked in it that isn't to be done again")
-    return [Piece(f"{name}#{one.number}", log.clip(one), log._of_episode(one, known=True), one) for one in found]
+    return [EpisodeLog(f"{name}#{one.number}", log.clip(one), log._of_episode(one, known=True), one) for one in found]
 
 
 def with_facts(log: Log, episode: Episode) -> Log:

@@ -42,10 +42,10 @@ class Apart(msgspec.Struct, frozen=True):
     apart: float
 
 
-Known = tuple[ListedRun, Sequence[SignalFacts]]
+RunSignals = tuple[ListedRun, Sequence[SignalFacts]]
 
 
-def what_tells(these: Sequence[Known], others: Sequence[Known]) -> list[Apart]:
+def what_tells(these: Sequence[RunSignals], others: Sequence[RunSignals]) -> list[Apart]:
     """Return what differs, the farthest apart first; what is the same, or is known of one group alone, is left out."""
     found: dict[str, Apart] = {}
     numbers = [dict(_numbers(*known)) for known in (*these, *others)]

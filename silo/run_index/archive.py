@@ -40,7 +40,7 @@ from silo.run_index.index import Told
 from silo.run_index.labels import Labels
 from silo.run_index.listed import ListedRun
 from silo.run_index.runs import RunList
-from silo.run_index.tables import COLUMNS, FACTS, Folders, Known, read_numbers, read_signals, typed
+from silo.run_index.tables import COLUMNS, FACTS, Folders, IndexFacts, read_numbers, read_signals, typed
 
 EXTRA = "archive"
 MARK = "silo-archive.json"
@@ -74,7 +74,7 @@ class Archiving:
     problems: dict[str, str] = field(default_factory=dict)
 
 
-class FileFacts(msgspec.Struct, frozen=True):
+class ArchivedFacts(msgspec.Struct, frozen=True):
     """What is known of a file: the path in `run` is its name in the archive; `episodes` are the scalars of each."""
 
     run: RunFacts
@@ -96,7 +96,7 @@ class KnownFiles:
 
     root = Path()
 
-    def __init__(self, files: Sequence[FileFacts]) -> None:
+    def __init__(self, files: Sequence[ArchivedFacts]) -> None:
         self._files = files
 
     def signals(self) -> dict[str, list[SignalFacts]]:
@@ -127,7 +127,7 @@ def chain_of(facts: RunFacts) -> str:
     return f"{facts.robot}/{facts.run}/{facts.recorder}" if facts.run and (facts.part or facts.recorder) else ""
 
 
-def known_files(runs: Mapping[str, ListedRun], indexes: Sequence[Known]) -> dict[str, FileFacts]:
+def known_files(runs: Mapping[str, ListedRun], indexes: Sequence[IndexFacts]) -> dict[str, ArchivedFacts]:
     """Return what indexes know of files, by their names in an archive."""
     if not runs:
         return {}
@@ -135,7 +135,7 @@ def known_files(runs: Mapping[str, ListedRun], indexes: Sequence[Known]) -> dict
     episodes = {index.root: index.signals_of_episodes() for index in indexes}
     events = {index.root: index.events() for index in indexes}
     return {
-        name: FileFacts(
+        name: ArchivedFacts(
             msgspec.structs.replace(run.facts, path=name),
             tuple(signals[run.folder].get(run.facts.path, ())),
             tuple(tuple(episodes[run.folder].get((run.facts.path, at), ())) for at in range(len(run.facts.episodes))),
@@ -370,7 +370,7 @@ class Archive:
             with self._local(f"{table}.parquet") as path, atomic_file(path) as out:
                 frame.write_parquet(out)
 
-    def _files_of_runs(self, source: Folders, there: Mapping[str, Archived], name: str) -> dict[str, FileFacts]:
+    def _files_of_runs(self, source: Folders, there: Mapping[str, Archived], name: str) -> dict[str, ArchivedFacts]:
         """What is known of the archived files of runs in several, of which one is in the source; it is kept here."""
         runs = {called: one for key, one in source.runs.items() if (called := _called(key, name)) in there}
         found = known_files({one: run for one, run in runs.items() if chain_of(run.facts)}, source.indexes)
@@ -382,7 +382,7 @@ class Archive:
             stored = self._files.cat(paths) if len(paths) > 1 else {path: self._files.cat(path) for path in paths}
         texts = {names[path.rpartition("/")[2]]: text for path, text in stored.items()}
         # JSON has no infinite numbers, which statistics may be
-        before = {one: self._decoded(msgspec.msgpack.decode, text, FileFacts, one) for one, text in texts.items()}
+        before = {one: self._decoded(msgspec.msgpack.decode, text, ArchivedFacts, one) for one, text in texts.items()}
         for one, facts in found.items():
             if before.get(one) != facts:
                 self._write(f"facts/{_part(one)}.msgpack", msgspec.msgpack.encode(facts))

@@ -92,7 +92,7 @@ def typed(columns: Mapping[str, str]) -> dict[str, Any]:
     return {name: types[kind] for name, kind in columns.items()}
 
 
-class Known(Protocol):
+class IndexFacts(Protocol):
     """What is known of the files of runs, as an index has it."""
 
     root: Path
@@ -110,7 +110,7 @@ class Known(Protocol):
 class Folders:
     """The runs of a list."""
 
-    def __init__(self, runs: Sequence[ListedRun], indexes: Sequence[Known]) -> None:
+    def __init__(self, runs: Sequence[ListedRun], indexes: Sequence[IndexFacts]) -> None:
         """Name each by its path below its folder; where there are several folders, by its whole path."""
         folders = {run.folder for run in runs}
         self.runs = {run.facts.path if len(folders) == 1 else str(run.path): run for run in runs}

@@ -158,7 +158,7 @@ class Session:
         self._said_closed = False  # the program that is connected, since it is
         self.gone: dict[str, Condition] = {}  # what went with the program before, by words
         self.refused_trigger: TriggerOptions | None = None  # and left, to mend why
-        self.left_files: list[SavedFile] = []  # what was saved last, or when the robot program died
+        self.left_files: list[SavedFile] = []  # of a robot program that died
         self.happened: list[LoggedEvent] = []  # the newest lines of the event log
         self._slow_s = -SLOW_TOLD_S  # monotonic, when the loop was slow last
         self.jitter_s = 0.0  # of the loop, as the newest survey says
@@ -515,7 +515,7 @@ class Session:
         if event.job:
             self.saves[event.job] = event
         self._said_closed = self._said_closed or event.kind is EventKind.CLOSED
-        if event.kind is EventKind.CRASHED or (event.kind is EventKind.SAVED and event.files):
+        if event.kind is EventKind.CRASHED:
             self.left_files = event.files
         if event.status is not None and not self._is_of_before(event.status):
             self.take_status(event.status)

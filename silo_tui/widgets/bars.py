@@ -241,8 +241,8 @@ class Banner(Guarded, Widget):
         if session.link is None:
             return ""
         if session.closed:
-            saved = f" It saved {text.file_name(session.left_files[0].path)} (:open)." if session.left_files else ""
-            return f"The robot program closed {session.name}.{saved} silo-tui follows when it starts again."
+            told = key_of("messages") or ":messages"
+            return f"The robot program closed {session.name}; {told} tells how. silo-tui follows when it starts again."
         if session.lost_s is not None:
             retries = key_that_retries(getattr(self.screen, "scope", ""))
             tries = f" {retries} tries now." if retries else ""

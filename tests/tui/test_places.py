@@ -16,13 +16,18 @@ STEP_NS = 10_000_000
 STARTS = 1_790_000_000 * 10**9
 
 
+def places(time_ns, first, step, count, own_ns=None):
+    one = element("a", np.zeros(count), divider=step, first=first, own_ns=own_ns)
+    return Places(Recording("robot", time_ns, len(time_ns), [one]), one, time_ns, 10)
+
+
 @given(data=st.data(), ticks=st.integers(1, 60), first=st.integers(0, 9), step=st.integers(1, 7))
 @settings(max_examples=examples(100))
 def test_both_ways_to_say_where_samples_stand_say_the_same(data, ticks, first, step):
     time_ns = np.cumsum(np.array(data.draw(st.lists(st.integers(1, 5), min_size=ticks, max_size=ticks)), np.int64))
     count = len(range(first, ticks, step))
     own = time_ns[first::step]
-    apart, listed = Places(time_ns, first, step, count, 3), Places.listed(time_ns, own, 3)
+    apart, listed = places(time_ns, first, step, count), places(time_ns, 0, 1, count, own)
     numbers = np.arange(-1, ticks + 2)
     truth = [int((np.arange(first, ticks, step) < number).sum()) for number in numbers]
     for one in (apart, listed):
@@ -36,10 +41,10 @@ def test_both_ways_to_say_where_samples_stand_say_the_same(data, ticks, first, s
 
 def test_samples_hold_to_the_next_one_and_the_last_as_long_as_one_more_would_have_taken():
     time_ns = np.arange(100, dtype=np.int64) * 10
-    slow = Places(time_ns, 0, 10, 5, 10)
+    slow = places(time_ns, 0, 10, 5)
     assert slow.held_until_ns(np.array([0, 4])).tolist() == [490, 490]
     assert slow.period_ns == 100
-    of_others = Places.listed(time_ns, np.array([0, 20, 40, 600, 620, 900]), 10)
+    of_others = places(time_ns, 0, 1, 6, np.array([0, 20, 40, 600, 620, 900]))
     assert of_others.period_ns == 20
     assert of_others.held_until_ns(np.array([2, 5])).tolist() == [920, 920]
     assert [of_others.held_at(at_ns) for at_ns in (59, 60, 599, 990)] == [2, 2, 2, 5]

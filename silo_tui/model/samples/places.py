@@ -1,13 +1,12 @@
 """Where the samples of an element stand among the time stamps of its recording."""
 
-from collections.abc import Callable
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from silo.analysis.stretches import held_until
-from silo.core.recording import Recording
+from silo.core.recording import RecordedElement, Recording
 
 Stamps = NDArray[np.int64]
 
@@ -18,18 +17,14 @@ class Places:
     Of a bag of others, and of what was changed while it was logged, they are listed instead.
     """
 
-    def __init__(self, time_ns: Stamps, first: int, step: int, count: int, tick_ns: int) -> None:
+    def __init__(self, recording: Recording, element: RecordedElement, time_ns: Stamps, tick_ns: int) -> None:
         """`time_ns` are all time stamps, which never fall, mostly `tick_ns` apart."""
-        self._time_ns, self.first, self.step, self.count, self._tick_ns = time_ns, first, step, count, tick_ns
+        self._recording, self._element, self._time_ns, self._tick_ns = recording, element, time_ns, tick_ns
+        self.first, self.step, self.count = element.first, max(1, element.divider), element.count
         self._listed: Stamps | None = None
-        self._ask_until: Callable[[], Stamps | None] = lambda: None
-
-    @classmethod
-    def listed(cls, time_ns: Stamps, own_ns: Stamps, tick_ns: int) -> "Places":
-        """Return those of samples with stamps of their own, which are among all."""
-        made = cls(time_ns, 0, 1, len(own_ns), tick_ns)
-        made._listed = np.searchsorted(time_ns, np.maximum.accumulate(own_ns), "left").astype(np.int64)
-        return made
+        if element.own_ns is not None:
+            self.first, self.step = 0, 1
+            self._listed = np.searchsorted(time_ns, np.maximum.accumulate(element.own_ns), "left").astype(np.int64)
 
     @property
     def is_listed(self) -> bool:
@@ -81,7 +76,7 @@ class Places:
 
     @cached_property
     def _until(self) -> Stamps | None:
-        return self._ask_until()
+        return held_until(self._recording, self._element)
 
     @cached_property
     def period_ns(self) -> int:
@@ -95,16 +90,8 @@ class Places:
 def places_of(recording: Recording, time_ns: Stamps, tick_ns: int) -> list[Places]:
     """Return where the samples of elements stand, by one object for all that stand alike."""
     known: dict[tuple[int, int, int, int], Places] = {}
-    found = []
-    for element in recording.elements:
-        own, step = element.own_ns, max(1, element.divider)
-        key = (element.first, step, element.count, id(own))
+    keys = [(one.first, one.divider, one.count, id(one.own_ns)) for one in recording.elements]
+    for key, element in zip(keys, recording.elements, strict=True):
         if key not in known:
-            known[key] = made = (
-                Places(time_ns, element.first, step, element.count, tick_ns)
-                if own is None
-                else Places.listed(time_ns, own, tick_ns)
-            )
-            made._ask_until = partial(held_until, recording, element)
-        found.append(known[key])
-    return found
+            known[key] = Places(recording, element, time_ns, tick_ns)
+    return [known[key] for key in keys]
