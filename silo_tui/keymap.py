@@ -251,7 +251,7 @@ def where(commands: Sequence[Command], scope: str) -> tuple[str, str]:
     """
     scopes = dict.fromkeys(each for command in commands for each in command.scopes)
     if scope in FILE_SCOPES and not scopes.keys() & set(FILE_SCOPES):
-        return "of a logger", "a saved file has no logger; Esc leaves the file"
+        return "live only", "a saved file has no logger; Esc leaves the file"
     places = [each for each in scopes if each not in FILE_SCOPES]
     told = [PLACES.get(each, each) + (f" ({way})" if (way := _way_to(each, scope)) else "") for each in places]
     more = " and others" if len(told) > 3 else ""

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
+from rich.cells import cell_len
 from rich.text import Text
 from textual import events
 from textual.timer import Timer
@@ -125,7 +126,8 @@ class MenuReader:
         if context.has_session and scope != "loggers":
             session = context.session
             if command.writes and not session.may_edit:
-                return session.why_not.partition(";")[0].partition(",")[0], session.why_not
+                words = session.why_not.partition(";")[0].partition(",")[0]
+                return words.removeprefix("this is "), session.why_not
             if command.asks and not command.retries and not session.connected:
                 return "no link", f"no link to {session.name}; it is tried again all the time"
         why = screen.why_not_now(command.id)
@@ -164,7 +166,10 @@ class MenuReader:
             why = reasons[key]
             value = (why[0] if of_all else "") if why else screen.value_now(command.id)
             entry = Text(f"({key_text(key)})" if why else f" {key_text(key)} ", style="" if why else "bold")
-            entry.append(f" {command.label}{': ' if value else ''}{value}", style="not bold")
+            words = f" {command.label}{': ' if value else ''}{value}"
+            if entry.cell_len + cell_len(words) > column - 2:  # no word is cut
+                words = f" {command.label}"
+            entry.append(words, style="not bold")
             entry.truncate(column - 2, overflow="ellipsis")
             drawn.append(entry)
         for row in range(rows):

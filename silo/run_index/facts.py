@@ -42,11 +42,12 @@ class EpisodeFacts(msgspec.Struct, frozen=True, array_like=True):
 class RunFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     """What a list of runs shows of one; `path` is relative to the folder of the index.
 
-    prefix: of the names of its elements. kind: `run`, or `capture` of a trigger. begun_ns: by the wall clock. span_s:
-    from the first tick to the last. rate_hz: of its ticks. lost: samples. limits, triggers, marks: how often; a mark of
-    an episode is none. in_episodes: of each of `episodes`. problem: why it can't be read, then all else is empty. run:
-    its id, of a run that was cut that of its first stretch; empty where the file doesn't tell. Of a file that is one of
-    several, part is the stretch, and recorder who wrote it. stamp_ns: the first time stamp, by the clock of the logger.
+    prefix: of the names of its elements. kind: `run`, or `capture` of a trigger. begun_ns: when its first tick was,
+    where its stamps are times, else when its run began. span_s: from the first tick to the last. rate_hz: of its ticks.
+    lost: samples. limits, triggers, marks: how often; a mark of an episode is none. in_episodes: of each of `episodes`.
+    problem: why it can't be read, then all else is empty. run: its id, of a run that was cut that of its first stretch;
+    empty where the file doesn't tell. Of a file that is one of several, part is the stretch, and recorder who wrote it.
+    stamp_ns: the first time stamp, by the clock of the logger.
     """
 
     path: str
@@ -157,7 +158,7 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
     ticks = len(stamps)
     span_s = float(stamps[-1] - stamps[0]) * 1e-9 if ticks else 0.0
     happened = _happened(recording.events)
-    began = recording.started_ns or (int(stamps[0]) if ticks and stamps[0] > SANE_NS else 0)
+    began = max(recording.started_ns, int(stamps[0]) if ticks and stamps[0] > SANE_NS else 0)  # buffers hold the end
     return RunFacts(
         path=name,
         prefix=recording.prefix,

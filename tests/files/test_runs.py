@@ -234,11 +234,15 @@ def test_the_signals_of_a_condition_are_all_that_its_names_mean_each_once():
     ("started_ns", "first_ns", "begun_ns"),
     [
         (10**18 + 5, 10**18, 10**18 + 5),
+        (10**18, 10**18 + 3600 * 10**9, 10**18 + 3600 * 10**9),  # of what is held the first was an hour later
+        (10**18, 10**9, 10**18),
         (0, 10**18, 10**18),
         (0, 10**9, 2 * 10**18 - 3 * 10**9),  # stamps of a clock that counts from its start: when it was written
     ],
 )
-def test_a_run_began_when_it_says_else_with_its_stamps_where_these_are_times(tmp_path, started_ns, first_ns, begun_ns):
+def test_a_log_begins_with_its_first_stamp_or_with_its_run_where_stamps_are_no_times(
+    tmp_path, started_ns, first_ns, begun_ns
+):
     file = tmp_path / "run.silo"
     file.touch()
     os.utime(file, ns=(0, 2 * 10**18))

@@ -187,7 +187,7 @@ def test_on_a_narrow_screen_the_title_gives_way_to_the_way_back(width, reading):
     ("change", "entry"),
     [
         ({"read_only": True}, "(d) Divider: read-only"),
-        ({"may_edit": False}, "(d) Divider: this is re…"),
+        ({"may_edit": False}, "(d) Divider: read-only"),
         ({"lost_since": 1.0}, "(w) Save script: no link"),
         ({}, "d  Divider: 12"),
     ],
@@ -200,10 +200,17 @@ def test_an_entry_that_can_t_be_done_stands_in_brackets_with_the_reason(change, 
     assert [each for each in entries if each.startswith(entry)]
 
 
+def test_a_reason_that_has_no_room_is_left_out_and_no_word_is_cut(reading):
+    reading.session.may_edit, reading.session.why_not = False, "its control is with somebody else; g l shows who"
+    _, entries = menu(reading, "e")
+    assert [each for each in entries if each == "(d) Divider"]
+    assert not [each for each in entries if "…" in each]
+
+
 def test_a_reason_that_all_have_stands_in_the_title_alone(reading):
     reading.sheet.scope = "file"
     title, entries = menu(reading, "r")
-    assert "(now: of a logger)" in title
+    assert "(now: live only)" in title
     assert not [each for each in entries if ":" in each]
 
 

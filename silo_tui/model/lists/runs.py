@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from silo.run_index.listed import ListedRun
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.lists.recordings import begun_text
 from silo_tui.model.words import text
-from silo_tui.model.words.names import fitted_among, fitting_names
+from silo_tui.model.words.names import cells, fitted_among, fitting_names
 
 Key = Callable[[ListedRun], float]
 MOST_TICKS = 2_000_000
@@ -48,39 +49,54 @@ def is_condition(words: str) -> bool:
     return any(letter in words for letter in "<>=(")
 
 
-def head(width: int, columns: Sequence[str] = ()) -> str:
+class Widths(NamedTuple):
+    """The cells of the name in a list of runs, and whether it has columns for episodes and tasks."""
+
+    name: int
+    episodes: bool
+    task: bool
+
+
+def widths(found: Sequence[ListedRun], width: int, columns: int) -> Widths:
+    """Return the widths of the columns: names are whole where they can be, what no run has takes no cells."""
+    episodes, task = any(one.facts.episodes for one in found), any(one.facts.task for one in found)
+    room = width - 40 - columns * (VALUE_WIDTH + 1) - 6 * episodes - 9 * task
+    longest = max((cells(one.facts.path) for one in found), default=0)
+    return Widths(max(NAME_WIDTH, min(room, longest)), episodes, task)
+
+
+def head(widths: Widths, columns: Sequence[str] = ()) -> str:
     """Return the titles of the columns."""
-    return "  " + _line(
-        ("run", "begun", "span", "lost", "limits", "eps", "task", "said"), fitting_names(columns, VALUE_WIDTH), width
-    )
+    titles = ("run", "begun", "span", "lost", "limits", "eps", "task", "said")
+    return "  " + _line(titles, fitting_names(columns, VALUE_WIDTH), widths)
 
 
 def row(
-    one: ListedRun, width: int, values: Sequence[float] = (), now_s: float | None = None, paths: tuple[str, ...] = ()
+    one: ListedRun,
+    widths: Widths,
+    values: Sequence[float] = (),
+    now_s: float | None = None,
+    paths: tuple[str, ...] = (),
 ) -> str:
-    """Return a row of `width` cells, without the gutter; `paths` are those of all runs."""
+    """Return a row, without the gutter; `paths` are those of all runs."""
     facts = one.facts
     good = sum(each.success is True for each in facts.episodes)
     said = f"can't be read: {facts.problem}" if facts.problem else ""
-    cells = (
-        fitted_among(facts.path, paths, _name_width(width, len(values))),
+    told = (
+        fitted_among(facts.path, paths, widths.name),
         begun_text(facts.begun_ns, time.time() if now_s is None else now_s), text.span(facts.span_s, 3),
         text.count(facts.lost) if facts.lost else "", str(facts.limits or ""),
         f"{good}/{len(facts.episodes)}" if facts.episodes else "", text.clean(facts.task),
         said or " ".join(filter(None, [*(f"#{tag}" for tag in one.tags), *one.notes[-1:], one.more_words])),
     )  # fmt: skip
-    return _line(cells, ["-" if math.isnan(value) else text.short(value, 5) for value in values], width)
+    return _line(told, ["-" if math.isnan(value) else text.short(value, 5) for value in values], widths)
 
 
-def _name_width(width: int, columns: int) -> int:
-    return max(NAME_WIDTH, (width - 60 - columns * (VALUE_WIDTH + 1)) * 2 // 3)
-
-
-def _line(cells: tuple[str, ...], values: Sequence[str], width: int) -> str:
-    name, begun, span, lost, limits, episodes, task, said = cells
-    shown = "".join(f" {value:>{VALUE_WIDTH}}" for value in values)
-    begin = f"{name:<{_name_width(width, len(values))}} {begun:<14} {span:>8}{shown} {episodes:>5}"
-    return f"{begin} {lost:>6} {limits:>6} {task:<8.8} {said}"
+def _line(told: tuple[str, ...], values: Sequence[str], widths: Widths) -> str:
+    name, begun, span, lost, limits, episodes, task, said = told
+    shown = "".join(f" {value:>{VALUE_WIDTH}}" for value in values) + (f" {episodes:>5}" if widths.episodes else "")
+    kinds = f" {task:<8.8}" if widths.task else ""
+    return f"{name:<{widths.name}} {begun:<14} {span:>8}{shown} {lost:>6} {limits:>6}{kinds} {said}"
 
 
 def together(logs: Sequence[tuple[str, Log]], event: str = "") -> Recording:

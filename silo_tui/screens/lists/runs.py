@@ -71,10 +71,11 @@ class RunsScreen(ListScreen[ListedRun]):
     def prepare(self, found: Sequence[ListedRun], width: int) -> None:
         """Know all paths: different ones never look alike."""
         self._paths = tuple(one.facts.path for one in found)
+        self._widths = rows.widths(found, max(40, width), len(self.values))
 
     def row_of(self, one: ListedRun, width: int) -> Text:
         values = [column[one.facts.path] for column in self.values.values()]
-        words = Text("  " + rows.row(one, max(40, width), values, paths=self._paths))
+        words = Text("  " + rows.row(one, self._widths, values, paths=self._paths))
         if one.facts.problem:
             words.stylize("dim")
         return words
@@ -103,7 +104,7 @@ class RunsScreen(ListScreen[ListedRun]):
             super().filter_by(words)
 
     def head(self, width: int) -> str:
-        return rows.head(max(40, width), list(self.values))
+        return rows.head(self._widths, list(self.values))
 
     def words(self) -> str:
         if self.found is None:
