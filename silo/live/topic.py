@@ -83,7 +83,6 @@ class Topic(Subscribed):
         subscriber = session.declare_subscriber(root.topic(self.element), zenoh.handlers.RingChannel(512))
         with self._changed:
             self._subscriber = subscriber
-            self._next = -1
 
     def __repr__(self) -> str:
         state = "closed" if self._closed else "open"

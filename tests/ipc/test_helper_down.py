@@ -378,3 +378,21 @@ def test_of_hundreds_of_clients_that_go_at_once_none_is_thought_to_be_there(tmp_
         wait_until(lambda: not parts.publisher.clients)
     finally:
         parts.end()
+
+
+def test_a_topic_counts_what_no_helper_process_was_there_to_send(bench, client) -> None:
+    topic, values = client.topic("/log/x"), []
+    bench.logger.start()
+
+    def heard(of: int) -> bool:
+        bench.ticks(1)
+        for batch in topic.read():
+            values.extend(batch.values.tolist())
+        return len(values) > of
+
+    wait_until(lambda: heard(0))
+    os.kill(bench.serving.helper_pid, signal.SIGKILL)
+    bench.ticks(50)
+    before = len(values)
+    wait_until(lambda: heard(before))
+    assert topic.missed == values[-1] - values[0] + 1 - len(values) > 0
