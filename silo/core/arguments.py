@@ -99,7 +99,9 @@ def real(argument: str, value: object, low: float, high: float, unit: str, *, in
         if math.isfinite(number) and (low <= number if include_low else low < number) and number < high:
             return number
     begin = f"from {low:g}" if include_low else f"above {low:g}"
-    typed = re.fullmatch(r"\s*([0-9.]+(?:e[0-9]+)?)\s*[A-Za-z]*\s*", value) if isinstance(value, str) else None
+    own = re.escape("".join(unit.split()[:1]))  # '2ms' are no 2 Hz
+    in_unit = rf"\s*([0-9.]+(?:e[0-9]+)?)\s*(?:{own})?\s*"
+    typed = re.fullmatch(in_unit, value, re.IGNORECASE) if isinstance(value, str) else None
     way_out = f"; write {argument}={typed[1]}" if typed else ""
     raise ElementError(f"{argument} must be {begin} and below {high:g} {unit}, got {shown(value)}{way_out}")
 

@@ -75,6 +75,7 @@ def _in_nanoseconds(clock: Callable[[], float]) -> Callable[[], int]:
         except Exception as error:  # of the program's own function
             raise clock_failed(seconds, error) from error
 
+    now.__dict__["of"] = "float"
     return now
 
 
@@ -99,7 +100,8 @@ def looked_at(clock: Callable[[], int], name: str, frequency_hz: float) -> Calla
             if stamp != first_ns or ticks > LAST_LOOK_TICKS:
                 passed_ns = time.monotonic_ns() - began_ns
                 if not passed_ns / SAME_TIME <= stamp - first_ns <= passed_ns * SAME_TIME:
-                    _tell_unit(name, (stamp - first_ns) / (ticks - 1), frequency_hz)
+                    returns = getattr(clock, "of", "int")
+                    _tell_unit(name, (stamp - first_ns) / (ticks - 1), frequency_hz, returns)
                 names = sys._getframe(1).f_globals
                 if names.get("clock") is now:
                     names["clock"] = clock
@@ -109,8 +111,8 @@ def looked_at(clock: Callable[[], int], name: str, frequency_hz: float) -> Calla
     return now
 
 
-def _tell_unit(name: str, step_ns: float, frequency_hz: float) -> None:
-    likely = likely_unit(step_ns, frequency_hz)
+def _tell_unit(name: str, step_ns: float, frequency_hz: float, returns: str) -> None:
+    likely = likely_unit(step_ns, frequency_hz, returns)
     if likely:
         logger.warning(
             "%s: its clock says that ticks are %g s apart, at %g Hz they should be %g s: it seems to return %s; it "
@@ -123,10 +125,14 @@ def _tell_unit(name: str, step_ns: float, frequency_hz: float) -> None:
         )
 
 
-def likely_unit(step_ns: float, frequency_hz: float) -> str:
-    """What a clock returned whose ticks are so far apart; empty where they are as the frequency says, or anything."""
+def likely_unit(step_ns: float, frequency_hz: float, returns: str) -> str:
+    """What a clock of "int" or "float" returned whose ticks are so far apart.
+
+    Empty where they are as the frequency says, or anything: a simulation may be slow.
+    """
     expected_ns = 1e9 / frequency_hz
-    near = (word for factor, word in _UNITS.items() if expected_ns / NEAR <= step_ns * factor <= expected_ns * NEAR)
+    units = {factor: word for factor, word in _UNITS.items() if word.endswith(returns)}
+    near = (word for factor, word in units.items() if expected_ns / NEAR <= step_ns * factor <= expected_ns * NEAR)
     return next(near, "")
 
 

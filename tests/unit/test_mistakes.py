@@ -242,8 +242,7 @@ MADE = {
         lambda: silo.Logger("a", 500),
         "takes 1 argument by place (name), got 2; name the others: frequency=500",
     ),
-    "a frequency in another unit": (lambda: silo.Logger("a", frequency="500rpm"), "got '500rpm'; write frequency=500"),
-    "a time in another unit": (lambda: silo.Logger("a", max_time="10 m"), "write max_time=10"),
+    "a time as a text": (lambda: silo.connect("a", timeout_s="5 S"), "got '5 S'; write timeout_s=5"),
     "a blank in the name": (lambda: silo.Logger("my robot"), "write silo.Logger('my_robot')"),
     "a storage misspelt": (lambda: silo.Logger("a", storage="dsik"), "did you mean 'disk'?"),
     "threads misspelt": (lambda: silo.Logger("a", threads="serialised"), "did you mean 'serialized'?"),
@@ -368,6 +367,12 @@ def signals(tmp_path_factory):
     logger.close()
     found = silo.open_log(saved.path)
     return found, found["x"], found["z"]
+
+
+@pytest.mark.parametrize("option", [{"frequency": "2ms"}, {"frequency": "500rpm"}, {"max_time": "10 m"}])
+def test_a_number_of_another_unit_is_no_advice(option):
+    with pytest.raises(silo.ElementError, match=f"got '{next(iter(option.values()))}'$"):
+        silo.Logger("a", **option)
 
 
 def told(call, words):

@@ -212,7 +212,7 @@ def test_a_clock_of_another_unit_is_told_of_at_the_tenth_tick(new_logger, caplog
     assert caplog.text == ""
 
 
-@pytest.mark.parametrize("step", [10_000_000, 0.01, 25_000_000, 3_000_000, 1, 100_000])
+@pytest.mark.parametrize("step", [10_000_000, 0.01, 25_000_000, 3_000_000, 1, 100_000, 4_000_000_000, 1e-5])
 def test_a_clock_that_is_right_or_only_its_own_is_not_told_of(new_logger, caplog, step):
     times = iter(step * tick for tick in range(100))
     logger = new_logger(clock=lambda: next(times))
