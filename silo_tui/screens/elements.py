@@ -389,8 +389,8 @@ class ElementsScreen(SiloScreen):
         return (*into, *((("back", "Close"),) if self._inspector_opened else filtered))
 
     def command_back(self) -> None:
-        """Leave the inspector that was asked for, the range, the filter, the marks; never pending edits."""
-        rows = self.session.rows
+        """Leave the inspector that was asked for, the range, the filter, the marks, the tour; never pending edits."""
+        rows, told = self.session.rows, ""
         if self._inspector_opened:
             self._inspector_wanted = None
             self._lay_out(self.app.size.width)
@@ -400,7 +400,10 @@ class ElementsScreen(SiloScreen):
             rows.set_filter("")
         elif rows.marked_count:
             rows.clear_marks()
-        self.say("")
+        elif self.context.tour is not None:
+            self.context.tour, told = None, f"the tour ends; {key_of('help')} then t begins it again"
+            self.show_news(self.context.news)
+        self.say(told)
         self.table_changed()
 
     # --------------------------------------------------------------------------------------------- typed lines

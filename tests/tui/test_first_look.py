@@ -104,3 +104,14 @@ async def test_the_tour_goes_on_as_its_steps_are_done(fake, opened):
         await screen.shows("that was the tour")
         await screen.press("question_mark", "t")
         await screen.until(lambda: "tour" not in screen.text)
+
+
+async def test_the_tour_is_left_as_everything_is(fake, opened):
+    async with opened(fake.run()) as screen:
+        await screen.press("question_mark", "t")
+        await screen.shows("tour 1 of 6")
+        await screen.press("slash", *"torque", "enter", "escape")  # leaves the filter first
+        await screen.shows("tour 2 of 6")
+        await screen.press("escape")
+        await screen.shows("the tour ends; ? then t begins it again")
+        await screen.until(lambda: "tour 2" not in screen.text)
