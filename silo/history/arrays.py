@@ -170,7 +170,7 @@ class Stream(Subscribed):
         self, request: OpenStream, number: int, renew: Callable[[], None], on_close: Callable[["Stream"], None]
     ) -> None:
         super().__init__(on_close)
-        self.request = request
+        self._request = request
         self.missed = 0
         self.missing: dict[str, str] = {}  # why names have no samples
         self._place = number
@@ -179,6 +179,7 @@ class Stream(Subscribed):
         self._unread: deque[StreamFrame] = deque(maxlen=MAX_BACKLOG)
         self._opened: dict[int, StreamOpened] = {}  # the newest few, by generation
         self._expected: dict[tuple[str, str, int], int] = {}  # by run, name and which of its groups
+        self._from_first: set[str] = set()  # names of which nothing has come of the run, which began meanwhile
         self._refused = ""
         self._foreign = Foreign("a frame")
 
@@ -187,9 +188,17 @@ class Stream(Subscribed):
         name = f"{client.id}-{self._place}"
         subscriber = session.declare_subscriber(root.key("stream", name), self._take)
         with self._changed:
-            self.request = msgspec.structs.replace(self.request, stream=name, proof=client.proof)
+            self._request = msgspec.structs.replace(self._request, stream=name, proof=client.proof)
             self._subscriber = subscriber
             self._opened = {}
+
+    @property
+    def request(self) -> OpenStream:
+        """What opens it, and has it go on with the row after the last one that was read."""
+        expected, rows = self._expected, dict[str, list[int]]()
+        for (_, name, _), row in sorted(expected.items()):
+            rows.setdefault(name, []).append(row)
+        return msgspec.structs.replace(self._request, run=next((run for run, *_ in expected), ""), rows=rows)
 
     def _forget(self) -> None:
         self._frames.clear()
@@ -202,7 +211,7 @@ class Stream(Subscribed):
             layouts = {**self._opened, opened.generation: opened}
             self._opened = {generation: layouts[generation] for generation in newest}
             self.missing, self._refused = opened.missing, ""
-            self.request = msgspec.structs.replace(self.request, again=True)
+            self._request = msgspec.structs.replace(self._request, again=True)
             self._changed.notify_all()
 
     def refuse(self, text: str) -> None:
@@ -240,7 +249,7 @@ class Stream(Subscribed):
     def _next(self) -> StreamBatch | None:
         while self._frames:
             decode = functools.partial(_decoded, self._frames.popleft())
-            if (read := self._foreign.read(f"stream {self.request.stream}", decode)) is not None:
+            if (read := self._foreign.read(f"stream {self._request.stream}", decode)) is not None:
                 self._unread.append(read)
         while self._opened and self._unread:
             frame = self._unread[0]
@@ -248,8 +257,8 @@ class Stream(Subscribed):
                 self._renew()  # after an edit or a start: how to read it comes
                 return None
             self._unread.popleft()
-            if frame.generation in self._opened:
-                return self._batch(frame, self._opened[frame.generation])
+            if frame.generation in self._opened and (batch := self._batch(frame, self._opened[frame.generation])):
+                return batch
         return None
 
     def _batch(self, frame: StreamFrame, opened: StreamOpened) -> StreamBatch:
@@ -257,6 +266,8 @@ class Stream(Subscribed):
         parts: dict[str, list[tuple[SampledName, SampledRows, int]]] = {}
         # counted by name: another generation numbers groups anew
         expected = {key: row for key, row in self._expected.items() if key[0] == frame.run}
+        if self._expected and not expected:  # another run is sent from its first row on
+            self._from_first = {name for _, name, place in self._expected if not place}
         missed: dict[int, int] = {}
         places: Counter[str] = Counter()
         for name in opened.names:
@@ -265,9 +276,14 @@ class Stream(Subscribed):
             some = by_group.get(name.group)
             if some is None:
                 continue
-            more = max(0, some.first - expected.get(key, some.first))
+            row = expected.get(key, 0 if name.name in self._from_first and not key[2] else some.first)
+            more = max(0, some.first - row)
+            some = _without(some, row - some.first)
             missed[name.group] = max(missed.get(name.group, 0), more)
             expected[key] = some.first + some.count
+            self._from_first.discard(name.name)
+            if not some.count:
+                continue
             parts.setdefault(name.name, []).append((name, some, more))
         self._expected = expected
         self.missed += sum(missed.values())
@@ -276,6 +292,15 @@ class Stream(Subscribed):
     def __iter__(self) -> Iterator[StreamBatch]:
         while (batch := self.read()) is not None:
             yield batch
+
+
+def _without(rows: SampledRows, count: int) -> SampledRows:
+    """Return rows without the first ones, which came before: a stream goes on where its reader is."""
+    if count <= 0:
+        return rows
+    count = min(count, rows.count)
+    data = rows.data[len(rows.data) // rows.count * count :] if rows.count else b""
+    return SampledRows(rows.group, rows.first + count, rows.count - count, data)
 
 
 def _decoded(data: bytes) -> StreamFrame:

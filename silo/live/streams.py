@@ -6,12 +6,13 @@ numbered, so that it counts what it missed. `Streams` is driven by the publisher
 
 import math
 import time
+from collections import Counter
 
 import msgspec
 import zenoh
 
 from silo.errors import SegmentError
-from silo.history.picking import RingGroup, check_known, pick
+from silo.history.picking import RingGroup, RowSelection, check_known, pick
 from silo.history.requests import OpenStream, SampledRows, StreamFrame, StreamOpened
 from silo.history.samples import MAX_NAMES
 from silo.live.feeds import Feed, Feeds, Round
@@ -22,6 +23,7 @@ from silo.state.run_follower import is_over
 
 MIN_PERIOD_S, MAX_PERIOD_S = 0.01, 10.0
 MAX_FRAME_BYTES = 2**20  # the rest follows at once
+BEHIND_BYTES = 8 * MAX_FRAME_BYTES  # so much of what came while a client was away is sent, the newest
 
 
 class ServedStream(Feed[OpenStream]):
@@ -56,10 +58,14 @@ class ServedStream(Feed[OpenStream]):
         # a reader may be older than the table, and lack a derived signal for a moment
         before = self._cursors if run == self._run else {}
         self._cursors = {**before}
-        for group in picked.groups:
-            from_now = reader is not None and (run == self._run or not begun)
+        for number, group in enumerate(picked.groups):
             key = self._key(group)
-            self._cursors[key] = before.get(key, reader.head(group.ring) if from_now and reader is not None else 0)
+            if key in before or reader is None or (begun and run != self._run):
+                self._cursors[key] = before.get(key, 0)
+            else:
+                behind = 0 if begun else BEHIND_BYTES // picked.row_bytes
+                head = reader.head(group.ring)
+                self._cursors[key] = max(min(self._asked_from(picked, number, run, head), head), head - behind, 0)
         gone = dict.fromkeys(set(self.request.names).difference(known), "it is no longer in the table")
         missing = {**picked.missing, **gone}
         if (picked.names, missing) != (self.opened.names, self.opened.missing) or self.opened.generation < 0:
@@ -67,6 +73,19 @@ class ServedStream(Feed[OpenStream]):
             self.opened = StreamOpened(self.request.stream, self.opened.generation + 1, picked.names, missing)
         self._next_s = math.inf
         self._table, self._run, self._reader, self._groups = now.generation, run, reader, picked.groups
+
+    def _asked_from(self, picked: RowSelection, number: int, run: str, head: int) -> int:
+        """Return the row of a group that its client asks for: of another run than it knows the first."""
+        request = self.request
+        if not request.run or request.run != run:
+            return 0 if request.run else head
+        places: Counter[str] = Counter()
+        since = []
+        for name in picked.names:
+            if name.group == number:
+                since += request.rows.get(name.name, [])[places[name.name] : places[name.name] + 1] or [head]
+            places[name.name] += 1
+        return min(since)
 
     def _key(self, group: RingGroup) -> tuple[int | str, int]:
         return self._derived.get(group.ring, group.ring), group.after

@@ -159,8 +159,8 @@ class Topic(Subscribed):
                 batch = self._foreign.read(str(sample.key_expr), functools.partial(decode_batch, sample))
                 if batch is None:
                     continue
-                if 0 <= self._next < batch.first:
-                    self.missed += batch.first - self._next
+                if self._next >= 0:  # a smaller number is of a new start, which has a first one
+                    self.missed += batch.first - (self._next if batch.first >= self._next else 0)
                 self._next = batch.first + len(batch.time_ns)
                 batches.append(batch)
         return batches

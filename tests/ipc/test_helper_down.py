@@ -396,3 +396,20 @@ def test_a_topic_counts_what_no_helper_process_was_there_to_send(bench, client) 
     before = len(values)
     wait_until(lambda: heard(before))
     assert topic.missed == values[-1] - values[0] + 1 - len(values) > 0
+
+
+def test_a_stream_goes_on_where_it_was_with_another_helper_process(bench, client) -> None:
+    stream, values = client.stream(["x"]), []
+    bench.logger.start()
+
+    def heard(of: int) -> bool:
+        bench.ticks(1)
+        while (batch := stream.read(0)) is not None:
+            values.extend(batch["x"].values.tolist())
+        return len(values) > of
+
+    wait_until(lambda: heard(0))
+    os.kill(bench.serving.helper_pid, signal.SIGKILL)
+    bench.ticks(50)
+    wait_until(lambda: heard(len(values) + 50))
+    assert (stream.missed, values) == (0, [1.0 + at for at in range(len(values))])

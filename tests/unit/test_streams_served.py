@@ -86,3 +86,28 @@ def test_a_run_that_is_cut_or_ends_is_sent_to_its_end_before_the_next_one(new_lo
     log.restart()
     assert came(4) == ([(3, 0, 1)], True)
     assert came() == ([(4, 0, 2)], False)
+
+
+def test_who_had_a_stream_before_goes_on_where_it_was_as_far_back_as_is_carried(new_logger, monkeypatch):
+    log = new_logger("bot", frequency=100)
+    log.array("x")
+    log.array("slow", divider=2)
+    log.start()
+    for _ in range(10):
+        log.collect()
+    now, reader = Replica(robot_state(log, "", -1)).now, SegmentReader(log._present.path)
+
+    def begins(**asked):
+        stream = ServedStream(OpenStream(stream="a-1", names=["/log/x", "/log/slow"], **asked), None, 0.0)
+        stream.adopt(now, reader)
+        data, _ = stream.frame(Round(now, reader, 0.0, 100.0, 0.0))
+        return [(one.first, one.count) for one in msgspec.msgpack.decode(data, type=StreamFrame).rows] if data else []
+
+    run, rows = log._present.run.id, {"/log/x": [7], "/log/slow": [5]}
+    assert begins() == []
+    assert begins(run=run, rows=rows) == [(7, 3)]
+    assert begins(run=run, rows={"/log/slow": [-3]}) == [(0, 5)], "of others what comes"
+    assert begins(run=run, rows={"/log/x": [99]}) == [], "no row that isn't there yet is waited for"
+    assert begins(run="another", rows=rows) == [(0, 10), (0, 5)]
+    monkeypatch.setattr(streams, "BEHIND_BYTES", 2 * 24 * 2)
+    assert begins(run="another", rows=rows) == [(8, 2), (3, 2)]

@@ -1,0 +1,57 @@
+"""What a reader of a stream is given of frames: each row once, and each gap counted where it is."""
+
+import msgspec
+import numpy as np
+import pytest
+
+from silo.history.arrays import Stream
+from silo.history.requests import OpenStream, SampledEntry, SampledName, SampledRows, StreamFrame, StreamOpened
+
+
+def rows(first: int, count: int, group: int = 0) -> SampledRows:
+    ticks = np.arange(first, first + count)
+    return SampledRows(group, first, count, np.stack([ticks, 10 * ticks, ticks], 1).astype("<i8").tobytes())
+
+
+@pytest.fixture
+def stream():
+    one = Stream(OpenStream(stream="a-1", names=["x", "y"]), 1, lambda: None, lambda _: None)
+    entries = [SampledEntry("", "<i8", 16, False)]
+    one.accept(StreamOpened("a-1", 0, [SampledName(name, at, 1, (), entries) for at, name in enumerate("xy")], {}))
+    return one
+
+
+def came(stream, run, *found):
+    """The values of each name of the next batch, and what was missed before its first; None without a batch."""
+    stream._frames.append(msgspec.msgpack.encode(StreamFrame(0, run, list(found))))
+    batch = stream.read(0)
+    return batch and {name: (some.values.tolist(), some.missed) for name, some in batch.items()}
+
+
+def test_it_begins_with_what_comes_and_counts_gaps(stream):
+    assert came(stream, "a", rows(5, 2)) == {"x": ([5, 6], 0)}
+    assert came(stream, "a", rows(9, 1), rows(3, 1, 1)) == {"x": ([9], 2), "y": ([3], 0)}
+    assert stream.missed == 2
+
+
+def test_rows_that_came_before_are_left_out(stream):
+    came(stream, "a", rows(5, 2))
+    assert came(stream, "a", rows(4, 5)) == {"x": ([7, 8], 0)}
+    assert came(stream, "a", rows(6, 3)) is None
+    assert came(stream, "a", rows(9, 1)) == {"x": ([9], 0)}
+    assert stream.missed == 0
+
+
+def test_of_another_run_what_is_missing_from_its_first_row_on_is_counted_once(stream):
+    came(stream, "a", rows(5, 2), rows(5, 2, 1))
+    assert came(stream, "b", rows(3, 1)) == {"x": ([3], 3)}
+    assert came(stream, "b", rows(4, 1), rows(2, 1, 1)) == {"x": ([4], 0), "y": ([2], 2)}
+    assert came(stream, "c", rows(0, 1)) == {"x": ([0], 0)}
+    assert came(stream, "d", rows(1, 1), rows(7, 1, 1)) == {"x": ([1], 1), "y": ([7], 0)}, "of c there was no y"
+    assert stream.missed == 6
+
+
+def test_it_asks_to_go_on_behind_what_was_read(stream):
+    assert (stream.request.run, stream.request.rows) == ("", {})
+    came(stream, "a", rows(5, 2), rows(2, 1, 1))
+    assert (stream.request.run, stream.request.rows) == ("a", {"x": [7], "y": [3]})
