@@ -186,6 +186,18 @@ def test_the_shell_lists_sets_saves_compares_and_loads(tuned, client, tmp_path, 
     assert "201.0 doesn't fit, it takes 0 to 200" in capsys.readouterr().err
 
 
+def test_each_word_of_the_shell_is_one_value_whatever_stands_in_it(bench, client):
+    logger = bench.logger
+    logger.stop()
+    word = logger.parameter("text", "a")
+    floor = logger.parameter("floor", "wet floor", choices=["wet floor", "dry floor"])
+    gains = logger.parameter("gains", [1.0, 2.0])
+    logger.start()
+    with turning(logger.collect):
+        assert run(["param", "set", "bot", "text=slow floor=7", "floor=dry floor", "gains=[0.5, 0.25]"]) == 0
+    assert (word.value, floor.value, list(gains.value)) == ("slow floor=7", "dry floor", [0.5, 0.25])
+
+
 def test_silo_param_watch_prints_each_change_from_now_on_and_nothing_else(tuned, client, monkeypatch, capsys):
     client.parameters["kp"] = 45.0
     wait_until(lambda: any("-> 45.0" in one.text for one in client.events()))

@@ -35,7 +35,7 @@ def _assignments(ctx: click.Context, words: Sequence[str], usage: str) -> Target
     others = [word for word in words if "=" not in word]
     if not named or len(others) > 1:
         raise click.UsageError(f"write {ctx.command_path} [LOGGER] {usage}", ctx)
-    return Target(others[0] if others else None, [" ".join(named)])
+    return Target(others[0] if others else None, named)
 
 
 def _row(one: "ParameterInfo") -> tuple[str, ...]:
@@ -65,18 +65,19 @@ def get(client: "Client", name: str) -> str:
 
 
 @verb(param, "set", "NAME=VALUE...", Words(_assignments))
-def set_command(client: "Client", words: str) -> str:
+def set_command(client: "Client", *words: str) -> str:
     """Set parameters, all or none, at the end of one tick; prints from which tick on they hold.
 
     \b
-    Example:
+    Examples:
       silo param set demo kp=50 kd=2
+      silo param set demo gains=1,2,3 'surface=dry floor'
     """
     from silo.settings.presets import find_parameter, typed_value
 
     known = client.parameters.described()
     values = {}
-    for name, _, value in (word.partition("=") for word in words.split(" ")):
+    for name, _, value in (word.partition("=") for word in words):
         info = find_parameter(name, known)
         values[info.name] = typed_value(info, value)
     return client.parameters.set(values).text
