@@ -17,11 +17,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
-import msgspec
 import zenoh
 
 from silo.core.elements import State
 from silo.core.runtime import process_start
+from silo.decoding import msgpack_decoder
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 from silo.fleet.exchange import NoAnswerError, exchange, root_at
 from silo.fleet.many import Pending
@@ -52,7 +52,7 @@ LEFT_S = 10.0  # a helper process that is there may be kept from answering; a qu
 REACH_S = 2.0  # its thread looks for the way again and again, and is to end soon
 
 log = logging.getLogger("silo.client")
-_event_decoder = msgspec.msgpack.Decoder(Event)
+_event_decoder = msgpack_decoder(Event)
 
 
 class Attachable(Protocol):

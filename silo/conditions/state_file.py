@@ -16,6 +16,7 @@ from silo.conditions.limit_judge import LimitMemory
 from silo.core.conditions import Conditions, TriggerOptions
 from silo.core.elements import ElementInfo
 from silo.core.runtime import process_start, runtime_dir, write_private
+from silo.decoding import msgpack_decoder
 from silo.errors import SegmentError
 from silo.expressions.evaluation import EvaluatorMemory
 from silo.judging.triggers import Capture, Trigger
@@ -104,7 +105,7 @@ def array_of(kind: type, value: Any) -> Any:
 
 
 _encoder = msgspec.msgpack.Encoder(enc_hook=array_parts)
-_decoder = msgspec.msgpack.Decoder(JudgeState, dec_hook=array_of)
+_decoder = msgpack_decoder(JudgeState, array_of)
 
 
 def state_path(logger: str, run: str) -> Path:

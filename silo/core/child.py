@@ -19,6 +19,7 @@ from typing import IO
 import msgspec
 
 from silo.core.runtime import boot_id, pid_namespace, process_facts, process_start
+from silo.decoding import json_decoder
 
 log = logging.getLogger("silo")
 
@@ -149,7 +150,7 @@ class Holder(msgspec.Struct, frozen=True):
     pid_namespace: int
 
 
-_decode_holder = msgspec.json.Decoder(Holder).decode
+_decode_holder = json_decoder(Holder).decode
 
 
 def note_holder(descriptor: int, parent: int) -> None:

@@ -15,6 +15,7 @@ import msgspec
 from silo.core.arguments import line, shown
 from silo.core.calls import told
 from silo.core.names import did_you_mean, nearest
+from silo.decoding import converted, json_decoder
 from silo.errors import ElementError
 
 _XYZ = ("_x", "_y", "_z")
@@ -304,7 +305,7 @@ def struct_text(dtype: Any) -> str:
 def struct_fields(text: str) -> list[tuple[Any, ...]]:
     """What `numpy.dtype` takes, of a text of `struct_text`; empty where it is none."""
     try:
-        return [_field(one) for one in msgspec.json.decode(text, type=list[tuple[str, Any, list[int]]])]
+        return [_field(one) for one in json_decoder(list[tuple[str, Any, list[int]]]).decode(text)]
     except (msgspec.DecodeError, RecursionError):
         return []
 
@@ -319,7 +320,7 @@ def _fields(dtype: Any) -> Any:
 def _field(one: tuple[str, Any, list[int]]) -> tuple[Any, ...]:
     name, kind, shape = one
     deeper = isinstance(kind, list)
-    inner = [_field(msgspec.convert(each, tuple[str, Any, list[int]])) for each in kind] if deeper else kind
+    inner = [_field(converted(each, tuple[str, Any, list[int]])) for each in kind] if deeper else kind
     return name, inner, tuple(shape)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from silo.core.arguments import path
 from silo.datasets.lerobot import COUNTERS, TIMESTAMP
+from silo.decoding import json_decoder
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.optional_packages import need
 
@@ -35,7 +36,7 @@ def check_lerobot(folder: str | os.PathLike[str]) -> list[str]:
     if not head.is_file():
         raise LogNotFoundError(f"'{root}' is no data set: it has no meta/info.json")
     try:
-        info = msgspec.json.decode(head.read_bytes(), type=dict[str, Any])
+        info = json_decoder(dict[str, Any]).decode(head.read_bytes())
         fps, features = int(info["fps"]), dict(info["features"])
         version = str(info["codebase_version"])
     except (msgspec.DecodeError, msgspec.ValidationError, KeyError, TypeError, ValueError) as error:

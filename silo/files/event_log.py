@@ -18,6 +18,7 @@ import msgspec
 from silo.core.elements import DAMAGED, NOTED, LoggedEvent
 from silo.core.recording import Recording, with_events
 from silo.core.runtime import is_at, open_own
+from silo.decoding import json_decoder
 from silo.files.atomic import append_all, lock
 
 MOST_BYTES = 4_000_000
@@ -31,7 +32,7 @@ _BEGIN = b'{"kind":"'
 log = logging.getLogger("silo")
 
 _encoder = msgspec.json.Encoder()
-_decoder = msgspec.json.Decoder(LoggedEvent)
+_decoder = json_decoder(LoggedEvent)
 
 
 def event_log_path(folder: str | os.PathLike[str], logger: str) -> Path:

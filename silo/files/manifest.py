@@ -25,6 +25,7 @@ from silo.core.child import end_abandoned_holder, note_holder
 from silo.core.conditions import Conditions
 from silo.core.quantities.writing import many, size_text
 from silo.core.runtime import open_own, read_own
+from silo.decoding import json_decoder
 from silo.errors import SaveError
 from silo.files.atomic import append_all, atomic_file, lock, reason, taken
 from silo.files.formats import OPEN_PART_ENDING
@@ -69,7 +70,7 @@ class CaptureEntry(msgspec.Struct, frozen=True, omit_defaults=True):
     files: tuple[CaptureFile, ...] = ()
 
 
-_decode_capture = msgspec.json.Decoder(CaptureEntry).decode
+_decode_capture = json_decoder(CaptureEntry).decode
 
 
 def captures_path(folder: str | os.PathLike[str], logger: str) -> Path:
@@ -326,7 +327,7 @@ def written_path(folder: Path, name: str) -> Path:
     return folder / f".{name}{WRITTEN_ENDING}"
 
 
-decode_written = msgspec.json.Decoder(Written).decode
+decode_written = json_decoder(Written).decode
 
 
 def read_written(folder: Path, name: str) -> Written | None:

@@ -14,13 +14,14 @@ from dataclasses import dataclass
 
 import msgspec
 
+from silo.decoding import json_decoder
 from silo.files.csv.metadata import SIDECAR
 from silo.files.silo import format as form
 
 _FIRST = 64 << 10  # in it stand the facts of logs of up to about 1,000 entries
 _MOST = 16 << 20  # and of 300,000
 _BAG_FACTS = 16 << 10
-_LOG_DECODER = msgspec.json.Decoder(form.LogFacts)
+_LOG_DECODER = json_decoder(form.LogFacts)
 _TEXT = re.compile(rb"^    (silo_logger|silo_why|silo_markers): (\".*\")$", re.MULTILINE)
 _BEGIN = re.compile(
     rb"^  starting_time:\n    nanoseconds_since_epoch: (\d{1,19})\n  duration:\n    nanoseconds: (\d{1,19})$", re.M

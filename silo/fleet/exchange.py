@@ -13,6 +13,7 @@ import msgspec
 import zenoh
 
 from silo.core.runtime import user_name
+from silo.decoding import msgpack_decoder
 from silo.errors import ConnectionLostError, VersionError
 from silo.net import keys
 from silo.net.found import LoggerAddress
@@ -34,13 +35,13 @@ class _Peer(msgspec.Struct):
     oldest: int = 1
 
 
-_peer_decoder = msgspec.msgpack.Decoder(_Peer)
+_peer_decoder = msgpack_decoder(_Peer)
 
 
 @functools.cache
 def _decoder(kind: type[Request[Any]]) -> msgspec.msgpack.Decoder[Reply]:
     """Return what decodes the replies that a request can have, and no others: `silo ls` loads what it asks for."""
-    return msgspec.msgpack.Decoder(reply_type(kind) | Refused | GoesOn)
+    return msgpack_decoder(reply_type(kind) | Refused | GoesOn)
 
 
 @functools.cache
@@ -48,7 +49,7 @@ def _any_decoder() -> msgspec.msgpack.Decoder[Reply]:
     """Return what decodes all replies, for which all requests are loaded."""
     from silo.requests import AnyReply
 
-    return msgspec.msgpack.Decoder(AnyReply)
+    return msgpack_decoder(AnyReply)
 
 
 def encoded(request: Request[Any], until_s: float = 0.0) -> bytes:

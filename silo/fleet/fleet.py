@@ -16,6 +16,7 @@ from typing import Any
 import msgspec
 import zenoh
 
+from silo.decoding import msgpack_decoder
 from silo.errors import ConnectionLostError, SegmentError, SiloError, VersionError
 from silo.fleet.exchange import client_name, decode_reply, root_at, those_there, those_told
 from silo.fleet.many import POLL_S as ANSWERED_S
@@ -55,7 +56,7 @@ MOST = 4096  # that may come within a look
 log = logging.getLogger("silo.client")
 
 Change = Callable[[Member | None], Member | None]
-_decoder = msgspec.msgpack.Decoder(Summary)
+_decoder = msgpack_decoder(Summary)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from collections.abc import Iterable
 import msgspec
 
 from silo.core.runtime import read_own, runtime_dir, write_private
+from silo.decoding import json_decoder
 from silo.errors import SiloError
 from silo.fleet.member import Member
 from silo.net.configuration import find_file
@@ -43,7 +44,7 @@ class Seen(msgspec.Struct, frozen=True):
         return int(self.lost_ns + LOST_S * 1e9 if self.lost_ns else self.seen_ns + GONE_S * 1e9)
 
 
-_decoder = msgspec.json.Decoder(list[Seen])
+_decoder = json_decoder(list[Seen])
 
 
 def remembered(config: str) -> list[Member]:

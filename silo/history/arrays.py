@@ -13,6 +13,7 @@ import zenoh
 from numpy.typing import NDArray
 
 from silo.core.calls import told_class
+from silo.decoding import msgpack_decoder
 from silo.errors import ConnectionLostError, RefusedError
 from silo.history.requests import (
     KeepPin,
@@ -34,7 +35,7 @@ STAMP_BYTES = 16
 MAX_LAYOUTS = 8
 MAX_BACKLOG = 64  # frames of at most 1 MB: 3 s of them, should the reader pause
 
-_decoder = msgspec.msgpack.Decoder(StreamFrame)
+_decoder = msgpack_decoder(StreamFrame)
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from silo.core.elements import BufferType, LoggedEvent
 from silo.core.recording import NO_FAILURES, Failures, Recording
 from silo.core.runtime import boot_id, open_own, read_own
+from silo.decoding import msgpack_decoder
 from silo.errors import SegmentError
 from silo.journal.format import (
     HEADER_WORDS,
@@ -131,7 +132,7 @@ class JournalReader:
                     raise ValueError(f"{count} rows of ring {ring.ring} in {size} bytes")
                 uncommitted.append((ring.ring, int(record.header[RecordWord.FIRST]), count, number, record.offset))
                 continue
-            ticks = msgspec.msgpack.decode(self._read(number, record.offset, size), type=_Ticks).ticks
+            ticks = msgpack_decoder(_Ticks).decode(self._read(number, record.offset, size)).ticks
             for ring_number, *block in uncommitted:
                 stream.blocks.setdefault(ring_number, array("q")).extend([*block, ticks])
             uncommitted = []
@@ -139,7 +140,7 @@ class JournalReader:
 
     def _commit_at(self, number: int, offset: int, size: int) -> Commit:
         try:
-            return msgspec.msgpack.decode(self._read(number, offset, size), type=Commit)
+            return msgpack_decoder(Commit).decode(self._read(number, offset, size))
         except (OSError, ValueError, msgspec.MsgspecError) as error:
             raise SegmentError(f"{self.path}: is no journal of its schema ({error})") from error
 

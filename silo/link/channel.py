@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable
 import msgspec
 
 from silo.core.elements import SavedFile
+from silo.decoding import msgpack_decoder
 from silo.errors import ConnectionLostError
 from silo.requests import AnyDo, AnyReply
 from silo.state.handover import RobotState
@@ -70,7 +71,7 @@ class Goodbye(msgspec.Struct, frozen=True, tag=True):
 
 LinkMessage = RobotState | LinkRequest | LinkReply | LinkSaved | LetGo | Beat | Goodbye
 
-_decoder = msgspec.msgpack.Decoder(LinkMessage)
+_decoder = msgpack_decoder(LinkMessage)
 
 
 LONGEST_WAIT_MS = 2**31 - 1

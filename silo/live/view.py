@@ -10,6 +10,7 @@ import zenoh
 from silo.core.arrays.columns import MAX_COLUMNS, ColumnGrid, HistoryColumns, Marks, grid_of
 from silo.core.calls import told_class
 from silo.core.recording import alike
+from silo.decoding import msgpack_decoder
 from silo.history.requests import Columns
 from silo.live.requests import OpenView, ViewOpened
 from silo.net.keys import ClientId, Root
@@ -21,7 +22,7 @@ from silo.rpc.published import ViewFrame
 LARGEST = 2**63 - 1
 RING = 64  # 6 s at 10 Hz: who reads less often gets the newest and a gap
 
-_decoder = msgspec.msgpack.Decoder(ViewFrame)
+_decoder = msgpack_decoder(ViewFrame)
 
 
 def history_columns(columns: Columns) -> HistoryColumns:

@@ -7,6 +7,7 @@ import msgspec
 
 from silo.core.conditions import Conditions
 from silo.core.elements import RecorderState
+from silo.decoding import json_decoder
 
 MAX_PACKET_BYTES = 180_000  # within the send buffer of a socket as Linux has it by default
 TEXT_BYTES = 2_000
@@ -95,10 +96,10 @@ News = partial[Report]  # what is told, to be sent with how far the recorder is 
 Command = Follow | NewConditions | Finish
 
 encode = msgspec.json.Encoder().encode
-decode_order = msgspec.json.Decoder(RecordOrder).decode
-decode_command = msgspec.json.Decoder(Command).decode
-decode_report = msgspec.json.Decoder(Report).decode
-_decode_conditions = msgspec.json.Decoder(Conditions).decode
+decode_order = json_decoder(RecordOrder).decode
+decode_command = json_decoder(Command).decode
+decode_report = json_decoder(Report).decode
+_decode_conditions = json_decoder(Conditions).decode
 
 
 def conditions_file(conditions: Conditions) -> int:

@@ -15,6 +15,7 @@ from silo.core.child import PIPE, ChildProcess
 from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import RecorderState
 from silo.core.runtime import process_facts, write_private
+from silo.decoding import json_decoder
 from silo.files.manifest import RecordedTotals, read_written
 from silo.recorder.orders import (
     MAX_PACKET_BYTES,
@@ -237,6 +238,6 @@ def store(path: Path, kept: list[RecorderHandover]) -> None:
 def stored(path: Path) -> list[RecorderHandover]:
     """Return the list that a helper process left."""
     try:
-        return msgspec.json.decode(path.read_bytes(), type=list[RecorderHandover])
+        return json_decoder(list[RecorderHandover]).decode(path.read_bytes())
     except (OSError, msgspec.MsgspecError):
         return []

@@ -24,6 +24,7 @@ from silo.core.elements import BufferType, RecorderState
 from silo.core.names import matching
 from silo.core.quantities.writing import and_more, size_text
 from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
+from silo.decoding import converted
 from silo.errors import SegmentError
 from silo.files.manifest import RecordedTotals, size_of_parts
 from silo.files.naming import check_name
@@ -155,7 +156,7 @@ class EndlessRecordings:
                 problem = f"no element matches '{pattern[:80]}'; `silo info -e` lists them"
         if problem:
             raise RequestRefusedError(RefusedWhy.INVALID, f"{problem}; nothing is recorded")
-        return msgspec.convert({**asdict(request), "folder": str(folder)}, RecordOrder)
+        return converted({**asdict(request), "folder": str(folder)}, RecordOrder)
 
     def _free_name(self, asked: str) -> str:
         logger = self._replica.now.robot.logger
@@ -457,7 +458,7 @@ class EndlessRecordings:
 def _info(recorder: RecorderProcess) -> RecorderInfo:
     kept = recorder.kept
     facts = {**asdict(kept.order), **asdict(recorder.report), **asdict(kept), "pid": recorder.pid}
-    return msgspec.convert(facts, RecorderInfo)
+    return converted(facts, RecorderInfo)
 
 
 def _earlier(order: RecordOrder) -> str:

@@ -17,6 +17,7 @@ import msgspec
 from silo.core.child import PIPE, ChildProcess, note_holder
 from silo.core.conditions import Conditions
 from silo.core.elements import FileType, LoggedEvent, SavedFile
+from silo.decoding import json_decoder
 from silo.errors import SaveError, SiloError
 from silo.files import LogOfRun, PartlySavedError, write, write_run
 from silo.journal.holdings import Holdings, segment_holdings
@@ -119,7 +120,7 @@ def write_apart(
     """
     segments = [reader.fileno()] if reader is not None else []
     arguments: list[str | int] = [*segments, HOLD, os.getpid(), *claims]
-    decoder = msgspec.json.Decoder(WriteReport)
+    decoder = json_decoder(WriteReport)
     with ChildProcess("silo.recordings.writing", arguments, [*segments, *claims], stdin=PIPE, stdout=PIPE) as child:
         with contextlib.suppress(BrokenPipeError):  # its exit code, below, says more
             child.stdin.write(msgspec.json.encode(order))
@@ -155,7 +156,7 @@ def _written(order: WriteOrder, progress: Callable[[float], None]) -> WriteRepor
 def main() -> None:
     """The writing process: the segment's file descriptor as argument, the order on standard input."""
     try:
-        order = msgspec.json.decode(sys.stdin.buffer.read(), type=WriteOrder)
+        order = json_decoder(WriteOrder).decode(sys.stdin.buffer.read())
     except msgspec.ValidationError:
         raise
     except msgspec.DecodeError:

@@ -14,6 +14,7 @@ import msgspec
 from silo.conditions import requests as conditions
 from silo.control import requests as control
 from silo.core.elements import Edit, Problem
+from silo.decoding import converted, msgpack_decoder
 from silo.history import requests as history
 from silo.history import search_requests as search
 from silo.live import requests as live
@@ -56,9 +57,9 @@ class _Kind(msgspec.Struct):
     protocol: int = 1
 
 
-_ask_decoder = msgspec.msgpack.Decoder(AnyAsk)
-_do_decoder: "msgspec.msgpack.Decoder[AnyDo | Hello]" = msgspec.msgpack.Decoder(AnyDo | Hello)
-_kind_decoder = msgspec.msgpack.Decoder(_Kind)
+_ask_decoder = msgpack_decoder(AnyAsk)
+_do_decoder: "msgspec.msgpack.Decoder[AnyDo | Hello]" = msgpack_decoder(AnyDo | Hello)
+_kind_decoder = msgpack_decoder(_Kind)
 
 
 def decode_ask(payload: bytes) -> AnyAsk:
@@ -113,7 +114,7 @@ def _check_values(payload: bytes) -> None:
 def _problems_of(item: object) -> list[Problem]:
     """Why this is no edit, empty if it is one."""
     try:
-        msgspec.convert(item, Edit)
+        converted(item, Edit)
     except msgspec.ValidationError as error:
         text = str(error)
     else:

@@ -30,6 +30,7 @@ import msgspec
 
 from silo.analysis.stretches import joined
 from silo.core.recording import Recording, has_own_stamps
+from silo.decoding import json_decoder, msgpack_decoder
 from silo.errors import ElementError, FileFormatError, LogNotFoundError, SaveError, SiloError
 from silo.files.atomic import PART_ENDING, atomic_file, reason, sweep_parts
 from silo.files.formats import writer_for
@@ -211,7 +212,7 @@ class Archive:
             names = sorted(name for name in self._files.find(self._at("manifest")) if name.endswith(".json"))
             texts = self._files.cat(names) if names else {}
         try:
-            return [msgspec.json.decode(text, type=Archived) for _, text in sorted(texts.items())]
+            return [json_decoder(Archived).decode(text) for _, text in sorted(texts.items())]
         except msgspec.DecodeError as error:
             raise FileFormatError(
                 f"'{self.where}' has a damaged manifest: {error}; remove it and archive again"
@@ -382,7 +383,7 @@ class Archive:
             stored = self._files.cat(paths) if len(paths) > 1 else {path: self._files.cat(path) for path in paths}
         texts = {names[path.rpartition("/")[2]]: text for path, text in stored.items()}
         # JSON has no infinite numbers, which statistics may be
-        before = {one: self._decoded(msgspec.msgpack.decode, text, ArchivedFacts, one) for one, text in texts.items()}
+        before = {one: self._decoded(msgpack_decoder(ArchivedFacts).decode, text, one) for one, text in texts.items()}
         for one, facts in found.items():
             if before.get(one) != facts:
                 self._write(f"facts/{_part(one)}.msgpack", msgspec.msgpack.encode(facts))
@@ -394,12 +395,12 @@ class Archive:
             with _told(self.where):
                 there = self._files.exists(self._at(PARTS))
                 text = self._files.cat(self._at(PARTS)) if there else b"{}"
-            self._several = self._decoded(msgspec.json.decode, text, dict[str, Parts], PARTS)
+            self._several = self._decoded(json_decoder(dict[str, Parts]).decode, text, PARTS)
         return self._several
 
-    def _decoded(self, decode: Callable[..., Any], text: bytes, kind: Any, what: str) -> Any:
+    def _decoded(self, decode: Callable[[bytes], Any], text: bytes, what: str) -> Any:
         try:
-            return decode(text, type=kind)
+            return decode(text)
         except msgspec.DecodeError as error:
             raise FileFormatError(
                 f"'{self.where}' has damaged facts of '{what}': {error}; remove them and archive again"

@@ -14,6 +14,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 import msgspec
 import numpy as np
 
+from silo.decoding import json_decoder, msgpack_decoder
 from silo.errors import SiloError
 from silo.files.atomic import reason
 from silo.run_index.facts import NUMBERS, EventFacts, RunFacts, SignalFacts, read_facts, signal_facts
@@ -41,7 +42,7 @@ _OF_EPISODES = (
     " FROM part JOIN signal USING (name, run) JOIN run ON run.id = part.run"
 )
 _EVENTS = "SELECT run.path, event.* FROM event JOIN run ON run.id = event.run ORDER BY event.rowid"
-_ENCODE, _DECODE = msgspec.msgpack.Encoder().encode, msgspec.msgpack.Decoder(RunFacts).decode
+_ENCODE, _DECODE = msgspec.msgpack.Encoder().encode, msgpack_decoder(RunFacts).decode
 
 
 P = ParamSpec("P")
@@ -153,7 +154,7 @@ class RunIndex:
         for path, _, _, others in rows:
             if path in there:
                 continue
-            for name, size, changed in msgspec.msgpack.decode(others, type=list[tuple[str, int, int]]):
+            for name, size, changed in msgpack_decoder(list[tuple[str, int, int]]).decode(others):
                 if name not in known and name in there and there[name][:2] == (size, changed):
                     with self._database as database:
                         # another process may be ahead: of rows that are gone or there already nothing comes
@@ -270,7 +271,7 @@ def _text_of(labels: Mapping[int, str]) -> str:
 
 
 def _labels(text: str) -> dict[int, str]:
-    return msgspec.json.decode(text, type=dict[int, str]) if text else {}
+    return json_decoder(dict[int, str]).decode(text) if text else {}
 
 
 def _version(database: sqlite3.Connection) -> int:

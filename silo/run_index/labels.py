@@ -13,6 +13,7 @@ from pathlib import Path
 import msgspec
 
 from silo.core.arguments import line
+from silo.decoding import converted, json_decoder
 from silo.errors import ElementError, SaveError
 from silo.files.atomic import lock, reason, write_all
 
@@ -80,7 +81,7 @@ def undo(folder: Path, run: str) -> str:
 
 
 def _label(run: str, **more: object) -> Label:
-    return msgspec.convert({"run": run, "when_ns": time.time_ns(), "who": getpass.getuser(), **more}, Label)
+    return converted({"run": run, "when_ns": time.time_ns(), "who": getpass.getuser(), **more}, Label)
 
 
 def _word(text: str) -> str:
@@ -111,7 +112,7 @@ def _lines(folder: Path) -> Iterable[Label]:
         return
     for text in data.splitlines():
         try:
-            yield msgspec.json.decode(text, type=Label)
+            yield json_decoder(Label).decode(text)
         except (msgspec.MsgspecError, UnicodeDecodeError):  # noqa: PERF203 - each line may be damaged
             continue
 

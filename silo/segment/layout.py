@@ -27,6 +27,7 @@ import msgspec
 from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import GOES_ON, STARTED, BufferType, ElementInfo, ElementOptions, Entry
 from silo.core.tuning.parameters import ParameterInfo
+from silo.decoding import json_decoder
 
 MAGIC = int.from_bytes(b"SILOSEG1", "little")
 LAYOUT_VERSION = 2
@@ -233,13 +234,13 @@ def decode_description(text: bytes, kind: type[_Described]) -> _Described:
     them. Raises MsgspecError for what is damaged.
     """
     try:
-        return msgspec.json.decode(text, type=kind)
+        return json_decoder(kind).decode(text)
     except msgspec.ValidationError as error:
         if "unknown field" not in str(error):
             raise
         raw = msgspec.json.decode(text)
         _drop_unknown_options(raw)
-        return msgspec.json.decode(msgspec.json.encode(raw), type=kind)
+        return json_decoder(kind).decode(msgspec.json.encode(raw))
 
 
 def _drop_unknown_options(part: object) -> None:

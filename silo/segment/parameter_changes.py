@@ -39,6 +39,7 @@ from silo.core.tuning.parameters import (
     encoded,
     value_text,
 )
+from silo.decoding import json_decoder
 
 SLOTS = 1024  # the newest that are kept for readers; a power of two
 SLOT = struct.Struct("@qqqqqqqqq48xq")  # see above, with sizes of head and words, and the checksum of both
@@ -250,7 +251,7 @@ def _event(
     if zlib.crc32(new, zlib.crc32(head)) != check:
         return None
     try:
-        facts = msgspec.json.decode(head, type=_Head)
+        facts = json_decoder(_Head).decode(head)
         changed = [infos[one] for one in facts.places]
     except (msgspec.DecodeError, IndexError):
         return None

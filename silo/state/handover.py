@@ -15,6 +15,7 @@ import msgspec
 
 from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import State, Table
+from silo.decoding import msgpack_decoder
 from silo.errors import ConnectionLostError
 
 MAX_OFFER_BYTES = 16_384
@@ -81,7 +82,7 @@ class ChangeCount:
         os.close(self.descriptor)
 
 
-_decoder = msgspec.msgpack.Decoder(RunOffer)
+_decoder = msgpack_decoder(RunOffer)
 
 
 def handover_pair() -> tuple[socket.socket, socket.socket]:

@@ -20,6 +20,7 @@ from silo.core.elements import Control, ElementInfo, LoggerOptions, Present, Sta
 from silo.core.names import Names
 from silo.core.recording import alike
 from silo.core.runtime import disk_room, runtime_dir, user_name
+from silo.decoding import json_decoder
 from silo.errors import SegmentError
 from silo.expressions.derived_signals import derived_infos
 from silo.journal.derived_rows import DerivedPlan, DerivedReader, derived_plan
@@ -453,4 +454,4 @@ def _places(table: Table) -> dict[str, int]:
 
 
 def _options(robot: RobotState) -> LoggerOptions:
-    return msgspec.json.decode(robot.options_json, type=LoggerOptions)
+    return json_decoder(LoggerOptions).decode(robot.options_json)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import msgspec
 
+from silo.decoding import json_decoder
 from silo_tui.model.table.state import KeptEdit
 
 
@@ -74,6 +75,6 @@ def keep(path: Path, edits: Sequence[KeptEdit]) -> None:
 def read(path: Path) -> KeptEdits | None:
     """Return what was kept; None for nothing, or what can't be read."""
     try:
-        return msgspec.json.decode(path.read_bytes(), type=KeptEdits)
+        return json_decoder(KeptEdits).decode(path.read_bytes())
     except (OSError, msgspec.MsgspecError, UnicodeDecodeError):
         return None

@@ -15,6 +15,7 @@ from silo.cli.verbs import Target, Words, by_count, verb
 from silo.core.elements import LoggedEvent
 from silo.core.episodes.words import BEGIN, END, VERDICTS
 from silo.core.quantities.writing import wall_clock
+from silo.decoding import json_decoder
 from silo.errors import LogNotFoundError
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ def episode(client: "Client", word: str, name: str, facts: tuple[str, ...]) -> s
 def _fact(typed: str) -> str | float | bool:
     """What is typed as a program would say it: `speed=0.4` is a number, `wet=true` a yes; all else are words."""
     try:
-        value = msgspec.json.decode(typed, type=bool | int | float)
+        value = json_decoder(bool | int | float).decode(typed)
     except msgspec.MsgspecError:
         return typed
     return value if math.isfinite(value) else typed

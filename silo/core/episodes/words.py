@@ -19,6 +19,7 @@ import numpy as np
 
 from silo.core.arguments import line, shown
 from silo.core.elements import MARKER, STARTED, LoggedEvent
+from silo.decoding import json_decoder
 from silo.errors import ElementError
 
 MOST_BYTES = 200  # of a mark of an episode: it fits into a slot of the segment and through a client's request
@@ -103,7 +104,7 @@ def said_by(text: str) -> Said | None:
     if not text.startswith("episode ") or (found := _MARK.fullmatch(text)) is None:
         return None
     try:
-        return Said(msgspec.json.decode(found[1], type=str), found[2], found[3] or "")
+        return Said(json_decoder(str).decode(found[1]), found[2], found[3] or "")
     except msgspec.MsgspecError:
         return None
 
@@ -258,6 +259,6 @@ def _fact(value: object) -> Fact:
 
 def _facts(text: str) -> dict[str, Fact]:
     try:
-        return msgspec.json.decode(text, type=dict[str, Fact])
+        return json_decoder(dict[str, Fact]).decode(text)
     except msgspec.MsgspecError:  # somebody else's words, or cut
         return {}

@@ -60,7 +60,7 @@ def read_keep(given: object) -> int:
         return 0
     size = _bytes("keep", given)
     if size is None or not 2 * LEAST_SPLIT_BYTES <= size <= MOST_BYTES:
-        raise ElementError(f"keep must be a size from 2MB, got {shown(given)}; write keep='2MB' or more; nothing is recorded")
+        raise ElementError(f"keep must be a size from 2MB, got {shown(given)}; write keep='2MB'; nothing is recorded")
     return int(size)
 
 

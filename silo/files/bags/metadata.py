@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import BufferType, Entry, LoggedEvent, Stretch
 from silo.core.recording import NO_FAILURES, Failures
+from silo.decoding import json_decoder
 from silo.files.mcap.chunks import MOST_RATIO, MOST_ROOM
 from silo.files.silo.format import Missing
 
@@ -84,7 +85,7 @@ def pack_facts(facts: RecordingFacts) -> bytes:
 
 def unpack_facts(data: bytes) -> RecordingFacts:
     """Raises `zstandard.ZstdError` or `msgspec.MsgspecError` for damaged bytes."""
-    return msgspec.json.decode(decompress(data, max(MOST_ROOM, MOST_RATIO * len(data))), type=RecordingFacts)
+    return json_decoder(RecordingFacts).decode(decompress(data, max(MOST_ROOM, MOST_RATIO * len(data))))
 
 
 def pack_times(time_ns: NDArray[np.int64]) -> bytes:

@@ -13,6 +13,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.decoding import json_decoder
+
 QUOTE = b'"'
 _COMMA, _LINE, _MARK, _RETURN, _NINE, _EXPONENT = b',\n"\r9e'
 _PIECE = 1 << 20  # bytes that are looked at together: they stay in the cache
@@ -117,7 +119,7 @@ def as_numbers(cells: Words, dtype: np.dtype[Any]) -> NDArray[Any]:
     text = b"[%b]" % b",".join(cells.tolist())
     if not whole or not any(point in text for point in (b".", b"e", b"E")):
         with contextlib.suppress(msgspec.DecodeError):
-            found: list[Any] = msgspec.json.decode(text, type=list[int] if whole else list[float])
+            found: list[Any] = (json_decoder(list[int]) if whole else json_decoder(list[float])).decode(text)
             if len(found) == len(cells):
                 return np.array(found, dtype)
     return cells.astype(dtype)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from silo.core.elements import Entry, LoggedEvent
 from silo.core.recording import RecordedElement, Recording, alike, lazy_entry, masked
+from silo.decoding import json_decoder
 from silo.errors import FileFormatError
 from silo.files.csv.cells import OTHERS, POINTS, QUOTE, Words, as_numbers
 from silo.files.silo import format as form
@@ -94,7 +95,7 @@ def unpack(data: bytes) -> CsvFacts:
     if len(data) > _LARGEST:
         raise NotThisTableError(f"it has {len(data)} bytes")
     try:
-        facts = msgspec.json.decode(data, type=CsvFacts)
+        facts = json_decoder(CsvFacts).decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise NotThisTableError(str(error)) from None
     if facts.version != VERSION:

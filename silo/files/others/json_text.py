@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.recording import masked
+from silo.decoding import json_decoder
 from silo.files.others.message_types import MOST_VALUES, FieldSpec, Path
 from silo.files.others.topics import Bad, Equal
 
@@ -153,7 +154,7 @@ def _decoder_of(met: Mapping[Path, _Met]) -> msgspec.json.Decoder[Any] | None:
             return None
         place[last] = one.allows
     try:
-        return msgspec.json.Decoder(_struct_of(tree)) if tree else None
+        return json_decoder(_struct_of(tree)) if tree else None
     except ValueError:
         return None  # a key with letters that the name of a field can't have
 

@@ -7,12 +7,12 @@ an event is read as it stands in the log, and a recorder that goes on knows whic
 import struct
 from collections.abc import Sequence
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import LoggedEvent
 from silo.core.tuning.parameters import ParameterChange
+from silo.decoding import json_decoder
 from silo.files.bags.events import event_index, event_record
 from silo.files.bags.message_groups import MESSAGE_HEAD, RECORD_HEAD
 from silo.files.bags.ros_types import CdrReader
@@ -68,5 +68,5 @@ def _event(chunk: bytes, offset: int, begin: int, tick: int, run: str) -> Logged
         who,
         run,
         row_of(sequence, begin),
-        msgspec.json.decode(change, type=ParameterChange) if change else None,
+        json_decoder(ParameterChange).decode(change) if change else None,
     )

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import msgspec
 import zstandard
 
+from silo.decoding import json_decoder
 from silo.files.bags.metadata import RecordingFacts, decompress
 from silo.files.formats import OPEN_PART_ENDING
 from silo.files.mcap.chunks import MOST_RATIO, MOST_ROOM
@@ -69,7 +70,7 @@ def pack_part(facts: PartFacts) -> bytes:
 
 def unpack_part(data: bytes) -> PartFacts:
     """Raises ZstdError, MsgspecError or ValueError for damaged bytes."""
-    facts = msgspec.json.decode(decompress(data, max(MOST_ROOM, MOST_RATIO * len(data))), type=PartFacts)
+    facts = json_decoder(PartFacts).decode(decompress(data, max(MOST_ROOM, MOST_RATIO * len(data))))
     if facts.version != PART_VERSION:
         raise ValueError(f"part version {facts.version} is newer than this silo reads ({PART_VERSION})")
     return facts

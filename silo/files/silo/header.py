@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 
 from silo.core.elements import LoggedEvent
+from silo.decoding import json_decoder
 from silo.errors import FileFormatError
 from silo.files.silo import format as form
 
@@ -23,9 +24,9 @@ _LONGEST_HEADER = 256 << 20
 _FIRST_LINE_BYTES = 1 << 20  # far more than the longest line
 _DATA = re.compile(rb"^# Binary(?: Data)?[ ]*\r?\n", re.MULTILINE)
 _PLACES = {form.OFFSET_LINE: 5, form.COUNT_LINE: 7, form.TABLE_LINE: 9}
-_LOG_DECODER = msgspec.json.Decoder(list[form.LogFacts])
-_EVENTS_DECODER = msgspec.json.Decoder(list[LoggedEvent])
-_ELEMENTS_DECODER = msgspec.json.Decoder(list[form.ElementFacts])
+_LOG_DECODER = json_decoder(list[form.LogFacts])
+_EVENTS_DECODER = json_decoder(list[LoggedEvent])
+_ELEMENTS_DECODER = json_decoder(list[form.ElementFacts])
 
 
 @dataclass

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from silo.core.elements import Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike, lazy_entry
+from silo.decoding import json_decoder
 from silo.errors import FileFormatError, LogNotFoundError, SiloError
 from silo.files.atomic import reason
 from silo.files.csv.metadata import CsvFacts, table_facts
@@ -74,7 +75,7 @@ def restored(
     """
     if text is None:
         raise FileFormatError(f"'{path}' was not written by silo, or by one before 0.2: it doesn't say what is in it")
-    facts = msgspec.json.decode(text, type=TableFacts)
+    facts = json_decoder(TableFacts).decode(text)
     count = announced()
     if count <= facts.ticks + _SLACK:
         stamps = np.asarray(time_ns()).ravel().astype(np.int64)

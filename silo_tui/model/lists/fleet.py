@@ -137,7 +137,9 @@ def details(one: LoggerLine) -> str:
             parts.append(f"{text.count(told.denied)} denied within the last hour: its events tell who")
         if told.reason and told.state is not State.RUNNING:
             parts.append(told.reason)
-        elif not told.saved and told.ticks and (member.lost or told.state is not State.RUNNING):  # else more comes anyway
+        elif (
+            not told.saved and told.ticks and (member.lost or told.state is not State.RUNNING)
+        ):  # else more comes anyway
             parts.append(f"{text.count(told.ticks)} ticks, not saved")
     return " │ ".join(parts)
 
