@@ -107,6 +107,17 @@ class ScriptedTable:
         self._table.adopt()
         self._table.change({self._table.place(info.name): new for info, new in zip(late, options, strict=True)})
 
+    def _take_in(self) -> None:
+        """Make what was added part of the table, as a start does: what is asked for all is for these, too.
+
+        Of a logger that runs the next start does. Raises ScriptError as `update` does.
+        """
+        if self._table.pending and not self._life.running:
+            if self.is_updated:
+                self.adopt_late()
+            else:
+                self.update()
+
     @property
     def lock(self) -> "threading.RLock":
         """That of table and state, which `collect()` never takes."""
@@ -380,9 +391,11 @@ class ScriptedTable:
             StateError: the logger runs (without `cut`), or can't be cut now.
             SegmentError: there is no room for another stretch; nothing was changed.
             ElementError: an unknown name, a value out of range; nothing was changed.
+            ScriptError: elements that were just added are taken in, and the script has problems.
         """
         text("the element's or namespace's name", name, 'log.set("joints", divider=5), one call for each')
         with self._changing(cut=switch("cut", cut)):
+            self._take_in()
             places = self._table.select(name)
             rows = [(info.name, info.options) for info in (self._table.elements[place].info for place in places)]
             settings = read_options(options, rows[0][0] if rows else "")
@@ -482,6 +495,7 @@ class ScriptedTable:
 
         file = self._script_path(path)
         with self._changing(cut=switch("cut", cut), what="load a script"):
+            self._take_in()
             script = read_script(file)
             plan = apply_script(script, self._table.infos, self._options.frequency_hz)
             conditions = self._conditions.now
@@ -521,11 +535,13 @@ class ScriptedTable:
             Its path.
 
         Raises:
-            ScriptError: the system refuses.
+            ScriptError: the system refuses, or the script of elements that are new to the table has problems.
         """
         from silo.settings.script import kept_text, write_script
 
         self._life.check_open()
+        with self._life.lock:
+            self._take_in()  # with what its own script says, which is not to be lost
         target = self._script_path(path)
         kept = write_script(target, self._table.infos, self._conditions.now)
         if kept:

@@ -274,3 +274,38 @@ def test_a_name_with_a_blank_is_told_of_as_other_readers_read_no_file_that_has_i
     (told,) = [record.getMessage() for record in caplog.records if "blank" in record.getMessage()]
     assert "'/log/my signal'" in told
     assert "write '/log/my_signal'" in told
+
+
+def test_what_is_asked_of_all_is_of_what_was_just_added_too(new_logger, tmp_path):
+    script = tmp_path / "own.yaml"
+    script.write_text("log_elements:\n  - {name: /log/x, divider: 3}\n")
+
+    def added():
+        log = new_logger("bot", frequency=100, script=script)
+        log.array("x")
+        log.array("y")
+        return log
+
+    def options(log):
+        return [(info.options.divider, info.options.buffer.name) for info in log.elements]
+
+    log = added()
+    assert log.set(buffer="growing") == 2
+    assert log.set("y", divider=7) == 1
+    log.start()
+    assert options(log) == [(3, "GROWING"), (7, "GROWING")]
+    log.array("late")
+    log.stop()
+    assert log.set(divider=2) == 3
+
+    other = tmp_path / "other.yaml"
+    other.write_text("log_elements:\n  - {name: /log/y, divider: 5}\n")
+    log = added()
+    assert log.load_script(other) == []
+    log.start()
+    assert [divider for divider, _ in options(log)] == [3, 5]
+
+    added().save_script()
+    log = added()
+    log.update()
+    assert [divider for divider, _ in options(log)] == [3, 1], "the script has what it had"
