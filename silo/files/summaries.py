@@ -9,7 +9,7 @@ import os
 import re
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 import msgspec
@@ -116,7 +116,10 @@ def _of_bag(folder: int, name: str) -> FileSummary | None:
     with opened_folder(folder, name) as bag, opened_file(bag, "metadata.yaml") as file:
         head = os.pread(file, _BAG_FACTS, 0)
         tail = os.pread(file, _BAG_FACTS, max(0, os.fstat(file).st_size - _BAG_FACTS))
-    said = {key.decode(): json.loads(value) for key, value in _TEXT.findall(tail) if _is_text(value)}
+    said: dict[str, str] = {}
+    for key, value in _TEXT.findall(tail):
+        with suppress(ValueError):
+            said[key.decode()] = json.loads(value)
     begin = _BEGIN.search(head)
     if "silo_logger" not in said or begin is None:
         return None  # of other tools
@@ -129,10 +132,3 @@ def _of_bag(folder: int, name: str) -> FileSummary | None:
         first + int(begin[2]),
         int(markers) if markers.isascii() and markers.isdecimal() and len(markers) < 10 else 0,
     )
-
-
-def _is_text(value: bytes) -> bool:
-    try:
-        return isinstance(json.loads(value), str)
-    except ValueError:
-        return False

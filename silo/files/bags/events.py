@@ -14,7 +14,7 @@ from silo.core.elements import LoggedEvent
 from silo.core.recording import Recording
 from silo.files.bags.message_groups import MESSAGE_HEAD, RECORD_HEAD
 from silo.files.bags.ros_types import ENCAPSULATION, Channel, MessageType, add_numbers, add_text, free_topic
-from silo.files.mcap.writer import INDEX_OPCODE, MESSAGE_OPCODE, IndexBlock, index_dtype
+from silo.files.mcap.writer import MESSAGE_OPCODE, IndexBlock, index_block
 
 LEVELS = ("DEBUG=10", "INFO=20", "WARN=30", "ERROR=40", "FATAL=50")
 INFO, WARN, ERROR = 20, 30, 40
@@ -114,7 +114,7 @@ class EventGroup:
         low, high = np.searchsorted(self._ticks, [start, stop]).tolist()
         if low == high:
             return None
-        return event_index(self._channel, self._times[low:high], self._positions[low:high] + shift)
+        return index_block(np.array([self._channel], "<u2"), self._times[low:high], self._positions[low:high] + shift)
 
     def due(self, due: NDArray[np.bool_]) -> None:
         """Set the ticks that have an event."""
@@ -129,16 +129,3 @@ def event_record(
     times = stamp_ns, stamp_ns if published_ns is None else published_ns
     head = MESSAGE_HEAD.pack(MESSAGE_OPCODE, RECORD_HEAD - 9 + len(message), channel, number, *times)
     return head + message
-
-
-def event_index(channel: int, times: NDArray[np.int64], offsets: NDArray[np.int64]) -> IndexBlock:
-    """The message index record of a channel whose messages are of these times and stand at these places."""
-    dtype = index_dtype(len(times))
-    records = np.empty(1, dtype)
-    records["opcode"] = INDEX_OPCODE
-    records["length"] = dtype.itemsize - 9  # opcode and length themselves don't count
-    records["channel"] = channel
-    records["size"] = 16 * len(times)
-    records["entries"]["time"] = times
-    records["entries"]["offset"] = offsets
-    return IndexBlock(np.array([channel], "<u2"), records)

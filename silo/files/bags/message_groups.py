@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from silo.core.arrays.wide import to_wire
 from silo.core.recording import RecordedElement, Recording, samples_between
 from silo.files.bags.ros_types import Channel, fill_constants, message_dtype
-from silo.files.mcap.writer import INDEX_OPCODE, MESSAGE_OPCODE, IndexBlock, index_dtype
+from silo.files.mcap.writer import MESSAGE_OPCODE, IndexBlock, index_block
 from silo.files.silo.format import FilledEntry
 
 # of a message record
@@ -213,15 +213,7 @@ class MessageGroup:
             low, high = np.searchsorted(self._ticks, (start, stop)).tolist()
         if low >= high:
             return None
-        dtype = index_dtype(high - low)
-        records = np.empty(len(self._ids), dtype=dtype)
-        records["opcode"] = INDEX_OPCODE
-        records["length"] = dtype.itemsize - _NOT_COUNTED
-        records["channel"] = self._ids
-        records["size"] = 16 * (high - low)
-        records["entries"]["time"] = self._times[low:high]
-        records["entries"]["offset"] = self._positions[low:high].T + shift
-        return IndexBlock(self._ids, records)
+        return index_block(self._ids, self._times[low:high], self._positions[low:high].T + shift)
 
 
 def _scatter(buffer: NDArray[np.uint8], places: NDArray[np.int64], records: NDArray[np.void]) -> None:

@@ -207,12 +207,20 @@ def chunk_index(
     return struct.pack("<BQ", Opcode.CHUNK_INDEX, len(body)) + body
 
 
-def index_dtype(messages: int) -> np.dtype[np.void]:
-    """A message index record of a channel with so many messages: opcode, length, channel, bytes, (time, offset)s."""
-    entry = [("time", "<u8"), ("offset", "<u8")]
-    return np.dtype(
-        [("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("size", "<u4"), ("entries", entry, (messages,))]
-    )
+def index_block(channels: NDArray[np.uint16], times: NDArray[np.int64], offsets: NDArray[np.int64]) -> IndexBlock:
+    """Message index records of channels, all with messages of these times; `offsets`: shape (channels, messages)."""
+    dtype = np.dtype(
+        [("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("size", "<u4"),
+         ("entries", [("time", "<u8"), ("offset", "<u8")], (len(times),))]
+    )  # fmt: skip
+    records = np.empty(len(channels), dtype)
+    records["opcode"] = INDEX_OPCODE
+    records["length"] = dtype.itemsize - _PREFIX_BYTES
+    records["channel"] = channels
+    records["size"] = 16 * len(times)
+    records["entries"]["time"] = times
+    records["entries"]["offset"] = offsets
+    return IndexBlock(channels, records)
 
 
 def _index_offsets(index: Sequence[IndexBlock], at: int) -> tuple[NDArray[np.void], int]:

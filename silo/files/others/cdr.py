@@ -15,25 +15,11 @@ from numpy.typing import NDArray
 
 from silo.core.recording import masked
 from silo.files.bags.ros_types import aligned
-from silo.files.others.message_types import MOST_VALUES, MessageFields, Node, NumberField, Path, Repeated, Stamp, Text
+from silo.files.others.message_types import MessageFields, Node, NumberField, Path, Repeated, Stamp, Text
 from silo.files.others.topics import Bad, Equal
 
 Bytes = NDArray[np.uint8]
 Lists = frozenset[Path]  # paths, with `*` for a place in a list
-
-
-__all__ = [
-    "MOST_VALUES",
-    "MessageLayout",
-    "Place",
-    "WantedColumns",
-    "alike",
-    "any_whole",
-    "columns_of",
-    "layout_of",
-    "lengths_of",
-    "values_at",
-]
 
 _MOST_PARTS = 20_000  # texts and lists of one message: of each, one step of Python is taken
 _MOST_TEXT_BYTES = 64 << 20  # of a column; each message has room for the longest

@@ -161,20 +161,17 @@ class McapFile:
             try:
                 return entries_at(self._data, one.indices[channel], channel)
             except ValueError:
-                one.entries[channel] = self._searched(one, channel)
+                one.entries[channel] = self._searched(block, channel)
         return one.entries.get(channel, np.empty(0, INDEX_ENTRY))
 
-    def _searched(self, block: _Block, channel: int) -> Entries:
+    def _searched(self, block: int, channel: int) -> Entries:
         try:
-            chunk = self._chunk(block.place)
-            return walked(chunk, self._packed(block.place))[0].get(channel, np.empty(0, INDEX_ENTRY))
+            return self.placed(block, channel)
         except ValueError as error:
-            self._bad.setdefault(block.place, str(error))
-            self._tell_chunk(block.place)
+            place = self._blocks[block].place
+            self._bad.setdefault(place, str(error))
+            self._tell_chunk(place)
             return np.empty(0, INDEX_ENTRY)
-
-    def _packed(self, place: int) -> int:
-        return len(record_at(self._data, place, Opcode.CHUNK))
 
     def blocks_of(self, channel: int) -> list[int]:
         """Return which blocks have messages of a channel."""
@@ -193,7 +190,8 @@ class McapFile:
         place = self._blocks[block].place
         if place < 0:
             return self.entries(block, channel)
-        return walked(self._chunk(place), self._packed(place))[0].get(channel, np.empty(0, INDEX_ENTRY))
+        found, _ = walked(self._chunk(place), len(record_at(self._data, place, Opcode.CHUNK)))
+        return found.get(channel, np.empty(0, INDEX_ENTRY))
 
     def _chunk(self, place: int) -> bytes | memoryview:
         if place in self._bad:

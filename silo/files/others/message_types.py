@@ -184,14 +184,8 @@ _UNITS = {
 
 def signals_of(message: MessageFields) -> tuple[list[FieldSpec], list[Path]]:
     """Return the elements of a message, and which fields are none: bytes without end, and lists of messages."""
-    found: list[FieldSpec] = []
-    left: list[Path] = []
-    for wanted in _signals(message, (), "-"):
-        if isinstance(wanted, FieldSpec):
-            found.append(wanted)
-        else:
-            left.append(wanted)
-    return found, left
+    found = list(_signals(message, (), "-"))
+    return [one for one in found if isinstance(one, FieldSpec)], [one for one in found if isinstance(one, tuple)]
 
 
 def _signals(message: MessageFields, above: Path, given: str) -> Iterator[FieldSpec | Path]:

@@ -27,7 +27,15 @@ from silo.files.formats import ROS1_MARK, refuse_others, starts_with
 from silo.files.others import cdr, json_text
 from silo.files.others.keyed import KeyedList, KeyedValues, keyed_list, of_keys
 from silo.files.others.mcap_file import McapFile
-from silo.files.others.message_types import FieldSpec, MessageFields, Path, UnknownTypeError, message_type, signals_of
+from silo.files.others.message_types import (
+    MOST_VALUES,
+    FieldSpec,
+    MessageFields,
+    Path,
+    UnknownTypeError,
+    message_type,
+    signals_of,
+)
 from silo.files.others.ros1_file import Ros1File
 from silo.files.others.sqlite_file import SqliteFile
 from silo.files.others.topics import SOME, Bad, Equal, FileTopic, Unpacked
@@ -71,8 +79,10 @@ def open_others(path: FilePath) -> Recording:
         if not readers and damaged:
             why = f"{_some(_named(unknown))}{_because(told)}"
             raise FileFormatError(f"{path}: damaged, nothing in it can be read: {why}")
-        for text in _told(_named(unknown), left):
-            told.add(text)
+        lacks = [f"{len(unknown)} topics are left out: {_some(_named(unknown))}"] if unknown else []
+        lacks += [f"bytes, lists of messages and of lists are no signals: {_some(left)}"] if left else []
+        if lacks:
+            told.add("; ".join(lacks))
         elements = tuple(element for reader in readers for element in reader.elements())
     told.loud = True
     return file_recording(
@@ -104,17 +114,6 @@ def stamped_by_header(recording: Recording) -> Recording:
         else:
             elements.append(element)
     return replace(recording, elements=tuple(elements)) if headed else recording
-
-
-def _told(unknown: Sequence[str], left: Sequence[str]) -> Iterator[str]:
-    """One warning of all that is not read."""
-    parts = []
-    if unknown:
-        parts.append(f"{len(unknown)} topics are left out: {_some(unknown)}")
-    if left:
-        parts.append(f"bytes, lists of messages and of lists are no signals: {_some(left)}")
-    if parts:
-        yield "; ".join(parts)
 
 
 _some = partial(and_more, most=_MOST_TOLD)
@@ -256,7 +255,7 @@ def _reader(name: str, alike: _Alike, told: DamageNotes) -> "TopicReader":
     empty: list[Path] = []
     for one in wanted:
         count = lengths.get(one.name, one.count)
-        if count > cdr.MOST_VALUES:
+        if count > MOST_VALUES:
             left.append(one.name)
         elif one.count < 0 and not count:
             empty.append(one.name)
@@ -397,7 +396,7 @@ class TopicReader:
             dtype = np.dtype(one.dtype).str if one.dtype != "S" else "|S"
             entry = Entry(suffix, dtype, dict(one.labels) or None)
             entries.append(
-                lazy_entry(shown, entry, _Column(self, path, at), np.dtype(dtype), lambda: len(self.time_ns))
+                lazy_entry(shown, entry, partial(self._column, path, at), np.dtype(dtype), lambda: len(self.time_ns))
             )
         made = TopicElement(
             name=name,
@@ -412,6 +411,10 @@ class TopicReader:
         made.__dict__.pop("own_ns")
         made.__dict__["reader"] = self
         return made
+
+    def _column(self, path: Path, at: int | None) -> NDArray[Any]:
+        values = self.values(path)
+        return values if at is None else values[:, at]
 
     @cached_property
     def _logged(self) -> tuple[NDArray[np.int64], NDArray[np.int64] | None]:
@@ -550,17 +553,6 @@ class KeyedListReader(TopicReader):
         if _HEADER in found.columns or not self._topic.is_headed:
             return found.columns
         return {**found.columns, _HEADER: self._topic.values(_HEADER)[found.which]}
-
-
-class _Column:
-    """Reads one scalar of a topic."""
-
-    def __init__(self, reader: TopicReader, path: Path, at: int | None) -> None:
-        self._reader, self._path, self._at = reader, path, at
-
-    def __call__(self) -> NDArray[Any]:
-        values = self._reader.values(self._path)
-        return values if self._at is None else values[:, self._at]
 
 
 class TopicElement(RecordedElement):

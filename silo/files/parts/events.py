@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from silo.core.elements import LoggedEvent
 from silo.core.tuning.parameters import ParameterChange
 from silo.decoding import json_decoder
-from silo.files.bags.events import event_index, event_record
+from silo.files.bags.events import event_record
 from silo.files.bags.message_groups import MESSAGE_HEAD, RECORD_HEAD
 from silo.files.bags.ros_types import CdrReader
 from silo.files.mcap.chunks import INDEX_ENTRY
-from silo.files.mcap.writer import IndexBlock
+from silo.files.mcap.writer import IndexBlock, index_block
 from silo.files.parts.metadata import SEQUENCES, row_of
 
 
@@ -34,7 +34,8 @@ def event_messages(
     ]
     ends = np.cumsum([len(record) for record in records])
     times = np.array([event.at_ns for event in events], np.int64)
-    index = event_index(channel, times, shift + np.concatenate([[0], ends[:-1]]).astype(np.int64))
+    places = shift + np.concatenate([[0], ends[:-1]]).astype(np.int64)
+    index = index_block(np.array([channel], "<u2"), times, places)
     return b"".join(records), [index], (int(times.min()), int(times.max()))
 
 

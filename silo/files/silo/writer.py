@@ -54,9 +54,9 @@ def write_silo(recording: Recording, path: str | os.PathLike[str], progress: Pro
     stamps = len(recording.time_ns)
     sources: list[_Source] = []
     facts: list[bytes] = [form.facts_line(form.LOG_FACTS, form.log_facts(recording))]
-    for name, part in (("time_s", _seconds), ("time_ns", _nanoseconds)):
+    for name, part in (("time_s", np.floor_divide), ("time_ns", np.remainder)):
         line = form.TableLine(8, stamps, 1, recording.time_looping, "int64")
-        sources.append((f"{recording.prefix}/{name}", line, part(recording.time_ns)))
+        sources.append((f"{recording.prefix}/{name}", line, _of_seconds(recording.time_ns, part)))
     for element in elements:
         looping, first = form.looping_and_first(element, stamps, recording.offset)
         facts.append(form.facts_line(form.ELEMENT_FACTS, form.element_facts(element, first)))
@@ -156,16 +156,9 @@ def _as_bytes(values: NDArray[Any]) -> NDArray[np.bytes_]:
     return np.ascontiguousarray(values)
 
 
-def _seconds(time_ns: NDArray[np.int64]) -> Callable[[int, int, NDArray[np.uint8]], None]:
+def _of_seconds(time_ns: NDArray[np.int64], part: np.ufunc) -> Callable[[int, int, NDArray[np.uint8]], None]:
     def fill(start: int, stop: int, out: NDArray[np.uint8]) -> None:
-        np.floor_divide(time_ns[start:stop], 1_000_000_000, out=out.view("<i8"))
-
-    return fill
-
-
-def _nanoseconds(time_ns: NDArray[np.int64]) -> Callable[[int, int, NDArray[np.uint8]], None]:
-    def fill(start: int, stop: int, out: NDArray[np.uint8]) -> None:
-        np.remainder(time_ns[start:stop], 1_000_000_000, out=out.view("<i8"))
+        part(time_ns[start:stop], 1_000_000_000, out=out.view("<i8"))
 
     return fill
 
