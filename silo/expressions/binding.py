@@ -19,27 +19,11 @@ from silo.core.conditions import Derived
 from silo.core.elements import Entry
 from silo.core.names import Found, Names, did_you_mean, is_glob, nearest
 from silo.core.quantities.writing import and_more
-from silo.errors import ElementError, ExpressionError
+from silo.errors import ElementError
 from silo.expressions.operations import FUNCTIONS
 from silo.expressions.parsing import UNIT, Call, ComparisonChain, Expression, Name, Node, Number, Operation, parse
 
 OFF = -1  # the source of an element that isn't logged
-
-__all__ = [
-    "OFF",
-    "BoundExpression",
-    "BoundSignal",
-    "Catalogue",
-    "Computed",
-    "Constant",
-    "Known",
-    "Part",
-    "Remembered",
-    "ScalarPlace",
-    "bind",
-    "columns_of",
-    "means_else",
-]
 
 MOST_WIDTH = 1000  # scalars in a vector
 MOST_WINDOW_S = 60.0
@@ -240,11 +224,8 @@ class _Binder:
     """Binds one expression, from its leaves to its root."""
 
     def __init__(self, expression: Expression, catalogue: Catalogue) -> None:
-        self._expression = expression
+        self._expression, self._error = expression, expression.error
         self._catalogue = catalogue
-
-    def _error(self, reason: str, node: Node) -> ExpressionError:
-        return self._expression.error(reason, node)
 
     def bind(self, node: Node) -> _Found:
         if isinstance(node, Number):

@@ -5,6 +5,7 @@ in the conditions, and computes nothing twice.
 """
 
 import math
+import operator
 from dataclasses import replace
 
 import numpy as np
@@ -106,11 +107,6 @@ def _buffer(recording: Recording, bound: BoundExpression) -> BufferType:
 def computable(judge: RecordingJudge) -> dict[str, str]:
     """Return the names of derived signals, each with why it can't be computed of a recording; empty where it can."""
     return {
-        one.name: why or ("" if bound is None or _has_span(judge, bound) else NOTHING_IN_COMMON)
+        one.name: why or ("" if bound is None or operator.lt(*judge.common_span(bound)) else NOTHING_IN_COMMON)
         for one, bound, why in bound_derived(judge.catalogue)
     }
-
-
-def _has_span(judge: RecordingJudge, bound: BoundExpression) -> bool:
-    first, end = judge.common_span(bound)
-    return first < end

@@ -132,8 +132,7 @@ class _Grid:
         """Which row of a source holds at each tick; -1 for the last one of the batch before."""
         found = self._places.get(source)
         if found is None:
-            ticks = self._rows[source].ticks if source in self._rows else _NO_ROWS.ticks
-            found = self._places[source] = np.searchsorted(ticks, self.ticks, "right") - 1
+            found = self._places[source] = np.searchsorted(self._ticks_of(source), self.ticks, "right") - 1
         return found
 
     def missing(self, source: int) -> Bools | None:
@@ -145,10 +144,12 @@ class _Grid:
             self._missing[source] = lost if lost.any() else None
         return self._missing[source]
 
+    def _ticks_of(self, source: int) -> Ints:
+        return self._rows.get(source, _NO_ROWS).ticks
+
     def _held_ticks(self, source: int) -> Ints:
         before = self._known[source].tick
-        ticks = self._rows[source].ticks if source in self._rows else _NO_ROWS.ticks
-        with_before = np.concatenate([[_NEVER if before is None else before], ticks])
+        with_before = np.concatenate([[_NEVER if before is None else before], self._ticks_of(source)])
         return np.asarray(with_before[self.places(source) + 1], np.int64)
 
     def _steps(self, source: int) -> Ints | int:
@@ -164,7 +165,7 @@ class _Grid:
 
     def _breaks_of(self, source: int) -> NDArray[np.intp]:
         divider, before = self._known[source].divider, self._known[source].tick
-        ticks = self._rows[source].ticks if source in self._rows else _NO_ROWS.ticks
+        ticks = self._ticks_of(source)
         if not len(ticks):
             return _NOWHERE
         begin = int(ticks[0]) - divider if before is None else before

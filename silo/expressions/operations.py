@@ -4,7 +4,9 @@ Truths follow Kleene: what is known decides where it can (`false and unknown` is
 NaN is unknown where it is compared.
 """
 
+import functools
 import math
+import operator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -81,9 +83,7 @@ def _either(one: Any, other: Any) -> Any:
 
 def _and(values: list[Value]) -> Truth:
     truths = [as_truth(value) for value in values]
-    true = truths[0].true
-    for truth in truths[1:]:
-        true = true & truth.true
+    true = functools.reduce(operator.and_, [truth.true for truth in truths])
     if all(truth.unknown is None for truth in truths):
         return Truth(true)
     false: Any = False  # one that is false decides
@@ -115,12 +115,8 @@ def _comparison(function: Any) -> Any:
 
 def _numeric(function: Any) -> Any:
     def applied(values: list[Value]) -> Any:
-        made = as_numbers(values[0])
-        if len(values) == 1:
-            return function(made)
-        for value in values[1:]:
-            made = function(made, as_numbers(value))
-        return made
+        numbers = [as_numbers(value) for value in values]
+        return function(*numbers) if len(numbers) == 1 else functools.reduce(function, numbers)
 
     return applied
 
@@ -137,13 +133,10 @@ def _side_by_side(values: list[Any]) -> Any:
     if len(values) == 1:
         return values[0]
     count = max((len(value) for value in values if np.ndim(value)), default=1)
-    return np.concatenate([_as_columns(value, count) for value in values], axis=1)
-
-
-def _as_columns(value: Any, count: int) -> Any:
-    if np.ndim(value) == 2:
-        return value
-    return np.broadcast_to(np.asarray(value).reshape(-1, 1), (count, 1))
+    return np.concatenate(
+        [value if np.ndim(value) == 2 else np.broadcast_to(np.asarray(value).reshape(-1, 1), (count, 1))
+         for value in values], axis=1,
+    )  # fmt: skip
 
 
 def _any(values: list[Value]) -> Truth:
@@ -172,11 +165,7 @@ def _known_any(values: list[Value], together: Any) -> Truth:
     return Truth(true, ~known)
 
 
-def _joined(parts: list[Any]) -> Any:
-    made = parts[0]
-    for part in parts[1:]:
-        made = made | part
-    return made
+_joined = functools.partial(functools.reduce, operator.or_)
 
 
 def _one_of(parts: list[Any]) -> Any:

@@ -28,14 +28,12 @@ _CLASS = re.compile(r"\[[^\[\]\s]{1,50}\]")
 LOGIC = ("and", "or", "not")
 _INSTEAD = {"&": "and", "&&": "and", "|": "or", "||": "or", "!": "not", "=": "=="}
 
-__all__ = ["Call", "ComparisonChain", "Expression", "ExpressionError", "Name", "Node", "Number",
-           "Operation",
-           "parse"]  # fmt: skip
-
 MOST_NODES = 200
 
 _BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Mod: "%", ast.Pow: "**"}
 _COMPARED = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+_UNARY = {ast.USub: "neg", ast.Not: "not", ast.UAdd: ""}
+_LOGICAL = {ast.And: "and", ast.Or: "or"}
 _UNFINISHED = "something is missing at the end"
 _CONSTANTS = {"true": 1.0, "false": 0.0}
 
@@ -101,7 +99,7 @@ class _Tokenizer:
         if number:
             return self._number(at, number.end())
         wildcard = letter in "?[" or (letter == "*" and awaited and not text.startswith("**", at))
-        divides = letter == "/" and (self._blank_follows(at) or self._before in ("number", ")"))
+        divides = letter == "/" and (not text[at + 1 : at + 2].strip() or self._before in ("number", ")"))
         if letter == "/" and not divides and not awaited:
             raise self._error("a division has blanks on both sides: a / b", at, at + 1)
         if ((_LETTER.match(text, at) and not divides) or wildcard) and self._part(at, at):
@@ -113,9 +111,6 @@ class _Tokenizer:
         instead = _INSTEAD.get(text[at : at + 2]) or _INSTEAD.get(letter)
         hint = f"; write '{instead}'" if instead else ""
         raise self._error(f"'{letter}' has no place in an expression{hint}", at, at + 1)
-
-    def _blank_follows(self, at: int) -> bool:
-        return at + 1 >= len(self._text) or self._text[at + 1].isspace()
 
     def _number(self, at: int, end: int) -> int:
         unit = UNIT.match(self._text, end)
@@ -301,14 +296,11 @@ class _Reader:
             return Name(name, at, end) if constant is None else Number(constant, "", at, end)
         if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
             return Operation(_BINARY[type(node.op)], (self._node(node.left), self._node(node.right)), at, end)
-        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd | ast.Not):
+        if isinstance(node, ast.UnaryOp) and type(node.op) in _UNARY:
             inner = self._node(node.operand)
-            if isinstance(node.op, ast.UAdd):
-                return inner
-            return Operation("neg" if isinstance(node.op, ast.USub) else "not", (inner,), at, end)
+            return Operation(operator, (inner,), at, end) if (operator := _UNARY[type(node.op)]) else inner
         if isinstance(node, ast.BoolOp):
-            operator = "and" if isinstance(node.op, ast.And) else "or"
-            return Operation(operator, tuple(map(self._node, node.values)), at, end)
+            return Operation(_LOGICAL[type(node.op)], tuple(map(self._node, node.values)), at, end)
         if isinstance(node, ast.Compare) and all(type(op) in _COMPARED for op in node.ops):
             operators = tuple(_COMPARED[type(op)] for op in node.ops)
             return ComparisonChain(operators, tuple(map(self._node, (node.left, *node.comparators))), at, end)
