@@ -21,7 +21,7 @@ from silo.core.quantities.writing import size_text
 from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, alike, stamps_of
 
 if TYPE_CHECKING:
-    from silo.analysis.plots.curves import CurveSource
+    from silo.analysis.compute.samples import Samples
 
 
 class ElementReport(msgspec.Struct, frozen=True):
@@ -130,24 +130,27 @@ def type_text(element: RecordedElement) -> str:
     return ("/".join(types[:3]) + ("/…" if len(types) > 3 else "") or "-") + shape
 
 
-def statistics(signal: "CurveSource") -> SignalStats:
+def statistics(signal: "Samples") -> SignalStats:
     """Return the minimum, maximum, mean ...
 
     NaN is left out; of strings and enumerations the most common values too.
     """
-    values, names = signal.as_numbers()
+    from silo.analysis.plots.curves import as_numbers, is_text  # loads expressions, which `silo info` doesn't need
+
+    values, names = as_numbers(signal)
+    text = is_text(signal)
     offsets = from_base(signal.values) if signal.values.dtype.kind in "iu" else values
     common: tuple[str, ...] = ()
-    if signal.is_text:
+    if text:
         texts = Counter(printable(text_of(value)) for value in signal.values.tolist())
-        common = tuple(f"'{text}' {count}x" for text, count in texts.most_common(3))
+        common = tuple(f"'{one}' {count}x" for one, count in texts.most_common(3))
     elif names:
         told = Counter(number for number in signal.values.tolist() if number is not None)
         common = tuple(f"{names.get(number, number)} {count}x" for number, count in told.most_common(3))
     numbers = numbers_of(values)
     plain = SignalStats(signal.name, signal.unit, len(values), 0, None, None, None, None, None, common)
-    if signal.is_text or not len(numbers):
-        return msgspec.structs.replace(plain, not_finite=0 if signal.is_text else len(values))
+    if text or not len(numbers):
+        return msgspec.structs.replace(plain, not_finite=0 if text else len(values))
     least, most, mean, std, rms = (None if math.isnan(one) else one for one in moments(numbers, offsets))
     infinite = int(np.isinf(numbers).sum())
     return msgspec.structs.replace(

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from silo.analysis.compute.calculus import between, goes_straight
 from silo.core.arguments import INT64
 from silo.core.elements import BufferType, LoggedEvent, Stretch
+from silo.core.names import grouped
 from silo.core.parameter_images import between as told_between
 from silo.core.recording import (
     DamageNotes,
@@ -179,10 +180,7 @@ def joined(parts: Sequence[Recording]) -> Recording:
     begun = [piece.place for before, piece in pairwise(pieces) if piece.stretch.part != before.stretch.part]
     ends = sorted({*gaps, *begun})
     first, last = pieces[0].part, pieces[-1]
-    by_name: dict[str, list[tuple[_Piece, RecordedElement]]] = {}
-    for piece in pieces:
-        for element in piece.elements:
-            by_name.setdefault(element.name, []).append((piece, element))
+    by_name = grouped((element.name, (piece, element)) for piece in pieces for element in piece.elements)
     own: dict[tuple[tuple[int, int, int], ...], NDArray[np.int64]] = {}
     events = _events(pieces, begin)
     whole = replace(

@@ -81,13 +81,13 @@ class Shelf:
         self, run: str, signals: str, start_s: float | None = None, stop_s: float | None = None
     ) -> dict[str, Any]:
         """Return minimum, maximum, mean, std and rms of signals: a name or a pattern such as "joints/*"."""
-        from silo.analysis.plots.curves import CurveSource, pick
+        from silo.analysis.plots.curves import pick
 
         log = self._log(run)
         self._check_size(log, signals)
         if start_s is not None or stop_s is not None:
             log = log.clip(start_s, stop_s)
-        found: list[CurveSource] = pick(log.recording, [signals])
+        found = pick(log.recording, [signals])
         rows = [statistics(one) for one in found[:MOST_ROWS]]
         answer = {"run": run, "lost": self._lost(log, signals), "signals": [
             {"name": one.name, "unit": one.unit, "samples": one.samples, "not_finite": one.not_finite,

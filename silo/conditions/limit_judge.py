@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from silo.conditions.rows import JudgedRows
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.conditions import SignalLimits
+from silo.core.names import grouped
 from silo.errors import ElementError
 from silo.expressions.binding import OFF, BoundExpression, BoundSignal, ScalarPlace, means_else
 from silo.expressions.evaluation import Evaluator, EvaluatorMemory, SourceRows
@@ -184,10 +185,8 @@ class LimitJudge:
             if known is None or known.options != options or (anew and self._means_else(known)):
                 known = self._begun(options, problems)
             self._limited[options.name] = known
-        by_ring: dict[int, list[_Limited]] = {}
-        for one in self._limited.values():
-            if one.evaluator is None and not one.why:
-                by_ring.setdefault(one.expressions[0].columns[0].source, []).append(one)
+        simple = [one for one in self._limited.values() if one.evaluator is None and not one.why]
+        by_ring = grouped((one.expressions[0].columns[0].source, one) for one in simple)
         self._together = {ring: _Together(limited) for ring, limited in by_ring.items()}
 
     def _means_else(self, known: _Limited) -> bool:

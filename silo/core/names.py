@@ -20,8 +20,12 @@ from collections.abc import Callable, Iterable, Sequence
 from fnmatch import translate
 from functools import cached_property
 from glob import escape
+from typing import TypeVar
 
 MOST_ALIKE = 20_000  # names that are looked through for what was meant: 0.2 s
+
+Key = TypeVar("Key")
+One = TypeVar("One")
 
 Found = tuple[int, int | None]  # the place of an element, and of one of its scalars where that is meant
 
@@ -115,7 +119,7 @@ class Names:
 
     @cached_property
     def _ends(self) -> dict[str, list[str]]:
-        return _by_end(self.places)
+        return grouped((name.rpartition("/")[2], name) for name in self.places)
 
     @cached_property
     def _scalar_names(self) -> list[Sequence[str]]:
@@ -134,16 +138,12 @@ class Names:
     @cached_property
     def _components(self) -> dict[str, list[Found]]:
         """Scalars by the names of components, where they have more than a number or an axis."""
-        found: dict[str, list[Found]] = {}
-        for name, one in self._scalars.items():
-            called = component_name(name.removeprefix(self.names[one[0]]))
-            if is_word(called):
-                found.setdefault(called, []).append(one)
-        return found
+        called = ((component_name(name.removeprefix(self.names[one[0]])), one) for name, one in self._scalars.items())
+        return grouped((component, one) for component, one in called if is_word(component))
 
     @cached_property
     def _scalar_ends(self) -> dict[str, list[str]]:
-        return _by_end(self._scalars)
+        return grouped((name.rpartition("/")[2], name) for name in self._scalars)
 
     # ---------------------------------------------------------------------------------------------- what was meant
 
@@ -245,9 +245,9 @@ def _other_spellings(text: str) -> list[str]:
     ]
 
 
-def _by_end(names: Iterable[str]) -> dict[str, list[str]]:
-    """Whole names by their last part."""
-    ends: dict[str, list[str]] = {}
-    for name in names:
-        ends.setdefault(name.rpartition("/")[2], []).append(name)
-    return ends
+def grouped(things: Iterable[tuple[Key, One]]) -> dict[Key, list[One]]:
+    """Return things by their names, or whatever else they share, in the order in which they come."""
+    found: dict[Key, list[One]] = {}
+    for name, one in things:
+        found.setdefault(name, []).append(one)
+    return found

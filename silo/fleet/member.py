@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from silo.core.elements import State, Status, is_stalled
+from silo.core.names import grouped
 from silo.core.quantities.writing import wall_clock
 from silo.net.found import LoggerAddress
 from silo.rpc.published import Summary
@@ -199,10 +200,7 @@ def gone_words(since_s: float, now_s: float, now_ns: int, *, unwatched: bool) ->
 
 def segments(members: Iterable[Member]) -> list[SilentHost]:
     """Return the hosts of which several loggers fell silent, with how many, by name."""
-    silent: dict[str, list[Member]] = {}
-    for one in members:
-        if one.lost and one.found.host:
-            silent.setdefault(one.found.host, []).append(one)
+    silent = grouped((one.found.host, one) for one in members if one.lost and one.found.host)
     return [
         SilentHost(host, len(they), min(one.since_s for one in they), all(one.unwatched for one in they))
         for host, they in sorted(silent.items())

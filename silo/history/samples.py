@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from silo.core.names import grouped
 from silo.history.picking import PinnedRows, RingSource, RowSelection, bounds, check_known, first_row, pick
 from silo.history.requests import GetSamples, SampledRows, SampleRows
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
@@ -58,9 +59,7 @@ def _empty(
     found: RowSelection, source: RingSource, wanted: Sequence[tuple[int, int]], request: GetSamples
 ) -> dict[str, str]:
     """Why names have no row of what is wanted, that are there."""
-    groups: dict[str, list[int]] = {}
-    for one in found.names:
-        groups.setdefault(one.name, []).append(one.group)
+    groups = grouped((one.name, one.group) for one in found.names)
     return {
         name: _why_empty([found.groups[group].ring for group in some], source, request)
         for name, some in groups.items()

@@ -11,6 +11,7 @@ from math import prod
 
 import zenoh
 
+from silo.core.names import grouped
 from silo.errors import SegmentError
 from silo.net.keys import Root, escape
 from silo.segment.layout import ElementSchema
@@ -122,10 +123,7 @@ class Topics:
             return True, False  # its files were cut short: the next run goes on
 
     def _publish_rows(self, reader: SegmentReader) -> bool:
-        by_ring: dict[int, list[_Topic]] = {}
-        for topic in self._topics:
-            if topic.active:
-                by_ring.setdefault(topic.element.live_ring, []).append(topic)
+        by_ring = grouped((topic.element.live_ring, topic) for topic in self._topics if topic.active)
         more = [self._publish_ring(reader, ring, topics) for ring, topics in by_ring.items()]
         return any(more)
 

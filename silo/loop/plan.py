@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import BufferType, ElementInfo, ElementOptions, Entry
+from silo.core.names import grouped
 from silo.loop.scratch import Scratch
 from silo.loop.sources import Reference, ValuePath
 from silo.loop.types import Component, expand
@@ -207,12 +208,10 @@ def make_plan(
 
 
 def _add_rings(rings: _Rings, placed: list[_Placed], frequency_hz: float, tiers: int) -> None:
-    groups: dict[tuple[int, BufferType], list[int]] = defaultdict(list)
-    for number, item in enumerate(placed):
-        options = item.element.info.options
-        groups[options.divider, options.buffer].append(number)
+    options = [item.element.info.options for item in placed]
+    groups = grouped(((one.divider, one.buffer), number) for number, one in enumerate(options))
     for (divider, kind), numbers in sorted(groups.items()):
-        sizes = [placed[number].element.info.options.size for number in numbers]
+        sizes = [options[number].size for number in numbers]
         weights = [len(placed[number].layout.words) + 1 for number in numbers]
         bounds = [max(sizes)] if kind is BufferType.GROWING else size_tiers(sizes, weights, tiers)
         tier_of = np.searchsorted(bounds, sizes)
@@ -222,10 +221,11 @@ def _add_rings(rings: _Rings, placed: list[_Placed], frequency_hz: float, tiers:
 
 
 def _add_live_rings(rings: _Rings, placed: list[_Placed], frequency_hz: float) -> None:
-    groups: dict[int, list[int]] = defaultdict(list)
-    for number, item in enumerate(placed):
-        if item.element.info.options.action.publishes and not _carries_live(rings, number, item, frequency_hz):
-            groups[item.element.info.options.divider].append(number)
+    groups = grouped(
+        (item.element.info.options.divider, number)
+        for number, item in enumerate(placed)
+        if item.element.info.options.action.publishes and not _carries_live(rings, number, item, frequency_hz)
+    )
     for divider, numbers in sorted(groups.items()):
         rows = max(MIN_SLACK_ROWS, math.ceil(LIVE_SECONDS * frequency_hz / divider))
         rings.add([(n, placed[n]) for n in numbers], divider, BufferType.LOOPING, rows, live=True)

@@ -7,13 +7,13 @@ store costs 100.
 import logging
 import math
 import struct
-from collections import defaultdict
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.names import grouped
 from silo.loop.sources import Reference, Source, ValuePath, tell_cut
 from silo.segment.layout import STAMP_WORDS
 
@@ -204,10 +204,7 @@ class Scratch:
 
     def by_divider(self) -> dict[int, list[Slot]]:
         """The slots of each divider, packed ones first and side by side."""
-        groups: dict[int, list[Slot]] = defaultdict(list)
-        for slot in self._slots:
-            groups[slot.divider].append(slot)
-        return dict(groups)
+        return grouped((slot.divider, slot) for slot in self._slots)
 
 
 def packer(slots: list[Slot]) -> struct.Struct:

@@ -24,6 +24,7 @@ from pathlib import Path
 import msgspec
 
 from silo.core.elements import FileType
+from silo.core.names import grouped
 from silo.core.quantities.writing import size_text
 from silo.core.runtime import disk_room
 from silo.files.atomic import PART_ENDING, reason
@@ -168,9 +169,7 @@ class RecordingFolder:
         """Return what is there. Raises RequestRefusedError where it can't be read."""
         with _opened(place) as folder:
             found = _found(folder)
-            stems: dict[str, list[_File]] = {}
-            for file in found:
-                stems.setdefault(file.stem, []).append(file)
+            stems = grouped((file.stem, file) for file in found)
             newest = sorted(stems.items(), key=lambda item: (max(file.changed_ns for file in item[1]), item[0]))[::-1]
             shown = newest[: max(0, min(most, MAX_LISTED))]
             until_s = time.monotonic() + READ_S

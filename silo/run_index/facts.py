@@ -12,13 +12,15 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.analysis.compute.samples import Samples
 from silo.analysis.parameters import parameters_of
-from silo.analysis.plots.curves import CurveSource, picked
+from silo.analysis.plots.curves import as_numbers, is_text, picked
 from silo.analysis.plots.events import episodes_of
 from silo.analysis.reports import moments, numbers_of
 from silo.core.arrays.values import from_base
 from silo.core.elements import MARKER, LoggedEvent
 from silo.core.episodes.words import Episode, said_by
+from silo.core.names import grouped
 from silo.core.recording import Recording, places_of_ticks, read_ahead, samples_of_ticks
 from silo.core.tuning.parameters import ParameterValue
 from silo.errors import SiloError
@@ -213,15 +215,14 @@ def _in_episodes(recording: Recording, episodes: Sequence[Episode]) -> tuple[Epi
 
 
 def _of_signal(
-    signal: CurveSource, element: str, pieces: Sequence[slice | NDArray[np.bool_]]
+    signal: Samples, element: str, pieces: Sequence[slice | NDArray[np.bool_]]
 ) -> tuple[SignalFacts, NDArray[np.float64]]:
-    values, _ = signal.as_numbers()
+    values, _ = as_numbers(signal)
     offsets = from_base(signal.values) if signal.values.dtype.kind in "iu" else values
-    kind = "text" if signal.is_text else "enum" if signal.labels else "number"
-    parts = np.array([_numbers(values[piece], offsets[piece], signal.is_text) for piece in pieces]).reshape(
-        -1, len(NUMBERS)
-    )
-    numbers = _numbers(values, offsets, signal.is_text)
+    text = is_text(signal)
+    kind = "text" if text else "enum" if signal.labels else "number"
+    parts = np.array([_numbers(values[piece], offsets[piece], text) for piece in pieces]).reshape(-1, len(NUMBERS))
+    numbers = _numbers(values, offsets, text)
     return signal_facts(signal.name, element, signal.unit, numbers, kind, signal.labels), parts
 
 
@@ -376,10 +377,7 @@ def signals_of(several: Sequence[Sequence[SignalFacts]]) -> list[SignalFacts]:
     """Return the facts of scalars over the samples of several pieces, which follow one another."""
     if len(several) == 1:
         return list(several[0])
-    found: dict[str, list[SignalFacts]] = {}
-    for some in several:
-        for one in some:
-            found.setdefault(one.name, []).append(one)
+    found = grouped((one.name, one) for some in several for one in some)
     return [_signal(some) for _, some in sorted(found.items())]
 
 

@@ -14,6 +14,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 import msgspec
 import numpy as np
 
+from silo.core.names import grouped
 from silo.decoding import json_decoder, msgpack_decoder
 from silo.errors import SiloError
 from silo.files.atomic import reason
@@ -176,10 +177,7 @@ class RunIndex:
     @_in_words
     def elements(self) -> dict[str, list[str]]:
         """Return the elements that any run has, and the scalars of each."""
-        found: dict[str, list[str]] = {}
-        for element, name in self._database.execute("SELECT DISTINCT element, name FROM signal"):
-            found.setdefault(element, []).append(name)
-        return found
+        return grouped(self._database.execute("SELECT DISTINCT element, name FROM signal"))
 
     @_in_words
     def words(self) -> dict[str, set[str]]:
@@ -195,10 +193,8 @@ class RunIndex:
 
         Of all scalars without names.
         """
-        found: dict[str, list[SignalFacts]] = {}
-        for path, name, _, *rest, words in self._rows(_OF_RUNS, names):
-            found.setdefault(path, []).append(SignalFacts(*(name, *rest, _labels(words))))
-        return found
+        rows = self._rows(_OF_RUNS, names)
+        return grouped((path, SignalFacts(*(name, *rest, _labels(words)))) for path, name, _, *rest, words in rows)
 
     @_in_words
     def signals_of_episodes(self, names: Sequence[str] | None = None) -> dict[tuple[str, int], list[SignalFacts]]:
@@ -231,10 +227,7 @@ class RunIndex:
     @_in_words
     def events(self) -> dict[str, list[EventFacts]]:
         """Return what happened by the path of the run, in its order there."""
-        found: dict[str, list[EventFacts]] = {}
-        for path, _, *rest in self._database.execute(_EVENTS):
-            found.setdefault(path, []).append(EventFacts(*rest))
-        return found
+        return grouped((path, EventFacts(*rest)) for path, _, *rest in self._database.execute(_EVENTS))
 
     def _opened(self, path: Path | str) -> sqlite3.Connection:
         database = sqlite3.connect(path, timeout=PATIENCE_S, check_same_thread=False)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arrays.values import as_exact
+from silo.core.names import grouped
 from silo.segment.layout import STAMP_WORDS, EntrySchema
 from silo.segment.rows import HasPlace, Placed, Rows, Words, placed, stored_type, strided
 
@@ -117,9 +118,7 @@ class RowPicker(Generic[Key]):
 
     @functools.cached_property
     def _blocks(self) -> list[_Block]:
-        by_type: dict[np.dtype[Any], list[int]] = {}
-        for place, stored in enumerate(self._types):
-            by_type.setdefault(stored, []).append(place)
+        by_type = grouped((stored, place) for place, stored in enumerate(self._types))
         return [
             _block(stored, np.array(places, np.intp), self._offsets[places])
             for stored, places in by_type.items()

@@ -20,14 +20,14 @@ import yaml
 
 from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import ElementInfo, ElementOptions
-from silo.core.names import nearest
+from silo.core.names import grouped, nearest
 from silo.core.quantities.writing import and_more
 from silo.errors import SaveError, ScriptError
 from silo.settings.options import IN_SCRIPT, OptionValue
 from silo.settings.script_conditions import format_conditions, kinds_of, merged
 from silo.settings.script_reader import Reader, ScriptElement, UnknownKey
 from silo.settings.typed import ElementSettings, rate_words
-from silo.settings.yaml_nodes import Pair, collector_paused, compose, explain, text_of
+from silo.settings.yaml_nodes import collector_paused, compose, explain, text_of
 
 MAX_SCRIPT_BYTES = 8 * 2**20  # about 60,000 elements; libyaml reads 1 - 2 MB/s
 MAX_PROBLEMS = 50
@@ -189,9 +189,7 @@ def format_script(
     `kept` are keys that silo doesn't know: they stand again where they stood, without their comments. `conditions`
     stand in keys that the original doesn't know.
     """
-    places: dict[tuple[str, str], list[Pair]] = {}
-    for key in kept:
-        places.setdefault((key.place, key.element), []).append(key.pair)
+    places = grouped(((key.place, key.element), key.pair) for key in kept)
     anchors = itertools.count(1)
 
     def unknown(place: str, name: str, indent: int) -> str:

@@ -4,14 +4,14 @@ Used by `silo plot`; pure, draws nothing.
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from silo.analysis.compute.calculus import Floats, derivative
 from silo.analysis.compute.samples import Samples
 from silo.analysis.compute.spectra import lines_of, longest_piece
-from silo.analysis.plots.curves import CurveSource, pick, window
+from silo.analysis.plots.curves import as_numbers, pick, window
 from silo.analysis.plots.drawing import Chart, Curve
 from silo.analysis.plots.events import events_of
 from silo.analysis.plots.limit_lines import DrawnBound, limit_levels, placed
@@ -58,22 +58,17 @@ def make_chart(recording: Recording, spec: ChartSpec, title: str = "") -> tuple[
     over = None if spec.x is None else _one(recording, spec.x)
     curves = [_curve(signal, spec.transform, over, zero, signal.name in is_right) for signal in shown]
     times = spec.x is None and spec.transform != "spectrum"
-    chart = Chart(
-        curves,
-        title=title,
+    at_left, at_right = ([s for s in shown if (s.name in is_right) is right] for right in (False, True))
+    chart = replace(
+        _chart(curves, at_left, at_right, title, spec.transform, over),
         events=_events(recording, curves, zero) if times else (),
         levels=_levels(recording, shown, curves, is_right) if not spec.transform else (),
-        x_label=_x_label(spec.transform, over),
-        left_label=_label([s for s in shown if s.name not in is_right], spec.transform),
-        right_label=_label([s for s in shown if s.name in is_right], spec.transform),
-        left_ticks=_names([s for s in shown if s.name not in is_right], spec.transform),
-        right_ticks=_names([s for s in shown if s.name in is_right], spec.transform),
     )
     return chart, max(0, len(chosen) - len(shown))
 
 
 def _levels(
-    recording: Recording, shown: Sequence[CurveSource], curves: Sequence[Curve], right: Collection[str]
+    recording: Recording, shown: Sequence[Samples], curves: Sequence[Curve], right: Collection[str]
 ) -> list[DrawnBound]:
     """Limits of what is shown, with where they lie; none where a curve counts from somewhere else than 0."""
     names = [signal.name for signal, curve in zip(shown, curves, strict=True) if " - " not in curve.label]
@@ -87,23 +82,33 @@ def _events(recording: Recording, curves: Sequence[Curve], zero: int) -> list[tu
     return [(event.seconds, event.words) for event in events_of(recording, zero) if low <= event.seconds <= high]
 
 
-def chart_of(signals: Sequence[CurveSource], zeros: Sequence[int], title: str = "") -> Chart:
-    """The chart of signals, each over the seconds since its own zero; two units have two axes."""
+def chart_of(signals: Sequence[Samples], title: str = "") -> Chart:
+    """The chart of scalars, each over the seconds since the start of its own log; two units have two axes."""
     left, right = _by_unit(list(signals))
     is_right = {id(signal) for signal in right}
-    curves = [_curve(one, "", None, zero, id(one) in is_right) for one, zero in zip(signals, zeros, strict=True)]
+    return _chart([_curve(one, "", None, one.start_ns, id(one) in is_right) for one in signals], left, right, title)
+
+
+def _chart(
+    curves: Sequence[Curve],
+    left: Sequence[Samples],
+    right: Sequence[Samples],
+    title: str,
+    transform: str = "",
+    over: Samples | None = None,
+) -> Chart:
     return Chart(
         curves,
         title=title,
-        x_label=_x_label("", None),
-        left_label=_label(left, ""),
-        right_label=_label(right, ""),
-        left_ticks=_names(left, ""),
-        right_ticks=_names(right, ""),
+        x_label=_x_label(transform, over),
+        left_label=_label(left, transform),
+        right_label=_label(right, transform),
+        left_ticks=_names(left, transform),
+        right_ticks=_names(right, transform),
     )
 
 
-def _by_unit(signals: list[CurveSource]) -> tuple[list[CurveSource], list[CurveSource]]:
+def _by_unit(signals: list[Samples]) -> tuple[list[Samples], list[Samples]]:
     """Two units, two axes; with more than two nothing is gained."""
     units = list(dict.fromkeys(signal.unit for signal in signals))
     if len(units) != 2:
@@ -111,7 +116,7 @@ def _by_unit(signals: list[CurveSource]) -> tuple[list[CurveSource], list[CurveS
     return [s for s in signals if s.unit == units[0]], [s for s in signals if s.unit == units[1]]
 
 
-def _one(recording: Recording, pattern: str) -> CurveSource:
+def _one(recording: Recording, pattern: str) -> Samples:
     found = pick(recording, [pattern])
     if len(found) != 1:
         names = ", ".join(signal.name for signal in found[:3])
@@ -119,9 +124,9 @@ def _one(recording: Recording, pattern: str) -> CurveSource:
     return found[0]
 
 
-def _curve(signal: CurveSource, transform: str, over: CurveSource | None, zero: int, right: bool) -> Curve:
+def _curve(signal: Samples, transform: str, over: Samples | None, zero: int, right: bool) -> Curve:
     times = (signal.time_ns - zero) / 1e9
-    values, _ = signal.as_numbers()
+    values, _ = as_numbers(signal)
     unit = "" if signal.unit in ("", "-") else f" [{signal.unit}]"
     exact = numbers(signal.values)
     if exact.base and signal.values.dtype.kind in "iu" and not transform:
@@ -139,18 +144,17 @@ def _curve(signal: CurveSource, transform: str, over: CurveSource | None, zero: 
     return Curve(f"{signal.name}{unit}", times, values, right)
 
 
-def _held(over: CurveSource, signal: CurveSource) -> Floats:
+def _held(over: Samples, signal: Samples) -> Floats:
     """The value of `over` that held at each sample of the signal; NaN before its first and beyond its last."""
-    values, _ = over.as_numbers()
-    source = Samples(over.name, values, over.time_ns)
-    where = source._places(signal.time_ns)
+    values, _ = as_numbers(over)
+    where = over._places(signal.time_ns)
     held = np.full(len(where), np.nan)
-    known = source._holding(signal.time_ns) if len(source) else where >= 0
+    known = over._holding(signal.time_ns) if len(over) else where >= 0
     held[known] = values[where[known]]
     return held
 
 
-def _x_label(transform: str, over: CurveSource | None) -> str:
+def _x_label(transform: str, over: Samples | None) -> str:
     if transform == "spectrum":
         return "frequency [Hz]"
     if over is not None:
@@ -158,7 +162,7 @@ def _x_label(transform: str, over: CurveSource | None) -> str:
     return "time [s]"
 
 
-def _label(signals: Sequence[CurveSource], transform: str) -> str:
+def _label(signals: Sequence[Samples], transform: str) -> str:
     if not signals:
         return ""
     units = {signal.unit for signal in signals if signal.unit not in ("", "-")}
@@ -168,9 +172,9 @@ def _label(signals: Sequence[CurveSource], transform: str) -> str:
     return unit
 
 
-def _names(signals: Sequence[CurveSource], transform: str) -> Mapping[int, str]:
+def _names(signals: Sequence[Samples], transform: str) -> Mapping[int, str]:
     """Names of values on the axis, if all its signals have the same."""
     if transform or not signals:
         return {}
-    names = [dict(signal.as_numbers()[1]) for signal in signals]
+    names = [dict(as_numbers(signal)[1]) for signal in signals]
     return names[0] if all(each == names[0] for each in names) else {}

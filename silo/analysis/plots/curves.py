@@ -4,7 +4,7 @@ Pure functions on a `Recording`; enumerations and strings become numbers with na
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from silo.analysis.compute.arithmetic import warn_outside
 from silo.analysis.compute.calculus import Floats
+from silo.analysis.compute.samples import Samples
 from silo.analysis.lookup import names_of
 from silo.core.arrays.values import as_floats
 from silo.core.arrays.values import text_of as value_text
@@ -24,45 +25,35 @@ from silo.expressions.over_recordings import RecordingJudge, is_expression, labe
 _MOST_NAMES = 50
 
 
-@dataclass(frozen=True)
-class CurveSource:
-    """One scalar signal with its time stamps: `time_ns` and `values` have the same length."""
-
-    name: str
-    unit: str
-    time_ns: NDArray[np.int64]
-    values: NDArray[Any]
-    labels: Mapping[int, str] = field(default_factory=dict)
-
-    @property
-    def is_text(self) -> bool:
-        """Whether the values are strings."""
-        return self.values.dtype.kind in "SU"
-
-    def as_numbers(self) -> tuple[Floats, Mapping[int, str]]:
-        """Return the values as float64, and names of values: labels of an enumeration, or a number per distinct string.
-
-        Dates become seconds since 1970; of all else `silo.core.arrays.values` tells what it counts as.
-        """
-        values = self.values
-        kind = values.dtype.kind
-        if self.is_text:
-            distinct, codes = np.unique(values, return_inverse=True)
-            names = [text_of(value) for value in distinct[:_MOST_NAMES].tolist()]
-            return codes.astype(np.float64), dict(enumerate(names))
-        if kind in "mM":
-            return _seconds(values), {}
-        return as_floats(values), self.labels if kind in "biuf" else {}
+def is_text(signal: Samples) -> bool:
+    """Whether the values are strings."""
+    return signal.values.dtype.kind in "SU"
 
 
-def pick(recording: Recording, patterns: Sequence[str]) -> list[CurveSource]:
+def as_numbers(signal: Samples) -> tuple[Floats, Mapping[int, str]]:
+    """Return the values as float64, and names of values: labels of an enumeration, or a number per distinct string.
+
+    Dates become seconds since 1970; of all else `silo.core.arrays.values` tells what it counts as.
+    """
+    values = signal.values
+    kind = values.dtype.kind
+    if kind in "SU":
+        distinct, codes = np.unique(values, return_inverse=True)
+        names = [text_of(value) for value in distinct[:_MOST_NAMES].tolist()]
+        return codes.astype(np.float64), dict(enumerate(names))
+    if kind in "mM":
+        return _seconds(values), {}
+    return as_floats(values), signal.labels if kind in "biuf" else {}
+
+
+def pick(recording: Recording, patterns: Sequence[str]) -> list[Samples]:
     """Return the signals that the patterns name, each once, in the order of the patterns.
 
     A pattern is a name of elements (all their entries) or of entries, by the rule of `silo.core.names`, or an
     expression that computes a signal (`abs(a) - b`). Raises `ElementError` for a pattern that names nothing, with close
     names.
     """
-    chosen: dict[str, CurveSource] = {}
+    chosen: dict[str, Samples] = {}
     names = names_of(recording)
     for pattern in patterns:
         found = _find(recording, names, pattern)
@@ -79,18 +70,19 @@ def pick(recording: Recording, patterns: Sequence[str]) -> list[CurveSource]:
     return list(chosen.values())
 
 
-def pick_all(recording: Recording) -> list[CurveSource]:
+def pick_all(recording: Recording) -> list[Samples]:
     """Return every signal, in the table's order."""
     read_ahead(recording.elements)
     return [picked(recording, element, entry) for element in recording.elements for entry in element.entries]
 
 
-def picked(recording: Recording, element: RecordedElement, entry: RecordedEntry) -> CurveSource:
+def picked(recording: Recording, element: RecordedElement, entry: RecordedEntry) -> Samples:
     """Return one entry with its time stamps, by the rule of `RecordedElement`."""
-    return CurveSource(entry.name, element.unit, stamps_of(recording, element), entry.values, entry.entry.labels or {})
+    stamps = stamps_of(recording, element)
+    return Samples(entry.name, entry.values, stamps, element.unit, labels=entry.entry.labels or {})
 
 
-def window(signal: CurveSource, start_ns: float, stop_ns: float) -> CurveSource:
+def window(signal: Samples, start_ns: float, stop_ns: float) -> Samples:
     """Return the samples with stamps from `start_ns` to `stop_ns`, both included."""
     inside = (signal.time_ns >= start_ns) & (signal.time_ns <= stop_ns)
     return replace(signal, time_ns=signal.time_ns[inside], values=signal.values[inside])
@@ -118,7 +110,7 @@ def _find(recording: Recording, names: Names, pattern: str) -> list[tuple[Record
     return made
 
 
-def _computed(recording: Recording, pattern: str) -> list[CurveSource]:
+def _computed(recording: Recording, pattern: str) -> list[Samples]:
     """What an expression or a derived signal gives: one curve, or one per value of a vector. None for another word."""
     judge = RecordingJudge(narrowed(recording, [pattern]))
     derived = judge.derived(pattern)
@@ -127,10 +119,11 @@ def _computed(recording: Recording, pattern: str) -> list[CurveSource]:
     found = judge.evaluate(pattern if derived is None else f"`{derived.name}`")
     name, labels, unit = derived.name if derived else pattern, labels_of(found.bound), found.bound.unit
     if not found.bound.width:
-        return [CurveSource(name, unit, found.time_ns, found.values, labels)]
+        return [Samples(name, found.values, found.time_ns, unit, labels=labels)]
     stem = name if derived else f"({name})"
     return [
-        CurveSource(f"{stem}_{at}", unit, found.time_ns, found.values[:, at], labels) for at in range(found.bound.width)
+        Samples(f"{stem}_{at}", found.values[:, at], found.time_ns, unit, labels=labels)
+        for at in range(found.bound.width)
     ]
 
 

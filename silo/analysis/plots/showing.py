@@ -9,7 +9,6 @@ from typing import Any
 
 from silo.analysis.compute.samples import Samples
 from silo.analysis.plots.charts import chart_of
-from silo.analysis.plots.curves import CurveSource
 from silo.analysis.plots.drawing import Chart, draw_axes, draw_png, draw_text
 from silo.core.arguments import shown
 from silo.errors import ElementError
@@ -20,17 +19,14 @@ MOST_CURVES = 20
 
 def signal_chart(signals: Sequence[Samples], title: str = "") -> Chart:
     """Return the chart of signals, each over the time since the start of its own log."""
-    found: list[tuple[CurveSource, int]] = []
+    found: list[Samples] = []
     for signal in signals:
         if not isinstance(signal, Samples):
             raise ElementError(f"plot takes signals, got {shown(signal)}; write log['/log/x'].plot(log['/log/y'])")
-        parts = [signal.component(place) for place in range(len(signal.components))] or [signal]
-        found += [
-            (CurveSource(part.name, part.unit, part.time_ns, part.values, part.labels), part.start_ns) for part in parts
-        ]
-    if not any(len(picked.values) for picked, _ in found):
+        found += [signal.component(place) for place in range(len(signal.components))] or [signal]
+    if not any(map(len, found)):
         raise ElementError(f"there is nothing to plot: {', '.join(f'{one.name!r} {one._span}' for one in signals)}")
-    return chart_of([one for one, _ in found[:MOST_CURVES]], [zero for _, zero in found[:MOST_CURVES]], title)
+    return chart_of(found[:MOST_CURVES], title)
 
 
 def show(chart: Chart, ax: Any, path: str | os.PathLike[str] | None, terminal: bool | None) -> Any:

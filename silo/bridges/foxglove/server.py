@@ -23,6 +23,7 @@ from silo.bridges.listening import LOOPBACK
 from silo.bridges.messages import live_topics
 from silo.bridges.services import Call, Connect, Tune
 from silo.core.elements import ElementInfo
+from silo.core.names import grouped
 from silo.core.tuning.parameters import ParameterInfo
 from silo.errors import SiloError
 from silo.history.arrays import SampleArrays
@@ -286,9 +287,7 @@ class ViewerServer:
             for topic in topics
         ]
         self._offers = {offer.id: offer for offer in offers}
-        self._of_element = {}
-        for offer in offers:
-            self._of_element.setdefault(offer.topic.element, []).append(offer)
+        self._of_element = grouped((offer.topic.element, offer) for offer in offers)
         gone = [number for number in before if number not in self._offers]
         new = [offer for number, offer in self._offers.items() if number not in before]
         for viewer in self._viewers:
@@ -304,10 +303,11 @@ class ViewerServer:
 
     def _deliver(self, batch: Mapping[str, SampleArrays], taken: Callable[[], None]) -> None:
         try:
-            wanted: dict[int, list[tuple[Viewer, int]]] = {}
-            for viewer in self._viewers:
-                for number, channel in viewer.subscriptions.items():
-                    wanted.setdefault(channel, []).append((viewer, number))
+            wanted = grouped(
+                (channel, (viewer, number))
+                for viewer in self._viewers
+                for number, channel in viewer.subscriptions.items()
+            )
             for name, samples in batch.items():
                 self._newest_ns = max(self._newest_ns, int(samples.time_ns[-1]))
                 for offer in self._of_element.get(name, ()):

@@ -24,7 +24,7 @@ from silo.files.formats import readable, writable
 
 if TYPE_CHECKING:
     # NumPy takes 150 ms, which commands without a log don't have to wait
-    from silo.analysis.plots.curves import CurveSource
+    from silo.analysis.compute.samples import Samples
     from silo.core.recording import Recording
 
 
@@ -452,8 +452,8 @@ def _whole(path: Path, recording: "Recording", *, check: bool) -> "Recording":
 
 
 def _windowed(
-    recording: "Recording", signals: "Sequence[CurveSource]", start: float | None, stop: float | None
-) -> "Iterator[CurveSource]":
+    recording: "Recording", signals: "Sequence[Samples]", start: float | None, stop: float | None
+) -> "Iterator[Samples]":
     from silo.analysis.plots.curves import window
 
     if start is None and stop is None:

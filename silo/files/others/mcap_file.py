@@ -16,6 +16,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
+from silo.core.names import grouped
 from silo.core.recording import DamageNotes
 from silo.files.bags.index import DAMAGE, told_damage
 from silo.files.mcap.chunks import INDEX_ENTRY, MESSAGE, RECORD, records, unpack_chunk, walked
@@ -246,9 +247,7 @@ class McapChannel:
             chosen = sorted({blocks[0], blocks[len(blocks) // 2], blocks[-1]} if blocks else ())
             yield from self._groups(chosen, most, bad)
             return
-        sizes: dict[int, list[tuple[NDArray[np.int64], NDArray[np.uint8]]]] = {}
-        for which, rows in self._groups(blocks, None, bad):
-            sizes.setdefault(rows.shape[1], []).append((which, rows))
+        sizes = grouped((rows.shape[1], (which, rows)) for which, rows in self._groups(blocks, None, bad))
         for parts in sizes.values():
             yield np.concatenate([which for which, _ in parts]), np.concatenate([rows for _, rows in parts])
 

@@ -8,6 +8,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from silo.core.names import grouped
 from silo.files.mcap.chunks import MOST_RATIO, MOST_ROOM
 
 Equal = tuple[NDArray[np.int64], NDArray[np.uint8]]  # which messages, and their bytes, shape `(n, size)`
@@ -48,10 +49,7 @@ class FileTopic:
 
 def equal(contents: Sequence[tuple[int, bytes]]) -> Iterator[Equal]:
     """Return messages of one size together: which they are, and their bytes."""
-    sizes: dict[int, list[tuple[int, bytes]]] = {}
-    for place, content in contents:
-        sizes.setdefault(len(content), []).append((place, content))
-    for size, those in sizes.items():
+    for size, those in grouped((len(content), (place, content)) for place, content in contents).items():
         rows = np.frombuffer(b"".join([content for _, content in those]), np.uint8)
         yield np.array([place for place, _ in those], np.int64), rows.reshape(len(those), size)
 
