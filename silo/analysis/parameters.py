@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.analysis.compute.samples import Samples
-from silo.analysis.ramps import Ramp, TunedSamples, between, samples_of
+from silo.analysis.ramps import Ramp, TunedSamples, between, samples_of, values_of
 from silo.core.arguments import real
 from silo.core.elements import LoggedEvent
 from silo.core.parameter_images import Unknown, unknown_of_runs, unknown_texts
@@ -72,7 +72,7 @@ class LoggedParameters:
     @property
     def changes(self) -> list[LoggedEvent]:
         """All changes, oldest first: when, by whom, from the tick on from which the new values held."""
-        return [event for event in self._events if any(old is not None for _, old, _ in _values(event))]
+        return [event for event in self._events if any(old is not None for _, old, _ in values_of(event))]
 
     @property
     def excitations(self) -> list[LoggedExcitation]:
@@ -91,7 +91,7 @@ class LoggedParameters:
     @property
     def names(self) -> list[str]:
         """The names of all that are told of."""
-        return list(dict.fromkeys(name for event in self._events for name, _, _ in _values(event)))
+        return list(dict.fromkeys(name for event in self._events for name, _, _ in values_of(event)))
 
     def at(self, time_s: float) -> dict[str, ParameterValue]:
         """Return what each parameter was at a time; of one that is excited, around what it goes.
@@ -127,7 +127,7 @@ class LoggedParameters:
         found: dict[str, ParameterValue] = {}
         ways: dict[str, tuple[int, ParameterValue]] = {}  # of what was changed last: by which event, from where
         for number, event in enumerate(self._events):
-            for name, old, new in _values(event):
+            for name, old, new in values_of(event):
                 if event.tick < known:
                     continue
                 if event.tick <= tick:
@@ -169,7 +169,3 @@ def parameters_of(recording: Recording, start_ns: int) -> LoggedParameters:
     """Return the parameters of a recording; times count from `start_ns`."""
     samples = samples_of(recording)
     return LoggedParameters(recording.events, recording.time_ns, recording.offset, start_ns, samples)
-
-
-def _values(event: LoggedEvent) -> Sequence[tuple[str, ParameterValue | None, ParameterValue]]:
-    return event.change.values if event.change is not None else ()

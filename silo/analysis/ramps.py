@@ -61,7 +61,7 @@ class Ramp:
         assert event.change is not None
         self._event, self._stamp = event, stamp
         names = {name for name, _, _ in event.change.values}
-        following = next((one for one in later if not names.isdisjoint(name for name, _, _ in _values(one))), None)
+        following = next((one for one in later if not names.isdisjoint(name for name, _, _ in values_of(one))), None)
         self._end = None if following is None else following.tick  # with what belongs together it stops there
         points = dict(_shares(event, following, samples))
         self._ticks = sorted(points)
@@ -93,7 +93,7 @@ def _shares(
     event: LoggedEvent, following: LoggedEvent | None, samples: Callable[[str], TunedSamples | None]
 ) -> Iterator[tuple[int, float]]:
     """How far it had come, by tick, as the samples of a number tell, and what the next change found."""
-    numbers = [(name, way) for name, old, new in _values(event) if (way := _way(old, new)) is not None]
+    numbers = [(name, way) for name, old, new in values_of(event) if (way := _way(old, new)) is not None]
     # what is rounded tells less
     numbers.sort(key=lambda one: isinstance(one[1].first, int))
     logged, name, way = next(
@@ -108,7 +108,7 @@ def _shares(
         shares = np.clip((logged.values[low:high, way.place].astype(float) - way.first) / way.length, 0.0, 1.0)
         yield from zip(logged.ticks[low:high].tolist(), shares.tolist(), strict=True)
     if following is not None:
-        then = next((then for other, then, _ in _values(following) if other == name), None)
+        then = next((then for other, then, _ in values_of(following) if other == name), None)
         if then is not None:
             yield following.tick, way.share(_numbers(then)[way.place])
 
@@ -152,5 +152,6 @@ def between(old: ParameterValue, new: ParameterValue, share: float) -> Parameter
     return round(made) if isinstance(old, int) and isinstance(new, int) else made
 
 
-def _values(event: LoggedEvent) -> Values:
+def values_of(event: LoggedEvent) -> Values:
+    """What a change was of: names, values before and after."""
     return event.change.values if event.change is not None else ()

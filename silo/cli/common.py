@@ -124,7 +124,8 @@ def patiently(make: Callable[[], _Made]) -> _Made:
         if problem != told:
             told = problem
             click.echo(f"{told}\ntrying again every {TRY_AGAIN_S:g} s, until Ctrl-C", err=True)
-        _forget_discovered()
+        if ctx := click.get_current_context(silent=True):
+            ctx.find_root().meta.pop(f"silo discovery {configuration()}", None)
         _pause()
 
 
@@ -149,12 +150,6 @@ def _tried(make: Callable[[], _Made]) -> tuple[_Made | None, str]:
 
 def _pause() -> None:
     time.sleep(TRY_AGAIN_S)
-
-
-def _forget_discovered() -> None:
-    ctx = click.get_current_context(silent=True)
-    if ctx is not None:
-        ctx.find_root().meta.pop(f"silo discovery {configuration()}", None)
 
 
 class Ending:

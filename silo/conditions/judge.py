@@ -300,8 +300,7 @@ class Judge:
                 self._bring(judge, found)
             except Exception:  # what it knows may be what is broken
                 log.exception("what triggers and limits knew can't be stored")
-                for buffer in found.whole:
-                    self._writer.add(buffer)
+                self._writer.add(*found.whole)
         self._events.publish(EventKind.BLIND, text)
 
     def _hand_over(self) -> None:
@@ -388,7 +387,6 @@ class Judge:
 
     def _judge_left(self, run: str) -> None:
         """Judge a run that is over, from where a predecessor stood; told is what nobody told before."""
-        from silo.conditions.segment_judge import SegmentJudge
 
         memory, reader = self._remembering(), self._held.open(run)
         if reader is None:
@@ -396,8 +394,7 @@ class Judge:
         state = memory.left(run)
         conditions, until = (reader.schema.conditions, 0) if state is None else (state.conditions, state.until)
         try:
-            table = self._replica.now.table.elements
-            judge = SegmentJudge(reader, table, conditions, until, lambda: self._writer.size_bytes)
+            judge = self._made(reader, conditions, until)
             whole = judge.recall(state) if state is not None else []
             found = judge.end(reader.stop_reason or "a new run began", self._is_late)
         except (SiloError, ValueError, KeyError, IndexError) as error:
@@ -409,8 +406,7 @@ class Judge:
             found.whole[:0] = whole
             memory.keep(judge, found, closed=True, failed="")
             memory.tell_new(found, judge)
-            for buffer in found.whole:
-                self._writer.add(buffer)
+            self._writer.add(*found.whole)
 
     # ------------------------------------------------------------------------------------------- before and after us
 
@@ -445,8 +441,7 @@ class Judge:
                 self._events.publish(EventKind.BLIND, lost_text(kept, f"its judge left what can't be used: {error}"))
             self._begin(reader, state.conditions, since=reader.ticks)
             return True
-        for buffer in whole:
-            self._writer.add(buffer)
+        self._writer.add(*whole)
         if not state.failed:
             self._judge = judge
         return True
@@ -500,8 +495,7 @@ class Judge:
         if found or memory.is_due():
             self._keep(judge, found)
         memory.tell(found, judge)
-        for buffer in found.whole:
-            self._writer.add(buffer)
+        self._writer.add(*found.whole)
 
 
 def _waiting(one: TriggerStatus, why: str) -> TriggerStatus:

@@ -450,7 +450,8 @@ def _news(one: _Limited, scalar: ScalarMemory, state: EntryState) -> list[LimitN
     if untold is not None and (new > 0 or abs(untold.worst) > abs(told)):
         scalar.told, scalar.told_peak = untold.worst, untold.peak_tick
         times = f", {new} times" if new > 1 else ""
-        ended = "" if over else f"; within its limits again{_from_words(_well_tick(state))}"
+        well = _well_tick(state)
+        ended = "" if over else "; within its limits again" + (f" from tick {well} on" if well >= 0 else "")
         text = f"{_violation_text(one, scalar, untold)}{times}{ended}"
         found.append(LimitNews(True, text, untold.peak_tick, untold.peak_ns))
     if new_stale > 0:
@@ -464,10 +465,6 @@ def _news(one: _Limited, scalar: ScalarMemory, state: EntryState) -> list[LimitN
 
 def _tick_words(tick: int) -> str:
     return f" at tick {tick}" if tick >= 0 else ""
-
-
-def _from_words(tick: int) -> str:
-    return f" from tick {tick} on" if tick >= 0 else ""
 
 
 def _well_tick(state: EntryState) -> int:

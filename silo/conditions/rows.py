@@ -1,7 +1,6 @@
 """Rows of a run as expressions want them: columns of float64 by element and entry, from one tick on."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 from silo.core.conditions import Derived
 from silo.core.elements import BufferType, ElementInfo
@@ -13,13 +12,6 @@ from silo.segment.picking import RowPicker
 from silo.segment.reader import SegmentReader
 
 
-@dataclass(frozen=True)
-class _Off:
-    """An element of the table that isn't logged in this run."""
-
-    info: ElementInfo
-
-
 class JudgedRows:
     """Reads behind the heads of the rings; a source is a ring."""
 
@@ -27,23 +19,18 @@ class JudgedRows:
         """`table` names the elements that are off too."""
         self._reader = reader
         schema = reader.schema
-        logged = {element.info.name: element for element in schema.elements}
-        self._elements: list[ElementSchema | _Off] = [
-            *schema.elements,
-            *(_Off(info) for info in table if info.name not in logged),
+        logged = {element.info.name for element in schema.elements}
+        off = [info for info in table if info.name not in logged]
+        self._infos = [*(element.info for element in schema.elements), *off]
+        sources = [*map(self._ring_of, schema.elements), *[OFF] * len(off)]
+        known = [
+            Known(info.name, info.entries, info.unit, source, info.options.divider)
+            for info, source in zip(self._infos, sources, strict=True)
         ]
-        self.catalogue = Catalogue(
-            [self._known(one) for one in self._elements], schema.prefix, schema.conditions.derived
-        )
+        self.catalogue = Catalogue(known, schema.prefix, schema.conditions.derived)
         self._wanted: dict[int, RowPicker[tuple[int, int]]] = {}
         self._cursors: dict[int, int] = {}
         self._silent: set[int] = set()
-
-    def _known(self, element: ElementSchema | _Off) -> Known:
-        info = element.info
-        if isinstance(element, _Off):
-            return Known(info.name, info.entries, info.unit, OFF, info.options.divider)
-        return Known(info.name, info.entries, info.unit, self._ring_of(element), info.options.divider)
 
     def _ring_of(self, element: ElementSchema) -> int:
         # of what keeps its first samples only, the ring for live views has the rest
@@ -113,7 +100,7 @@ class JudgedRows:
             return ""
         element, ring = full[0]
         kept = "keeps its first samples only" if ring.buffer_type is BufferType.FIXED else "may not grow any more"
-        name, buffer = self._elements[element].info.name, ring.buffer_type.name.lower()
+        name, buffer = self._infos[element].name, ring.buffer_type.name.lower()
         return f"'{name}' {kept} (buffer={buffer}), and its buffer is full"
 
     def _read(self, ring: int, until: int) -> tuple[SourceRows, int]:
@@ -128,9 +115,9 @@ class JudgedRows:
 
     def infos_of(self, names: Collection[str]) -> list[ElementInfo]:
         """Return what is known of these elements."""
-        return [one.info for one in self._elements if one.info.name in names]
+        return [info for info in self._infos if info.name in names]
 
     def off_names(self, expressions: Iterable[BoundExpression]) -> list[str]:
         """Return the elements in expressions that are off."""
         places = {column.element for bound in expressions for column in bound.columns if column.source == OFF}
-        return [self._elements[place].info.name for place in sorted(places)]
+        return [self._infos[place].name for place in sorted(places)]

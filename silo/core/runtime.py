@@ -237,6 +237,15 @@ def sync(path: Path) -> None:
         os.close(descriptor)
 
 
+def sync_folder(folder: Path) -> None:
+    """Make a rename in a folder durable; some network file systems refuse that, and the data is safe without."""
+    try:
+        sync(folder)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.EACCES):
+            raise
+
+
 def lock_as_writer(descriptor: int) -> bool:
     """Mark a file as being written until it is closed; False if another process has marked it.
 

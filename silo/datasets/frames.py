@@ -198,13 +198,10 @@ def same_features(known: tuple[Feature, ...], made: FrameTable, name: str) -> tu
     """
     if not known:
         return made.features
-    if _without_words(known) != _without_words(made.features):
+    plain, others = ([msgspec.structs.replace(one, labels={}) for one in some] for some in (known, made.features))
+    if plain != others:
         raise ElementError(f"'{name}': {_difference(known, made.features)}; take runs of one kind")
     return tuple(_with_words(one, other, name) for one, other in zip(known, made.features, strict=True))
-
-
-def _without_words(features: Sequence[Feature]) -> list[Feature]:
-    return [msgspec.structs.replace(one, labels={}) for one in features]
 
 
 def _with_words(known: Feature, made: Feature, name: str) -> Feature:

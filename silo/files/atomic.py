@@ -19,7 +19,7 @@ from typing import BinaryIO
 
 from silo.core.child import end_abandoned_holder
 from silo.core.quantities.writing import size_text
-from silo.core.runtime import disk_room, is_at, sync
+from silo.core.runtime import disk_room, is_at, sync, sync_folder
 from silo.errors import SaveError
 
 PART_ENDING = ".part"
@@ -130,7 +130,7 @@ def replaced_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
                 except BaseException:
                     old.rename(final)
                     raise
-            _sync_folder(final.parent)
+            sync_folder(final.parent)
     except SaveError as error:
         raise SaveError(str(error).replace(os.fspath(new), os.fspath(final))) from error
     except OSError as error:
@@ -364,16 +364,7 @@ def _remove(part: Path) -> None:
 def _sync_name(final: Path) -> None:
     """Make a rename durable that is done. Raises SaveError, which says that the new file stands there."""
     try:
-        _sync_folder(final.parent)
+        sync_folder(final.parent)
     except OSError as error:
         left = "the new one stands under that name, but may be gone after a power cut"
         raise _refused(final, error, left) from error
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make the rename itself durable; some network file systems refuse that, and the data is safe without."""
-    try:
-        sync(folder)
-    except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.EACCES):
-            raise

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import BinaryIO, TypeVar
 
 from silo.core.quantities.writing import size_text
-from silo.core.runtime import disk_room
+from silo.core.runtime import disk_room, sync_folder
 from silo.errors import ConnectionLostError, SaveError
 from silo.recordings.requests import PartOfRecording, Piece, RecordingParts
 
@@ -202,13 +202,13 @@ def _put_in_place(told: RecordingParts, folder: Path, place: Path, targets: list
             stray.unlink()  # of a fetch of what the bag was before
         if final.exists():
             shutil.rmtree(final)
-        _sync(place)
+        sync_folder(place)
         place.rename(final)
     else:
         # the file itself last: where it stands all of it is there
         for one, target in reversed(list(zip(told.parts, targets, strict=True))):
             target.replace(folder / one.path)
-    _sync(folder)
+    sync_folder(folder)
 
 
 def _write(file: BinaryIO, data: bytes, offset: int) -> None:
@@ -224,14 +224,3 @@ def _sum(file: BinaryIO, offset: int, count: int) -> int:
     for begin in range(offset, offset + count, MAX_PIECE):
         crc32 = zlib.crc32(os.pread(file.fileno(), min(MAX_PIECE, offset + count - begin), begin), crc32)
     return crc32
-
-
-def _sync(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.EACCES):  # some network file systems can't
-            raise
-    finally:
-        os.close(descriptor)

@@ -37,11 +37,11 @@ from silo.files.formats import writer_for
 from silo.files.optional_packages import need
 from silo.files.tables.parquet import read_parquet
 from silo.run_index.facts import EventFacts, RunFacts, SignalFacts, by_run, merged
-from silo.run_index.index import Told
+from silo.run_index.index import RunIndex, Told
 from silo.run_index.labels import Labels
 from silo.run_index.listed import ListedRun
 from silo.run_index.runs import RunList
-from silo.run_index.tables import COLUMNS, FACTS, Folders, IndexFacts, read_numbers, read_signals, typed
+from silo.run_index.tables import COLUMNS, FACTS, Folders, read_numbers, read_signals, typed
 
 EXTRA = "archive"
 MARK = "silo-archive.json"
@@ -128,7 +128,7 @@ def chain_of(facts: RunFacts) -> str:
     return f"{facts.robot}/{facts.run}/{facts.recorder}" if facts.run and (facts.part or facts.recorder) else ""
 
 
-def known_files(runs: Mapping[str, ListedRun], indexes: Sequence[IndexFacts]) -> dict[str, ArchivedFacts]:
+def known_files(runs: Mapping[str, ListedRun], indexes: Sequence[RunIndex | KnownFiles]) -> dict[str, ArchivedFacts]:
     """Return what indexes know of files, by their names in an archive."""
     if not runs:
         return {}

@@ -268,7 +268,9 @@ def by_run(files: Sequence[RunFacts]) -> list[tuple[tuple[RunFacts, ...], tuple[
         together = [list(its) for _, its in groupby(sorted(some, key=_place), key=lambda one: _place(one)[:2])]
         saved = [save for group in together if not group[0].recorder for save in _saves(group)]
         recorded = [tuple(group) for group in together if group[0].recorder]
-        best = max([*saved, *recorded], key=_amount)
+        best = max(
+            [*saved, *recorded], key=lambda of: (sum(one.ticks * one.elements for one in of), not of[0].recorder)
+        )
         # recordings of other elements, and saves of other times, are each a thing of their own
         kept = saved if not recorded else recorded if best in recorded else [best]
         paths = {one.path for group in kept for one in group}
@@ -280,10 +282,6 @@ def by_run(files: Sequence[RunFacts]) -> list[tuple[tuple[RunFacts, ...], tuple[
 def _place(one: RunFacts) -> tuple[str, str, int, int, str]:
     """Where a file stands among those of its run: copies in another folder are apart."""
     return one.recorder, one.path.rpartition("/")[0], one.part, one.begun_ns, one.path
-
-
-def _amount(files: Sequence[RunFacts]) -> tuple[int, int]:
-    return sum(one.ticks * one.elements for one in files), not files[0].recorder
 
 
 def _saves(files: Sequence[RunFacts]) -> list[tuple[RunFacts, ...]]:

@@ -19,8 +19,7 @@ dates and durations are seconds, dates since 1970.
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
@@ -29,10 +28,18 @@ from silo.analysis.log import Log
 from silo.core.recording import Recording
 from silo.errors import LogWarning
 from silo.files.optional_packages import need
-from silo.run_index.facts import EventFacts, SignalFacts, events_of
+from silo.run_index.facts import SignalFacts, events_of
 from silo.run_index.listed import ListedRun, episodes_of
 
+if TYPE_CHECKING:
+    from silo.run_index.archive import KnownFiles
+    from silo.run_index.index import RunIndex
+
 EXTRA = "query"
+_OF_SIGNAL = {
+    "signal": "text", "element": "text", "unit": "text", "kind": "text", "samples": "whole",
+    "min": "number", "max": "number", "mean": "number", "std": "number", "rms": "number", "last": "number",
+}  # fmt: skip
 COLUMNS: dict[str, dict[str, str]] = {
     "runs": {
         "run": "text", "name": "text", "kind": "text", "robot": "text", "task": "text", "begun": "time",
@@ -40,10 +47,7 @@ COLUMNS: dict[str, dict[str, str]] = {
         "marks": "whole", "limits": "whole", "triggers": "whole", "lost": "whole", "failed": "whole",
         "warnings": "whole", "size_bytes": "whole", "tags": "texts", "notes": "texts", "problem": "text",
     },
-    "signals": {
-        "run": "text", "signal": "text", "element": "text", "unit": "text", "kind": "text", "samples": "whole",
-        "min": "number", "max": "number", "mean": "number", "std": "number", "rms": "number", "last": "number",
-    },
+    "signals": {"run": "text", **_OF_SIGNAL},
     "events": {
         "run": "text", "t": "number", "tick": "whole", "time": "time", "kind": "text", "text": "text", "who": "text",
     },
@@ -51,11 +55,7 @@ COLUMNS: dict[str, dict[str, str]] = {
         "run": "text", "number": "whole", "name": "text", "t": "number", "span_s": "number", "ticks": "whole",
         "verdict": "text", "success": "truth", "why": "text", "whole": "truth", "about": "text",
     },
-    "episode_signals": {
-        "run": "text", "number": "whole", "signal": "text", "element": "text", "unit": "text", "kind": "text",
-        "samples": "whole", "min": "number", "max": "number", "mean": "number", "std": "number", "rms": "number",
-        "last": "number",
-    },
+    "episode_signals": {"run": "text", "number": "whole", **_OF_SIGNAL},
     "parameters": {"run": "text", "name": "text", "value": "number", "text": "text"},
     "about": {"run": "text", "name": "text", "text": "text"},
     "samples": {
@@ -92,25 +92,10 @@ def typed(columns: Mapping[str, str]) -> dict[str, Any]:
     return {name: types[kind] for name, kind in columns.items()}
 
 
-class IndexFacts(Protocol):
-    """What is known of the files of runs, as an index has it."""
-
-    root: Path
-
-    def signals(self) -> Mapping[str, Sequence[SignalFacts]]:
-        """Return the facts of scalars by file."""
-
-    def signals_of_episodes(self) -> Mapping[tuple[str, int], Sequence[SignalFacts]]:
-        """Return the facts of scalars by file, and the number of the episode in it."""
-
-    def events(self) -> Mapping[str, Sequence[EventFacts]]:
-        """Return what happened by file."""
-
-
 class Folders:
     """The runs of a list."""
 
-    def __init__(self, runs: Sequence[ListedRun], indexes: Sequence[IndexFacts]) -> None:
+    def __init__(self, runs: Sequence[ListedRun], indexes: "Sequence[RunIndex | KnownFiles]") -> None:
         """Name each by its path below its folder; where there are several folders, by its whole path."""
         folders = {run.folder for run in runs}
         self.runs = {run.facts.path if len(folders) == 1 else str(run.path): run for run in runs}

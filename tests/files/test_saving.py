@@ -364,7 +364,7 @@ def test_a_name_that_may_not_outlast_a_power_cut_is_said_to_stand_there(tmp_path
     def broken(path):
         raise OSError(errno.EIO, "Input/output error")
 
-    monkeypatch.setattr(atomic, "_sync_folder", broken)
+    monkeypatch.setattr(atomic, "sync_folder", broken)
     for kind in (atomic.atomic_file, atomic.atomic_folder):
         path = tmp_path / kind.__name__
         with pytest.raises(SaveError, match="the new one stands under that name, but may be gone"), kind(path):

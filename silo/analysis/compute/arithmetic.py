@@ -57,13 +57,10 @@ def compared(
     if isinstance(other, str | bytes) or one.values.dtype.kind in "SU":
         return _texts_compared(one, other, function, sign)
     numbers = _words_numbered(one, other) if isinstance(other, Samples) and sign in ("==", "!=") else None
-    values, made, name = _both(one, other, function, sign, swapped, numbers or _as_they_are, "compare")
+    numbers = numbers or (lambda signal: signal._numbers("compare"))
+    values, made, name = _both(one, other, function, sign, swapped, numbers, "compare")
     truths = np.asarray(np.ma.filled(values, sign == "!="), bool)  # what is missing is, as a NaN, only unequal
     return replace(made, name=name, values=truths, unit="-", labels={}, component_labels={})
-
-
-def _as_they_are(signal: Samples) -> NDArray[Any]:
-    return signal._numbers("compare")
 
 
 def _words_numbered(one: Samples, other: Samples) -> Callable[[Samples], NDArray[Any]] | None:

@@ -139,14 +139,15 @@ class CaptureWriter:
         self.left |= runs
         self._tell_left_out(texts)
 
-    def add(self, buffer: "CaptureBuffer") -> None:
-        """Have a capture written."""
-        if self._waiting.add(buffer):
-            text = (
-                f"trigger '{buffer.trigger}' fires faster than its captures can be written: the oldest that wait are "
-                "left out from here on; give it a holdoff"
-            )
-            self._events.publish(EventKind.SAVE_FAILED, text)
+    def add(self, *buffers: "CaptureBuffer") -> None:
+        """Have captures written."""
+        for buffer in buffers:
+            if self._waiting.add(buffer):
+                text = (
+                    f"trigger '{buffer.trigger}' fires faster than its captures can be written: the oldest that wait "
+                    "are left out from here on; give it a holdoff"
+                )
+                self._events.publish(EventKind.SAVE_FAILED, text)
 
     @property
     def folder(self) -> str:
@@ -183,12 +184,7 @@ class CaptureWriter:
             try:
                 self._write(buffer)
             except SaveError as error:  # its writing process was killed, perhaps
-                log.info(
-                    "capture %d of '%s' is tried again: %s",
-                    buffer.capture.number,
-                    buffer.trigger,
-                    error,
-                )
+                log.info("capture %d of '%s' is tried again: %s", buffer.capture.number, buffer.trigger, error)
                 self._write(buffer)
         except Exception as error:
             # whatever a writer does, the next capture gets its chance, and clients hear of this one
@@ -201,30 +197,18 @@ class CaptureWriter:
     def _write(self, buffer: "CaptureBuffer") -> None:
         from silo.conditions.captures.files import write_capture
 
-        listed = self._list_of(self.folder, buffer.schema.logger)
-        done = write_capture(buffer, self.folder, listed, self._events.log.of_run(buffer.run))
-        if done.files and not self._was_told(buffer, done.files):
+        folder, logger = self.folder, buffer.schema.logger
+        if self._listed is None or not self._listed.is_of(folder, logger):
+            self._listed = CaptureList(folder, logger)  # of one that was read before only what is new has to be read
+        done = write_capture(buffer, folder, self._listed, self._events.log.of_run(buffer.run))
+        told = self._events.log.texts(EventKind.CAPTURED.value, buffer.run) if done.files else ()
+        if done.files and not any(file.path in text for file in done.files for text in told):
             self._tell(buffer, EventKind.CAPTURED, done.text, done.files)
         self._files[buffer.run, buffer.trigger] = tuple(file.path for file in done.files)
         if done.removed:
-            log.info(
-                "trigger '%s' keeps %d captures: removed %s",
-                buffer.trigger,
-                buffer.options.keep,
-                done.removed,
-            )
+            log.info("trigger '%s' keeps %d captures: removed %s", buffer.trigger, buffer.options.keep, done.removed)
 
     def _tell(self, buffer: "CaptureBuffer", kind: EventKind, text: str, files: Sequence[SavedFile] = ()) -> None:
         """Tell it of the capture's own run, which may be over, at the tick of what fired first."""
         fire = buffer.capture.fires[0]
         self._events.publish(kind, text, files=files, tick=fire.tick, stamp_ns=fire.time_ns, run=buffer.run)
-
-    def _list_of(self, folder: str, logger: str) -> CaptureList:
-        """The list that was read before, of which only what is new has to be read."""
-        if self._listed is None or not self._listed.is_of(folder, logger):
-            self._listed = CaptureList(folder, logger)
-        return self._listed
-
-    def _was_told(self, buffer: "CaptureBuffer", files: list[SavedFile]) -> bool:
-        told = self._events.log.texts(EventKind.CAPTURED.value, buffer.run)
-        return any(file.path in text for file in files for text in told)
