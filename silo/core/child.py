@@ -18,7 +18,7 @@ from typing import IO
 
 import msgspec
 
-from silo.core.runtime import boot_id, pid_namespace, process_facts, process_start
+from silo.core.runtime import boot_id, closing_file, pid_namespace, process_facts, process_start
 from silo.decoding import json_decoder
 
 log = logging.getLogger("silo")
@@ -176,13 +176,10 @@ def end_abandoned_holder(descriptor: int) -> bool:
 
 
 def _end_abandoned(one: Holder) -> bool:
-    descriptor = os.pidfd_open(one.pid)  # before it is looked at: what is killed is what was seen
-    try:
+    with closing_file(os.pidfd_open(one.pid)) as descriptor:  # before it is looked at: what is killed is what was seen
         state, parent, start = process_facts(one.pid)
         if (state, start) != ("T", one.start) or parent == one.parent:
             return False
         signal.pidfd_send_signal(descriptor, signal.SIGKILL)
         log.warning("ended process %d: it was frozen, and the process that had started it is gone", one.pid)
         return True
-    finally:
-        os.close(descriptor)

@@ -151,14 +151,10 @@ def orphaned_segments() -> list[Path]:
 
 
 def _has_writer(path: Path) -> bool:
-    try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
-    except OSError:
-        return False
-    try:
+    flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK
+    with contextlib.suppress(OSError), closing_file(os.open(path, flags)) as descriptor:
         return has_writer(descriptor)
-    finally:
-        os.close(descriptor)
+    return False
 
 
 # ------------------------------------------------------------------------------- files of silo where others may write
@@ -228,13 +224,19 @@ def _open_new(path: Path) -> int:
 # that shares the folder, and is another one than the `flock` of who saves a segment.
 
 
-def sync(path: Path) -> None:
-    """Return when a file's data, or the names in a folder, would survive a power cut. Raises OSError."""
-    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+@contextlib.contextmanager
+def closing_file(descriptor: int) -> Iterator[int]:
+    """Close an open file when the block ends."""
     try:
-        os.fsync(descriptor)
+        yield descriptor
     finally:
         os.close(descriptor)
+
+
+def sync(path: Path) -> None:
+    """Return when a file's data, or the names in a folder, would survive a power cut. Raises OSError."""
+    with closing_file(os.open(path, os.O_RDONLY | os.O_CLOEXEC)) as descriptor:
+        os.fsync(descriptor)
 
 
 def sync_folder(folder: Path) -> None:
@@ -334,17 +336,14 @@ def down_marks() -> list[Path]:
 
 
 def _removed_if_dead(path: Path) -> bool:
+    flags = os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
     # what can't be opened or removed isn't ours, or another one removes it just now
-    with contextlib.suppress(OSError):
-        descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
-        try:
-            regular = stat.S_ISREG(os.fstat(descriptor).st_mode)
-            # asked first: where locks are unknown the answer is that somebody writes
-            if regular and not has_writer(descriptor) and lock_as_writer(descriptor) and is_at(descriptor, path):
-                path.unlink()
-                return True
-        finally:
-            os.close(descriptor)
+    with contextlib.suppress(OSError), closing_file(os.open(path, flags)) as descriptor:
+        regular = stat.S_ISREG(os.fstat(descriptor).st_mode)
+        # asked first: where locks are unknown the answer is that somebody writes
+        if regular and not has_writer(descriptor) and lock_as_writer(descriptor) and is_at(descriptor, path):
+            path.unlink()
+            return True
     return False
 
 

@@ -19,7 +19,7 @@ from typing import BinaryIO
 
 from silo.core.child import end_abandoned_holder
 from silo.core.quantities.writing import size_text
-from silo.core.runtime import disk_room, is_at, sync, sync_folder
+from silo.core.runtime import closing_file, disk_room, is_at, sync, sync_folder
 from silo.errors import SaveError
 
 PART_ENDING = ".part"
@@ -271,12 +271,10 @@ def _made_part(part: Path) -> Iterator[None]:
             descriptor = os.open(part, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
         except FileNotFoundError:
             continue
-        try:
+        with closing_file(descriptor):
             if _locked(descriptor, part):
                 yield
                 return
-        finally:
-            os.close(descriptor)
 
 
 def lock(descriptor: int) -> bool:

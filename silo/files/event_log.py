@@ -17,7 +17,7 @@ import msgspec
 
 from silo.core.elements import DAMAGED, NOTED, LoggedEvent
 from silo.core.recording import Recording, with_events
-from silo.core.runtime import is_at, open_own
+from silo.core.runtime import closing_file, is_at, open_own
 from silo.decoding import json_decoder
 from silo.files.atomic import append_all, lock
 
@@ -123,14 +123,11 @@ def _identity(event: LoggedEvent) -> tuple[object, ...]:
 @contextlib.contextmanager
 def _locked(path: Path) -> Iterator[int]:
     while True:
-        descriptor = open_own(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
-        try:
+        with closing_file(open_own(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)) as descriptor:
             lock(descriptor)
             if is_at(descriptor, path):  # else another process began a new one
                 yield descriptor
                 return
-        finally:
-            os.close(descriptor)
 
 
 def read_events(folder: str | os.PathLike[str], logger: str, run: str = "") -> list[LoggedEvent]:

@@ -24,7 +24,7 @@ import msgspec
 from silo.core.child import end_abandoned_holder, note_holder
 from silo.core.conditions import Conditions
 from silo.core.quantities.writing import many, size_text
-from silo.core.runtime import open_own, read_own
+from silo.core.runtime import closing_file, open_own, read_own
 from silo.decoding import json_decoder
 from silo.errors import SaveError
 from silo.files.atomic import append_all, atomic_file, lock, reason, taken
@@ -181,12 +181,9 @@ class CaptureList:
 
     @contextlib.contextmanager
     def _locked(self) -> Iterator[int]:
-        descriptor = open_own(self._path, os.O_RDWR | os.O_CREAT, 0o644)
-        try:
+        with closing_file(open_own(self._path, os.O_RDWR | os.O_CREAT, 0o644)) as descriptor:
             lock(descriptor)
             yield descriptor
-        finally:
-            os.close(descriptor)
 
 
 def _decoded(text: bytes) -> Iterator[CaptureEntry]:

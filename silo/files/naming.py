@@ -13,7 +13,7 @@ from itertools import islice
 from pathlib import Path
 
 from silo.core.quantities.writing import and_more
-from silo.core.runtime import FOLDER_GONE, is_folder_gone, open_own
+from silo.core.runtime import FOLDER_GONE, closing_file, is_folder_gone, open_own
 from silo.errors import LogNotFoundError, SaveError
 from silo.files.atomic import lock, reason
 from silo.files.formats import FORMATS, LOG_ENDINGS, is_bag_folder
@@ -33,8 +33,7 @@ def next_run_number(folder: str | os.PathLike[str], logger: str) -> int:
     """
     counter = Path(folder) / f".{check_name(logger)}_fileNumber"
     try:
-        descriptor = open_own(counter, os.O_RDWR | os.O_CREAT, 0o666)
-        try:
+        with closing_file(open_own(counter, os.O_RDWR | os.O_CREAT, 0o666)) as descriptor:
             # released by close, also when the process dies
             lock(descriptor)
             text = os.read(descriptor, 64).strip()
@@ -42,8 +41,6 @@ def next_run_number(folder: str | os.PathLike[str], logger: str) -> int:
             number = b"%d\n" % (last + 1)
             os.pwrite(descriptor, number, 0)
             os.ftruncate(descriptor, len(number))
-        finally:
-            os.close(descriptor)
     except OSError as error:
         raise SaveError(f"can't count the run in '{counter}': {reason(error)}; choose another folder") from error
     return last + 1

@@ -9,11 +9,12 @@ import os
 import re
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 
 import msgspec
 
+from silo.core.runtime import closing_file
 from silo.decoding import json_decoder
 from silo.files.csv.metadata import SIDECAR
 from silo.files.silo import format as form
@@ -55,24 +56,16 @@ def read_summary(folder: int, name: str) -> FileSummary | None:
 @contextmanager
 def opened_file(folder: int, name: str) -> Iterator[int]:
     """Open a regular file in an open folder for reading; a link or a pipe is refused as OSError."""
-    # without O_NONBLOCK, opening a named pipe would wait forever
-    descriptor = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, dir_fd=folder)
-    try:
+    flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC  # else a named pipe would be waited for
+    with closing_file(os.open(name, flags, dir_fd=folder)) as descriptor:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):
             raise FileNotFoundError(f"{name} is not a file")
         yield descriptor
-    finally:
-        os.close(descriptor)
 
 
-@contextmanager
-def opened_folder(folder: int, name: str) -> Iterator[int]:
+def opened_folder(folder: int, name: str) -> AbstractContextManager[int]:
     """Open a folder in an open folder; a link is refused as OSError."""
-    descriptor = os.open(name, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder)
-    try:
-        yield descriptor
-    finally:
-        os.close(descriptor)
+    return closing_file(os.open(name, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder))
 
 
 def _of_silo(folder: int, name: str) -> FileSummary | None:

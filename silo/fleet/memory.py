@@ -13,7 +13,7 @@ from collections.abc import Iterable
 
 import msgspec
 
-from silo.core.runtime import read_own, runtime_dir, write_private
+from silo.core.runtime import closing_file, read_own, runtime_dir, write_private
 from silo.decoding import json_decoder
 from silo.errors import SiloError
 from silo.fleet.member import Member
@@ -82,16 +82,13 @@ def _replace(files: dict[str, str], members: Iterable[Member]) -> None:
     now_s, now_ns = time.monotonic(), time.time_ns()
     mine = [_seen(files[one.found.config], one, now_s, now_ns)
             for one in members if one.found.config in files and (one.here or one.lost) and not one.dead]  # fmt: skip
-    descriptor = os.open(runtime_dir(), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
+    with closing_file(os.open(runtime_dir(), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)) as descriptor:
         fcntl.flock(descriptor, fcntl.LOCK_EX)  # another one that looks keeps what it saw by other configurations
         known = _read()
         kept = [one for one in known if one.file not in files.values()] + mine
         if kept or known:
             kept = sorted(kept, key=lambda one: -one.until_ns)[:MOST]
             write_private(runtime_dir() / NAME, msgspec.json.encode(kept).decode())
-    finally:
-        os.close(descriptor)
 
 
 def _seen(file: str, one: Member, now_s: float, now_ns: int) -> Seen:

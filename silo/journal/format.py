@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.recording import Failures
-from silo.core.runtime import has_writer, open_own
+from silo.core.runtime import closing_file, has_writer, open_own
 from silo.segment.layout import SegmentSchema
 
 JOURNAL_SUFFIX = ".journal"
@@ -121,14 +121,9 @@ def remove_journals(schema: SegmentSchema, but: Path | None = None) -> None:
 
 def is_written(path: Path) -> bool:
     """Whether a process writes this journal right now."""
-    try:
-        descriptor = open_own(path / SCHEMA_FILE, os.O_RDONLY)
-    except OSError:
-        return False
-    try:
+    with contextlib.suppress(OSError), closing_file(open_own(path / SCHEMA_FILE, os.O_RDONLY)) as descriptor:
         return has_writer(descriptor)
-    finally:
-        os.close(descriptor)
+    return False
 
 
 def seed_of(run: str) -> int:

@@ -17,7 +17,7 @@ from typing import Any
 
 import zenoh
 
-from silo.core.runtime import is_at, write_private
+from silo.core.runtime import closing_file, is_at, write_private
 from silo.errors import ConnectionLostError
 from silo.net.access.probing import Reached, explain
 from silo.net.configuration import (
@@ -73,13 +73,10 @@ def owner_is_gone(path: Path) -> bool:
         return not path.exists()
     except OSError:
         return False
-    try:
+    with closing_file(descriptor), contextlib.suppress(BlockingIOError):
         fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    finally:
-        os.close(descriptor)
-    return True
+        return True
+    return False
 
 
 class Beside(str, enum.Enum):
@@ -119,17 +116,13 @@ def _removed_if_dead(path: Path) -> bool:
         return True
     except OSError:
         return False
-    try:
+    with closing_file(descriptor), contextlib.suppress(BlockingIOError):
         # held while the files go: a process that starts meanwhile is refused the lock, and tries again
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if not is_at(descriptor, lock):
-            return False
-        _remove_socket(path)
-    except BlockingIOError:
-        return False
-    finally:
-        os.close(descriptor)
-    return True
+        if is_at(descriptor, lock):
+            _remove_socket(path)
+            return True
+    return False
 
 
 def _listens(path: Path) -> bool:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import BinaryIO, TypeVar
 
 from silo.core.quantities.writing import size_text
-from silo.core.runtime import disk_room, sync_folder
+from silo.core.runtime import closing_file, disk_room, sync_folder
 from silo.errors import ConnectionLostError, SaveError
 from silo.recordings.requests import PartOfRecording, Piece, RecordingParts
 
@@ -184,15 +184,12 @@ def _check(told: RecordingParts, name: str) -> None:
 def _alone(target: Path, is_folder: bool) -> Iterator[None]:
     """Hold the lock of what is being fetched."""
     flags = os.O_RDONLY | os.O_DIRECTORY if is_folder else os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW
-    descriptor = os.open(target, flags | os.O_CLOEXEC, 0o666)
-    try:
+    with closing_file(os.open(target, flags | os.O_CLOEXEC, 0o666)) as descriptor:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise SaveError(f"'{target}' is being fetched already, by another program; nothing was changed") from None
         yield
-    finally:
-        os.close(descriptor)
 
 
 def _put_in_place(told: RecordingParts, folder: Path, place: Path, targets: list[Path]) -> None:

@@ -26,7 +26,7 @@ import msgspec
 from silo.core.elements import FileType
 from silo.core.names import grouped
 from silo.core.quantities.writing import size_text
-from silo.core.runtime import disk_room
+from silo.core.runtime import closing_file, disk_room
 from silo.files.atomic import PART_ENDING, reason
 from silo.files.convert import CONVERTED
 from silo.files.csv.metadata import SIDECAR
@@ -413,10 +413,8 @@ def _opened(place: str) -> Iterator[int]:
     except OSError as error:
         text = f"{place}: can't be read: {reason(error)}"
         raise RequestRefusedError(RefusedWhy.FAILED, text) from error
-    try:
+    with closing_file(folder):
         yield folder
-    finally:
-        os.close(folder)
 
 
 @contextmanager

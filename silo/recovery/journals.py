@@ -11,7 +11,16 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from silo.core.runtime import boot_id, has_writer, is_at, lock_as_writer, open_own, pid_namespace, process_start
+from silo.core.runtime import (
+    boot_id,
+    closing_file,
+    has_writer,
+    is_at,
+    lock_as_writer,
+    open_own,
+    pid_namespace,
+    process_start,
+)
 from silo.errors import SegmentError, StateError
 from silo.journal.format import (
     GONE_SUFFIX,
@@ -116,7 +125,7 @@ def _removed_if_empty(path: Path) -> bool:
         except FileNotFoundError:
             path.rmdir()
             return True
-        try:
+        with closing_file(descriptor):
             if has_writer(descriptor) or not lock_as_writer(descriptor) or not is_at(descriptor, path / SCHEMA_FILE):
                 return False
             with contextlib.suppress(SegmentError):
@@ -124,8 +133,6 @@ def _removed_if_empty(path: Path) -> bool:
                     return False
             remove_journal(path)
             return True
-        finally:
-            os.close(descriptor)
     return False
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from silo.core.conditions import Conditions
 from silo.core.elements import STARTED, FileType, LoggedEvent, SavedFile
 from silo.core.quantities.writing import and_more
-from silo.core.runtime import is_at, open_own
+from silo.core.runtime import closing_file, is_at, open_own
 from silo.errors import StateError
 from silo.journal.holdings import Holdings, recording_holdings
 from silo.journal.reader import JournalReader
@@ -132,14 +132,10 @@ def claimed_file(path: Path, flags: int = os.O_RDONLY, *, wait: bool = False, of
     Raises BusyError while another process does (unless it may `wait`), FileNotFoundError for one that is not there, or
     lost its name to another process, OSError.
     """
-    descriptor = open_own(path, flags)
-    try:
-        with locked(descriptor, of or path, wait=wait):
-            if not is_at(descriptor, path):
-                raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
-            yield descriptor
-    finally:
-        os.close(descriptor)
+    with closing_file(open_own(path, flags)) as descriptor, locked(descriptor, of or path, wait=wait):
+        if not is_at(descriptor, path):
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+        yield descriptor
 
 
 def save_reader(

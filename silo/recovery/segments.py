@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from silo.core.elements import LoggerOptions, Storage
-from silo.core.runtime import is_at, list_segments, runtime_dir, sweep_unfinished
+from silo.core.runtime import closing_file, is_at, list_segments, runtime_dir, sweep_unfinished
 from silo.errors import SegmentError, StateError
 from silo.journal.format import remove_journals
 from silo.journal.holdings import segment_holdings
@@ -129,11 +129,8 @@ def claimed_segment(path: Path, *, wait: bool = False) -> Iterator[SegmentReader
 
 def mark_saved(reader: SegmentReader) -> None:
     """Note in the segment of a dead writer that all its ticks stand in a file, for those that have it open."""
-    descriptor = os.open(f"/proc/self/fd/{reader.fileno()}", os.O_WRONLY | os.O_CLOEXEC)
-    try:
+    with closing_file(os.open(f"/proc/self/fd/{reader.fileno()}", os.O_WRONLY | os.O_CLOEXEC)) as descriptor:
         os.pwrite(descriptor, reader.ticks.to_bytes(8, "little"), reader.control_offset(ControlWord.SAVED_TICKS))
-    finally:
-        os.close(descriptor)
 
 
 def release_segment(reader: SegmentReader) -> None:

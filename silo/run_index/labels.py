@@ -13,6 +13,7 @@ from pathlib import Path
 import msgspec
 
 from silo.core.arguments import line
+from silo.core.runtime import closing_file
 from silo.decoding import converted, json_decoder
 from silo.errors import ElementError, SaveError
 from silo.files.atomic import lock, reason, write_all
@@ -121,15 +122,12 @@ def _add(folder: Path, labels: list[Label]) -> None:
     """Add lines in one piece, behind those of any other writer."""
     path = folder / NAME
     try:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
-        try:
+        with closing_file(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)) as descriptor:
             lock(descriptor)
             end = os.fstat(descriptor).st_size
             torn = end > 0 and os.pread(descriptor, 1, end - 1) != b"\n"  # by a power cut: that line stays damaged
             data = b"".join(msgspec.json.encode(label) + b"\n" for label in labels)
             write_all(descriptor, [memoryview(b"\n" * torn + data)], end)
             os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
     except OSError as error:
         raise SaveError(f"'{path}' can't be written: {reason(error)}; nothing was changed") from error

@@ -24,6 +24,7 @@ from silo.core.runtime import (
     announce_segment,
     available_memory_bytes,
     boot_id,
+    closing_file,
     disk_room,
     list_held,
     list_segments,
@@ -203,16 +204,10 @@ def bytes_of(path: Path) -> int:
 
 def _is_stub(path: Path) -> bool:
     """Whether the rows of a run went: told by itself. By its size on the disk small ones look as if they were whole."""
-    try:
-        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
-    except OSError:
-        return False
-    try:
+    flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW
+    with contextlib.suppress(OSError), closing_file(os.open(path, flags)) as file:
         return _word(file, _word(file, 8 * HeaderWord.CONTROL_OFFSET) + 8 * ControlWord.DROPPED) != 0
-    except OSError:
-        return False
-    finally:
-        os.close(file)
+    return False
 
 
 def _word(file: int, offset: int) -> int:

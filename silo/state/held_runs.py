@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from silo.core.conditions import Conditions
-from silo.core.runtime import HELD_SUFFIX, is_at, list_held, runtime_dir
+from silo.core.runtime import HELD_SUFFIX, closing_file, is_at, list_held, runtime_dir
 from silo.errors import SegmentError
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import bound_of, bytes_of, held_name, held_runs, number_of, remove
@@ -160,10 +160,8 @@ class HeldRuns:
             if known is None:
                 return None
             path, descriptor = known.path, os.dup(known.fileno())
-        try:
+        with closing_file(descriptor):
             return SegmentReader(path, descriptor)
-        finally:
-            os.close(descriptor)
 
 
 def tell_left(reader: SegmentReader, events: EventNotifier) -> None:
