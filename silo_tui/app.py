@@ -494,12 +494,12 @@ class SiloApp(Guarded, App[None]):
         run_alone(self, "opening", open_saved, self.context, session, session.left_files, plotted)
 
     def command_events(self) -> None:
-        from silo_tui.screens.lists.events import EventsScreen, FileEventsScreen
+        from silo_tui.screens.lists.events import EventsScreen
 
         screen = self.context.upper_screen
         if screen is not None and screen.scope in FILE_SCOPES:
             # of the file that is looked at, which needn't be the open one: a capture lies over its logger
-            self.push_screen(FileEventsScreen(getattr(screen, "session", self.context.session)))
+            self.push_screen(EventsScreen(getattr(screen, "session", self.context.session)))
         else:
             self._go_aside("events", EventsScreen)
 

@@ -15,7 +15,6 @@ from silo_tui.app import SiloApp
 from silo_tui.model.samples.recorded import RecordingSource
 from silo_tui.model.table.fields import Field
 from silo_tui.screens.files.file_table import FileTableScreen
-from silo_tui.screens.plots.detail import FileDetailScreen
 from silo_tui.sessions.recorded import FileSession
 from tests.stand_ins.saved import cut_in_two, recorded_in_two
 
@@ -321,7 +320,7 @@ async def test_the_detail_plot_counts_time_from_the_start(path, on_file):
     async with on_file(path) as screen:
         await plot(screen, "torque")
         await screen.press("enter")
-        await screen.until(lambda: isinstance(screen.app.screen, FileDetailScreen))
+        await screen.until(lambda: screen.app.screen.scope == "file_detail")
         await screen.shows("TIME")
         await screen.press("plus", "home")
         await screen.shows("0 … 10 s")

@@ -16,7 +16,7 @@ from silo_tui.app import SiloApp
 from silo_tui.model.drawing.plots import plots_of
 from silo_tui.model.samples.find import Search, What
 from silo_tui.screens.plots.finding import events, look, turned
-from silo_tui.screens.plots.monitor import FileMonitorScreen
+from silo_tui.screens.plots.monitor import MonitorScreen
 from silo_tui.sessions.recorded import FileSession
 from tests.waiting import DEADLINE_S
 
@@ -58,7 +58,7 @@ def monitor(new_finder, screen_of):
         session = FileSession(Log(recording(), "robot.silo"))
         async with screen_of(SiloApp(new_finder(), file=session), size) as screen:
             await screen.shows("/LF/torque")
-            shown = FileMonitorScreen(session, [f"/log/{name}" for name in names])
+            shown = MonitorScreen(session, [f"/log/{name}" for name in names])
             screen.app.push_screen(shown)
             await screen.until(lambda: shown.is_mounted and not shown.stack.store.empty, "plots")
             await screen.pilot.pause()

@@ -20,7 +20,7 @@ from silo.files import write
 from silo.rpc.published import EventKind
 from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.screens.lists.recordings import FIRST, RecordingsScreen
-from silo_tui.screens.plots.monitor import FileMonitorScreen, MonitorScreen
+from silo_tui.screens.plots.monitor import MonitorScreen
 from silo_tui.screens.table import TableScreen
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
@@ -123,7 +123,7 @@ async def test_enter_opens_the_file_and_escape_comes_back_to_the_same_row(opened
         assert "FILE " in screen.text.splitlines()[0]
         assert "00006" in screen.text.splitlines()[0]
         await screen.press("m")
-        await screen.until(lambda: isinstance(screen.app.screen, FileMonitorScreen), "its plots")
+        await screen.until(lambda: screen.app.screen.scope == "file_monitor", "its plots")
         await screen.press("escape")
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
         await screen.press("escape")
@@ -235,7 +235,7 @@ async def at_the_capture(screen):
     await screen.do("triggers")
     await screen.shows("last capture: robot_20260921_14-00-00_00007_fall_3.silo")
     await screen.press("enter")
-    await screen.until(lambda: isinstance(screen.app.screen, FileMonitorScreen), "plots of the capture")
+    await screen.until(lambda: screen.app.screen.scope == "file_monitor", "plots of the capture")
 
 
 @pytest.fixture
@@ -387,7 +387,7 @@ async def test_over_a_file_the_events_are_those_of_the_file(opened, fake, logs):
         await screen.shows('M "in the file"')
         assert "on the live robot" not in screen.text
         await screen.press("enter")  # to plots of the file: those of the live robot are of another clock
-        await screen.until(lambda: isinstance(screen.app.screen, FileMonitorScreen), "plots of the file")
+        await screen.until(lambda: screen.app.screen.scope == "file_monitor", "plots of the file")
         await screen.shows('"in the file" at 2.5')
         assert live.window.at_ns is None
 

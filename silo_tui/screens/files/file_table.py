@@ -154,12 +154,12 @@ class FileTableScreen(ElementsScreen):
         self.plot_rows(self.session.rows.targets().tolist())
 
     def plot_rows(self, chosen: Sequence[int]) -> None:
-        from silo_tui.screens.plots.monitor import FileMonitorScreen
+        from silo_tui.screens.plots.monitor import MonitorScreen
 
         names = [self.session.table.names[row] for row in chosen]
         names = [name for name in names if self.file.rows_of[name].samples]
         if names:
-            self.show_plots(FileMonitorScreen(self.file, names))
+            self.show_plots(MonitorScreen(self.file, names))
         else:
             self.say("no samples of it in this file" if chosen else "nothing to plot")
 

@@ -78,9 +78,9 @@ async def _show(context: Context, opened: "FileSession") -> None:
 
 
 async def _show_plots(context: Context, opened: "FileSession", names: list[str]) -> None:
-    from silo_tui.screens.plots.monitor import FileMonitorScreen
+    from silo_tui.screens.plots.monitor import MonitorScreen
 
-    monitor = FileMonitorScreen(opened, names)
+    monitor = MonitorScreen(opened, names)
     await context.app.push_screen(monitor)
     if opened.capture is not None and opened.capture.fires_ns:
         monitor.call_after_refresh(monitor.show_moment_of, opened.capture.fires_ns[0])

@@ -18,7 +18,7 @@ from silo_tui.model.words.paths import typed_file
 from silo_tui.screens.dialogs.exporting import write_whole
 from silo_tui.screens.dialogs.questions import Prompt
 from silo_tui.screens.lists.list_screen import LoggerList
-from silo_tui.screens.plots.monitor import FileMonitorScreen, MonitorScreen
+from silo_tui.screens.plots.monitor import MonitorScreen
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.lines import Lines
 
@@ -28,11 +28,11 @@ class EventsScreen(LoggerList[LoggedEvent]):
 
     scope = "events"
     orders = ORDERS
-    plots_kind = MonitorScreen
     filter_hint = "-E without edits, M marks alone, other words"
 
     def __init__(self, session: Session) -> None:
         super().__init__(session)
+        self.scope = "events" if session.at_s is None else "file_events"
         self._following = True
         self._known: Sequence[LoggedEvent] = ()
         self._all: Sequence[LoggedEvent] = ()  # as they are shown
@@ -148,7 +148,7 @@ class EventsScreen(LoggerList[LoggedEvent]):
             while self.app.screen is not plots:
                 self.app.pop_screen()
         elif names := self._about(event)[:MOST_PLOTS]:
-            plots = self.plots_kind(self.session, names)
+            plots = MonitorScreen(self.session, names)
             self.app.push_screen(plots)
         else:
             self.say("no plots are open, and this is about no signal that has samples")
@@ -164,10 +164,3 @@ class EventsScreen(LoggerList[LoggedEvent]):
         named += [word for word in words_of_it if word.startswith("/")]
         found = [name for each in named for name in named_in(each, table.elements, table.prefix)]
         return list(dict.fromkeys(found)) or [table.names[row] for row in session.rows.targets()]
-
-
-class FileEventsScreen(EventsScreen, inherit_bindings=False):
-    """The same of a file."""
-
-    scope = "file_events"
-    plots_kind = FileMonitorScreen

@@ -73,7 +73,7 @@ class Analysed:
     spectrum: Spectrum | None = None  # of the first signal: a cursor reads it
 
 
-class DetailScreen(MonitorScreen, inherit_bindings=False):
+class DetailScreen(MonitorScreen):
     """A plot of up to eight entries: the first `count` of `plots` are those of the panel that was chosen.
 
     The monitor below it lends its window and its pause, and gets them back as they are then.
@@ -505,12 +505,6 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
             self.below.take_back()
 
 
-class FileDetailScreen(DetailScreen, inherit_bindings=False):
-    """The same of a file."""
-
-    scope = "file_detail"
-
-
 def open_large(monitor: MonitorScreen, mode: str) -> None:
     """Show the chosen plot alone, in one of `MODES`; say so where nothing of it can be drawn."""
     if not monitor.stack.plots:
@@ -519,7 +513,7 @@ def open_large(monitor: MonitorScreen, mode: str) -> None:
         texts = f"{many(len(monitor.stack.plots), 'text')}: nothing to draw"
         monitor.say(texts if monitor.file is not None else "nothing that is on to plot")
     else:
-        monitor.app.push_screen((DetailScreen if monitor.file is None else FileDetailScreen)(monitor, mode))
+        monitor.app.push_screen(DetailScreen(monitor, mode))
 
 
 def _decimals(step: float) -> int:

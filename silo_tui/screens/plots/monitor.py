@@ -24,7 +24,7 @@ FAR = 10
 
 
 class MonitorScreen(PlotScreen):
-    """Plots of the elements that were marked when it was opened."""
+    """Plots of the elements that were marked when it was opened; of a file cursor A is a moment, whatever the zoom."""
 
     class OpenLeft(Message):
         """The file that a dead robot left is to be opened, with plots of these elements."""
@@ -290,9 +290,3 @@ class MonitorScreen(PlotScreen):
 
     def command_back(self) -> None:
         self.way_back()[1]()
-
-
-class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
-    """The same on a file: cursor A is a moment of it, whatever the zoom."""
-
-    scope = "file_monitor"

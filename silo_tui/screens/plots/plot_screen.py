@@ -48,6 +48,7 @@ class PlotScreen(SiloScreen):
         super().__init__()
         self.session, source = session, session.source
         self.file = session if isinstance(session, FileSession) else None
+        self.scope = f"file_{self.scope}" if self.file is not None else self.scope
         self.source = source  # what is held, while something is
         self._waiting: list[str] = []  # elements that are off, left out until they are on
         if any(source.is_live(name) for name in names):
