@@ -30,7 +30,7 @@ from silo.rpc.refusals import RefusedWhy
 from silo.settings.typed import ElementSettings, apply_settings
 from silo.state.requests import EditsApplied, Unsaved
 from silo_tui.model.drawing.columns import ColumnStore
-from silo_tui.model.drawing.sparklines import trends
+from silo_tui.model.drawing.plots import trends
 from silo_tui.model.lists.happened import newest, of_last_run
 from silo_tui.model.lists.recorders import WritingPace
 from silo_tui.model.plots.limits import Bounds4

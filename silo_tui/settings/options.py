@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from silo_tui.keymap import DEFAULT
-from silo_tui.model.drawing.plot_styles import STYLES
+from silo_tui.model.drawing.dots import STYLES
 from silo_tui.model.table.columns import SETTINGS
 from silo_tui.settings.themes import THEMES
 

@@ -12,7 +12,7 @@ from textual.message import Message
 from textual.strip import Strip
 
 from silo_tui.model.drawing.big_plot import BigPlot
-from silo_tui.model.drawing.plot_styles import BLANK
+from silo_tui.model.drawing.dots import BLANK
 from silo_tui.model.plots.picture import AXIS
 from silo_tui.model.plots.time_axis import axis_line
 from silo_tui.model.words.text import cut

@@ -18,7 +18,7 @@ from silo.core.arrays.columns import Gap
 from silo_tui.actions import key_of
 from silo_tui.model.drawing import braille, lanes
 from silo_tui.model.drawing.columns import ColumnPiece, ColumnStore
-from silo_tui.model.drawing.plot_styles import BLANK
+from silo_tui.model.drawing.dots import BLANK
 from silo_tui.model.drawing.plots import HOLE, NOBODY, Plotted, pieces_of
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.lists.happened import EVENT_LINE, columns_of, in_plots

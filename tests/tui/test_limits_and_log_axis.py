@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo_tui.model.drawing import braille
-from silo_tui.model.drawing.log_axis import axis_of, scale_of, words_of
+from silo_tui.model.drawing.axes import axis_of, scale_of, words_of
 from silo_tui.model.drawing.plots import Axis
 from silo_tui.model.plots.limits import inner, level_line, lines_of
 

@@ -11,7 +11,7 @@ import pytest
 from silo.core.arrays.columns import Gap, hole_mark
 from silo.core.elements import State
 from silo.rpc.published import EventKind
-from silo_tui.model.drawing.plot_styles import BLANK
+from silo_tui.model.drawing.dots import BLANK
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from silo_tui.model.drawing.columns import ColumnStore, hold_piece
-from silo_tui.model.drawing.plots import trend
-from silo_tui.model.drawing.sparklines import HOLD, trends
+from silo_tui.model.drawing.plots import HOLD, trend, trends
 
 WIDTH = 6
 VALUES = st.one_of(

@@ -15,8 +15,8 @@ from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import LogWarning
 from silo_tui.model.drawing import big_plot
-from silo_tui.model.drawing.pairs import histogram_of, pair_of
-from silo_tui.model.drawing.plot_styles import BLANK
+from silo_tui.model.drawing.big_plot import histogram_of, pair_of
+from silo_tui.model.drawing.dots import BLANK
 
 HZ = 400
 PERIOD_NS = 2_500_000

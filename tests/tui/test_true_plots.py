@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from silo.core.arrays.columns import HOLE_TEXTS, ColumnGrid, ColumnStore, Gap, NonFinite, bins_of, hole_mark
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo_tui.model.drawing import braille
-from silo_tui.model.drawing.plot_styles import BLANK
+from silo_tui.model.drawing.dots import BLANK
 from silo_tui.model.drawing.plots import Plotted, draw, trend
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.samples.live import entry_text, offset_text

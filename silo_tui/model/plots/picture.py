@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from silo_tui.model.drawing import dots
 from silo_tui.model.drawing.columns import ColumnPiece, ColumnStore
-from silo_tui.model.drawing.plot_styles import BLANK
+from silo_tui.model.drawing.dots import BLANK
 from silo_tui.model.drawing.plots import NOBODY, Owners, Picture, Plotted, draw_panel, together
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.plots.limits import NO_BOUNDS, Bounds4, level_line, lines_of

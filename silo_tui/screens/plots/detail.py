@@ -34,9 +34,8 @@ from silo.rpc.frames import Frame
 from silo_tui.actions import Command, key_of, key_text
 from silo_tui.modal import ask, run_alone
 from silo_tui.model.drawing import big_plot
-from silo_tui.model.drawing.big_plot import BigPlot
+from silo_tui.model.drawing.big_plot import BigPlot, histogram_of, pair_of
 from silo_tui.model.drawing.columns import Floats
-from silo_tui.model.drawing.pairs import histogram_of, pair_of
 from silo_tui.model.drawing.plots import Plotted
 from silo_tui.model.drawing.window import SECOND_NS
 from silo_tui.model.plots.panels import LETTERS
