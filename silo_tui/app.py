@@ -453,7 +453,7 @@ class SiloApp(Guarded, App[None]):
 
     def command_excite(self, typed: Spelled = BY_KEY) -> None:
         from silo_tui.screens.lists.parameters import ParametersScreen
-        from silo_tui.screens.plots.exciting import excite
+        from silo_tui.screens.plots.responses import excite
 
         here = self.screen.chosen if isinstance(self.screen, ParametersScreen) else None
         name = typed.first or (here.name if here is not None else "")
@@ -535,7 +535,7 @@ class SiloApp(Guarded, App[None]):
 
     def begin_command(self, word: str) -> None:
         """Open the command line over any screen, with a word typed already."""
-        from silo_tui.screens.dialogs.command_line import CommandLine
+        from silo_tui.screens.dialogs.questions import CommandLine
 
         def run(line: str | None) -> None:
             if line and line.strip(": "):

@@ -19,7 +19,7 @@ from silo_tui.modal import ask
 from silo_tui.model.table import filter as filters
 from silo_tui.model.table.columns import NAME, TREE, TableColumn
 from silo_tui.model.words.command_line import BY_KEY, Spelled
-from silo_tui.screens.dialogs.questions import Choice, Question
+from silo_tui.screens.dialogs.questions import Choice, OrderDialog, Question
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.element_table import ElementTable, TableHead
@@ -261,8 +261,6 @@ class ElementsScreen(SiloScreen):
         self.context.table_changed()
 
     def command_sort(self, typed: Spelled = BY_KEY) -> None:
-        from silo_tui.screens.dialogs.order import OrderDialog
-
         rows = self.session.rows
         if typed is not BY_KEY:
             if typed.rest not in rows.orders:

@@ -5,13 +5,13 @@ buffers have it; only what these have lost as well is gone. Whatever becomes of 
 """
 
 import asyncio
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import TypeVar
 
 from silo.core.arrays.columns import ColumnStore, HistoryColumns
-from silo.core.elements import ElementInfo, LoggedEvent, Sought
+from silo.core.elements import LoggedEvent, Sought
 from silo.errors import RefusedError, SiloError
 from silo.expressions.search import FoundMoments, Looking
 from silo.expressions.span import NAN, Between, between
@@ -26,10 +26,7 @@ MOST_PIECES = 12  # a helper process has 64 pins for all its clients
 NAMES_AT_ONCE = 64  # that a helper process looks through
 
 
-@dataclass(frozen=True)
-class _Stretch:
-    begin_ns: int
-    end_ns: int
+Asked = TypeVar("Asked")
 
 
 class HeldSource:
@@ -62,26 +59,12 @@ class HeldSource:
         self._wish_ns = pinned_ns
         self.main = PinnedSource(live, plots, *pinned_ns, shown)
         self._pieces = [self.main]  # by time; no two have a moment in common
+        # as they were, of what is held
+        self.names, self.element = self.main.names, self.main.element
+        self.period_ns, self.is_live = self.main.period_ns, self.main.is_live
         self._period_ns = min((self.period_ns(plotted.element.name) for plotted in plots), default=0)
 
     # ------------------------------------------------------------------------------------------ what is, and how much
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The entries that are held."""
-        return self.main.names
-
-    def element(self, name: str) -> ElementInfo | None:
-        """Return the element of that name, as it was."""
-        return self.main.element(name)
-
-    def period_ns(self, element: str) -> int:
-        """Return the time between two samples of an element, as it was."""
-        return self.main.period_ns(element)
-
-    def is_live(self, element: str) -> bool:
-        """Return whether the element is held."""
-        return self.main.is_live(element)
 
     @property
     def happened(self) -> Sequence[LoggedEvent]:
@@ -113,11 +96,6 @@ class HeldSource:
     def pinned(self) -> bool:
         """Whether anything is pinned."""
         return bool(self._pins)
-
-    @property
-    def problem(self) -> str:
-        """Why no more is fetched."""
-        return self.main.problem
 
     @property
     def held_s(self) -> float:
@@ -154,14 +132,13 @@ class HeldSource:
         found = [(piece, max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns)) for piece in self._pieces]
         return [(piece, begin, end) for piece, begin, end in found if begin <= end]
 
-    def _gaps(self, start_ns: int, end_ns: int) -> list[_Stretch]:
+    def _gaps(self, start_ns: int, end_ns: int) -> list[tuple[int, int]]:
         """What of a stretch is in no pin, but for what is too short for a sample: pins begin and end with one."""
         found, begin = [], start_ns
         for piece in self._pieces:
-            found.append(_Stretch(begin, min(end_ns, piece.begin_ns - 1)))
+            found.append((begin, min(end_ns, piece.begin_ns - 1)))
             begin = max(begin, piece.end_ns + 1)
-        found.append(_Stretch(begin, end_ns))
-        return [gap for gap in found if gap.end_ns - gap.begin_ns > 2 * self._period_ns]
+        return [gap for gap in (*found, (begin, end_ns)) if gap[1] - gap[0] > 2 * self._period_ns]
 
     # ------------------------------------------------------------------------------------------------------- pinning
 
@@ -185,18 +162,16 @@ class HeldSource:
             told, newest_ns = "", self.end_ns
             for gap in reversed(self._gaps(max(start_ns, self.begin_ns), end_ns)):
                 if self._in_buffers:
-                    told = await self._pin_more(gap, newest_ns) or told
+                    told = await self._pin_more(*gap, newest_ns) or told
             return told
 
-    async def _pin_more(self, gap: _Stretch, newest_ns: int) -> str:
+    async def _pin_more(self, begin_ns: int, end_ns: int, newest_ns: int) -> str:
         assert self._buffers is not None
         try:
-            pin = await self._buffers.pin(self.names, gap.begin_ns, gap.end_ns)
-        except RefusedError as error:
-            return str(error)
-        except SiloError:
-            return "no link"
-        run = next((known.run for known in self._pins if known.run), "")
+            pin = await self._buffers.pin(self.names, begin_ns, end_ns)
+        except SiloError as error:
+            return _why(error)
+        run, _ = self._of_one_run
         if not pin.run or not pin.begin_ns or pin.run != run:
             pin.close()
             self._lost = self._lost or bool(pin.run and pin.run != run)
@@ -204,11 +179,9 @@ class HeldSource:
             return pin.text
         self._take(pin)
         self._oldest_ns = pin.oldest_ns
-        piece = PinnedSource(self._live, self._plots, gap.begin_ns, gap.end_ns, ColumnStore((), 1, 1))
-        whole = pin.oldest_ns < gap.begin_ns and not pin.text
-        piece.opened(
-            pin, gap.begin_ns if whole else pin.begin_ns, gap.end_ns if gap.end_ns <= newest_ns else pin.end_ns
-        )
+        piece = PinnedSource(self._live, self._plots, begin_ns, end_ns, ColumnStore((), 1, 1))
+        whole = pin.oldest_ns < begin_ns and not pin.text
+        piece.opened(pin, begin_ns if whole else pin.begin_ns, end_ns if end_ns <= newest_ns else pin.end_ns)
         self._pieces = sorted([*self._pieces, piece], key=lambda each: each.begin_ns)
         self._forget_farthest(piece)
         return pin.text
@@ -264,24 +237,18 @@ class HeldSource:
             (begin, await piece.samples(name, begin, end)) for piece, begin, end in self._inside(start_ns, end_ns)
         ]
         gaps = self._buffered(start_ns, end_ns)
-        parts += [(gap.begin_ns, await self._buffered_samples(name, gap)) for gap in gaps]
+        parts += [(begin, await self._buffered_samples(name, begin, end)) for begin, end in gaps]
         return joined([some for _, some in sorted(parts, key=lambda part: part[0])])
 
-    def _buffered(self, start_ns: int, end_ns: int) -> list[_Stretch]:
+    def _buffered(self, start_ns: int, end_ns: int) -> list[tuple[int, int]]:
         """What of a stretch the buffers have alone."""
         return self._gaps(max(start_ns, self.begin_ns), min(end_ns, self.end_ns)) if self._in_buffers else []
 
-    async def _buffered_samples(self, name: str, gap: _Stretch) -> Samples:
+    async def _buffered_samples(self, name: str, begin_ns: int, end_ns: int) -> Samples:
         try:
-            return await self._live.samples(name, gap.begin_ns, gap.end_ns)
+            return await self._live.samples(name, begin_ns, end_ns)
         except SiloError:  # what is pinned is all that there is
-            return np.zeros(0, np.int64), np.zeros(0)
-
-    async def _buffered_columns(self, names: Sequence[str], gap: _Stretch, column_ns: int) -> HistoryColumns | None:
-        try:
-            return await self._live.history(names, gap.begin_ns, gap.end_ns, column_ns)
-        except SiloError:
-            return None
+            return joined(())
 
     def held(self, name: str, start_ns: int, end_ns: int) -> Samples:
         """The samples of an entry from `start_ns` to `end_ns`, both included, that are here."""
@@ -294,9 +261,9 @@ class HeldSource:
         if len(inside) == 1 and not gaps:
             return await inside[0][0].history(names, start_ns, end_ns, column_ns)
         store = _room(names, start_ns, end_ns, column_ns)
-        for gap in gaps:
-            if (past := await self._buffered_columns(names, gap, column_ns)) is not None:
-                store.take(past)
+        for begin, end in gaps:
+            with suppress(SiloError):
+                store.take(await self._live.history(names, begin, end, column_ns))
         for piece, begin, end in inside:
             store.take(await piece.history(names, begin, max(end, begin + 1), column_ns))
         return store.stretch(None)
@@ -340,41 +307,30 @@ class HeldSource:
         self, looking: Mapping[str, Looking], around_ns: int, most: int
     ) -> tuple[dict[str, FoundMoments], str]:
         """Look for moments in all that is held of entries, and return why some of it could not be looked through."""
-        if self._all_here or not self._in_buffers:
-            why = "" if self._all_here else self._out_of_reach
-            return await _find_here(self._pieces, looking, around_ns, most, why, pinned=self.pinned)
-        assert self._buffers is not None
-        _, pins = self._of_one_run
-        names = list(looking)
-        found: dict[str, FoundMoments] = {}
-        try:
-            for begin in range(0, len(names), NAMES_AT_ONCE):
-                some = {name: looking[name] for name in names[begin : begin + NAMES_AT_ONCE]}
-                found.update(await self._buffers.find(some, around_ns, most, self.end_ns, pins))
-        except SiloError as error:
-            why = str(error) if isinstance(error, RefusedError) else "no link"
-            return await _find_here(self._pieces, looking, around_ns, most, why, pinned=self.pinned)
-        return found, ""
+        why = "" if self._all_here else self._out_of_reach
+        if not self._all_here and self._in_buffers and (buffers := self._buffers) is not None:
+            _, pins = self._of_one_run
+
+            async def ask(names: Sequence[str]) -> dict[str, FoundMoments]:
+                return await buffers.find({name: looking[name] for name in names}, around_ns, most, self.end_ns, pins)
+
+            found, why = await _asked(list(looking), ask)
+            if not why:
+                return found, ""
+        return await _find_here(self._pieces, looking, around_ns, most, why, pinned=self.pinned)
 
     async def measure(self, names: Sequence[str], a_ns: int, b_ns: int) -> tuple[dict[str, Between], str]:
         """Measure entries between two moments, and return of what the facts are where these aren't all samples.
 
         What isn't fetched is added up in the helper process; where that can't be asked, columns have what they have.
         """
-        begin_ns, end_ns = min(a_ns, b_ns), max(a_ns, b_ns)
-        if not self._has(begin_ns, end_ns) and self._in_buffers and self._buffers is not None:
+        is_here = self._has(min(a_ns, b_ns), max(a_ns, b_ns))
+        why = "" if is_here else self._out_of_reach
+        if not is_here and self._in_buffers and (buffers := self._buffers) is not None:
             run, pins = self._of_one_run
-            found: dict[str, Between] = {}
-            try:
-                for at in range(0, len(names), NAMES_AT_ONCE):
-                    some = names[at : at + NAMES_AT_ONCE]
-                    found.update(await self._buffers.measure(some, a_ns, b_ns, pins, run))
-            except SiloError as error:
-                why = str(error) if isinstance(error, RefusedError) else "no link"
-            else:
+            found, why = await _asked(names, lambda some: buffers.measure(some, a_ns, b_ns, pins, run))
+            if not why:
                 return found, ""
-        else:
-            why = "" if self._has(begin_ns, end_ns) else self._out_of_reach
         return await _measure_here(self._pieces, names, a_ns, b_ns, why, pinned=self.pinned)
 
     @property
@@ -387,6 +343,23 @@ class HeldSource:
         """Whether all samples of a stretch are here."""
         fetched = all(piece.has(begin, end) for piece, begin, end in self._inside(start_ns, end_ns))
         return fetched and not self._gaps(start_ns, end_ns)
+
+
+async def _asked(
+    names: Sequence[str], ask: Callable[[Sequence[str]], Awaitable[dict[str, Asked]]]
+) -> tuple[dict[str, Asked], str]:
+    """Ask for as many at a time as a helper process looks through; return what came, and why that is not all."""
+    found: dict[str, Asked] = {}
+    try:
+        for begin in range(0, len(names), NAMES_AT_ONCE):
+            found.update(await ask(names[begin : begin + NAMES_AT_ONCE]))
+    except SiloError as error:
+        return found, _why(error)
+    return found, ""
+
+
+def _why(error: SiloError) -> str:
+    return str(error) if isinstance(error, RefusedError) else "no link"
 
 
 def _room(names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> ColumnStore:

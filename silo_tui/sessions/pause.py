@@ -144,7 +144,7 @@ class Pause:
             return
         if self._session.connected:
             source.mended()
-            if self._unreached or not (source.pinned or source.problem):
+            if self._unreached or not (source.pinned or source.main.problem):
                 await self._open()
         before = source.pieces
         span_ns = end_ns - start_ns

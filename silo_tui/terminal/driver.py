@@ -23,12 +23,10 @@ from textual.app import App
 from textual.drivers.linux_driver import LinuxDriver
 from textual.message import Message
 
-from silo_tui.terminal.answers import ALIVE_ANSWER, ALIVE_QUERY, AnswerFilter, knows_mode
+from silo_tui.terminal.answers import ALIVE_ANSWER, ALIVE_QUERY, AnswerFilter, KeyReader, knows_mode
 from silo_tui.terminal.cells import UNKNOWN, Grid, difference
-from silo_tui.terminal.keys import KeyReader
-from silo_tui.terminal.pacing import Pacer
+from silo_tui.terminal.pacing import Pacer, waited_s
 from silo_tui.terminal.parser import QUERY, SYNC_BEGIN, SYNC_END, Follower, Through
-from silo_tui.terminal.processor import waited_s
 from silo_tui.terminal.styles import Styles
 from silo_tui.terminal.thinness import FAT_BYTES_PER_S, LAG_S, Busyness, Painted, Thinness
 

@@ -8,7 +8,19 @@ Plain arithmetic: the driver brings bytes, answers and the time (monotonic secon
 
 from collections import deque
 from dataclasses import dataclass
+from pathlib import Path
 from statistics import median
+
+_COUNTS = Path("/proc/thread-self/schedstat")  # on a processor, waiting for one (both ns), how often
+
+
+def waited_s() -> float:
+    """Return how many seconds, since it was started; 0 where the kernel doesn't count."""
+    try:
+        return int(_COUNTS.read_text().split()[1]) / 1e9
+    except (OSError, ValueError, IndexError):
+        return 0.0
+
 
 SMALLEST_WINDOW = 3_000
 LARGEST_WINDOW = 200_000

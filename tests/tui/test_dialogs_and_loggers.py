@@ -413,7 +413,8 @@ def test_every_command_has_its_method():
     screens = {one.scope: one for one in classes if one.scope}
     for command in COMMANDS:
         for scope in command.scopes if "any" not in command.scopes else screens:
-            owners = (screens[scope], *screens[scope].PARTS, CommandRunner, SiloApp)
+            screen = screens.get(scope) or screens[scope.removeprefix("file_")]
+            owners = (screen, *screen.PARTS, CommandRunner, SiloApp)
             assert any(hasattr(owner, f"command_{command.id}") for owner in owners), (scope, command.id)
 
 

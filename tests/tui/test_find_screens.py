@@ -15,8 +15,8 @@ from silo.expressions.over_recordings import RecordingJudge
 from silo_tui.app import SiloApp
 from silo_tui.model.drawing.plots import plots_of
 from silo_tui.model.samples.find import Search, What
-from silo_tui.screens.plots.finding import events, look, turned
 from silo_tui.screens.plots.monitor import MonitorScreen
+from silo_tui.screens.plots.searching import events, look, turned
 from silo_tui.sessions.recorded import FileSession
 from tests.waiting import DEADLINE_S
 

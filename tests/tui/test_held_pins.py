@@ -174,7 +174,7 @@ async def test_a_moment_is_brought_with_what_is_around_it_as_long_as_the_buffers
 async def test_where_the_buffers_have_lost_it_that_is_said(robot):
     held = held_of(robot, 20, 30)
     assert await held.open() == "overwritten"
-    assert (held.pinned, held.problem, robot.open) == (False, "the logger holds nothing of it any more", [])
+    assert (held.pinned, held.main.problem, robot.open) == (False, "the logger holds nothing of it any more", [])
     assert (held.held_text, held._out_of_reach) == ("only the picture", "nothing is pinned")
     robot.reachable = False
     assert held._out_of_reach == "no link"

@@ -3,8 +3,7 @@
 import pytest
 from textual import events
 
-from silo_tui.terminal.answers import AnswerFilter
-from silo_tui.terminal.keys import KeyReader
+from silo_tui.terminal.answers import AnswerFilter, KeyReader
 
 
 def keys_of(*reads: bytes) -> list[str]:

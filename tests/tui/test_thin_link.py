@@ -6,8 +6,16 @@ import pytest
 
 from silo_tui.terminal.answers import AnswerFilter, knows_mode
 from silo_tui.terminal.driver import CellDriver
-from silo_tui.terminal.pacing import FIRST_BYTES, FIRST_S, SMALLEST_WINDOW, TIMEOUT_S, UNPACED, Pacer, link_words
-from silo_tui.terminal.processor import waited_s
+from silo_tui.terminal.pacing import (
+    FIRST_BYTES,
+    FIRST_S,
+    SMALLEST_WINDOW,
+    TIMEOUT_S,
+    UNPACED,
+    Pacer,
+    link_words,
+    waited_s,
+)
 from silo_tui.terminal.thinness import STEPS, Busyness, Painted, Thinness, head_words
 
 ANSWER = b"\x1b[?2026;2$y"

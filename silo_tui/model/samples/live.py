@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from silo.core.arrays.values import EXACT
+from silo.core.arrays.values import EXACT, numbers
 from silo.core.elements import ElementInfo, Entry
 from silo.core.names import component_name
 from silo.rpc.frames import Frame
@@ -102,6 +102,15 @@ def offset_text(entry: Entry, offset: float, base: int, width: int) -> str:
         word = str(base + int(offset))
         return entry_text(entry, value, word, max(width, len(word)))
     return entry_text(entry, value, None, width)
+
+
+def value_words(entry: Entry, value: np.ndarray) -> str:
+    """Return one value, shape `(1,)`, as it is read."""
+    if value.dtype.kind in "SU":
+        word = value[0]
+        return text.clean(word.decode("utf-8", "backslashreplace") if isinstance(word, bytes) else str(word))
+    found = numbers(value)
+    return offset_text(entry, float(found.offsets[0]), found.base, 14)
 
 
 def _date(dtype: str, count: int) -> str:

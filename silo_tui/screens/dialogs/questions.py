@@ -1,4 +1,4 @@
-"""Dialogs: a question with choices, and a line to type.
+"""Dialogs: a question with choices, a line to type, the `:` line over a screen that has none, the list of orders.
 
 First stands what one most likely wants; where that loses or stops something, or is about many, what does nothing.
 """
@@ -23,9 +23,12 @@ from silo.core.elements import FieldChange
 from silo.core.quantities.writing import duration, size_text
 from silo.errors import SiloError
 from silo_tui.modal import Choices, Dialog, run_alone
+from silo_tui.model.lists.ordering import Order
 from silo_tui.model.table.changes import Cost, groups_of
+from silo_tui.model.table.columns import TableOrder
 from silo_tui.model.table.state import PendingChange
 from silo_tui.model.words.names import below
+from silo_tui.widgets.inputs import Fleeting, Line
 
 MOVED_BY = "jkq"  # letters that are bound
 MOVES = "j k Move  PgDn PgUp Scroll  Esc Back"
@@ -322,3 +325,68 @@ def _cost(
     lines.append(f"{title:<10}{old:>16} {new:>15} ")
     lines.append("!! " if over else f"{sign}  " if worse and old != new else "   ", style="bold" if over else "")
     lines.append(f"{note}\n", style="bold" if over else "dim")
+
+
+COLUMN = 32
+
+
+class OrderDialog(Dialog[str | None]):
+    """Answers with the order whose letter was pressed, also that of the present one; None on any other key."""
+
+    def __init__(self, orders: Sequence[Order[Any] | TableOrder], now: str, arrow: str) -> None:
+        super().__init__()
+        self._orders, self._now, self._arrow = orders, now, arrow
+
+    def compose(self) -> ComposeResult:
+        """Yield the letters in two columns."""
+        with Vertical(classes="dialog"):
+            yield Static("Order by", classes="dialog-title", markup=False)
+            yield Static(self._lines(), id="orders")
+
+    def _lines(self) -> Text:
+        lines = Text()
+        half = -(-len(self._orders) // 2)
+        for left in range(half):
+            for order in self._orders[left::half][:2]:
+                words = (order.words or order.name) + (f"  {self._arrow}" if order.name == self._now else "")
+                lines.append(order.letter, style="bold")
+                lines.append(f" {words:<{COLUMN - 2}}")
+            lines.append("\n")
+        lines.append("\nthe same letter again: the other way round")
+        return lines
+
+    def on_key(self, event: events.Key) -> None:
+        """Order, or leave."""
+        event.stop()
+        event.prevent_default()
+        self.dismiss(next((order.name for order in self._orders if order.letter == event.character), None))
+
+
+class CommandLine(Dialog[str | None]):
+    """Answers with the line that was entered; None on Esc. Plots are named and kept where they are seen."""
+
+    KEYS_HERE = "Enter does it  Tab completes  Esc leaves"
+    AUTO_FOCUS = ""
+
+    def __init__(self, complete: Callable[[str], list[str]], words: str, begun: str = "") -> None:
+        """`words` are some of those that may be typed, `begun` is typed already."""
+        super().__init__()
+        self._begun = begun
+        self._complete, self._words = complete, words
+
+    def compose(self) -> ComposeResult:
+        """Yield the line, above the keys."""
+        yield Line(self._complete, self._words, "command-over")
+
+    def on_mount(self) -> None:
+        """Take the keys."""
+        self.query_one(Line).begin(self._begun)
+
+    def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
+        """Answer with the line."""
+        self.dismiss(event.value)
+
+    def on_fleeting_left(self, event: Fleeting.Left) -> None:
+        """Leave; nothing is done."""
+        if self.is_current:
+            self.dismiss(None)

@@ -4,9 +4,12 @@ import asyncio
 from collections.abc import Sequence
 from typing import ClassVar
 
-from textual.app import ComposeResult
+from rich.text import Text
+from textual.app import ComposeResult, RenderResult
 from textual.binding import Binding
 from textual.containers import Horizontal
+from textual.reactive import reactive
+from textual.widget import Widget
 from textual.widgets import Button, ProgressBar, Static
 
 from silo.core.elements import FileType, SavedFile
@@ -20,7 +23,38 @@ from silo_tui.context import Context
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.words import text
 from silo_tui.screens.dialogs.form import Form
-from silo_tui.widgets.check_line import CheckLine
+from silo_tui.unforeseen import Guarded
+
+
+class CheckLine(Guarded, Widget, can_focus=True):
+    """`[x] label`; space, x or a click turn it over. A `>` in front shows the focus, also without colours."""
+
+    DEFAULT_CSS = """
+    CheckLine { height: 1; }
+    CheckLine:focus { text-style: bold; background: $boost; }
+    """
+    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
+        Binding("space,x", "turn", "Turn", show=False)
+    ]
+    value: reactive[bool] = reactive(False)
+
+    def __init__(self, label: str, value: bool, id: str) -> None:  # noqa: A002 - Textual's word
+        super().__init__(id=id)
+        self._label = label
+        self.set_reactive(CheckLine.value, value)
+
+    def render(self) -> RenderResult:
+        """Return the line."""
+        return Text(f"{'>' if self.has_focus else ' '} [{'x' if self.value else ' '}] {self._label}")
+
+    def action_turn(self) -> None:
+        """Turn it over."""
+        self.value = not self.value
+
+    def on_click(self) -> None:
+        """Turn it over."""
+        self.action_turn()
+
 
 FOLLOW_S = 0.05
 KEYS = f"↑↓ Move  space {' '.join(name[0] for name in SAVED_NAMES)} Tick  Enter Saves  Esc Back"

@@ -17,7 +17,7 @@ from silo_tui.keymap import DESTROYS, TWO_LAYERS
 from silo_tui.modal import ask
 from silo_tui.model.lists.ordering import Marks, Order, arranged, passes
 from silo_tui.model.words.command_line import BY_KEY, Spelled
-from silo_tui.screens.dialogs.order import OrderDialog
+from silo_tui.screens.dialogs.questions import OrderDialog
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.inputs import Fleeting, Line

@@ -338,7 +338,7 @@ class DetailScreen(MonitorScreen):
             self.line.say("")
             self.request_view()
         elif self.mode == MODES[0]:
-            self.arranger.command_log_axis()
+            self.command_log_axis()
         else:
             self.say(f"{key_of('level')} is for signals over time and for spectra: {key_of('mode')} leads there")
 

@@ -23,11 +23,10 @@ from silo_tui.model.drawing.window import SECOND_NS, SPANS_S, PlotWindow
 from silo_tui.model.plots.overlay import SIGN
 from silo_tui.model.plots.time_axis import moment_of
 from silo_tui.model.samples.find import Search, What, places_of
-from silo_tui.model.samples.live import Reading
+from silo_tui.model.samples.live import Reading, value_words
 from silo_tui.model.samples.recorded import SHORT_SPANS_S
 from silo_tui.model.samples.searching import reading_of
 from silo_tui.model.words import text
-from silo_tui.screens.plots.finding import SearchResult, value_words
 from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.pause import Pause
@@ -67,7 +66,6 @@ class PlotScreen(SiloScreen):
         self.status_bar, self.banner = StatusBar(session, read_only=False), Banner(session)
         self.between = BetweenTable()
         self.pause = Pause(session, self.more_is_here)
-        self.found: SearchResult | None = None
 
     def new_stack(self, plots: list[Plotted]) -> PlotStack:
         """Return the widget that draws these."""
@@ -475,7 +473,6 @@ class PlotScreen(SiloScreen):
         self.pause.release()
         self.source = self.stack.source = self.session.source
         self.window.go_on()
-        self.found = None
         self.show_between()
         self.more_is_here()
         self.request_view()
