@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """Edits of a table: of the field under the cursor, of derived signals, of what is marked; all wait to be applied."""
 
 import math

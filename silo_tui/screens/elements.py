@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """What the tables of a logger and of a file share: layout, cursor, filter, marks, order."""
 
 from abc import abstractmethod
@@ -58,7 +57,6 @@ class ElementsScreen(SiloScreen):
         self._inspector_wanted: bool | None = None
 
     def compose(self) -> ComposeResult:
-        """Yield status, banner, table and inspector, information, lines to type in, keys."""
         yield self.status_bar
         yield self.banner
         with Horizontal(id="body"):
@@ -79,13 +77,11 @@ class ElementsScreen(SiloScreen):
         yield from ()
 
     def on_mount(self) -> None:
-        """Give the keys to the table."""
         self.table.focus()
         self.settings_changed()
         self._lay_out(self.app.size.width)
 
     def on_resize(self, event: events.Resize) -> None:
-        """Show more on wide terminals."""
         self._lay_out(event.size.width)
 
     def _lay_out(self, width: int) -> None:
@@ -112,7 +108,6 @@ class ElementsScreen(SiloScreen):
     # ------------------------------------------------------------------------------------ what the app tells us
 
     def table_changed(self) -> None:
-        """Follow a change of rows, edits or marks."""
         self.table.rows_changed()
         self.table_head.refresh()
         self.inspector.refresh()
@@ -122,7 +117,6 @@ class ElementsScreen(SiloScreen):
         self.request_view_soon()
 
     def status_changed(self) -> None:
-        """Follow a change of state or link."""
         self.status_bar.update()
         self.banner.update()
         self.info.refresh()
@@ -130,14 +124,12 @@ class ElementsScreen(SiloScreen):
         self.inspector.refresh()
 
     def live_changed(self, frame: Frame) -> None:
-        """Show new values."""
         self.table.live_changed()
         self.status_bar.update()
         if self.inspector.display:
             self.inspector.live_changed()
 
     def second_passed(self) -> None:
-        """Paint the times again."""
         self.status_bar.update()
         self.banner.update()
 
@@ -407,7 +399,6 @@ class ElementsScreen(SiloScreen):
     # --------------------------------------------------------------------------------------------- typed lines
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Filter while the filter is typed."""
         if event.input.id == "filter-line" and event.input.display:
             self._filter_by(event.input.value)  # of keys that came at once, what they made
 

@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """The table of a logger: its elements with their live columns, and everything that edits them."""
 
 import time
@@ -210,7 +209,6 @@ class TableScreen(Editing):
             self.once_settled("kept", KEEP_S, self.context.keep_edits)
 
     def settings_changed(self) -> None:
-        """Show the columns that are wanted."""
         self.table.choose_columns(self.context.settings.columns)
         self._lay_out(self.app.size.width)
 
@@ -225,7 +223,6 @@ class TableScreen(Editing):
     # ------------------------------------------------------------------------------------------------ the view
 
     def request_view(self) -> None:
-        """Say what is on the screen."""
         if self.context.upper_screen is not self:
             return
         table = self.session.table
@@ -299,6 +296,5 @@ class TableScreen(Editing):
         self.info.display = False
 
     def line_entered(self, event: Fleeting.Entered) -> None:
-        """Carry out what was entered in the command line."""
         if event.line.id == "command-line" and event.value.strip(": "):
             self.context.runner.run(event.value)

@@ -69,7 +69,6 @@ class FittingLine(Guarded, Widget):
         return line
 
     def render(self) -> RenderResult:
-        """Return the line."""
         return self.line(self.content_size.width)
 
 
@@ -92,7 +91,6 @@ class StatusBar(FittingLine):
             self.refresh()
 
     def render(self) -> RenderResult:
-        """Return the line."""
         line = self._line()
         self._drawn = line.plain
         return line
@@ -231,7 +229,6 @@ class Banner(Guarded, Widget):
             self.refresh(layout=True)
 
     def render(self) -> RenderResult:
-        """Return the words."""
         return Text(self._shown)
 
     def _words(self) -> str:

@@ -57,7 +57,6 @@ class DetailPlot(Guarded, Styled):
         cell: int
 
     def on_click(self, event: events.Click) -> None:
-        """Ask for the place that was clicked."""
         cell = event.x - AXIS - 1
         if 0 <= cell < self.plot_size[0] and event.y < self.plot_size[1]:
             self.post_message(self.CellPointed(cell))
@@ -73,7 +72,6 @@ class DetailPlot(Guarded, Styled):
         self.refresh()
 
     def render_line(self, y: int) -> Strip:
-        """One line of the plot, its axis, or the notes."""
         quiet = self._style("plot--quiet")
         if self.plot is None:
             return Strip([Segment(f"  {self.message}" if y == 1 else "", quiet)]).adjust_cell_length(

@@ -329,12 +329,10 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
             self.post_message(self.Moved())
 
     def on_resize(self) -> None:
-        """Draw columns of another width."""
         self.virtual_size = Size(self.size.width, len(self.rows.tree.lines))
         self.call_after_refresh(self.show_cursor)
 
     def notify_style_update(self) -> None:
-        """Follow a change of the theme."""
         super().notify_style_update()
         self._forget()
 
@@ -359,7 +357,6 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
     # ---------------------------------------------------------------------------------------------- drawing
 
     def render_line(self, y: int) -> Strip:
-        """Return one line."""
         laid = self.laid
         content = self._ready.pop(y) if y in self._ready else self._content(y)
         self._painted[y] = content
@@ -591,7 +588,6 @@ class TableHead(Guarded, ScrollView):
         self._table = table
 
     def on_click(self, event: events.Click) -> None:
-        """Ask for the order by this column."""
         laid = self._table.laid
         start = FLAGS + laid.names
         order = NAME if event.x < start else ""
@@ -602,7 +598,6 @@ class TableHead(Guarded, ScrollView):
             self.post_message(self.Picked(order))
 
     def render_line(self, y: int) -> Strip:
-        """Return the one line."""
         plain, chosen = self.get_component_rich_style("head--text"), self.get_component_rich_style("head--field")
         table, rows = self._table, self._table.rows
         laid, sort = table.laid, rows.sort

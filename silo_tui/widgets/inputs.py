@@ -49,7 +49,6 @@ class NamingLine(Input):
         super().__init__(value, compact=True, suggester=LineSuggester(complete), **options)
 
     def on_mount(self) -> None:
-        """Leave out what can't be told from what is typed."""
         leave_out_unseen(self)
 
     def action_take(self) -> None:
@@ -145,7 +144,6 @@ class Line(Fleeting):
         self._turn: list[str] = []
 
     def on_mount(self) -> None:
-        """Leave out what can't be told from what is typed."""
         leave_out_unseen(self)
 
     def begin_over(self, old: str) -> str:

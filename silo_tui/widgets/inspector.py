@@ -121,7 +121,6 @@ class Inspector(Guarded, Widget):
         return super().refresh(*regions, **what)
 
     def notify_style_update(self) -> None:
-        """Follow a change of the theme."""
         super().notify_style_update()
         self._styles.clear()
         self._lines = self._plotted_of = None
@@ -135,7 +134,6 @@ class Inspector(Guarded, Widget):
         return [element.name + entry.suffix for entry in element.entries if entry.dtype[1:2] not in "SU"][:MAX_PLOTS]
 
     def render_line(self, y: int) -> Strip:
-        """Return one line, cut with an ellipsis."""
         if self._lines is None or self._lines_fit != self.content_size:
             self._lines = self._pane()
         width, base = self.content_size.width, self.rich_style

@@ -63,7 +63,6 @@ class Lines(Guarded, ScrollView, can_focus=True):
                 self.refresh_line(place)
 
     def render_line(self, y: int) -> Strip:
-        """Return a line of the screen."""
         place, width = y + self.scroll_offset.y, self.scrollable_content_region.width
         cursor = place == self.highlighted
         style = self.get_component_rich_style("lines--cursor" if cursor else "lines--line")

@@ -75,7 +75,6 @@ class MessageLine(FittingLine):
         return max(1, self.app.size.width - 2)
 
     def render(self) -> RenderResult:
-        """Return the lines."""
         return self.words()
 
     def words(self) -> Text:
@@ -100,7 +99,6 @@ class MessageLine(FittingLine):
         return Text(self.answer) if self.said and line.cell_len > room else line
 
     def parts(self) -> list[LinePart]:
-        """Return facts, and the answer whole."""
         return [*self.facts(), LinePart(0, self.said)]
 
     def facts(self) -> list[LinePart]:
@@ -122,7 +120,6 @@ class InfoLine(MessageLine):
         self.changed()
 
     def below(self, room: int) -> Text:
-        """Return what is to be typed, where something is."""
         return Text(self._prompt) if self._prompt else super().below(room)
 
     def facts(self) -> list[LinePart]:
@@ -193,7 +190,6 @@ class ListLine(MessageLine):
         self.told: Sequence[str] = ()
 
     def below(self, room: int) -> Text:
-        """Return all of it."""
         if self._failed:
             return super().below(room)
         return Text(self.BETWEEN.join(filter(None, [self.answer, *self.told])))

@@ -139,7 +139,6 @@ class PlotStack(Guarded, Styled):
     # ------------------------------------------------------------------------------------------------- drawing
 
     def render_line(self, y: int) -> Strip:
-        """One line of a plot, or the time axis."""
         return Strip(self._line(y)).adjust_cell_length(self.size.width, self._style("plot--quiet"))
 
     def _line(self, y: int) -> list[Segment]:
@@ -393,7 +392,6 @@ class PlotStack(Guarded, Styled):
         """It has more lines, or fewer: other plots may fit."""
 
     def on_resize(self) -> None:
-        """Tell it."""
         self.post_message(self.Resized())
 
     @dataclass
@@ -438,12 +436,10 @@ class PlotStack(Guarded, Styled):
         return None
 
     def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
-        """Ask for the next plot, or a longer span."""
         event.stop()
         self.post_message(self.Wheeled(1, zooms=event.ctrl))
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
-        """Ask for the plot before, or a shorter span."""
         event.stop()
         self.post_message(self.Wheeled(-1, zooms=event.ctrl))
 

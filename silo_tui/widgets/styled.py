@@ -24,7 +24,6 @@ class Styled(Widget):
         return {}
 
     def notify_style_update(self) -> None:
-        """Follow a change of the theme."""
         super().notify_style_update()
         self._styles.clear()
 

@@ -36,7 +36,6 @@ class DeriveDialog(Form[Derived]):
         self._session = session
 
     def made(self) -> Derived:
-        """Return what is typed, which can be derived."""
         derived.words_of(self._typed, self._session.table)
         return self._typed
 
@@ -45,7 +44,6 @@ class DeriveDialog(Form[Derived]):
         return Derived(self.fields["name"], self.fields["is"], self.fields["unit"])
 
     async def look(self) -> str:
-        """Return what it would be."""
         typed = self._typed
         return "\n".join(derived.words_of(typed, self._session.table)) if typed.expression else NUMBER
 

@@ -30,7 +30,6 @@ class FindDialog(Question):
         self.everywhere = False
 
     def pick(self, value: str) -> None:
-        """Answer, or look elsewhere."""
         if value != EVERYWHERE:
             self.dismiss(value)
             return
@@ -65,7 +64,6 @@ class ConditionDialog(Form[Search]):
         return Search(What.CONDITION, condition=typed)
 
     async def look(self) -> str:
-        """Return how often it turned true, and when."""
         if not self.fields["when"]:
             return CONDITION
         tried = await self._session.turns_true(self.made().condition)

@@ -107,7 +107,6 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         self._title, self._lines, self._values, self._hints = title, lines, values, hints
 
     def compose(self) -> ComposeResult:
-        """Yield title, lines to type in, what is said of them."""
         with Vertical(classes="dialog form"):
             yield Static(self._title, classes="dialog-title", markup=False)
             yield from self.above()
@@ -148,7 +147,6 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
             self.look_soon()
 
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
-        """Tell what the field means that has the keys now."""
         name = str(event.widget.id).removeprefix("form-")
         for line in self.query("#form-about").results(Static):
             line.update(f"{name}: {self.ABOUT[name]}" if name in self.ABOUT else "")
@@ -195,7 +193,6 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
                 self.tell(self.wrong(error), "quiet")
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Answer, as Enter asks for."""
         self.answer()
 
     def answer(self) -> None:

@@ -106,7 +106,6 @@ class LimitsDialog(Form[LimitsWish]):
         return next((one for one in known if shown in (one.name, short(one.name).lstrip("/"))), None)
 
     async def look(self) -> str:
-        """Return how often they would have been violated."""
         if not self.fields["signal"]:
             return HELP
         limits = self.made().limits

@@ -84,7 +84,6 @@ class Question(Dialog[str | None]):
         self.told = ""  # the choice that more is told of
 
     def compose(self) -> ComposeResult:
-        """Yield title, body, choices; more about one."""
         tall = self._about is not None
         with Vertical(classes="dialog tall" if tall else "dialog"):
             yield Static(self._title, classes="dialog-title", markup=False)
@@ -105,7 +104,6 @@ class Question(Dialog[str | None]):
         return line
 
     def on_mount(self) -> None:
-        """Give the focus to the first choice."""
         self.query_one(OptionList).focus()
         self.query_one(OptionList).highlighted = self._begin if self._choices else None
         self.call_after_refresh(self._drawn)
@@ -147,7 +145,6 @@ class Question(Dialog[str | None]):
             self._show_keys(f"{event.character} is no answer here  ")
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
-        """Take the choice under the cursor."""
         self.pick(self._choices[event.option_index].value)
 
     def pick(self, value: str) -> None:
@@ -229,7 +226,6 @@ class Prompt(Dialog[str | None]):
         self._line = Input(value, placeholder=placeholder, compact=True)
 
     def compose(self) -> ComposeResult:
-        """Yield title, body, input."""
         with Vertical(classes="dialog"):
             yield Static(self._title, classes="dialog-title", markup=False)
             yield Static(self._body, classes="dialog-body", markup=False)
@@ -254,7 +250,6 @@ class Prompt(Dialog[str | None]):
             self.dismiss(line)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Answer with the line."""
         self._take(event.value.strip())
 
 
@@ -338,7 +333,6 @@ class OrderDialog(Dialog[str | None]):
         self._orders, self._now, self._arrow = orders, now, arrow
 
     def compose(self) -> ComposeResult:
-        """Yield the letters in two columns."""
         with Vertical(classes="dialog"):
             yield Static("Order by", classes="dialog-title", markup=False)
             yield Static(self._lines(), id="orders")
@@ -356,7 +350,6 @@ class OrderDialog(Dialog[str | None]):
         return lines
 
     def on_key(self, event: events.Key) -> None:
-        """Order, or leave."""
         event.stop()
         event.prevent_default()
         self.dismiss(next((order.name for order in self._orders if order.letter == event.character), None))
@@ -375,15 +368,12 @@ class CommandLine(Dialog[str | None]):
         self._complete, self._words = complete, words
 
     def compose(self) -> ComposeResult:
-        """Yield the line, above the keys."""
         yield Line(self._complete, self._words, "command-over")
 
     def on_mount(self) -> None:
-        """Take the keys."""
         self.query_one(Line).begin(self._begun)
 
     def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
-        """Answer with the line."""
         self.dismiss(event.value)
 
     def on_fleeting_left(self, event: Fleeting.Left) -> None:

@@ -68,7 +68,6 @@ class RecordDialog(Form[Wish]):
         return tuple(found)
 
     def made(self) -> Wish:
-        """Return what is to be recorded."""
         fields, split = self.fields, self.fields["split"]
         keep = "" if fields["keep"] == ALL else fields["keep"]
         read_split(split)

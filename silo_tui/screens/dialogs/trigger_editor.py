@@ -63,7 +63,6 @@ class TriggerEditor(Form[TriggerOptions]):
         self._options = options
 
     async def look(self) -> str:
-        """Return what it would have done."""
         fields = self.fields
         if not fields["when"]:
             return CONDITION
@@ -78,5 +77,4 @@ class TriggerEditor(Form[TriggerOptions]):
         )
 
     def made(self) -> TriggerOptions:
-        """Return the trigger."""
         return options_of_fields(self.fields, self._options)

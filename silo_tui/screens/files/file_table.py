@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """What is in a file: the table of a logger with other columns and without what edits."""
 
 import math
@@ -33,7 +32,6 @@ class FileTableScreen(ElementsScreen):
         self._leave = leave  # to what it was opened from
 
     def on_mount(self) -> None:
-        """Tell at once what the file lacks."""
         self.banner.update()
 
     def lay_out_table(self, width: int, rest: int) -> None:
@@ -132,7 +130,6 @@ class FileTableScreen(ElementsScreen):
     # --------------------------------------------------------------------------------------------------- commands
 
     def on_element_table_picked(self) -> None:
-        """Plot what was clicked twice."""
         self.command_plot()
 
     def command_back(self) -> None:

@@ -44,7 +44,6 @@ class CheckLine(Guarded, Widget, can_focus=True):
         self.set_reactive(CheckLine.value, value)
 
     def render(self) -> RenderResult:
-        """Return the line."""
         return Text(f"{'>' if self.has_focus else ' '} [{'x' if self.value else ' '}] {self._label}")
 
     def action_turn(self) -> None:
@@ -52,7 +51,6 @@ class CheckLine(Guarded, Widget, can_focus=True):
         self.value = not self.value
 
     def on_click(self) -> None:
-        """Turn it over."""
         self.action_turn()
 
 
@@ -92,14 +90,12 @@ class SaveDialog(Form[list[SavedFile]]):
         self._told, self._failed = "", False  # of it, until something else is to be
 
     def above(self) -> ComposeResult:
-        """Yield the folder, and the types."""
         folder = self.context.session.status.folder or "the folder of the logger"
         yield Static(f"in {folder}, on the robot", classes="quiet", markup=False)
         for kind, one in SAVED.items():
             yield CheckLine(f"{one.name:<5} {one.about}", kind in self._types, f"type-{one.name}")
 
     def below(self) -> ComposeResult:
-        """Yield progress and buttons."""
         yield ProgressBar(total=1.0, show_eta=False, id="save-progress")
         with Horizontal(classes="dialog-buttons"):
             yield Button("Save", id="save-go", compact=True, variant="primary")
@@ -116,7 +112,6 @@ class SaveDialog(Form[list[SavedFile]]):
             self._begin()
 
     def on_button_pressed(self, event: Button.Pressed) -> None:
-        """Save or leave."""
         if event.button.id == "save-go":
             self.answer()
         else:

@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """The limits of a logger's signals: what is beyond them, what was and nobody has seen."""
 
 from collections.abc import Callable, Sequence

@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """What the lists of triggers, alarms and parameters share: how they stand is asked for anew each second."""
 
 from abc import abstractmethod
@@ -19,7 +18,6 @@ class ConditionsScreen(LoggerList[Status]):
     """A list of how conditions stand, asked for anew each second while it is shown."""
 
     def begin(self) -> None:
-        """Ask how they stand."""
         super().begin()
         self.ask()
 
@@ -54,7 +52,6 @@ class ConditionsScreen(LoggerList[Status]):
         """Return the elements that a line is about."""
 
     def show(self) -> None:
-        """Draw the lines, and how the logger is."""
         super().show()
         if self.is_there:
             self.status_bar.update()

@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """What happened: the event log of a logger, or of a file, newest first; Enter goes there in the plots."""
 
 import asyncio
@@ -95,7 +94,6 @@ class EventsScreen(LoggerList[LoggedEvent]):
         super().on_lines_cursor_moved(event)
 
     def command_list_top(self) -> None:
-        """Follow the newest again."""
         super().command_list_top()
         self._following = True
         self.show()

@@ -225,7 +225,6 @@ class HelpScreen(Dialog[None]):
         self._found: list[HelpLine] = []
 
     def compose(self) -> ComposeResult:
-        """Yield title, columns, the line to search in, keys."""
         yield Static("", id="help-title", markup=False)
         with VerticalScroll(id="help-body", can_focus=False):
             yield Static("", id="help-page", markup=False)
@@ -233,11 +232,9 @@ class HelpScreen(Dialog[None]):
         yield Static("", id="help-keys", markup=False)
 
     def on_mount(self) -> None:
-        """Show the keys of the screen below."""
         self._show()
 
     def on_resize(self, event: events.Resize) -> None:
-        """Show as many columns as fit."""
         self._show()
 
     def _show(self) -> None:
@@ -326,18 +323,15 @@ class HelpScreen(Dialog[None]):
         body.scroll_to(y=body.max_scroll_y if last else 0, animate=False)
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Search while words are typed."""
         if event.input.display and event.value != self._words:
             self._words, self._chosen = event.value, 0
             self._show()
 
     def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
-        """Do what is chosen."""
         self._words = event.value
         self._show()
         self.action_do()
 
     def on_fleeting_left(self, event: Fleeting.Left) -> None:
-        """Show all again."""
         self._words = ""
         self._show()

@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """What all lists share: the cursor that stays on its line, filter, order, marks, what a key is about, what is said."""
 
 from abc import abstractmethod
@@ -49,7 +48,6 @@ class ListScreen(SiloScreen, Generic[LineT]):
         self._order, self._turned = self.orders[0], False
 
     def compose(self) -> ComposeResult:
-        """Yield what is above, head, list, advice, words, lines to type in, keys."""
         yield from self.above()
         yield Static("", id="list-head", markup=False)
         yield Lines("list-lines")
@@ -60,13 +58,11 @@ class ListScreen(SiloScreen, Generic[LineT]):
         yield KeyBar(self.scope, read_only=self.context.read_only)
 
     def on_mount(self) -> None:
-        """Show what is known, and ask for what isn't."""
         self.lines.focus()
         self.show()
         self.begin()
 
     def on_resize(self, event: events.Resize) -> None:
-        """Draw the lines for another width."""
         self.call_after_refresh(self.show)
 
     # ------------------------------------------------------------------------------------------- what children say
@@ -230,7 +226,6 @@ class ListScreen(SiloScreen, Generic[LineT]):
     # ---------------------------------------------------------------------------------------- what the app tells it
 
     def show_said(self, words: str, *, failed: bool = False) -> None:
-        """Show what is said until the next key."""
         super().show_said(words, failed=failed)
         self.show_words()
 
@@ -241,11 +236,9 @@ class ListScreen(SiloScreen, Generic[LineT]):
         self.show_words()
 
     def on_lines_cursor_moved(self, event: Lines.CursorMoved) -> None:
-        """Tell of another line."""
         self.show_words()
 
     def on_lines_line_picked(self, event: Lines.LinePicked) -> None:
-        """Do what a click does."""
         self.enter()
 
     # ------------------------------------------------------------------------------------------------------ moving
@@ -308,12 +301,10 @@ class ListScreen(SiloScreen, Generic[LineT]):
         self.query_one(KeyBar).show_instead(over + FILTER_KEYS)
 
     def on_input_changed(self, event: Line.Changed) -> None:
-        """Filter while it is typed."""
         if event.input.id == "list-filter" and event.input.display:
             self.filter_by(event.input.value)
 
     def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
-        """Take what was typed."""
         self._back_to_list()
         if event.line.id == "list-filter":
             self.filter_by(event.value)
@@ -371,6 +362,5 @@ class LoggerList(ListScreen[LineT]):
         return [one.words for one in self.session.fetches.values()]
 
     def second_passed(self) -> None:
-        """Paint the times again."""
         self.status_bar.update()
         self.banner.update()

@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """All loggers that can be reached: how each stands, the worst first; one is opened, many are commanded at once.
 
 Shown when there are several, and while there is none: then it says what to start.
@@ -58,7 +57,6 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
         self._notes = "Looking for loggers …"
 
     def above(self) -> ComposeResult:
-        """Yield the title."""
         yield Static("silo", id="loggers-title", markup=False)
 
     def take(

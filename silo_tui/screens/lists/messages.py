@@ -19,7 +19,6 @@ class MessagesScreen(ListScreen[Message]):
 
     @property
     def all(self) -> Sequence[Message]:
-        """What was said."""
         return list(self.context.told)
 
     def key_of(self, one: Message) -> str:
@@ -27,27 +26,21 @@ class MessagesScreen(ListScreen[Message]):
         return f"{one.at_s} {one.words}"
 
     def head(self, width: int) -> str:
-        """Return the titles."""
         return "  time      from   what was said"
 
     def row_of(self, one: Message, width: int) -> Text:
-        """Return a line, as much as there is room for."""
         row = Text(f"  {one.clock}  {WHO[one.is_news]:<5}  {' '.join(one.words.split())}", no_wrap=True)
         row.truncate(width, overflow="ellipsis")
         return row
 
     def told(self, one: Message) -> str:
-        """Return what a filter looks in."""
         return f"{WHO[one.is_news]} {one.words}"
 
     def words(self) -> str:
-        """Return the one under the cursor, whole."""
         return self.chosen.words if self.chosen is not None else ""
 
     def none(self) -> str:
-        """Return why there is nothing."""
         return "Nothing was said yet."
 
     def second_passed(self) -> None:
-        """Show what was said meanwhile."""
         self.show()

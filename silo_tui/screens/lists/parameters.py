@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """The parameters of a logger: what each is and may be, who set it; turned by arrows, typed, undone, kept as presets."""
 
 from collections.abc import Callable, Coroutine, Sequence

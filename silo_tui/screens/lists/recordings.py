@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """The recordings in the logger's folder on the robot: listed, opened in place, fetched, deleted."""
 
 import asyncio
@@ -48,7 +47,6 @@ class RecordingsScreen(LoggerList[SavedRecording]):
         self._asking = False  # for the older ones
 
     def above(self) -> ComposeResult:
-        """Yield status, banner, what runs."""
         yield from super().above()
         yield Static("", id="recordings-running", markup=False)
 
@@ -69,7 +67,6 @@ class RecordingsScreen(LoggerList[SavedRecording]):
         return one.stem
 
     def prepare(self, found: Sequence[SavedRecording], width: int) -> None:
-        """Fit the names of all into the same cells."""
         self._names = rows.fitting_stems(found, self.session.status.logger or self.session.name, max(40, width))
 
     def row_of(self, one: SavedRecording, width: int) -> Text:
@@ -103,7 +100,6 @@ class RecordingsScreen(LoggerList[SavedRecording]):
         return f"Nothing is saved in {self.found.folder} yet. {key_of('save_data')} in the table saves what is held."
 
     def may_be(self, one: SavedRecording) -> bool:
-        """Return whether it is finished."""
         return not one.unfinished
 
     # ---------------------------------------------------------------------------------------------------- data
@@ -164,18 +160,15 @@ class RecordingsScreen(LoggerList[SavedRecording]):
     # ------------------------------------------------------------------------------------ what the app tells us
 
     def table_changed(self) -> None:
-        """Follow what was saved, captured or deleted."""
         if self.context.upper_screen is self:
             self.read_again()
 
     def status_changed(self) -> None:
-        """Follow a change of state or link."""
         super().second_passed()
         self.show()
         self._show_running()
 
     def live_changed(self, frame: Frame) -> None:
-        """Show the state."""
         self.status_bar.update()
 
     def second_passed(self) -> None:

@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """The runs of a folder of this machine, from its index: filtered by words or by what was measured, opened, compared."""
 
 import asyncio

@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """The user's settings: each changed by a key, shown at once, kept by `w`."""
 
 from collections.abc import Callable, Sequence
@@ -100,15 +99,12 @@ class SettingsScreen(ListScreen[SettingRow]):
         self._typed_of: Option | None = None  # what is typed in the line is of
 
     def above(self) -> ComposeResult:
-        """Yield the title."""
         yield Static(f" silo settings  {_shown(path())}", id="settings-title", markup=False)
 
     def typed_lines(self) -> ComposeResult:
-        """Yield the line for values."""
         yield Line(self._completions, "", "settings-value")
 
     def settings_changed(self) -> None:
-        """Draw the lines with the new settings."""
         self.show()
 
     @property
@@ -229,14 +225,12 @@ class KeyDialog(Dialog[str | None]):
         self._command, self._settings = command, settings
 
     def compose(self) -> ComposeResult:
-        """Yield what is asked for, and why a key can't be."""
         with Vertical(classes="dialog"):
             yield Static(f"Press the key of {label(self._command)}", classes="dialog-title", markup=False)
             yield Static(BY_ID[self._command].help, markup=False)
             yield Static("", id="key-problem", markup=False)
 
     def on_key(self, event: events.Key) -> None:
-        """Take the key, whatever it is bound to elsewhere."""
         event.stop()
         event.prevent_default()
         if event.key == "escape":

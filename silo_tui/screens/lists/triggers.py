@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """The triggers of a logger: how each stands, armed and off, set and tried."""
 
 from collections.abc import Awaitable, Callable, Sequence

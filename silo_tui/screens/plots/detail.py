@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """One large plot: signals over time as in the monitor, one against another, their spectrum, a histogram.
 
 Over time it is the monitor with one plot, with the same keys, pause and window. Reading and computing happen in a
@@ -107,7 +106,6 @@ class DetailScreen(MonitorScreen):
         self.take_back()
 
     def compose(self) -> ComposeResult:
-        """Yield status, banner, title, plot, line of facts, keys."""
         yield self.status_bar
         yield self.banner
         yield Static("", id="detail-title", markup=False)
@@ -150,7 +148,6 @@ class DetailScreen(MonitorScreen):
             self._begin()
 
     def more_is_here(self) -> None:
-        """Tell it in the title too."""
         super().more_is_here()
         self._title()
 
@@ -308,12 +305,10 @@ class DetailScreen(MonitorScreen):
         return "" if command_id != "detail_swap" or self.mode == "x-y" else "x-y only"
 
     def label_now(self, command: Command) -> str:
-        """Leave the cursor out where none is."""
         label = "" if command.id == "cursor_left" and self.mode not in CURSOR_MODES else super().label_now(command)
         return OF_SPECTRA.get(command.id, label) if label and self.mode == "spectrum" else label
 
     def value_now(self, command_id: str) -> str:
-        """Return how the plot is drawn."""
         return {"level": self.level, "mode": self.mode}.get(command_id, "")
 
     def _show_as(self, mode: str) -> None:
@@ -430,7 +425,6 @@ class DetailScreen(MonitorScreen):
             self.say(f"the cursor is over time and in spectra: {key_of('mode')} leads there")
 
     def on_detail_plot_cell_pointed(self, event: DetailPlot.CellPointed) -> None:
-        """Put the cursor where the spectrum was clicked."""
         if self.mode == "spectrum":
             self._put_cursor(event.cell)
 

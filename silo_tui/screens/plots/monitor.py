@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """The monitor: the commands of a plot screen."""
 
 from collections.abc import Callable, Sequence
@@ -217,7 +216,6 @@ class MonitorScreen(PlotScreen):
         self.update_keys()
 
     def on_plot_stack_wheeled(self, event: PlotStack.Wheeled) -> None:
-        """Do what the keys for it do."""
         names = ("closer", "wider") if event.zooms else ("plot_up", "plot_down")
         self.action_command(names[event.step > 0])
 
@@ -370,7 +368,6 @@ class MonitorScreen(PlotScreen):
         super().go_on()
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
-        """Return what a pause or a cursor asks for."""
         live = self.session.source.live  # what is held stands still, of a logger that goes on
         paused = (("pause", "Go on"),) if self.window.paused and live else ()
         back, _ = self.way_back()

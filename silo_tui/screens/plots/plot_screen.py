@@ -76,7 +76,6 @@ class PlotScreen(SiloScreen):
         return stack
 
     def compose(self) -> ComposeResult:
-        """Yield status, banner, plots, line of facts, keys."""
         yield self.status_bar
         yield self.banner
         yield self.stack
@@ -94,7 +93,6 @@ class PlotScreen(SiloScreen):
         self.banner.update()
 
     def on_unmount(self) -> None:
-        """Let go of what is held."""
         self.let_go()  # Textual calls the handlers of all classes
 
     def let_go(self) -> None:
@@ -113,7 +111,6 @@ class PlotScreen(SiloScreen):
         self.once_settled("view", DEBOUNCE_S, self.request_view)
 
     def request_view(self) -> None:
-        """Say what is on the screen and fetches its past."""
         if self.context.upper_screen is not self:
             return
         store = self._empty()
@@ -191,7 +188,6 @@ class PlotScreen(SiloScreen):
     # ------------------------------------------------------------------------------------ what the app tells us
 
     def live_changed(self, frame: Frame) -> None:
-        """Show new columns and values."""
         self.status_bar.update()
         if not self.window.paused:  # else what is shown is of what stands still
             self.stack.readings = self.session.live.readings
@@ -217,7 +213,6 @@ class PlotScreen(SiloScreen):
                 events.append((frame.time_ns, word))
 
     def status_changed(self) -> None:
-        """Follow a change of state or link."""
         self.status_bar.update()
         self.banner.update()
         self.line.refresh()  # it says whether they are live
@@ -231,7 +226,6 @@ class PlotScreen(SiloScreen):
             self.fill_soon()  # it was started again
 
     def table_changed(self) -> None:
-        """Follow somebody who enabled what is plotted."""
         elements = dict.fromkeys(plotted.element.name for plotted in self.stack.plots)
         published = [name for name in self._waiting if self.source.is_live(name)]
         self._waiting = [name for name in self._waiting if name not in published]
@@ -244,7 +238,6 @@ class PlotScreen(SiloScreen):
             self.fill_soon()
 
     def second_passed(self) -> None:
-        """Paint the times again."""
         self.status_bar.mode = self.pause.head
         self.status_bar.update()
         self.banner.update()

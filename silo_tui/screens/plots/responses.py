@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """How one signal answers to another: transfer function with coherence, or the answer to a step.
 
 And `:excite`, which has it answer: a line that says how, a question, a dialog that any key ends.
@@ -64,7 +63,6 @@ class ResponseScreen(SiloScreen):
         self._log: ResponseLog | None = None
 
     def compose(self) -> ComposeResult:
-        """Yield status, title, charts, what is said of them, keys."""
         yield StatusBar(self.session, read_only=self.context.read_only)
         yield Static("", id="detail-title", markup=False)
         yield Static("reading …", id="response", markup=False)
@@ -72,16 +70,13 @@ class ResponseScreen(SiloScreen):
         yield KeyBar(self.scope, read_only=self.context.read_only)
 
     def on_mount(self) -> None:
-        """Read both signals."""
         self.command_response_again()
 
     def on_resize(self, event: events.Resize) -> None:
-        """Draw for another size."""
         if self._log is not None:
             run_alone(self, "draw", self._draw)
 
     def status_changed(self) -> None:
-        """Follow state and link."""
         self.query_one(StatusBar).update()
 
     second_passed = status_changed
@@ -201,7 +196,6 @@ class Exciting(Dialog[None]):
         self.ended = threading.Event()
 
     def compose(self) -> ComposeResult:
-        """Yield what goes on, and how far it is."""
         with Vertical(classes="dialog"):
             yield Static(f"{self._name} is excited: any key ends it", classes="dialog-title", markup=False)
             yield Static(self._what.text, markup=False)
@@ -218,14 +212,12 @@ class Exciting(Dialog[None]):
             line.update(f"{at_s:.1f} of {self._what.duration_s:g} s")
 
     def on_key(self, event: events.Key) -> None:
-        """End it."""
         event.stop()
         self.ended.set()
         for line in self.query("#how-far").results(Static):
             line.update("it goes back")
 
     def on_unmount(self) -> None:
-        """End it with the program."""
         self.ended.set()
 
 

@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """The scope: each crossing of a level stands still on the screen, judged in the helper process on every sample.
 
 Nothing is set up in the logger for it: the viewer asks for the crossings since the last one, and for the samples around
@@ -120,7 +119,6 @@ class ScopeScreen(SiloScreen):
         self.line = MonitorLine(self.window, self._words, self._state)
 
     def compose(self) -> ComposeResult:
-        """Yield status, banner, the plot, line of facts, keys."""
         yield self.status_bar
         yield self.banner
         yield self.stack
@@ -128,7 +126,6 @@ class ScopeScreen(SiloScreen):
         yield KeyBar(self.scope)
 
     def on_mount(self) -> None:
-        """Begin to look."""
         self.banner.update()
         self._tell()
         self.set_interval(LOOK_S, self._look_again)
@@ -239,21 +236,17 @@ class ScopeScreen(SiloScreen):
         self.line.refresh()
 
     def live_changed(self, frame: Frame) -> None:
-        """Paint the times again."""
         self._tell()
 
     def status_changed(self) -> None:
-        """Follow a change of state or link."""
         self.banner.update()
         self._tell()
 
     def second_passed(self) -> None:
-        """Paint the times again."""
         self.banner.update()
         self._tell()
 
     def on_resize(self) -> None:
-        """Draw for another width."""
         self.call_after_refresh(self._draw)
 
     # -------------------------------------------------------------------------------------------------- commands

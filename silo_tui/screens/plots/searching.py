@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - what a command does stands in actions.py, once
 """Finding moments and events in plots that stand still, in all that is held of them, and going from there to others.
 
 The source looks (`HeldRows.find`): a file by itself, a logger's helper process in its buffers.
