@@ -49,15 +49,18 @@ class MarkReader:
         self.take()
 
     def take_run(self) -> None:
-        """Take what is left of the run before, whose memory is still mapped here, and follow the replica's run."""
-        self.take()
+        """Follow the replica's run, and take what is left of the one before, whose memory is still mapped here.
+
+        In this order: what is noted until the present run is known to be another one is of the one before.
+        """
         with self._lock:
-            before = self._run.run
+            before, run = self._run.reader, self._run.run
             try:
                 self._run.look()
             except SegmentError:
                 log.exception("the marks of a run can't be read")
-            if self._run.run != before:
+            self._take(before)
+            if self._run.run != run:
                 self._taken, self._changed, self._unheld = 0, -1, set()
                 self._known = self._events.log.of_run(self._run.run) if self._run.run else []
 
@@ -71,27 +74,31 @@ class MarkReader:
 
     def take(self) -> None:
         """Take what there is now."""
-        with self._lock, contextlib.suppress(SegmentError):  # somebody cut it short, which others tell
-            if self._run.reader is not None:
-                self._take_noted(self._run.reader)
-                self._take_unheld(self._run.reader)
+        with self._lock:
+            self._take(self._run.reader)
+
+    def _take(self, reader: SegmentReader | None) -> None:
+        with contextlib.suppress(SegmentError):  # somebody cut it short, which others tell
+            if reader is not None:
+                self._take_noted(reader)
+                self._take_unheld(reader)
 
     def _take_noted(self, reader: SegmentReader) -> None:
         if marks := reader.stamped_marks(self._taken):
-            self._tell_lost(marks[0].number - 1 - self._taken, "marks of the program", "it marks too often")
+            self._tell_lost(reader, marks[0].number - 1 - self._taken, "marks of the program", "it marks too often")
             self._taken = marks[-1].number
             self._publish(marks, self._known)
         if changes := reader.stamped_changes(self._changed):
             told = sum(one.change is not None and not one.change.is_image for one in changes)
             lost = changes[-1].number - max(self._changed, 0) - told
-            self._tell_lost(lost, "changes of parameters", "they change too often")
+            self._tell_lost(reader, lost, "changes of parameters", "they change too often")
             self._changed = max(self._changed, changes[-1].number, 0)
             self._publish(changes, self._known)
 
-    def _tell_lost(self, lost: int, what: str, why: str) -> None:
+    def _tell_lost(self, reader: SegmentReader, lost: int, what: str, why: str) -> None:
         if lost > 0 and not any(one.kind in NOTED for one in self._known):
             text = f"{lost} {what} were overwritten before they could be read: {why}"
-            self._events.publish(EventKind.LOST, text, run=self._run.run)
+            self._events.publish(EventKind.LOST, text, run=reader.schema.run)
 
     def _publish(self, noted: list[LoggedEvent], known: list[LoggedEvent]) -> None:
         for one in lacking(noted, known):
