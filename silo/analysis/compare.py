@@ -4,9 +4,9 @@ The runs are laid on each other by their starts, by an event in each, or by a si
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from silo.analysis.compute.arithmetic import in_common
 from silo.analysis.compute.samples import Samples, in_order
-from silo.analysis.log import Log
+from silo.analysis.log import Log, time_facts
 from silo.analysis.plots.curves import text_of
 from silo.analysis.reports import table, type_text
 from silo.analysis.signal import Signal
-from silo.analysis.stretches import holes
 from silo.core import units
 from silo.core.arguments import real, shown, text
 from silo.core.arrays.enumerations import contradiction, to_compare
@@ -335,9 +334,6 @@ class _Scalar(NamedTuple):
         return (id(self.meeting), *types)
 
 
-Holes: TypeAlias = tuple[tuple[int, int], ...]
-
-
 class _Meeting(NamedTuple):
     """Where samples of two time bases meet: places in both (None: all), their times, the stamps of the other one as if
     it had started with the first, and which time that is where one goes on longer.
@@ -397,7 +393,7 @@ def _scalars(
     if ours is not None and theirs is not None and _same_kind(ours, theirs):
         stamps = stamps_of(a.recording, ours), stamps_of(b.recording, theirs)
         meeting = _meeting(
-            name, stamps, starts, shift_s, met, lambda: (holes(a.recording, ours), holes(b.recording, theirs))
+            name, stamps, starts, shift_s, met, lambda: (time_facts(a.recording, ours), time_facts(b.recording, theirs))
         )
         if meeting.places is None and _same_bytes(ours, theirs):
             return [], _Pair(name, alike=len(ours.entries))
@@ -458,7 +454,7 @@ def _meeting(
     starts: tuple[int, int],
     shift_s: float,
     met: dict[tuple[object, ...], _Meeting],
-    off: Callable[[], tuple[Holes, Holes]],
+    when: Callable[[], tuple[Mapping[str, Any], Mapping[str, Any]]],
 ) -> _Meeting:
     """Where two time bases meet, found once for each pair of them. Raises ElementError where there is no such time."""
     key = tuple((each.__array_interface__["data"][0], each.strides, len(each)) for each in stamps)
@@ -466,8 +462,8 @@ def _meeting(
         return met[key]
     # its own places are the values of each: what is common has the places of both
     one, other = (
-        Samples(name, np.arange(len(each)), each, start_ns=start, _holes=some)
-        for each, start, some in zip(stamps, starts, off(), strict=True)
+        Samples(name, np.arange(len(each)), each, start_ns=start, **some)
+        for each, start, some in zip(stamps, starts, when(), strict=True)
     )
     if shift_s:
         other = replace(other, start_ns=other.start_ns - round(shift_s * 1e9))
@@ -491,8 +487,8 @@ def _signals(
         raise ElementError(f"components {one.components or 'none'} and {other.components or 'none'}")
     if not units.same(one.unit, other.unit) and {one.unit, other.unit}.isdisjoint(("", "-")):
         other = other.to(one.unit)
-    stamps, starts, off = (one.time_ns, other.time_ns), (one.start_ns, other.start_ns), (one._holes, other._holes)
-    meeting = _meeting(one.name, stamps, starts, shift_s, met, lambda: off)
+    stamps, starts = (one.time_ns, other.time_ns), (one.start_ns, other.start_ns)
+    meeting = _meeting(one.name, stamps, starts, shift_s, met, lambda: (one._when, other._when))
     return (one, replace(other, time_ns=meeting.moved_ns, start_ns=one.start_ns)), meeting
 
 

@@ -11,20 +11,21 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NoReturn
+from typing import TYPE_CHECKING, Any, Literal, NoReturn, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from silo.analysis.compute.arithmetic import warn_outside
 from silo.analysis.compute.responses import Bode, StepResponse
+from silo.analysis.compute.samples import unfolded_ticks
 from silo.analysis.compute.shapes import assembled, component_names
 from silo.analysis.lookup import names_of
 from silo.analysis.parameters import LoggedParameters, parameters_of
 from silo.analysis.plots.events import LogEvent, episodes_of, events_of
 from silo.analysis.responses import bode_between, step_between
 from silo.analysis.signal import Signal
-from silo.analysis.stretches import clipped, clipped_to_ticks, holes, resampled
+from silo.analysis.stretches import clipped, clipped_to_ticks, holes, off_ticks, resampled, resampled_by_ticks
 from silo.core.arguments import INT64, real, shown, switch, text
 from silo.core.arguments import path as file_path
 from silo.core.calls import no_attribute, told_class
@@ -41,7 +42,10 @@ from silo.core.recording import (
     common_axis,
     falls,
     has_own_stamps,
+    held_ticks,
+    places_on,
     read_ahead,
+    rises,
     stamps_of,
 )
 from silo.errors import ArgumentError, ElementError, SaveError, UnknownSignalError
@@ -331,7 +335,17 @@ class Log(Mapping[str, Signal]):
         """
         if method not in ("hold", "linear"):
             raise ElementError(f"unknown method {method!r} to resample a log: choose 'hold' or 'linear'")
-        ticks = Signal(name="the log", values=self.time_ns, time_ns=self.time_ns, start_ns=self.start_ns)
+        axis = self.recording.time_ns
+        ticks = Signal(name="the log", values=axis, time_ns=axis, start_ns=self.start_ns, axis_ns=axis)
+        by_ticks = times.axis_ns is axis if isinstance(times, Signal) else np.ndim(cast(Any, times)) == 0
+        if falls(axis) and by_ticks:
+            fold = unfolded_ticks(axis)
+            risen, at = fold.risen(ticks), fold.risen(times) if isinstance(times, Signal) else times
+            if risen is not None and at is not None:
+                stamps = np.unique(risen.resample(at).time_ns)
+                return Log(
+                    resampled_by_ticks(self.recording, fold, stamps, method == "linear"), self.path, self.start_ns
+                )
         time_ns = ticks.resample(times).time_ns
         return Log(resampled(self.recording, np.unique(time_ns), method == "linear"), self.path, self.start_ns)
 
@@ -600,10 +614,20 @@ class Log(Mapping[str, Signal]):
             name=name,
             values=assembled(element),
             time_ns=stamps_of(self.recording, element),
-            axis_ns=self.recording.time_ns if element.own_ns is None else None,
-            _holes=holes(self.recording, element),
+            **time_facts(self.recording, element),
             start_ns=self.start_ns,
             components=names,
             labels=(labels[0] if alone else None) or {},
             component_labels={} if alone else {name: each for name, each in zip(names, labels, strict=True) if each},
         )
+
+
+def time_facts(recording: Recording, element: RecordedElement) -> dict[str, Any]:
+    """What `Samples` know of when they are, beside their stamps."""
+    ticks = element.own_ns is None or bool(element.holds)
+    facts: dict[str, Any] = {"axis_ns": recording.time_ns if ticks else None, "divider": element.divider}
+    facts["_holes"] = holes(recording, element)
+    if element.own_ns is not None and element.holds and not rises(recording.time_ns):
+        facts["_at"] = places_on(recording.time_ns, element.own_ns, held_ticks(element))
+        facts["_off"] = off_ticks(recording, element)
+    return facts

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.analysis.compute.calculus import between, goes_straight
+from silo.analysis.compute.samples import Unfolded
 from silo.core.arguments import INT64
 from silo.core.elements import BufferType, LoggedEvent, Stretch
 from silo.core.names import grouped
@@ -39,6 +40,7 @@ from silo.core.recording import (
     stamps_of,
     within,
 )
+from silo.errors import ElementError
 from silo.expressions.derived_signals import bound_derived, lookback
 from silo.expressions.over_recordings import RecordingJudge
 
@@ -480,6 +482,40 @@ def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) ->
     )
 
 
+def resampled_by_ticks(recording: Recording, fold: Unfolded, time_ns: NDArray[np.int64], linear: bool) -> Recording:
+    """Return the same of a recording whose clock stepped back, at stamps of its ticks as they rise.
+
+    Raises ElementError for an element whose own stamps are no ticks.
+    """
+    elements = []
+    for element in recording.elements:
+        own = element.own_ns
+        if own is not None and element.holds:
+            own = fold.risen_ns[places_on(fold.axis_ns, own, held_ticks(element))]
+        elif own is not None:
+            own = fold.of_episodes(own)
+        if own is None and element.own_ns is not None:
+            raise ElementError(
+                f"the clock stepped back, and '{element.name}' has stamps of its own, which tell no episode: take "
+                "log.clip(episode) first"
+            )
+        elements.append(replace(element, own_ns=own))
+    before = recording.offset - len(fold.axis_ns)
+    events = [
+        msgspec.structs.replace(event, stamp_ns=int(fold.risen_ns[event.tick - before]))
+        if before <= event.tick < recording.offset
+        else event
+        for event in recording.events
+    ]
+    risen = replace(recording, time_ns=fold.risen_ns, elements=tuple(elements), events=tuple(events))
+    made = resampled(risen, time_ns, linear)
+    told = [
+        msgspec.structs.replace(event, stamp_ns=one.stamp_ns)
+        for event, one in zip(made.events, recording.events, strict=True)
+    ]
+    return replace(made, time_ns=fold.stamps(time_ns), events=tuple(told))
+
+
 def _event_at(event: LoggedEvent, recording: Recording, time_ns: NDArray[np.int64]) -> LoggedEvent:
     """An event by the ticks of other stamps; of a change of parameters those at which it was there, and over."""
     change, ticks = event.change, recording.time_ns
@@ -501,7 +537,7 @@ def held_until(recording: Recording, element: RecordedElement) -> NDArray[np.int
     if (held is None and not recording.gaps) or not len(own) or falls(own):
         return None
     step = int(np.median(np.diff(ticks))) if len(ticks) > 1 else 0
-    ends = element.stamp_indices + element.divider if held is None else places_on(ticks, own) + held
+    ends = element.stamp_indices + element.divider if held is None else places_on(ticks, own, held) + held
     last = len(ticks) - 1
     until = ticks[np.minimum(ends, last)] + np.maximum(ends - last, 0) * step
     for before, _ in recording.gaps:
@@ -509,6 +545,17 @@ def held_until(recording: Recording, element: RecordedElement) -> NDArray[np.int
         if at >= 0:
             until[at] = min(int(until[at]), before + step)
     return np.asarray(until, np.int64)
+
+
+def off_ticks(recording: Recording, element: RecordedElement) -> tuple[tuple[int, int], ...]:
+    """From which ticks on, and before which, an element that a cut changed holds no value between two samples."""
+    held = held_ticks(element)
+    if held is None or element.own_ns is None or len(held) < 2:
+        return ()
+    places = places_on(recording.time_ns, element.own_ns, held)
+    ends, following = (places + held)[:-1], places[1:]
+    off = ends < following
+    return tuple(zip(ends[off].tolist(), following[off].tolist(), strict=True))
 
 
 def holes(recording: Recording, element: RecordedElement) -> tuple[tuple[int, int], ...]:

@@ -374,6 +374,9 @@ def samples_of_ticks(recording: Recording, element: RecordedElement, low: int, h
     """
     if element.own_ns is None:
         return slice(*samples_between(element.first, element.divider, element.count, low, high))
+    if element.holds:  # a cut changed it
+        places = places_on(recording.time_ns, element.own_ns, held_ticks(element))
+        return slice(*np.searchsorted(places, [low, high]).tolist())
     time_ns = recording.time_ns[low:high]
     return within(element.own_ns, int(time_ns.min()), int(time_ns.max())) if len(time_ns) else slice(0, 0)
 
@@ -391,10 +394,42 @@ def common_axis(stamps: Iterable[NDArray[np.int64]]) -> NDArray[np.int64]:
     return axis if (times == 1).all() else np.repeat(axis, times)
 
 
-def places_on(axis: NDArray[np.int64], stamps: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Where rising stamps stand on an axis that `common_axis` made of them, and of others."""
+def places_on(
+    axis: NDArray[np.int64], stamps: NDArray[np.int64], holds: NDArray[np.int64] | None = None
+) -> NDArray[np.int64]:
+    """Where stamps stand on an axis, as one after the other came.
+
+    They rise, on one that `common_axis` made of them and of others; or they are those of ticks, of which each `holds`
+    so many: the clock may step back, or stand still.
+    """
+    if holds is not None and (found := _walked(axis, stamps, holds)) is not None:
+        return found
     again = np.arange(len(stamps)) - np.searchsorted(stamps, stamps)  # the how many-th of equal ones
     return np.searchsorted(axis, stamps) + again
+
+
+def rises(time_ns: NDArray[np.int64]) -> bool:
+    """Whether each stamp is larger than the one before: the clock neither stepped back nor stood still."""
+    return bool((time_ns[1:] > time_ns[:-1]).all())
+
+
+def _walked(axis: NDArray[np.int64], stamps: NDArray[np.int64], holds: NDArray[np.int64]) -> NDArray[np.int64] | None:
+    """Where stamps stand on ticks, each behind the one before; None for what needs no walk, and for others."""
+    if rises(axis):
+        return None
+    places, since = np.empty(len(stamps), np.int64), np.cumsum(holds) - holds
+    done, at = 0, -1
+    while done < len(stamps):
+        later = np.flatnonzero(axis[at + 1 :] == stamps[done])
+        if not len(later):
+            return None
+        guess = at + 1 + later[0] + since[done:] - since[done]
+        guess = guess[guess < len(axis)]
+        wrong = np.flatnonzero(axis[guess] != stamps[done : done + len(guess)])
+        count = int(wrong[0]) if len(wrong) else len(guess)
+        places[done : done + count] = guess[:count]
+        done, at = done + count, int(guess[count - 1])
+    return places
 
 
 MOST_SPANS = 15  # of failures: the first ones, and the last

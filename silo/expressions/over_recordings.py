@@ -238,7 +238,8 @@ def _apart(time_ns: NDArray[np.int64], gaps: Sequence[tuple[int, int]]) -> NDArr
 
 def _own_ticks(axis: NDArray[np.int64], element: RecordedElement) -> _Ticks:
     stamps: Any = element.own_ns
-    ticks, holds = places_on(axis, stamps), held_ticks(element)
+    holds = held_ticks(element)
+    ticks = places_on(axis, stamps, holds)
     if holds is not None and len(holds):
         return _Ticks(0, int(holds.max()), len(ticks), ticks, holds)
     # a single message, as of a map, holds to the end

@@ -13,13 +13,18 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.analysis.compute.samples import Samples, in_order
+from silo.analysis.compute.samples import Samples, Unfolded, in_order, unfolded, unfolded_ticks
 from silo.core import units
 from silo.core.arguments import shown
 from silo.core.arrays.enumerations import to_compare
 from silo.core.arrays.values import missing_in
 from silo.core.recording import falls
 from silo.errors import ElementError, LogWarning
+
+UNTOLD = (
+    "the clock of their log stepped back, and they have no samples at its ticks any more: they meet by their times, "
+    "maybe those of several episodes; take them of log.clip(episode), or write log.eval('...')"
+)
 
 One = TypeVar("One", bound=Samples)
 Other = TypeVar("Other", bound=Samples)
@@ -164,6 +169,8 @@ def aligned(one: One, other: Other, what: str, two_clocks: bool = False) -> tupl
     time in common.
     """
     other = in_order(other, one.components)
+    if not np.array_equal(one.time_ns, other.time_ns) and (found := _by_ticks(one, other, what)):
+        return found
     if other.start_ns != one.start_ns:
         other, two_clocks = other._as_if_started(one.start_ns), True
     if np.array_equal(one.time_ns, other.time_ns):
@@ -187,6 +194,27 @@ def aligned(one: One, other: Other, what: str, two_clocks: bool = False) -> tupl
         replace(one, values=made[id(one)], time_ns=time_ns, divider=fast.divider),
         replace(other, values=made[id(other)], time_ns=time_ns, divider=fast.divider),
     )
+
+
+def _by_ticks(one: One, other: Other, what: str) -> tuple[One, Other] | None:
+    """Return both as `aligned` does by ticks, of logs whose clocks stepped back or stood still; None of others."""
+    ticks = unfolded(one, other)
+    if ticks is None and not (one._falls or other._falls):
+        return None
+    mine, theirs = ticks or _fold_of(one), ticks or _fold_of(other)
+    risen = mine.risen(one) if mine else one, theirs.risen(other) if theirs else other
+    if risen[0] is None or risen[1] is None or not (mine or theirs):
+        if one._falls or other._falls:
+            warn_outside(f"{what}: {UNTOLD}")
+        return None
+    left, right = aligned(risen[0], risen[1], what, two_clocks=ticks is None)
+    if mine is None:
+        return left, right
+    return mine.folded(left), replace(right, time_ns=mine.stamps(right.time_ns), axis_ns=mine.axis_ns)
+
+
+def _fold_of(signal: Samples) -> Unfolded | None:
+    return unfolded_ticks(signal.axis_ns) if signal._falls and signal.axis_ns is not None else None
 
 
 def _common_ticks(one: Samples, other: Samples) -> NDArray[np.int64] | None:

@@ -18,7 +18,7 @@ from silo.analysis.compute.shapes import scalars
 from silo.core.arguments import INT64, shown, whole
 from silo.core.arrays.values import missing_in, with_nan
 from silo.core.calls import told_class
-from silo.core.recording import NO_FAILURES, Failures, falls
+from silo.core.recording import NO_FAILURES, Failures, falls, rises
 from silo.errors import ElementError
 
 XYZW = ("x", "y", "z", "w")
@@ -48,8 +48,8 @@ class Samples:
         description: a line about it.
         failures: the ticks at which its element could not be read; what is made of a signal keeps them (of two signals,
             those of the left one).
-        axis_ns: time stamps of all ticks of its log, None where it has stamps of its own: at which tick two rates meet
-            isn't to be read off their own.
+        axis_ns: time stamps of all ticks of its log, None where it has others: at which tick two rates meet isn't to be
+            read off their own.
     """
 
     name: str
@@ -67,6 +67,9 @@ class Samples:
     axis_ns: NDArray[np.int64] | None = None
     # of a run that was cut, from which stamps on and before which it was switched off, or not recorded
     _holes: tuple[tuple[int, int], ...] = ()
+    # at which ticks of `axis_ns` its samples were, where their stamps don't tell, and when it was switched off
+    _at: NDArray[np.int64] | None = None
+    _off: tuple[tuple[int, int], ...] = ()
 
     # ------------------------------------------------------------------------------------------------- what it is
 
@@ -247,6 +250,11 @@ class Samples:
         order = np.argsort(self.time_ns, kind="stable")
         return replace(self, values=self.values[order], time_ns=self.time_ns[order])
 
+    @property
+    def _when(self) -> dict[str, Any]:
+        """What is known of when its samples are, beside their stamps."""
+        return {name: getattr(self, name) for name in ("axis_ns", "divider", "_holes", "_at", "_off")}
+
     # ---------------------------------------------------------------------------------------------- whose time it is
 
     def counted_from(self: Self, start: "Samples | int") -> Self:
@@ -273,6 +281,20 @@ class Samples:
         A single sample, as of a map, holds on; there must be one.
         """
         return (time_ns >= self._bounds[0]) & (time_ns < self._holds_until(slack_ns)) & ~self._in_hole(time_ns)
+
+    @property
+    def _ticks(self) -> NDArray[np.int64] | None:
+        """At which ticks of its log its samples are: every so many, or as a cut changed that; None for others."""
+        axis, at = self.axis_ns, self._at
+        if axis is None:
+            return None
+        if at is not None and np.array_equal(axis[at], self.time_ns):
+            return at
+        for place in np.flatnonzero(axis == self.time_ns[:1]).tolist():
+            ticks = np.arange(place, min(place + self.divider * len(self), len(axis)), self.divider)
+            if np.array_equal(axis[ticks], self.time_ns):
+                return ticks
+        return None
 
     def _holds_until(self, slack_ns: float = 0.0) -> int:
         """Return before which stamp the last sample holds: `slack_ns` before one more would come; a single one on."""
@@ -312,6 +334,61 @@ class Samples:
             f"can't {what}: there is no time in common; since the start of its log '{self.name}' {self._span}, "
             f"'{other.name}' {other._span}"
         )
+
+
+@dataclass(frozen=True)
+class Unfolded:
+    """The ticks of a log whose clock stepped back or stood still, as of a simulation, on an axis that only rises."""
+
+    axis_ns: NDArray[np.int64]
+    risen_ns: NDArray[np.int64]
+
+    def risen(self, signal: Self) -> Self | None:
+        """Return a signal with the stamps of that axis; None for one that has others than its ticks, in their order."""
+        places = signal._ticks
+        time_ns = self.risen_ns[places] if places is not None else self.of_episodes(signal.time_ns)
+        if time_ns is None:
+            return None
+        off = signal._off or np.searchsorted(self.axis_ns, signal._holes)  # where it steps back there are none of these
+        holes = tuple((int(self.risen_ns[begin]), int(self.risen_ns[end])) for begin, end in off)
+        return replace(signal, time_ns=time_ns, axis_ns=self.risen_ns, _holes=holes)
+
+    def of_episodes(self, time_ns: NDArray[np.int64]) -> NDArray[np.int64] | None:
+        """Return the stamps of what begins anew wherever the ticks do; None for what doesn't."""
+        begins, folds = (np.flatnonzero(np.diff(each) < 0) + 1 for each in (time_ns, self.axis_ns))
+        if len(begins) != len(folds):
+            return None
+        more = (self.risen_ns - self.axis_ns)[np.append(0, folds)]
+        risen = time_ns + np.repeat(more, np.diff([0, *begins, len(time_ns)]))
+        places = np.searchsorted(self.risen_ns, risen).clip(max=len(self.risen_ns) - 1)
+        return risen if np.array_equal(self.risen_ns[places], risen) else None
+
+    def folded(self, signal: Self) -> Self:
+        """Return a signal of that axis with the stamps that its ticks had."""
+        places = np.searchsorted(self.risen_ns, signal.time_ns).clip(max=len(self.risen_ns) - 1)
+        at = places if np.array_equal(self.risen_ns[places], signal.time_ns) else None
+        return replace(signal, time_ns=self.stamps(signal.time_ns), axis_ns=self.axis_ns, _at=at, _holes=())
+
+    def stamps(self, risen_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return what the clock said at stamps of that axis, which may lie between ticks."""
+        places = (np.searchsorted(self.risen_ns, risen_ns, side="right") - 1).clip(min=0)
+        return np.asarray(risen_ns - (self.risen_ns - self.axis_ns)[places], np.int64)
+
+
+def unfolded_ticks(axis_ns: NDArray[np.int64]) -> Unfolded:
+    """Return ticks as they rise: with a usual step where the clock stepped back, evenly where it stood still."""
+    steps = np.diff(axis_ns, prepend=axis_ns[:1])
+    if not (steps[1:] == 0).any():
+        usual = max(1, int(np.median(steps[steps > 0]))) if (steps > 0).any() else 1
+        return Unfolded(axis_ns, axis_ns[0] + np.cumsum(np.where(steps < 0, usual, steps)))
+    even = max(1, int(steps[steps > 0].sum()) // len(steps))
+    return Unfolded(axis_ns, axis_ns[0] + even * np.arange(len(axis_ns), dtype=np.int64))
+
+
+def unfolded(one: Samples, other: Samples) -> Unfolded | None:
+    """Return how two signals meet by ticks of one log whose stamps don't tell which; None where they do."""
+    axis = one.axis_ns
+    return None if axis is None or axis is not other.axis_ns or rises(axis) else unfolded_ticks(axis)
 
 
 def new_times(signal: Samples, times: object) -> NDArray[np.int64]:

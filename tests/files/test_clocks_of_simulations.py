@@ -1,0 +1,113 @@
+"""Logs whose clock begins anew with each reset, or stands still for some ticks: signals meet by their ticks."""
+
+import contextlib
+
+import numpy as np
+import pytest
+
+import silo
+from silo.core.recording import samples_of_ticks
+
+TICKS = 400
+
+
+def anew(tick):
+    return (tick % 150) * 0.01
+
+
+def still(tick):
+    return (tick // 5) * 0.05
+
+
+def both(tick):
+    return ((tick % 150) // 5) * 0.05
+
+
+@pytest.fixture
+def logged(new_logger):
+    """Makes a log of two elements that hold the number of their tick, `w` slower, maybe off for a while by two cuts."""
+
+    def made(clock, *, cut="", ticks=TICKS):
+        now = [0]
+        log = new_logger("sim", frequency=100, max_time=0, clock=lambda: clock(now[0]))
+        n = log.array("n", size=1000)
+        w = log.array("w", divider=3, size=1000)
+        log.start()
+        for tick in range(ticks):
+            now[0] = tick
+            n[...] = w[...] = tick
+            if tick == 200 and cut == "divider":
+                log.set("w", divider=2, cut=True)
+            if cut == "off" and tick in (200, 260):
+                log.set("w", enabled=tick == 260, cut=True)
+            log.collect()
+        log.stop()
+        log.save()
+        with contextlib.nullcontext() if clock is still else pytest.warns(silo.LogWarning):
+            return silo.open_log(log.options.folder)
+
+    return made
+
+
+def sampled(cut):
+    """At which ticks `w` has a sample, and what it holds at each: NaN where nothing."""
+    at = [k for k in range(TICKS) if (k < 200 and k % 3 == 0) or (k >= 200 and _late(k, cut))]
+    held = np.full(TICKS, np.nan)
+    for begin, end in zip(at, [*at[1:], TICKS], strict=True):
+        held[begin:end] = begin
+    if cut == "off":
+        held[200:260] = np.nan
+    return at, held
+
+
+def _late(k, cut):
+    if cut == "divider":
+        return (k - 200) % 2 == 0
+    return k >= 260 and (k - 260) % 3 == 0 if cut == "off" else k % 3 == 0
+
+
+@pytest.mark.parametrize("cut", ["", "divider", "off"])
+@pytest.mark.parametrize("clock", [anew, still, both], ids=lambda clock: clock.__name__)
+def test_signals_meet_by_their_ticks_however_it_is_written(logged, clock, cut):
+    log = logged(clock, cut=cut)
+    at, held = sampled(cut)
+    known = ~np.isnan(held)
+    difference = (np.arange(TICKS) - held)[known]
+    assert log["w"].values.tolist() == at
+    for made in (log["n"] - log["w"], log["n"] - log["w"].resample(log["n"])):
+        np.testing.assert_array_equal(made.values, difference)
+        np.testing.assert_array_equal(made.time_ns, log["n"].time_ns[known])
+    np.testing.assert_array_equal(log.eval("n - w").values[-len(difference) :], difference)
+    table = log.to_polars()
+    column = next(name for name in table.columns if name.endswith("/w"))
+    assert table[column].drop_nulls().to_list() == at
+    frame = log.to_pandas()
+    assert frame[column].dropna().tolist() == at
+    assert np.flatnonzero(frame[column].notna()).tolist() == at
+
+
+@pytest.mark.parametrize("cut", ["", "divider"])
+def test_each_episode_is_at_one_rate(logged, cut):
+    log = logged(anew, cut=cut)
+    _, held = sampled(cut)
+    for made in (log.resample(100), log.resample(log["n"])):
+        assert made["n"].values.tolist() == list(range(TICKS))
+        np.testing.assert_array_equal(made.time_ns, log.time_ns)
+        np.testing.assert_array_equal(made["w"].values, held[: len(made["w"])])
+    assert log["n"].resample(50).values.tolist() == list(range(0, TICKS, 2))
+    half = log.resample(50, "linear")
+    assert half["n"].values.tolist() == list(range(0, TICKS, 2))
+
+
+def test_an_episode_of_a_run_that_was_cut_has_its_own_samples(logged):
+    log = logged(anew, cut="divider")
+    recording = log.recording
+    element = next(one for one in recording.elements if one.name.endswith("/w"))
+    mine = samples_of_ticks(recording, element, 150, 300)
+    assert log["w"].values[mine].tolist() == [k for k in sampled("divider")[0] if 150 <= k < 300]
+
+
+def test_runs_of_several_episodes_are_compared_tick_by_tick(logged, tmp_path):
+    one, other = logged(anew), logged(anew, ticks=TICKS - 3)
+    found = silo.compare(one, other)
+    assert (len(found), found.alike) == (0, 2), str(found)
