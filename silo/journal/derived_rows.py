@@ -6,6 +6,7 @@ reads as much of the past as the expression looks back, so that a value doesn't 
 `mean` and `std` may differ in the last bit, as sums are put together from where reading began.
 """
 
+import contextlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -261,7 +262,5 @@ def with_derived(reader: SegmentReader, derived: Sequence[Derived]) -> SegmentRe
     if not derived:
         return reader
     plan = derived_plan(reader.schema, (), derived)
-    try:
+    with contextlib.closing(reader):
         return DerivedReader(reader.path, reader.fileno(), plan)
-    finally:
-        reader.close()

@@ -349,12 +349,8 @@ def _scanned(path: Path) -> PartScan:
     with path.open("rb") as file:
         if not path.stat().st_size:
             return PartScan()
-        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            view = memoryview(data)
-            try:
-                return scan_part(view)
-            finally:
-                view.release()
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data, memoryview(data) as view:
+            return scan_part(view)
 
 
 def verify(folder: Path) -> Verified:
@@ -425,18 +421,11 @@ def _newest(run: _Run) -> Iterator[Verdict]:
 
 
 def _covered(run: _Run) -> RunCovered:
-    spans = {
-        "recorded": merged(span for part in run.parts for span in part.ticks()),
-        "saved": merged(span for _, span, _ in run.saved),
-        "captured": merged(
-            (one.offset - len(one.time_ns), one.offset - 1) for _, one in run.captured if len(one.time_ns)
-        ),
-        "in_memory": merged(run.held),
-    }
-    return RunCovered(
-        run.logger, run.run, run.ticks,
-        **{name: sum(last + 1 - first for first, last in found) for name, found in spans.items()},
-    )  # fmt: skip
+    recorded = (span for part in run.parts for span in part.ticks())
+    saved = (span for _, span, _ in run.saved)
+    captured = ((one.offset - len(one.time_ns), one.offset - 1) for _, one in run.captured if len(one.time_ns))
+    counts = [sum(last + 1 - first for first, last in merged(some)) for some in (recorded, saved, captured, run.held)]
+    return RunCovered(run.logger, run.run, run.ticks, *counts)
 
 
 # ---------------------------------------------------------------------------------------------------------- recordings
@@ -444,10 +433,9 @@ def _covered(run: _Run) -> RunCovered:
 
 def _recorded_around(run: _Run, runs: Iterable[_Run]) -> set[str]:
     """The recorders that recorded runs both before and after this one: they were to record it, too."""
-    before = {part.recorder for one in runs if one.logger == run.logger and one.started_ns < run.started_ns
-              for part in one.parts}  # fmt: skip
-    after = {part.recorder for one in runs if one.logger == run.logger and one.started_ns > run.started_ns
-             for part in one.parts}  # fmt: skip
+    others = [(part.recorder, one.started_ns) for one in runs if one.logger == run.logger for part in one.parts]
+    before = {recorder for recorder, started_ns in others if started_ns < run.started_ns}
+    after = {recorder for recorder, started_ns in others if started_ns > run.started_ns}
     return before & after if run.started_ns else set()
 
 

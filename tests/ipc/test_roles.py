@@ -14,16 +14,19 @@ import zenoh
 
 from silo.net.access.admission import hold_directions
 from silo.net.access.rights import (
+    _OWN,
     ANSWERED,
+    NOBODY_ASKED,
     OPERATOR,
+    PEOPLE,
     ROBOT,
+    ROBOTS,
     SHARED,
     TABLE,
     THERE,
     TOLD,
     VIEWER,
     access_control,
-    table_text,
 )
 from silo.net.configuration import FORCED, insert
 from silo.net.keys import LOCAL_SENDER, Root
@@ -281,6 +284,19 @@ def test_rules_of_one_direction_are_left_as_they_are() -> None:
     assert hold_directions(zenoh.Config()) == []
     settings.insert_json5("access_control", json.dumps(BOTH_WAYS))
     assert hold_directions(settings) == ["look", "watch", "change as alice"]
+
+
+def table_text() -> str:
+    """The table as the guide has it."""
+    names = {ROBOTS: "a robot", PEOPLE: "everybody", (OPERATOR,): "an operator", NOBODY_ASKED: NOBODY_ASKED[0]}
+    does = {ANSWERED: ("answers", "asks"), TOLD: ("publishes", "subscribes"), THERE: ("is there", "looks who is there")}
+    lines = ["| key, below the robot's own | from whom | for whom |", "| --- | --- | --- |"]
+    for row in TABLE:
+        key = row.key.replace(_OWN, "NAME")
+        own = ", by the own NAME alone" if _OWN in row.key else ""
+        offers, uses = does[row.way]
+        lines.append(f"| `{key}` | {names[row.offered]} {offers} | {names[row.used]} {uses}{own} |")
+    return "\n".join(lines)
 
 
 def test_the_guide_has_the_table_from_which_the_rules_are_made() -> None:

@@ -90,16 +90,12 @@ def _row(one: "TriggerStatus") -> tuple[str, ...]:
     return state, options.name, options.when, f"{options.pre_s:g} s", f"{options.post_s:g} s", str(one.fires), last
 
 
-def _of(found: "Triggers") -> "list[TriggerStatus]":
-    return found.triggers
-
-
-TRIGGERS = Listing(
+TRIGGERS = Listing[Any](
     ("STATE", "NAME", "WHEN", "PRE", "POST", "COUNT", "LAST"),
     _row,
     "no triggers; `silo trigger add NAME 'CONDITION'` sets one",
     right=(3, 4, 5, 6),
-    of=_of,
+    of=lambda found: found.triggers,
     below=lambda one: f"{one.options.name}: {one.why}" if one.why else "",
 )
 

@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -142,14 +143,11 @@ def _watch(client: "Client", patterns: Sequence[str], rate: float, count: int | 
     if len(silent) > 10:
         click.echo(f"and {len(silent) - 10} more are off", err=True)
     lines = lay_out(chosen)
-    view = client.view([e.name for e in chosen], [], rate, 100_000_000)
-    try:
+    with closing(client.view([e.name for e in chosen], [], rate, 100_000_000)) as view:
         for shown, frame in enumerate(_frames(client, view), start=1):
             _show_json(lines, frame) if as_json else _show_lines(lines, frame)
             if shown == count:
                 return
-    finally:
-        view.close()
 
 
 def _first(chosen: "list[ElementInfo]", as_json: bool) -> "list[ElementInfo]":

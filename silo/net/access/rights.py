@@ -150,19 +150,3 @@ def allowed(name: str, flow: str, messages: Iterable[str], keys: Iterable[str]) 
 
 def _policy(rules: list[Rule], subjects: list[str]) -> Rule:
     return {"rules": [rule["id"] for rule in rules], "subjects": subjects}
-
-
-# ------------------------------------------------------------------------------------------------ as people read it
-
-
-def table_text() -> str:
-    """Return the table as the guide has it."""
-    names = {ROBOTS: "a robot", PEOPLE: "everybody", (OPERATOR,): "an operator", NOBODY_ASKED: NOBODY_ASKED[0]}
-    does = {ANSWERED: ("answers", "asks"), TOLD: ("publishes", "subscribes"), THERE: ("is there", "looks who is there")}
-    lines = ["| key, below the robot's own | from whom | for whom |", "| --- | --- | --- |"]
-    for row in TABLE:
-        key = row.key.replace(_OWN, "NAME")
-        own = ", by the own NAME alone" if _OWN in row.key else ""
-        offers, uses = does[row.way]
-        lines.append(f"| `{key}` | {names[row.offered]} {offers} | {names[row.used]} {uses}{own} |")
-    return "\n".join(lines)
