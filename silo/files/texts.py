@@ -3,7 +3,8 @@
 Python texts may hold lone surrogates (`os.fsdecode` makes them of bytes that are no UTF-8), which no file format takes.
 """
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Callable, Iterator, Sequence
 
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike
 from silo.files.silo.format import plain_text, plain_texts
@@ -46,11 +47,14 @@ def unique_names(clean: Callable[[str], str], same: Callable[[str], str] = str) 
     taken: set[str] = set()
 
     def choose(name: str) -> str:
-        base = candidate = clean(name)
-        number = 2
-        while same(candidate) in taken:
-            candidate, number = f"{base}_{number}", number + 1
-        taken.add(same(candidate))
-        return candidate
+        chosen = next(one for one in numbered(clean(name)) if same(one) not in taken)
+        taken.add(same(chosen))
+        return chosen
 
     return choose
+
+
+def numbered(name: str) -> Iterator[str]:
+    """A name, and those that it gets where it is taken."""
+    yield name
+    yield from (f"{name}_{number}" for number in itertools.count(2))

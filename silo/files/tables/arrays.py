@@ -21,7 +21,7 @@ from silo.files.optional_packages import need, whole_file
 from silo.files.silo.format import FilledEntry
 from silo.files.silo.missing import filled, in_doubles, is_masked
 from silo.files.tables.facts import NAME, Place, packed, restored, told_of
-from silo.files.texts import presentable, unique_names
+from silo.files.texts import numbered, presentable, unique_names
 
 # MATLAB cuts longer names
 _MATLAB_NAME = 63
@@ -315,14 +315,12 @@ def _group(store: Any, name: str) -> Any:
 
 
 def _child(group: Any, part: str, fresh: bool) -> Any:
-    part = part.replace("\0", "_")
-    candidate, number = part, 2
-    while candidate in group:
-        child = group[candidate]
-        if hasattr(child, "create_group") and not (fresh and "kind" in child.attrs):
-            return child
-        candidate, number = f"{part}_{number}", number + 1
-    return group.create_group(candidate)
+    name = next(
+        one
+        for one in numbered(part.replace("\0", "_"))
+        if one not in group or (hasattr(group[one], "create_group") and not (fresh and "kind" in group[one].attrs))
+    )
+    return group.require_group(name)
 
 
 def _fill_group(h5py: Any, group: Any, element: RecordedElement) -> list[Place]:
@@ -366,10 +364,7 @@ def _tell_fill(dataset: Any, entries: Sequence[RecordedEntry]) -> None:
 
 
 def _free(group: Any, name: str) -> str:
-    candidate, number = name, 2
-    while candidate in group:
-        candidate, number = f"{name}_{number}", number + 1
-    return candidate
+    return next(one for one in numbered(name) if one not in group)
 
 
 def _hdf5_values(values: NDArray[Any]) -> NDArray[Any]:
