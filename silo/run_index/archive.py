@@ -36,10 +36,10 @@ from silo.files.atomic import PART_ENDING, atomic_file, reason, sweep_parts
 from silo.files.formats import writer_for
 from silo.files.optional_packages import need
 from silo.files.tables.parquet import read_parquet
-from silo.run_index.facts import EventFacts, RunFacts, SignalFacts, by_run, merged
+from silo.run_index.facts import EventFacts, RunFacts, SignalFacts
 from silo.run_index.index import RunIndex, Told
 from silo.run_index.labels import Labels
-from silo.run_index.listed import ListedRun
+from silo.run_index.listed import ListedRun, listed
 from silo.run_index.runs import RunList
 from silo.run_index.tables import COLUMNS, FACTS, Folders, read_numbers, read_signals, typed
 
@@ -115,12 +115,7 @@ class KnownFiles:
     def runs(self) -> list[ListedRun]:
         """Return the runs that they are of."""
         said = {Path(one.run.path).stem: one.labels for one in self._files}
-        found = []
-        for files, more in by_run([one.run for one in self._files]):
-            facts, pieces = merged(files) if len(files) > 1 else (files[0], ())
-            others = dict.fromkeys(more, said)
-            found.append(ListedRun(facts, self.root, said, files=files[1:] and files, pieces=pieces, others=others))
-        return found
+        return list(listed(self.root, [one.run for one in self._files], lambda _: said))
 
 
 def chain_of(facts: RunFacts) -> str:

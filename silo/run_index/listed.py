@@ -1,7 +1,7 @@
 """One run of a list: its facts, what people say of it, the way to its log."""
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
@@ -17,12 +17,14 @@ from silo.errors import LogWarning
 from silo.files.added import added_formats
 from silo.files.formats import read_recording
 from silo.run_index import labels
-from silo.run_index.facts import Piece, RunFacts, SignalFacts, signals_of
+from silo.run_index.facts import Piece, RunFacts, SignalFacts, by_run, merged, signals_of
 
 if TYPE_CHECKING:
     from silo.analysis.log import Log
 
 EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
+
+OfRun = Callable[[str, int | None], list[SignalFacts]]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -32,7 +34,7 @@ class ListedRun:
     facts: RunFacts
     folder: Path
     _labels: dict[str, labels.Labels] = field(default_factory=dict)
-    _of: Callable[[str, int | None], list[SignalFacts]] = lambda path, episode: []
+    _of: OfRun = lambda path, episode: []
     files: tuple[RunFacts, ...] = ()  # all that it is of, where that is several, in their order
     pieces: tuple[tuple[Piece, ...], ...] = ()  # where each of its episodes stands then
     others: Mapping[str, dict[str, labels.Labels]] = field(default_factory=dict)  # more files of it, with their labels
@@ -227,3 +229,16 @@ def episodes_of(run: ListedRun) -> list[ListedEpisode]:
         )
         for one, happened in zip(run.facts.episodes, run.facts.in_episodes, strict=True)
     ]
+
+
+def listed(
+    root: Path,
+    files: Sequence[RunFacts],
+    said: Callable[[Path], dict[str, labels.Labels]],
+    of_run: OfRun = ListedRun._of,
+) -> Iterator[ListedRun]:
+    """The runs that files below a folder are of; `said` gives what people say of the logs in a folder."""
+    for some, more in by_run(files):
+        facts, pieces = merged(some) if len(some) > 1 else (some[0], ())
+        its, *others = (said((root / path).parent) for path in (facts.path, *more))
+        yield ListedRun(facts, root, its, of_run, some[1:] and some, pieces, dict(zip(more, others, strict=True)))

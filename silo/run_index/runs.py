@@ -1,5 +1,6 @@
 """`silo.runs("logs")`: the runs of folders as a list that can be narrowed, tagged and opened."""
 
+import functools
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime, timedelta, timezone
@@ -12,9 +13,9 @@ from silo.core.calls import told, told_names
 from silo.core.quantities.writing import many, size_text
 from silo.errors import ElementError
 from silo.run_index import labels
-from silo.run_index.facts import SignalFacts, by_run, merged
+from silo.run_index.facts import SignalFacts
 from silo.run_index.index import RunIndex, Told
-from silo.run_index.listed import EPOCH, ListedEpisode, ListedRun, episodes_of
+from silo.run_index.listed import EPOCH, ListedEpisode, ListedRun, episodes_of, listed
 from silo.run_index.where import Query, said_by
 
 if TYPE_CHECKING:
@@ -262,17 +263,10 @@ def runs(
     """
     indexes = [RunIndex(checked_path("a folder", folder)) for folder in folders or (".",)]
     every: list[ListedRun] = []
-    said: dict[Path, dict[str, labels.Labels]] = {}
+    said = functools.cache(labels.read_labels)
     for index in indexes:
         index.refresh(told, anew=rebuild)
-        for files, more in by_run(index.runs()):
-            facts, pieces = merged(files) if len(files) > 1 else (files[0], ())
-            beside = {path: (index.root / path).parent for path in (facts.path, *more)}
-            for folder in beside.values():
-                if folder not in said:
-                    said[folder] = labels.read_labels(folder)
-            its, others = said[beside[facts.path]], {path: said[beside[path]] for path in more}
-            every.append(ListedRun(facts, index.root, its, index.of_run, files[1:] and files, pieces, others))
+        every += listed(index.root, index.runs(), said, index.of_run)
     every.sort(key=lambda run: (run.facts.begun_ns, run.facts.path))
     found = RunList(every, indexes).between(since, until)
     return found.where(where) if where else found

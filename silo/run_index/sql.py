@@ -4,6 +4,7 @@ DuckDB hands what it wants of a table to polars (columns, and conditions that co
 the functions here. A statement can reach no file, no network and no extension: all that is switched off and locked.
 """
 
+import functools
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -58,7 +59,7 @@ class _Tables:
 
     def __init__(self, polars: Any, drawer: Drawer) -> None:
         self._polars, self._drawer = polars, drawer
-        self._kept: dict[str, Any] = {}
+        self._known = functools.cache(drawer.frame)
         self._meant: dict[str, str] = {}  # the signal of a column of the wide table
         self.failed: SiloError | None = None
 
@@ -85,11 +86,6 @@ class _Tables:
                 yield self._polars.DataFrame(schema=schema).select(list(schema) if columns is None else columns)
 
         return plugins.register_io_source(read, schema=schema)
-
-    def _known(self, name: str) -> Any:
-        if name not in self._kept:
-            self._kept[name] = self._drawer.frame(name)
-        return self._kept[name]
 
     def _columns(self) -> dict[str, Any]:
         """The columns of the wide table: DuckDB tells names apart by letters, not by their case."""
