@@ -36,10 +36,10 @@ from silo.files.atomic import PART_ENDING, atomic_file, reason, sweep_parts
 from silo.files.formats import writer_for
 from silo.files.optional_packages import need
 from silo.files.tables.parquet import read_parquet
-from silo.run_index.facts import EventFacts, RunFacts, SignalFacts
+from silo.run_index.facts import RunFacts
 from silo.run_index.index import RunIndex, Told
 from silo.run_index.labels import Labels
-from silo.run_index.listed import ListedRun, listed
+from silo.run_index.listed import ArchivedFacts, KnownFiles, ListedRun
 from silo.run_index.runs import RunList
 from silo.run_index.tables import COLUMNS, FACTS, Folders, read_numbers, read_signals, typed
 
@@ -75,47 +75,11 @@ class Archiving:
     problems: dict[str, str] = field(default_factory=dict)
 
 
-class ArchivedFacts(msgspec.Struct, frozen=True):
-    """What is known of a file: the path in `run` is its name in the archive; `episodes` are the scalars of each."""
-
-    run: RunFacts
-    signals: tuple[SignalFacts, ...]
-    episodes: tuple[tuple[SignalFacts, ...], ...]
-    events: tuple[EventFacts, ...]
-    labels: Labels
-
-
 class Parts(msgspec.Struct, frozen=True):
     """Names in the archive: the files of a run, in their order, and other ones of which these have more."""
 
     files: tuple[str, ...]
     others: tuple[str, ...] = ()
-
-
-class KnownFiles:
-    """Facts of files, as an index has them."""
-
-    root = Path()
-
-    def __init__(self, files: Sequence[ArchivedFacts]) -> None:
-        self._files = files
-
-    def signals(self) -> dict[str, list[SignalFacts]]:
-        """Return the facts of scalars by file."""
-        return {one.run.path: list(one.signals) for one in self._files}
-
-    def signals_of_episodes(self) -> dict[tuple[str, int], list[SignalFacts]]:
-        """Return the facts of scalars by file, and the number of the episode in it."""
-        return {(one.run.path, at): list(some) for one in self._files for at, some in enumerate(one.episodes)}
-
-    def events(self) -> dict[str, list[EventFacts]]:
-        """Return what happened by file."""
-        return {one.run.path: list(one.events) for one in self._files}
-
-    def runs(self) -> list[ListedRun]:
-        """Return the runs that they are of."""
-        said = {Path(one.run.path).stem: one.labels for one in self._files}
-        return list(listed(self.root, [one.run for one in self._files], lambda _: said))
 
 
 def chain_of(facts: RunFacts) -> str:

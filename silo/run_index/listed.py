@@ -17,7 +17,7 @@ from silo.errors import LogWarning
 from silo.files.added import added_formats
 from silo.files.formats import read_recording
 from silo.run_index import labels
-from silo.run_index.facts import Piece, RunFacts, SignalFacts, by_run, merged, signals_of
+from silo.run_index.facts import EventFacts, Piece, RunFacts, SignalFacts, by_run, merged, signals_of
 
 if TYPE_CHECKING:
     from silo.analysis.log import Log
@@ -242,3 +242,39 @@ def listed(
         facts, pieces = merged(some) if len(some) > 1 else (some[0], ())
         its, *others = (said((root / path).parent) for path in (facts.path, *more))
         yield ListedRun(facts, root, its, of_run, some[1:] and some, pieces, dict(zip(more, others, strict=True)))
+
+
+class ArchivedFacts(msgspec.Struct, frozen=True):
+    """What is known of a file: the path in `run` is its name in the archive; `episodes` are the scalars of each."""
+
+    run: RunFacts
+    signals: tuple[SignalFacts, ...]
+    episodes: tuple[tuple[SignalFacts, ...], ...]
+    events: tuple[EventFacts, ...]
+    labels: labels.Labels
+
+
+class KnownFiles:
+    """Facts of files, as an index has them."""
+
+    root = Path()
+
+    def __init__(self, files: Sequence[ArchivedFacts]) -> None:
+        self._files = files
+
+    def signals(self) -> dict[str, list[SignalFacts]]:
+        """Return the facts of scalars by file."""
+        return {one.run.path: list(one.signals) for one in self._files}
+
+    def signals_of_episodes(self) -> dict[tuple[str, int], list[SignalFacts]]:
+        """Return the facts of scalars by file, and the number of the episode in it."""
+        return {(one.run.path, at): list(some) for one in self._files for at, some in enumerate(one.episodes)}
+
+    def events(self) -> dict[str, list[EventFacts]]:
+        """Return what happened by file."""
+        return {one.run.path: list(one.events) for one in self._files}
+
+    def runs(self) -> list[ListedRun]:
+        """Return the runs that they are of."""
+        said = {Path(one.run.path).stem: one.labels for one in self._files}
+        return list(listed(self.root, [one.run for one in self._files], lambda _: said))

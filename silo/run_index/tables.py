@@ -19,7 +19,7 @@ dates and durations are seconds, dates since 1970.
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import msgspec
 
@@ -29,11 +29,8 @@ from silo.core.recording import Recording
 from silo.errors import LogWarning
 from silo.files.optional_packages import need
 from silo.run_index.facts import SignalFacts, events_of
-from silo.run_index.listed import ListedRun, episodes_of
-
-if TYPE_CHECKING:
-    from silo.run_index.archive import KnownFiles
-    from silo.run_index.index import RunIndex
+from silo.run_index.index import RunIndex
+from silo.run_index.listed import KnownFiles, ListedRun, episodes_of
 
 EXTRA = "query"
 _OF_SIGNAL = {
@@ -95,7 +92,7 @@ def typed(columns: Mapping[str, str]) -> dict[str, Any]:
 class Folders:
     """The runs of a list."""
 
-    def __init__(self, runs: Sequence[ListedRun], indexes: "Sequence[RunIndex | KnownFiles]") -> None:
+    def __init__(self, runs: Sequence[ListedRun], indexes: Sequence[RunIndex | KnownFiles]) -> None:
         """Name each by its path below its folder; where there are several folders, by its whole path."""
         folders = {run.folder for run in runs}
         self.runs = {run.facts.path if len(folders) == 1 else str(run.path): run for run in runs}
