@@ -23,8 +23,7 @@ from silo.core.arguments import real, shown, text
 from silo.core.arrays.enumerations import contradiction, to_compare
 from silo.core.arrays.values import as_floats, difference, from_base
 from silo.core.calls import told, told_class, told_names
-from silo.core.quantities.printing import html_table
-from silo.core.quantities.writing import and_more
+from silo.core.quantities.writing import and_more, html_table
 from silo.core.recording import RecordedElement, Recording, stamps_of
 from silo.errors import ElementError
 

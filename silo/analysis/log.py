@@ -34,7 +34,7 @@ from silo.core.episodes.words import Episode
 from silo.core.kinds import SCALAR
 from silo.core.names import did_you_mean, is_glob
 from silo.core.parameter_images import NOT_KNOWN
-from silo.core.quantities.printing import html_table
+from silo.core.quantities.writing import html_table
 from silo.core.recording import (
     RecordedElement,
     Recording,

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from silo.analysis.compute.calculus import Floats
 from silo.analysis.plots.events import LogEvent, event_lines, events_of
 from silo.core.arrays.values import from_base, text_of
-from silo.core.quantities.printing import printable
-from silo.core.quantities.writing import size_text
+from silo.core.quantities.writing import printable, size_text
 from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, alike, stamps_of
 
 if TYPE_CHECKING:

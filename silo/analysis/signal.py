@@ -24,7 +24,7 @@ from silo.core import units
 from silo.core.arguments import INT64, shown, text
 from silo.core.arrays.values import from_base, with_nan
 from silo.core.calls import no_attribute, told_class
-from silo.core.quantities.printing import html_table
+from silo.core.quantities.writing import html_table
 from silo.core.recording import within
 from silo.errors import ArgumentError, ElementError
 

@@ -19,8 +19,7 @@ import numpy as np
 from silo.analysis.log import Log
 from silo.analysis.reports import report, statistics
 from silo.core.names import matching
-from silo.core.quantities.printing import infinite_as_text
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import infinite_as_text, many
 from silo.errors import ElementError, SiloError
 from silo.expressions.parsing import names_in, parse
 from silo.files.optional_packages import need

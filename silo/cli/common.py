@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 from click.types import StringParamType
 
-from silo.core.quantities.printing import infinite_as_text, printable
-from silo.core.quantities.writing import duration_text
+from silo.core.quantities.writing import duration_text, infinite_as_text, printable
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 
 if TYPE_CHECKING:

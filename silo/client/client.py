@@ -21,7 +21,7 @@ from silo.control.requests import LONGEST_LEASE_S, ControlRequests, TakeControl
 from silo.core.arguments import path, real, shown, switch, text, texts, whole
 from silo.core.calls import told_class, told_names
 from silo.core.elements import SavedFile
-from silo.core.quantities.printing import html_table
+from silo.core.quantities.writing import html_table
 from silo.errors import ArgumentError, ConnectionLostError, ElementError, RefusedError, SiloError
 from silo.fleet.exchange import NoAnswerError, client_name
 from silo.fleet.resolving import discover

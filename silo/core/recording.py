@@ -20,8 +20,7 @@ from silo.core.calls import no_attribute
 from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import BufferType, Entry, LoggedEvent, Stretch
 from silo.core.parameter_images import image_after, unknown_texts
-from silo.core.quantities.printing import html_table
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import html_table, many
 from silo.errors import ArgumentError, LogWarning
 
 Made = TypeVar("Made")

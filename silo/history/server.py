@@ -3,14 +3,164 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from silo.core.arrays.columns import MAX_COLUMNS, MIN_COLUMN_NS, ColumnGrid, Gap, bins_of
 from silo.history import requests, search_requests
-from silo.history.history import check_history, history
-from silo.history.picking import PinnedRows
+from silo.history.picking import PinnedRows, RingSource, first_row
 from silo.history.pins import Pins
+from silo.history.requests import By, Columns, GetHistory
 from silo.history.samples import check_samples, samples
 from silo.history.search import check_moments, check_span, find_moments, measure_span
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server
-from silo.state.replica import Replica
+from silo.segment.layout import TIME_RING, ElementSchema, EntrySchema
+from silo.segment.picking import RowPicker
+from silo.segment.reader import SegmentReader
+from silo.state.replica import LoggerSnapshot, Replica
+
+MAX_NAMES = 64
+BLOCK_BYTES = 4 * 2**20
+SPARE_ROWS = 64  # of the oldest some may be overwritten while they are read
+
+
+def check_history(request: GetHistory) -> None:
+    """Raise RequestRefusedError for a request that can't be answered."""
+    problem = None
+    if not request.names or len(request.names) > MAX_NAMES:
+        problem = f"ask for 1 to {MAX_NAMES} names, got {len(request.names)}"
+    elif request.column_ns < MIN_COLUMN_NS:
+        problem = f"column_ns must be {MIN_COLUMN_NS} or more, got {request.column_ns}"
+    elif request.end_ns <= request.start_ns or not -(2**62) < request.start_ns < request.end_ns < 2**62:
+        problem = f"the time span {request.start_ns} ... {request.end_ns} ns is empty or out of range"
+    elif _count(request) > MAX_COLUMNS:
+        problem = f"{_count(request)} columns are too many, at most {MAX_COLUMNS}: ask for wider ones"
+    if problem:
+        raise RequestRefusedError(RefusedWhy.INVALID, f"no history: {problem}")
+
+
+def _count(request: GetHistory) -> int:
+    return -(-request.end_ns // request.column_ns) - request.start_ns // request.column_ns
+
+
+def history(
+    request: GetHistory, now: LoggerSnapshot, reader: SegmentReader | None, pinned: PinnedRows | None = None
+) -> Columns:
+    """Return the columns; one without sample says why, be it that the element is off or that its buffer is shorter.
+
+    With `pinned` they are of what is held there.
+    """
+    source: RingSource | None = pinned or reader
+    until_ns = pinned.span_ns()[1] if pinned else reader.last_time_ns if reader else 0
+    grid = ColumnGrid(len(request.names), request.start_ns // request.column_ns, _count(request))
+    schemas = {element.info.name: element for element in source.schema.elements} if source else {}
+    wanted: dict[int, dict[int, EntrySchema]] = {}
+    logged: list[tuple[int, ElementSchema]] = []
+    for signal, name in enumerate(request.names):
+        found = now.entry(name)
+        if found is None:
+            raise RequestRefusedError(
+                RefusedWhy.NOT_FOUND, f"no entry is called '{name[:200]}'; entries are named like '/log/q_x'"
+            )
+        element = schemas.get(found[0])
+        if element is not None and found[1] < len(element.entries):
+            _want(wanted, element, signal, found[1])
+            logged.append((signal, element))
+    if source is not None:
+        for ring, signals in wanted.items():
+            _fill(grid, source, ring, signals, request, pinned)
+    if reader is not None and pinned is None:
+        _say_why_empty(grid, reader, logged, request)
+    return Columns(
+        list(request.names),
+        grid.first,
+        grid.count,
+        request.column_ns,
+        grid.low.tobytes(),
+        grid.high.tobytes(),
+        grid.marks.tobytes() if grid.marks.any() else b"",
+        {signal: base for signal, base in enumerate(grid.bases) if base},
+        until_ns,
+    )
+
+
+def _want(wanted: dict[int, dict[int, EntrySchema]], element: ElementSchema, signal: int, number: int) -> None:
+    """The element's own buffer and, where that isn't the one in which all samples pass, that one too."""
+    wanted.setdefault(element.ring, {})[signal] = element.entries[number]
+    if element.live_ring >= 0 and element.live_ring != element.ring:
+        wanted.setdefault(element.live_ring, {})[signal] = element.live_entries[number]
+
+
+def _fill(
+    grid: ColumnGrid,
+    reader: RingSource,
+    ring: int,
+    signals: dict[int, EntrySchema],
+    request: GetHistory,
+    pinned: PinnedRows | None = None,
+) -> None:
+    picker = RowPicker(signals)
+    if pinned is not None and not pinned.holds(ring, picker.words):
+        return
+    block = max(1, BLOCK_BYTES // (8 * len(picker.words)))
+    head = reader.head(ring)
+    row = first_row(reader, ring, By.TIME, request.start_ns)
+    while row < head:
+        # fewer than `block` rows, or none, come too where the oldest were overwritten meanwhile: the newer follow
+        rows = reader.rows(ring, row, block, picker.words)
+        row = max(row + 1, rows.first + len(rows))
+        if not len(rows):
+            continue
+        bins = bins_of(rows.time_ns, request.column_ns)
+        for signal, values in picker.columns(rows):
+            grid.add(signal, bins, values)
+        if int(rows.time_ns[-1]) >= request.end_ns:
+            return
+
+
+def _say_why_empty(
+    grid: ColumnGrid, reader: SegmentReader, logged: list[tuple[int, ElementSchema]], request: GetHistory
+) -> None:
+    ticks = reader.ticks
+    if not ticks:
+        return
+    start = _start_ns(reader) // request.column_ns
+    newest = reader.last_time_ns // request.column_ns
+    known = {signal for signal, _ in logged}
+    for signal in range(len(request.names)):
+        grid.add_hole(signal, grid.first, start, Gap.BEFORE)
+        if signal not in known:
+            grid.add_hole(signal, start, newest + 1, Gap.OFF)
+    ends: dict[int, tuple[int, int, bool, bool]] = {}
+    for signal, element in logged:
+        for ring in {element.ring, element.live_ring} - {-1}:
+            ends.setdefault(ring, _ends(reader, ring, ticks))
+        oldest_ns, newest_ns, overwritten, cut = ends[element.ring]
+        resumed = newest + 1
+        if element.live_ring >= 0 and element.live_ring != element.ring:
+            resumed = ends[element.live_ring][0] // request.column_ns
+        if overwritten:
+            grid.add_hole(signal, start, oldest_ns // request.column_ns, Gap.OVERWRITTEN)
+        if cut:
+            lost = reader.ring_lost(element.ring) > 0
+            hole = Gap.LOST if lost else Gap.OVERWRITTEN if element.live_ring >= 0 else Gap.FULL
+            grid.add_hole(signal, newest_ns // request.column_ns + 1, resumed, hole)
+
+
+def _ends(reader: SegmentReader, ring: int, ticks: int) -> tuple[int, int, bool, bool]:
+    """Return times of the oldest and the newest row, and whether rows before and after these are gone."""
+    due = -(-ticks // reader.schema.rings[ring].divider)
+    head = reader.head(ring)
+    oldest, newest = reader.rows(ring, 0, SPARE_ROWS), reader.rows(ring, head - 1, 1)
+    if not len(oldest) or not len(newest):  # all of them were overwritten while we looked
+        return reader.last_time_ns, reader.last_time_ns, head > 0, False
+    return int(oldest.time_ns[0]), int(newest.time_ns[0]), oldest.first > 0, head < due
+
+
+def _start_ns(reader: SegmentReader) -> int:
+    """Return the time of the first tick, reckoned from the rate where its stamp was overwritten."""
+    oldest = reader.rows(TIME_RING, 0, SPARE_ROWS)
+    if not len(oldest):
+        return reader.last_time_ns
+    return int(oldest.time_ns[0]) - int(oldest.first * 1e9 / reader.schema.frequency_hz)
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from silo.core.calls import no_attribute, told_names
 from silo.core.elements import ElementInfo, ElementOptions, SavedFile
 from silo.core.names import Names
-from silo.core.quantities.printing import MOST_ROWS, html_table
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import MOST_ROWS, html_table, many
 from silo.errors import ArgumentError, StateError, UnknownNameError
 from silo.loop.run import Run
 from silo.segment.layout import ElementSchema

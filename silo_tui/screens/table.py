@@ -6,12 +6,12 @@ from collections.abc import Sequence
 import numpy as np
 from textual.app import ComposeResult
 
+from silo.core.arrays.columns import ColumnStore
 from silo.core.quantities.writing import wall_clock
 from silo.errors import RefusedError, SiloError
 from silo.rpc.frames import Frame
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
-from silo_tui.model.drawing.columns import ColumnStore
 from silo_tui.model.table.cells import statistic_head
 from silo_tui.model.table.columns import LIVE_COLUMNS
 from silo_tui.model.table.facts import STATISTICS

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 import numpy as np
 
 from silo.conditions.standing import LimitStatus, TriggerStatus
-from silo.core.arrays.columns import MAX_COLUMNS, HistoryColumns
+from silo.core.arrays.columns import MAX_COLUMNS, ColumnStore, HistoryColumns
 from silo.core.conditions import Derived, SignalLimits, TriggerOptions
 from silo.core.elements import ElementInfo, LoggedEvent, SavedFile, State, Status
 from silo.core.episodes.words import next_marks
@@ -29,7 +29,6 @@ from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.settings.typed import ElementSettings, apply_settings
 from silo.state.requests import EditsApplied, Unsaved
-from silo_tui.model.drawing.columns import ColumnStore
 from silo_tui.model.drawing.plots import trends
 from silo_tui.model.lists.happened import newest, of_last_run
 from silo_tui.model.lists.recorders import WritingPace

@@ -17,7 +17,7 @@ from silo.analysis import reports
 from silo.analysis.log import Log
 from silo.analysis.opening import alone_of, open_log
 from silo.conditions.requests import TriggerTried
-from silo.core.arrays.columns import coarser
+from silo.core.arrays.columns import ColumnPiece, coarser
 from silo.core.elements import ElementInfo, State, Status, Table
 from silo.core.quantities.writing import EPOCH_FROM_NS, many, size_text, wall_clock
 from silo.core.recording import Recording
@@ -26,7 +26,6 @@ from silo.expressions.binding import bind
 from silo.expressions.evaluation import FALSE, TRUE, UNOBSERVABLE
 from silo.expressions.over_recordings import RecordingJudge
 from silo.judging.checks import bind_limits, scalar_names, table_catalogue
-from silo_tui.model.drawing.columns import ColumnPiece
 from silo_tui.model.drawing.plots import trend
 from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
 from silo_tui.model.plots.limits import Bounds4

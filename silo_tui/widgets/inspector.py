@@ -13,14 +13,14 @@ from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
 
+from silo.core.arrays.columns import ColumnStore
 from silo.core.elements import ElementInfo
 from silo.core.names import component_name
 from silo.core.quantities.writing import many
 from silo.rpc.published import NOT_LIVE_TEXTS
 from silo_tui.actions import key_of
 from silo_tui.model.drawing import braille
-from silo_tui.model.drawing.columns import ColumnStore, hold_piece
-from silo_tui.model.drawing.plots import signs_of
+from silo_tui.model.drawing.plots import hold_piece, signs_of
 from silo_tui.model.samples.live import Reading, entry_text, fill_share
 from silo_tui.model.table.cells import span_words, type_word
 from silo_tui.model.table.fields import Field, phrase_for

@@ -7,8 +7,8 @@ import silo
 from silo.client.client import Client
 from silo.core.arrays.columns import ColumnGrid, ColumnStore, Gap, NonFinite, holes_of
 from silo.core.elements import BufferType, Edit, ElementOptions
-from silo.history.history import _fill
 from silo.history.requests import GetHistory
+from silo.history.server import _fill
 from silo.segment.reader import SegmentReader
 from tests.waiting import wait_until
 
@@ -169,7 +169,7 @@ class Racing(SegmentReader):
 
 
 def test_history_is_whole_though_its_oldest_rows_are_overwritten_while_they_are_read(monkeypatch, tmp_path):
-    monkeypatch.setattr("silo.history.history.BLOCK_BYTES", 8 * 100 * 3)  # ten blocks: x has three words a row
+    monkeypatch.setattr("silo.history.server.BLOCK_BYTES", 8 * 100 * 3)  # ten blocks: x has three words a row
     clock = [0]
     logger = silo.Logger("race", frequency=100, max_time=0, folder=tmp_path, clock=lambda: clock[0])
     x = np.zeros(())

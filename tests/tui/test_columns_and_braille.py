@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from silo.core.arrays.columns import ColumnStore
 from silo_tui.model.drawing import braille
-from silo_tui.model.drawing.columns import ColumnStore, hold
 from silo_tui.model.drawing.dots import BLANK
+from silo_tui.model.drawing.plots import hold
 from silo_tui.model.drawing.window import PlotWindow
 
 values = st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=60).map(np.array)

@@ -11,11 +11,10 @@ from textual.geometry import Region
 from textual.widget import Widget
 
 from silo.analysis.reports import ElementReport
-from silo.core.arrays.columns import HistoryColumns
+from silo.core.arrays.columns import ColumnStore, HistoryColumns
 from silo.core.elements import State
 from silo.core.recording import Failures
 from silo.rpc.published import NOT_LIVE_TEXTS, NotLive
-from silo_tui.model.drawing.columns import ColumnStore
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.table.fields import Field
 from silo_tui.terminal.thinness import Pace

@@ -6,11 +6,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from silo.core.arrays.columns import HistoryColumns
+from silo.core.arrays.columns import ColumnPiece, ColumnStore, HistoryColumns
 from silo.core.elements import BufferType, ElementInfo, ElementOptions, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
-from silo_tui.model.drawing.columns import ColumnPiece, ColumnStore
 from silo_tui.model.drawing.plots import Plotted, draw_panel, together
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.plots.overlay import Overlay, ghost_piece, overlay_of

@@ -11,10 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.color import ColorSystem
 
-from silo.core.arrays.columns import ColumnStore
+from silo.core.arrays.columns import ColumnPiece, ColumnStore
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo_tui.model.drawing import axes, braille, dots, lanes
-from silo_tui.model.drawing.columns import ColumnPiece
 from silo_tui.model.drawing.plots import Plotted, draw_panel, together
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.plots.panels import first_to_show, gathered, heights, isolate, join, least_height, sides, stacked

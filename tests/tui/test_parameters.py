@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from textual.widgets import Input
 
 from silo.core.elements import LoggedEvent
-from silo.core.tuning.asked import read_excitation
+from silo.core.tuning.excitation import read_excitation
 from silo.core.tuning.parameters import ParameterChange, ParameterInfo, ParameterKind, Writable
 from silo.errors import ElementError
 from silo_tui.keymap import in_menu

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from silo.core.arrays.columns import ColumnStore, Gap
+from silo.core.arrays.columns import ColumnPiece, ColumnStore, Gap
 from silo.core.elements import ElementInfo, ElementOptions, Entry
-from silo_tui.model.drawing.columns import ColumnPiece
 from silo_tui.model.drawing.plots import Axis, Picture, Plotted
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.plots.facts import PlotFacts, extremes, missing

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from rich.style import Style
 
-from silo.core.arrays.columns import HistoryColumns
+from silo.core.arrays.columns import ColumnStore, HistoryColumns
 from silo.core.elements import ElementInfo, LoggedEvent
-from silo_tui.model.drawing.columns import ColumnStore
 from silo_tui.model.drawing.plots import plots_of
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.plots.picture import AXIS

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from silo_tui.model.drawing.columns import ColumnStore, hold_piece
-from silo_tui.model.drawing.plots import HOLD, trend, trends
+from silo.core.arrays.columns import ColumnStore
+from silo_tui.model.drawing.plots import HOLD, hold_piece, trend, trends
 
 WIDTH = 6
 VALUES = st.one_of(

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from silo.cli.verbs import verb
-from silo.core.tuning.asked import excitation_of
-from silo.core.tuning.excitation import ends_of, number_at
+from silo.core.tuning.excitation import ends_of, excitation_of, number_at
 from silo.core.tuning.parameters import Wave, value_text
 
 if TYPE_CHECKING:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from silo.cli.common import aligned, configuration, show_json
-from silo.core.quantities.printing import printable
-from silo.core.quantities.writing import duration_text, many, size_text, wall_clock
+from silo.core.quantities.writing import duration_text, many, printable, size_text, wall_clock
 
 if TYPE_CHECKING:
     from silo.fleet.fleet import Fleet, FleetNow

@@ -16,8 +16,7 @@ from silo.cli.common import (
     show_rows,
     tell_unreachable,
 )
-from silo.core.quantities.printing import printable
-from silo.core.quantities.writing import and_more, duration_text, many, size_text
+from silo.core.quantities.writing import and_more, duration_text, many, printable, size_text
 from silo.errors import ConnectionLostError
 from silo.net.configuration import LOCAL
 

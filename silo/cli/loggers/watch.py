@@ -20,8 +20,7 @@ from silo.cli.common import (
 )
 from silo.cli.edits import of_entries, select
 from silo.core.elements import State
-from silo.core.quantities.printing import printable
-from silo.core.quantities.writing import and_more, many, wall_clock
+from silo.core.quantities.writing import and_more, many, printable, wall_clock
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo.rpc.published import NOT_LIVE_TEXTS
 

@@ -11,8 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from silo.core.arrays.columns import Floats
 from silo_tui.model.drawing import braille
-from silo_tui.model.drawing.columns import Floats
 from silo_tui.model.words import text
 
 Scale = tuple[float, float]

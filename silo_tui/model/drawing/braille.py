@@ -13,9 +13,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.arrays.columns import HOLE_TEXTS, Gap, NonFinite, holes_of
+from silo.core.arrays.columns import HOLE_TEXTS, Floats, Gap, Marks, NonFinite, holes_of
 from silo_tui.model.drawing import dots
-from silo_tui.model.drawing.columns import Floats, Marks
 from silo_tui.model.drawing.dots import Cells, Dots
 
 POS_INF, NEG_INF, NAN, SEVERAL = "▲", "▼", "×", "!"

@@ -5,7 +5,7 @@ from itertools import groupby
 
 import numpy as np
 
-from silo_tui.model.drawing.columns import ColumnPiece
+from silo.core.arrays.columns import ColumnPiece
 from silo_tui.model.words import text
 
 FALSE, TRUE, BOTH = "▁", "█", "▄"

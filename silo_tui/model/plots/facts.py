@@ -4,9 +4,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from silo.core.arrays.columns import HOLE_TEXTS, Gap
+from silo.core.arrays.columns import HOLE_TEXTS, ColumnPiece, ColumnStore, Gap
 from silo_tui.model.drawing import braille
-from silo_tui.model.drawing.columns import ColumnPiece, ColumnStore
 from silo_tui.model.drawing.plots import Picture, Plotted
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.samples.live import Reading, entry_text, offset_text

@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from silo.core.arrays.columns import ColumnPiece
+from silo.core.arrays.columns import ColumnPiece, ColumnStore
 from silo.core.quantities.writing import duration_text
-from silo_tui.model.drawing.columns import ColumnStore
 from silo_tui.model.drawing.window import SECOND_NS
 from silo_tui.model.samples.recorded import RecordingSource
 

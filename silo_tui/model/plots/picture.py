@@ -4,8 +4,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from silo.core.arrays.columns import ColumnPiece, ColumnStore
 from silo_tui.model.drawing import dots
-from silo_tui.model.drawing.columns import ColumnPiece, ColumnStore
 from silo_tui.model.drawing.dots import BLANK
 from silo_tui.model.drawing.plots import NOBODY, Owners, Picture, Plotted, draw_panel, together
 from silo_tui.model.drawing.window import PlotWindow

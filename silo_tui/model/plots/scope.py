@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from silo.core.arrays.columns import ColumnGrid, bins_of
-from silo_tui.model.drawing.columns import ColumnStore
+from silo.core.arrays.columns import ColumnGrid, ColumnStore, bins_of
 from silo_tui.model.drawing.window import SECOND_NS, SPANS_S
 from silo_tui.model.samples.recorded import SHORT_SPANS_S
 from silo_tui.model.samples.source import Samples

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from silo.core.arrays.columns import Floats
 from silo.core.arrays.values import EXACT, numbers
 from silo.core.elements import ElementInfo, Entry
 from silo.core.names import component_name
 from silo.rpc.frames import Frame
 from silo.rpc.published import NotLive
-from silo_tui.model.drawing.columns import Floats
 from silo_tui.model.words import text
 
 MIXED = frozenset({"pose", "twist", "angle_axis", "struct"})  # kinds whose entries have units of their own

@@ -15,13 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.arrays.columns import MAX_COLUMNS, Bins, ColumnGrid, Gap, HistoryColumns, grid_of
+from silo.core.arrays.columns import MAX_COLUMNS, Bins, ColumnGrid, Floats, Gap, HistoryColumns, Marks, grid_of
 from silo.core.arrays.values import newest_values, numbers
 from silo.core.elements import Action, ElementInfo, ElementOptions, LoggedEvent
 from silo.core.recording import RecordedElement, Recording
 from silo.expressions.search import FoundMoments, Looking
 from silo.expressions.span import Between, between
-from silo_tui.model.drawing.columns import Floats, Marks
 from silo_tui.model.drawing.plots import signs_of
 from silo_tui.model.drawing.window import SECOND_NS, SPANS_S
 from silo_tui.model.samples.live import Reading

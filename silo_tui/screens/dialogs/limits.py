@@ -5,15 +5,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from silo.conditions.requests import TriggerTried
+from silo.core.arrays.columns import ColumnStore
 from silo.core.conditions import SignalLimits, TriggerOptions
 from silo.errors import SiloError
 from silo.judging.checks import rule_of
-from silo_tui.model.drawing.columns import ColumnStore
 from silo_tui.model.drawing.plots import draw, plots_of
 from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
 from silo_tui.model.lists.conditions import NOW, held_axis, tried_lines
-from silo_tui.model.plots.limit_line import BOUNDS, fields_of, limits_of_fields
-from silo_tui.model.plots.limits import between, lines_of
+from silo_tui.model.plots.limits import BOUNDS, between, fields_of, limits_of_fields, lines_of
 from silo_tui.screens.dialogs.form import Form, taken
 from silo_tui.sessions.live import Session
 

@@ -4,8 +4,8 @@ import math
 import time
 from collections.abc import Callable, Sequence
 
+from silo.core.arrays.columns import ColumnStore
 from silo_tui.modal import run_alone
-from silo_tui.model.drawing.columns import ColumnStore
 from silo_tui.model.table.columns import FILE_COLUMNS
 from silo_tui.model.table.facts import NOTHING
 from silo_tui.model.words.command_line import BY_KEY, Spelled

@@ -25,7 +25,7 @@ from silo.analysis.compute.spectra import (
     peaks_of,
     spectrum_of,
 )
-from silo.core.arrays.columns import MAX_COLUMNS
+from silo.core.arrays.columns import MAX_COLUMNS, Floats
 from silo.core.arrays.values import as_floats
 from silo.core.quantities.writing import duration, many
 from silo.errors import SiloError
@@ -34,7 +34,6 @@ from silo_tui.actions import Command, key_of, key_text
 from silo_tui.modal import ask, run_alone
 from silo_tui.model.drawing import big_plot
 from silo_tui.model.drawing.big_plot import BigPlot, histogram_of, pair_of
-from silo_tui.model.drawing.columns import Floats
 from silo_tui.model.drawing.plots import Plotted
 from silo_tui.model.drawing.window import SECOND_NS
 from silo_tui.model.plots.panels import LETTERS

@@ -10,6 +10,7 @@ from functools import cached_property
 
 from textual.app import ComposeResult
 
+from silo.core.arrays.columns import ColumnStore
 from silo.core.quantities.writing import EPOCH_FROM_NS, duration_text, many, wall_clock
 from silo.errors import SiloError
 from silo.expressions.span import Between
@@ -17,7 +18,6 @@ from silo.rpc.frames import Frame
 from silo_tui.actions import key_of
 from silo_tui.context import SiloScreen
 from silo_tui.modal import run_alone, run_aside
-from silo_tui.model.drawing.columns import ColumnStore
 from silo_tui.model.drawing.plots import Plotted, plots_of
 from silo_tui.model.drawing.window import SECOND_NS, SPANS_S, PlotWindow
 from silo_tui.model.plots.overlay import SIGN
@@ -34,8 +34,7 @@ from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.between import BetweenTable
 from silo_tui.widgets.messages import MonitorLine
-from silo_tui.widgets.plot_stack import PlotStack
-from silo_tui.widgets.recorded import RecordedStack
+from silo_tui.widgets.plot_stack import PlotStack, RecordedStack
 
 DEBOUNCE_S = 0.1
 

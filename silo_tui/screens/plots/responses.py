@@ -18,8 +18,7 @@ from textual.widgets import Static
 from silo.analysis.parameters import ToldExcitation
 from silo.analysis.responses import ResponseLog, bode_between, step_between
 from silo.core.recording import alike
-from silo.core.tuning.asked import EXAMPLE, read_excitation
-from silo.core.tuning.excitation import ends_of, number_at
+from silo.core.tuning.excitation import EXAMPLE, ends_of, number_at, read_excitation
 from silo.core.tuning.parameters import Excitation, ParameterInfo, Wave, range_text, value_text
 from silo.errors import ElementError, SiloError
 from silo_tui.context import Context, SiloScreen
