@@ -118,8 +118,6 @@ class ClientParameters(MutableMapping[str, ParameterValue]):
             RefusedError: it would leave the bounds, or may not be begun by this client; nothing was changed.
             ConnectionLostError: nobody answers; the robot program ends it within 2 s.
         """
-        from silo.client.parameters import excite
-
         name, index = element_of(name)
         kind = word("wave", wave, Wave)
         duration_s = real("duration", duration, 0, LONGEST_S, "s", include_low=False)

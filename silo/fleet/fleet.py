@@ -103,12 +103,7 @@ class FleetNow:
     def meant(self, pattern: str) -> list[Member]:
         """Return those that a glob, a name or an address means, also those that nobody can reach now."""
         down = (Member(found, problem=down_text(found), mute=HELPER_DOWN) for found in self.near.down)
-        return [one for one in (*self.members, *down) if is_meant(one.found, pattern)]
-
-
-def is_meant(found: LoggerAddress, pattern: str) -> bool:
-    """Return whether a glob, a name or an address means a logger; an empty one all."""
-    return found.is_meant_by(pattern) or found.matches(pattern)
+        return [one for one in (*self.members, *down) if one.found.matches(pattern)]
 
 
 def looked(config: str, plan: FleetQuestion) -> FleetNow:
@@ -126,7 +121,7 @@ def asked_all(config: str = "", pattern: str = "", answer_s: float = 1.0) -> Fle
     Raises ConnectionLostError where `config` can't be reached.
     """
     return looked(
-        config, FleetQuestion(Hello(version=VERSION), lambda found: is_meant(found, pattern), answer_s=answer_s)
+        config, FleetQuestion(Hello(version=VERSION), lambda found: found.matches(pattern), answer_s=answer_s)
     )
 
 

@@ -42,7 +42,7 @@ class Discovery:
 
     def matching(self, pattern: str) -> list[LoggerAddress]:
         """Return all that a glob means, or a name or address."""
-        return [found for found in self.loggers if found.is_meant_by(pattern) or found.matches(pattern)]
+        return [found for found in self.loggers if found.matches(pattern)]
 
     def one(self, wanted: str) -> LoggerAddress:
         """Return the only one that is meant. Raises SeveralError with the address of each where several are, else

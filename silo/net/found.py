@@ -77,8 +77,8 @@ class LoggerAddress:
         return not wanted or wanted in self.addresses
 
     def matches(self, pattern: str) -> bool:
-        """Return whether a glob fits one of its addresses: where many are meant."""
-        return any(fnmatchcase(address, pattern) for address in self.addresses)
+        """Return whether a glob, a name or an address means it, where many may be meant; an empty one means all."""
+        return self.is_meant_by(pattern) or any(fnmatchcase(address, pattern) for address in self.addresses)
 
 
 MACHINE_DIGITS = 4

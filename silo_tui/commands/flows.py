@@ -5,7 +5,8 @@ Each flow is a coroutine that runs in a worker of the app; errors of the logger 
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from rich.text import Text
 
@@ -23,6 +24,9 @@ from silo_tui.model.table.state import PendingChange
 from silo_tui.model.words import text
 from silo_tui.screens.dialogs.questions import Choice, Prompt, Question, confirmed, cost_text, diff_text
 from silo_tui.sessions.live import Session, why
+
+if TYPE_CHECKING:
+    from silo.client.client import Client
 
 GONE = "the robot program is gone: start it again, silo-tui follows"
 SPLIT = "Stopping ends this recording, and starting again begins another."
@@ -363,18 +367,25 @@ async def save_script(context: Context, path: str | None = None) -> None:
         return
     name = _script_name(path)
     ending = ": scripts end in .yaml" if name != path else ""
-    link = context.link
-    try:
-        said = await link.call(lambda client: client.save_script(name, False))
-    except RefusedError as refused:
-        if why(refused) is not RefusedWhy.EXISTS:
-            raise
-        if not await confirmed(context.app, f"Overwrite {name or 'the script'}?", str(refused), "Overwrite"):
-            return
-        said = await link.call(lambda client: client.save_script(name, True))
+    title = f"Overwrite {name or 'the script'}?"
+    said = await keep_on_robot(context, title, "Overwrite", lambda client, again: client.save_script(name, again))
+    if said is None:
+        return
     fields, _ = session.table.pending_count
     without = f"{many(fields, 'pending edit')} not in it; " if fields else ""  # first: the path may be long
     context.say(without + (said or f"saved {name}") + ending)
+
+
+async def keep_on_robot(context: Context, title: str, verb: str, keep: Callable[["Client", bool], str]) -> str | None:
+    """Keep something on the robot, over what has its name only after a question; None where that stays."""
+    link = context.link
+    try:
+        return await link.call(lambda client: keep(client, False))
+    except RefusedError as refused:
+        if why(refused) is not RefusedWhy.EXISTS:
+            raise
+        sure = await confirmed(context.app, title, str(refused), verb)
+    return await link.call(lambda client: keep(client, True)) if sure else None
 
 
 async def restore(context: Context) -> None:

@@ -11,7 +11,6 @@ from silo.core.names import did_you_mean, nearest
 from silo.core.quantities.writing import many
 from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
-from silo.rpc.refusals import RefusedWhy
 from silo.settings.typed import completions
 from silo_tui.actions import BY_WORD, FILE_SCOPES, NOT_EDITED, Command, key_of, typed_on_file
 from silo_tui.commands import flows
@@ -24,8 +23,7 @@ from silo_tui.model.words import command_line
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.model.words.paths import typed_file
 from silo_tui.model.words.people import people_words
-from silo_tui.screens.dialogs.questions import Choice, Question, confirmed
-from silo_tui.sessions.live import why
+from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.settings.themes import THEMES
 from silo_tui.theme import theme_name
 
@@ -215,7 +213,7 @@ class CommandRunner:
             raise RefusedError("no logger is open: there is nothing to keep")
         plots = f" with {many(len(layout.plots), 'plot')}" if layout.plots else ""
         if name.startswith(ROBOT):
-            self._context.run_flow(keep_on_robot(self._context, name.removeprefix(ROBOT), layout))
+            self._context.run_flow(_keep_view(self._context, name.removeprefix(ROBOT), layout))
             return
         file = files.place(name)
         again = file.exists()
@@ -361,15 +359,10 @@ async def tell_views(context: Context) -> None:
     context.say(f"{own}; always there: {', '.join(BY_NAME)}")
 
 
-async def keep_on_robot(context: Context, name: str, layout: KeptLayout) -> None:
-    """Keep a view on the robot; over one of that name after a question."""
-    link = context.link
-    try:
-        said = await link.call(lambda client: client._keep_view(name, write(layout)))
-    except RefusedError as refused:
-        if why(refused) is not RefusedWhy.EXISTS:
-            raise
-        if not await confirmed(context.app, f"Write over view {name}?", str(refused), "Write"):
-            return
-        said = await link.call(lambda client: client._keep_view(name, write(layout), overwrite=True))
-    context.say(f"{said}: `:view {ROBOT}{name}` opens it, or silo-tui --view {ROBOT}{name}")
+async def _keep_view(context: Context, name: str, layout: KeptLayout) -> None:
+    def keep(client: "Client", again: bool) -> str:
+        return client._keep_view(name, write(layout), overwrite=again)
+
+    said = await flows.keep_on_robot(context, f"Write over view {name}?", "Write", keep)
+    if said is not None:
+        context.say(f"{said}: `:view {ROBOT}{name}` opens it, or silo-tui --view {ROBOT}{name}")

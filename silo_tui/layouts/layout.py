@@ -2,9 +2,10 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
+import msgspec
 import yaml
 
 from silo.core.names import did_you_mean, nearest
@@ -130,17 +131,8 @@ def _reader(name: str) -> Callable[[yaml.Node], Any]:
 
 def write(layout: KeptLayout) -> str:
     """Return a view as its file has it: what differs from a table without anything chosen."""
-    kept: dict[str, Any] = {}
-    for each in fields(KeptLayout):
-        value = getattr(layout, each.name)
-        if value != getattr(KeptLayout(), each.name):
-            kept[each.name] = value
-    for name in kept.keys() & {"columns", "folded", "unfolded", "logs"}:
-        kept[name] = list(kept[name])
-    if "components" in kept:
-        kept["components"] = dict(kept["components"])
+    kept, empty = (msgspec.json.decode(msgspec.json.encode(each)) for each in (layout, KeptLayout()))  # tuples as lists
+    kept = {name: value for name, value in kept.items() if value != empty[name]}
     if "plots" in kept:
-        kept["plots"] = [list(panel) if len(panel) > 1 else panel[0] for panel in kept["plots"]]
-    if "scales" in kept:
-        kept["scales"] = {name: list(ends) for name, ends in kept["scales"].items()}
+        kept["plots"] = [panel if len(panel) > 1 else panel[0] for panel in kept["plots"]]
     return str(yaml.safe_dump(kept, sort_keys=False, allow_unicode=True)) if kept else "{}\n"

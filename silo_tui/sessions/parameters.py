@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 
+from silo.core.quantities.writing import and_more
 from silo.core.tuning.parameters import ParameterInfo, ParameterValue, value_text
 from silo.errors import ElementError, RefusedError
 from silo_tui.model.lists.parameters import stepped, why_fixed
@@ -147,5 +148,4 @@ class Knobs:
         await self.refresh(link)
         now = [self.known[name] for name in values if name in self.known]
         first = [f"{one.name.rpartition('/')[2]} {value_text(one.value, one.unit)}" for one in now]
-        more = f" and {len(first) - 3} more" if len(first) > 3 else ""
-        return f"{', '.join(first[:3])}{more}: {told}"
+        return f"{and_more(first, 3)}: {told}"

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 
+from silo.core.quantities.writing import and_more
+
 Words = Mapping[int, str]
 
 
@@ -23,6 +25,5 @@ def contradiction(one: Words, other: Words) -> str:
     """Return where the numbers of two enumerations differ, in words; "" where they don't contradict each other."""
     mine, theirs = to_compare(one, other)
     numbers = [number for number in sorted({*mine, *theirs}) if mine.get(number) != theirs.get(number)]
-    more = f" and {len(numbers) - 3} more" if len(numbers) > 3 else ""
-    told = (f"{number} is {mine.get(number, 'no word')}, then {theirs.get(number, 'no word')}" for number in numbers)
-    return "; ".join(list(told)[:3]) + more
+    told = [f"{number} is {mine.get(number, 'no word')}, then {theirs.get(number, 'no word')}" for number in numbers]
+    return and_more(told, 3, "; ")

@@ -23,7 +23,7 @@ from silo_tui.model.drawing.window import SECOND_NS
 from silo_tui.model.plots.panels import Panel, has_curves, sides
 from silo_tui.model.samples.source import PlotSource, Samples
 from silo_tui.model.words.paths import typed_path
-from silo_tui.screens.dialogs.questions import Prompt
+from silo_tui.screens.dialogs.questions import Prompt, ask_line
 
 FORMATS = (".csv", ".png", ".svg")
 
@@ -39,10 +39,8 @@ def ask_export(
 ) -> None:
     """Ask for a path and write what is shown there, or lies `between` two cursors; what came of it is said."""
 
-    def write(given: str | None) -> None:
-        if given:
-            # after the prompt is gone: it is no part of the picture
-            screen.call_after_refresh(lambda: run_aside(screen, "writing", _export_to, given))
+    def write(given: str) -> None:  # after the prompt is gone: it is no part of the picture
+        screen.call_after_refresh(lambda: run_aside(screen, "writing", _export_to, given))
 
     def path_of(given: str) -> Path:
         return _new(typed_path("the file of the plots", given))
@@ -56,16 +54,8 @@ def ask_export(
 
     what = "What lies between A and B" if between else "What is shown"
     body = f"{what}: .csv has all samples, .png is drawn by matplotlib, .svg is the screen."
-    screen.app.push_screen(
-        Prompt(
-            "Write the plots to a file on this machine",
-            body,
-            str(free_name(Path("plots.csv"))),
-            check=path_of,
-            label="file",
-        ),
-        write,
-    )
+    title, begin = "Write the plots to a file on this machine", str(free_name(Path("plots.csv")))
+    ask_line(screen, Prompt(title, body, begin, check=path_of, label="file"), write)
 
 
 async def read(source: PlotSource, plots: Sequence[Plotted], start_ns: int, end_ns: int) -> list[Samples]:

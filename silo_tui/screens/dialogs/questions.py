@@ -16,13 +16,14 @@ from textual.app import App, ComposeResult
 from textual.await_complete import AwaitComplete
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.dom import DOMNode
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
 from silo.core.elements import FieldChange
 from silo.core.quantities.writing import duration, size_text
 from silo.errors import SiloError
-from silo_tui.modal import Choices, Dialog, run_alone
+from silo_tui.modal import Choices, Dialog, ask, run_alone
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.table.changes import Cost, groups_of
 from silo_tui.model.table.columns import TableOrder
@@ -251,6 +252,11 @@ class Prompt(Dialog[str | None]):
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         self._take(event.value.strip())
+
+
+def ask_line(of: DOMNode, prompt: Prompt, then: Callable[[str], object]) -> None:
+    """Go on with the line that is typed; where it was left, or stays empty, nothing is done."""
+    ask(of, prompt, lambda line: line and then(line))
 
 
 def diff_text(changes: Sequence[PendingChange], prefix: str = "", cost: Text | None = None) -> Text:

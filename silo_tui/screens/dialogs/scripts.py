@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from rich.text import Text
 
 from silo.core.elements import FieldChange
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import and_more, many
 from silo.errors import SiloError
 from silo.scripts.requests import ScriptDiff, Scripts
 from silo.settings.conditions_diff import NONE
@@ -65,6 +65,5 @@ def script_diff_text(diff: ScriptDiff) -> Text:
     if diff.warnings:
         lines.append("\n" + "\n".join(diff.warnings) + "\n")
     if diff.unknown:
-        lines.append(f"\nNames that the logger doesn't have (they are left out): {', '.join(diff.unknown[:20])}")
-        lines.append(f" and {len(diff.unknown) - 20} more" if len(diff.unknown) > 20 else "")
+        lines.append(f"\nNames that the logger doesn't have (they are left out): {and_more(diff.unknown, 20)}")
     return lines

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from silo.conditions.standing import LimitStatus, LimitWord
+from silo.core.quantities.writing import and_more
 from silo.errors import RefusedError
 from silo_tui.actions import key_of
 from silo_tui.model.lists.conditions import IN_SPACE, alarms_words, limit_head, limit_row, signal_width, waits_for
@@ -108,8 +109,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
     def command_acknowledge(self) -> None:
         names = [one.name for one in self.targets()]
         if names:  # a line may have come above the one that was meant: what it was is told
-            more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-            which = f"{', '.join(map(self.named, names[:3]))}{more}"
+            which = and_more([self.named(name) for name in names], 3)
             self.context.run_flow(self._told(lambda client: f"{which}: {client.acknowledge(names)}"))
 
     def command_alarm_worst(self) -> None:

@@ -15,7 +15,7 @@ from silo_tui.model.lists.conditions import MOST_PLOTS, named_in
 from silo_tui.model.lists.happened import ORDERS, csv_text, in_time, letter, line, matches, words
 from silo_tui.model.words.paths import typed_file
 from silo_tui.screens.dialogs.exporting import write_whole
-from silo_tui.screens.dialogs.questions import Prompt
+from silo_tui.screens.dialogs.questions import Prompt, ask_line
 from silo_tui.screens.lists.list_screen import LoggerList
 from silo_tui.screens.plots.monitor import MonitorScreen
 from silo_tui.sessions.live import Session
@@ -118,11 +118,7 @@ class EventsScreen(LoggerList[LoggedEvent]):
             return
         body = f"{many(len(self.shown), 'event')} as {'filtered' if self.asked else 'shown'}, to a CSV file."
         prompt = Prompt("Write the events to a file on this machine", body, "events.csv", label="file")
-        self.app.push_screen(prompt, self._write)
-
-    def _write(self, given: str | None) -> None:
-        if given:
-            run_aside(self, "writing", self._written, given, list(self.shown))
+        ask_line(self, prompt, lambda given: run_aside(self, "writing", self._written, given, list(self.shown)))
 
     async def _written(self, given: str, shown: Sequence[LoggedEvent]) -> None:
         try:

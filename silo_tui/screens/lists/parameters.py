@@ -18,7 +18,7 @@ from silo_tui.model.lists import parameters as rows
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words.names import fitting_names
 from silo_tui.model.words.paths import typed_file
-from silo_tui.screens.dialogs.questions import Prompt, confirmed
+from silo_tui.screens.dialogs.questions import Prompt, ask_line, confirmed
 from silo_tui.screens.lists.conditions import ConditionsScreen
 from silo_tui.sessions.live import Session
 
@@ -180,11 +180,9 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
     def command_save_preset(self) -> None:
         begin = self.knobs.preset or f"{self.session.name}-preset.yaml"
         body = "All values to a file on this machine; lines and comments of one that is there stay."
-        self.app.push_screen(Prompt("Save preset", body, begin, label="file"), self._save)
+        ask_line(self, Prompt("Save preset", body, begin, label="file"), self._save)
 
-    def _save(self, typed: str | None) -> None:
-        if not typed:
-            return
+    def _save(self, typed: str) -> None:
         values = {one.name: one.value for one in self.all if not one.input}
         try:
             path = write_preset(typed_file("the preset", typed, ".yaml"), values)
@@ -195,12 +193,10 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
 
     def command_load_preset(self) -> None:
         body = "A file on this machine; what it would change is shown first."
-        self.app.push_screen(Prompt("Load preset", body, self.knobs.preset, label="file"), self._load)
+        self._ask_preset("Load preset", body, self.knobs.preset, self._load)
 
-    def _load(self, typed: str | None) -> None:
-        found = self._read(typed)
-        if found is not None:
-            self._ask_to_set(f"Load {found[0].name}", found[1], f"{found[0].name}: nothing differs")
+    def _load(self, path: Path, values: dict[str, ParameterValue]) -> None:
+        self._ask_to_set(f"Load {path.name}", values, f"{path.name}: nothing differs")
 
     def command_compare_preset(self) -> None:
         if self.knobs.preset:
@@ -209,26 +205,27 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
             self.show()
             return
         body = "Its values stand where the defaults do, with ≠ where they differ; the same key ends it."
-        begin = f"{self.session.name}-preset.yaml"
-        self.app.push_screen(Prompt("Compare with a preset", body, begin, label="file"), self._compare)
+        self._ask_preset("Compare with a preset", body, f"{self.session.name}-preset.yaml", self._compare)
 
-    def _compare(self, typed: str | None) -> None:
-        found = self._read(typed)
-        if found is not None:
-            self.knobs.preset, self.knobs.beside = str(found[0]), found[1]
-            differ = [name for name, value in found[1].items() if self.knobs.known[name].value != value]
-            self.say(f"{len(differ)} of {many(len(found[1]), 'value')} differ from {found[0].name}")
-            self.show()
+    def _compare(self, path: Path, values: dict[str, ParameterValue]) -> None:
+        self.knobs.preset, self.knobs.beside = str(path), values
+        differ = [name for name, value in values.items() if self.knobs.known[name].value != value]
+        self.say(f"{len(differ)} of {many(len(values), 'value')} differ from {path.name}")
+        self.show()
 
-    def _read(self, typed: str | None) -> tuple[Path, dict[str, ParameterValue]] | None:
-        if not typed:
-            return None
-        try:
-            path = typed_file("the preset", typed, ".yaml")
-            return path, read_preset(path, self.all)
-        except SiloError as error:
-            self.context.fail(str(error))
-            return None
+    def _ask_preset(
+        self, title: str, body: str, begin: str, then: Callable[[Path, dict[str, ParameterValue]], None]
+    ) -> None:
+        def read(typed: str) -> None:
+            try:
+                path = typed_file("the preset", typed, ".yaml")
+                values = read_preset(path, self.all)
+            except SiloError as error:
+                self.context.fail(str(error))
+            else:
+                then(path, values)
+
+        ask_line(self, Prompt(title, body, begin, label="file"), read)
 
     def command_plot_conditions(self) -> None:
         if targets := self.targets():

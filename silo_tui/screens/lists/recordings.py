@@ -20,7 +20,7 @@ from silo_tui.model.lists import recordings as rows
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.model.words.paths import typed_path
 from silo_tui.screens.dialogs import recorder
-from silo_tui.screens.dialogs.questions import Choice, Prompt, Question
+from silo_tui.screens.dialogs.questions import Choice, Prompt, Question, ask_line
 from silo_tui.screens.files.opened import open_recording, overlay_recording
 from silo_tui.screens.lists.list_screen import LoggerList
 from silo_tui.sessions.live import Session
@@ -240,11 +240,7 @@ class RecordingsScreen(LoggerList[SavedRecording]):
         if local:
             body += f"\nIt lies on this machine already: {local[0]}"
         prompt = Prompt("Fetch", body, str(Path.cwd()), label="folder")
-        self.app.push_screen(prompt, lambda folder: self._fetch_to(targets, folder))
-
-    def _fetch_to(self, targets: list[SavedRecording], folder: str | None) -> None:
-        if folder:
-            run_aside(self, "fetching", self._fetch, targets, folder)
+        ask_line(self, prompt, lambda folder: run_aside(self, "fetching", self._fetch, targets, folder))
 
     async def _fetch(self, targets: list[SavedRecording], given: str) -> None:
         try:
