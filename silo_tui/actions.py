@@ -335,6 +335,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("open_run", "enter", "Open", "look into it; Esc comes back", "Runs", _RUNS, 1),
     Command("overlay_runs", "O", "Overlay", "what is marked over each other, by time since start or an event", "Runs",
             _RUNS, 3),
+    Command("compare_runs", "B", "Compare", "what differs between two that are marked", "Runs", _RUNS, 6),
     Command("runs_column", "C", "Column", "a statistic among the columns; again: without it", "Runs", _RUNS, 4),
     # -------------------------------------------------------------------------------------- triggers and alarms
     Command("triggers", "T", "Triggers", "conditions that save what was logged around them", "Go",
@@ -467,7 +468,7 @@ PLACES = {
     "file_detail": "large plot of a file", "file": "table of a file", "file_events": "events of a file",
     "loggers": "loggers", "response": "Bode plot",
 }  # fmt: skip
-TYPED_ON_FILES = ("goto", "unmark", "theme", "picture", "bode")
+TYPED_ON_FILES = ("goto", "unmark", "theme", "picture", "bode", "open", "runs")
 # what commands of lists were called while each list had its own, for keys that users gave them; till 0.5
 _ONCE = {
     "list_filter": "filter_events filter_loggers filter_recordings filter_conditions find_setting",

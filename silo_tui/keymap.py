@@ -135,7 +135,7 @@ _TABLE = (
     ("v t", "theme"),
     ("v v", "view"),
     ("v p", "picture"),
-    ("v b", "compare_preset"),
+    ("v b", "compare_preset compare_runs"),
     # -------------------------------------------------------------------------------------------------- plots
     ("p n", "next_sample"),
     ("p N", "previous_sample"),

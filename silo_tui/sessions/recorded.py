@@ -107,7 +107,7 @@ class FileSession(Session):
     def trouble(self, room: int) -> str:
         """Return what is missing or damaged in the file."""
         words, rest = "; ".join(text.clean(warning) for warning in self.warnings), " … (all: silo info FILE)"
-        return words if len(words) <= room else words[: room - len(rest)] + rest
+        return words if len(words) <= room else words[: room - len(rest)].rpartition(" ")[0] + rest
 
     def trends(self, rows: Sequence[int], width: int) -> dict[int, str]:
         """Return all columns that there are, drawn together until they fit."""

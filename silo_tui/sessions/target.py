@@ -45,7 +45,10 @@ def file_meant(target: str, running: Callable[[], Collection[str]]) -> Path | No
 
 def _path_meant(target: str) -> Path:
     if Path(target).is_dir() and not is_bag_folder(Path(target)):
-        raise LogNotFoundError(f"'{target}' is a folder without a bag in it; name one of its files")
+        raise LogNotFoundError(
+            f"'{target}' is a folder without a bag in it: name one of its files; `silo runs {target}` lists its runs, "
+            f"and so does :runs {target} in silo-tui"
+        )
     return find_log(target)
 
 

@@ -116,6 +116,18 @@ async def test_marked_runs_lie_over_each_other(fake, opened, folder):
         assert list(screen.app.screen.file.table.names) == [f"/log/tau/run{number}" for number in range(3)]
 
 
+async def test_two_marked_runs_are_compared(fake, opened, folder):
+    async with opened(fake) as screen:
+        await on_runs(screen, folder)
+        await screen.do("compare_runs")
+        await screen.shows("two are compared, 1 are marked")
+        await screen.do("mark", "mark", "compare_runs")
+        await screen.shows("run1, then run2")
+        await screen.shows("1 signal differs")
+        await screen.press("escape")
+        await screen.until(lambda: screen.app.screen.scope == "runs")
+
+
 def test_together_stand_the_moments_that_are_alike():
     logs = [(f"run{number}", Log(run_of(number, 3 + number, 0.5 * (number + 1)))) for number in range(2)]
     made = Log(together(logs))

@@ -11,7 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from silo.analysis.compare import HEADS, compare
 from silo.analysis.log import Log
+from silo.analysis.reports import table
 from silo.analysis.stretches import resampled
 from silo.core.elements import LoggedEvent
 from silo.core.recording import RecordedElement, Recording, stamps_of
@@ -24,6 +26,8 @@ from silo_tui.model.words.names import cells, fitted_among, fitting_names
 
 Key = Callable[[ListedRun], float]
 MOST_TICKS = 2_000_000
+MOST_DIFFERENT = 200
+DIALOG_WIDTH = 68
 NAME_WIDTH = 22  # at least
 VALUE_WIDTH = 12
 
@@ -96,7 +100,18 @@ def _line(told: tuple[str, ...], values: Sequence[str], widths: Widths) -> str:
     name, begun, span, lost, limits, episodes, task, said = told
     shown = "".join(f" {value:>{VALUE_WIDTH}}" for value in values) + (f" {episodes:>5}" if widths.episodes else "")
     kinds = f" {task:<8.8}" if widths.task else ""
-    return f"{name:<{widths.name}} {begun:<14} {span:>8}{shown} {lost:>6} {limits:>6}{kinds} {said}"
+    return f"{name:<{widths.name}} {begun:<14} {span:>8}{shown} {lost:>6} {limits:>6}{kinds} {said}".rstrip()
+
+
+def differences(one: Log, other: Log) -> str:
+    """Return what differs between two runs, the most different signals first: lines for a narrow screen."""
+    found = compare(one, other)
+    lines = str(found).splitlines()
+    notes = lines[len(found.rows) + 1 :] if found.rows else lines
+    cells = [(row.name, *row.cells[1:5]) for row in found.rows[:MOST_DIFFERENT]]
+    told = table(HEADS[:5], cells, DIALOG_WIDTH, "llrrr") if cells else []
+    more = len(found.rows) - len(cells)
+    return "\n".join([*notes, *([""] if told else []), *told, *([f"and {more} more"] if more else [])])
 
 
 def together(logs: Sequence[tuple[str, Log]], event: str = "") -> Recording:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from silo.conditions.standing import TriggerStatus
 from silo.core.elements import SavedFile
-from silo.core.quantities.writing import size_text
+from silo.core.quantities.writing import duration, size_text
 from silo.errors import SiloError
 from silo.files.formats import kind_of
 from silo.recordings.requests import RecordingFile
@@ -164,6 +164,12 @@ def open_last_capture(screen: SiloScreen, session: Session) -> None:
         # a trigger that fires now has an older file until that capture is written
         last = max(captured, key=lambda one: one.whole.time_ns if one.whole is not None else one.last_ns)
         run_alone(screen, "opening", open_capture, screen.context, session, last)
+    elif under_way := [one for one in session.triggers if one.capturing_s]:
+        options = under_way[0].options
+        screen.say(
+            f"the first capture of {options.name} is under way: it ends {duration(options.post_s)} after the last time "
+            f"that it fires; {key_of('triggers')} shows it"
+        )
     else:
         screen.say(f"no trigger has captured anything yet; {key_of('triggers')} lists them")
 

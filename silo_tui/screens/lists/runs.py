@@ -19,7 +19,7 @@ from silo_tui.model.lists import runs as rows
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words.names import fitted_among
 from silo_tui.model.words.paths import typed_path
-from silo_tui.screens.dialogs.questions import Prompt
+from silo_tui.screens.dialogs.questions import Choice, Prompt, Question
 from silo_tui.screens.files.opened import show_read
 from silo_tui.screens.lists.list_screen import ListScreen
 
@@ -164,6 +164,24 @@ class RunsScreen(ListScreen[ListedRun]):
             run_alone(self, "opening", show_read, self.context, one.open, failed)
 
     enter = command_open_run
+
+    def command_compare_runs(self) -> None:
+        targets = self.targets("no run is here")
+        if len(targets) != 2:
+            self.say(f"{key_of('list_mark')} marks runs: two are compared, {len(targets)} are marked")
+            return
+        self.say(f"comparing {targets[0].name} with {targets[1].name} …")
+        run_alone(self, "opening", self._show_differences, *reversed(targets))
+
+    async def _show_differences(self, one: ListedRun, other: ListedRun) -> None:
+        try:
+            words = await asyncio.to_thread(lambda: rows.differences(one.open(), other.open()))
+        except (SiloError, OSError) as error:
+            self.context.fail(f"{one.facts.path} and {other.facts.path} can't be compared: {error}")
+            return
+        body = f"{words}\n\n`silo compare` in a shell has options: from an event on, within a tolerance, as a plot."
+        self.say("")
+        self.app.push_screen(Question(f"{one.name}, then {other.name}", body, [Choice("", "Close")]))
 
     def command_overlay_runs(self) -> None:
         targets = self.targets("no run is here")
