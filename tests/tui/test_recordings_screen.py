@@ -388,7 +388,8 @@ async def test_over_a_file_the_events_are_those_of_the_file(opened, fake, logs):
         assert "on the live robot" not in screen.text
         await screen.press("enter")  # to plots of the file: those of the live robot are of another clock
         await screen.until(lambda: screen.app.screen.scope == "file_monitor", "plots of the file")
-        await screen.shows('"in the file" at 2.5')
+        await screen.shows("at 2.5")
+        await screen.shows(': "in the file"')
         assert live.window.at_ns is None
 
 

@@ -326,7 +326,7 @@ class MomentSearch:
             self.screen.say(f"{self.screen.gone_words(self._told(event))}; {gone}")
             return
         if await self.screen.jump_to(event.at_ns):
-            self.screen.say(f"{self._told(event)} at {self.screen.moment_words(event.at_ns)}")
+            self.screen.say(f"at {self.screen.moment_words(event.at_ns)}: {self._told(event)}")
 
     def _told(self, event: LoggedEvent) -> str:
         return words(event, self.screen.session.told)
