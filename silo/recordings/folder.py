@@ -50,7 +50,8 @@ RECORDED = ".mcap"
 MOST_FOLDERS = 1000
 _MOST_LIST_BYTES = 8 << 20
 _MAGIC = b"\x89MCAP0\r\n"
-_FOOTER, _STATISTICS, _SUMMARY_OFFSET = 0x02, 0x0B, 0x0E
+_FOOTER, _CHUNK_INDEX, _STATISTICS, _SUMMARY_OFFSET = 0x02, 0x08, 0x0B, 0x0E
+_MOST_INDEXES_BYTES = 2**20  # of a part of many signals those of the first chunks
 _FOOTER_BYTES = 9 + 20 + len(_MAGIC)
 _MOST_OFFSETS_BYTES = 4096
 
@@ -127,7 +128,7 @@ def part_summary(place: int, part: FinishedPart) -> FileSummary:
 
 
 def _times(file: int, size: int) -> tuple[int, int]:
-    """Return the times of the first and the last message, by the statistics of an MCAP file; 0 where it has none."""
+    """Return the times of the first and the last sample, by the indexes of an MCAP file; 0 where it has none."""
     footer = os.pread(file, _FOOTER_BYTES, max(0, size - _FOOTER_BYTES))
     if len(footer) < _FOOTER_BYTES or footer[0] != _FOOTER or not footer.endswith(_MAGIC):
         return 0, 0
@@ -135,16 +136,37 @@ def _times(file: int, size: int) -> tuple[int, int]:
     if not 0 < offsets_at < size:
         return 0, 0
     offsets = os.pread(file, min(_MOST_OFFSETS_BYTES, size - _FOOTER_BYTES - offsets_at), offsets_at)
-    at = 0
+    at, groups = 0, dict[int, tuple[int, int]]()
     while at + 26 <= len(offsets) and offsets[at] == _SUMMARY_OFFSET:
-        group, start = struct.unpack_from("<BQ", offsets, at + 9)
-        if group == _STATISTICS:
-            record = os.pread(file, 9 + 42, start)
-            if len(record) == 9 + 42 and record[0] == _STATISTICS:
-                begin, end = struct.unpack_from("<QQ", record, 9 + 26)
-                return begin, end
+        group, *place = struct.unpack_from("<BQQ", offsets, at + 9)
+        groups[group] = (place[0], place[1])
         at += 9 + struct.unpack_from("<Q", offsets, at + 1)[0]
-    return 0, 0
+    record = os.pread(file, 9 + 42, groups.get(_STATISTICS, (size, 0))[0])
+    if len(record) != 9 + 42 or record[0] != _STATISTICS:
+        return 0, 0
+    channels, begin, end = struct.unpack_from("<10xI12xQQ", record, 9)
+    indexes_at, length = groups.get(_CHUNK_INDEX, (size, 0))
+    times = _sampled(os.pread(file, min(length, _MOST_INDEXES_BYTES), indexes_at), channels)
+    if not times:
+        return begin, end
+    return min(times)[0], end if length > _MOST_INDEXES_BYTES else max(last for _, last in times)
+
+
+def _sampled(indexes: bytes, events_channel: int) -> list[tuple[int, int]]:
+    """Return the first and the last time of each chunk that has samples, of indexes of chunks.
+
+    What happened, maybe at other times, is told by a channel of its own, the last one, in chunks of its own.
+    """
+    found, at = [], 0
+    while at + 9 <= len(indexes) and indexes[at] == _CHUNK_INDEX:
+        end = at + 9 + struct.unpack_from("<Q", indexes, at + 1)[0]
+        if end > len(indexes):
+            break
+        begin_ns, end_ns, entries = struct.unpack_from("<QQ16xI", indexes, at + 9)
+        if entries != 10 or struct.unpack_from("<H", indexes, at + 45)[0] != events_channel:
+            found.append((begin_ns, end_ns))
+        at = end
+    return found
 
 
 def row_of(part: FinishedPart, summary: FileSummary) -> SavedRecording:

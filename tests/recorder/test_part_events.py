@@ -23,9 +23,11 @@ from silo.files.bag_reader import read_bag
 from silo.files.bags.writer import write_bag
 from silo.files.event_log import append_events, event_log_path, older_event_log
 from silo.files.parts.scan import rows_after, scan_part
+from silo.files.summaries import opened_file
 from silo.journal.derived_rows import with_derived
 from silo.recorder.layout import layout_of, more_derived
 from silo.recorder.orders import Finish, NewConditions, RecordOrder, conditions_file, encode
+from silo.recordings.folder import _times
 from silo.recovery.parts import close_part
 from silo.segment.reader import SegmentReader
 from tests.waiting import wait_until
@@ -68,6 +70,24 @@ def test_a_part_of_nothing_but_events_is_read_as_an_empty_run(robot, tmp_path, t
     assert {name: len(log[name].values) for name in log} == dict.fromkeys(robot.log, 0)
     for ending in (".silo", ".csv", ".mcap", ".parquet"):
         assert run(["convert", str(path), str(tmp_path / f"again{ending}")]) == 0
+
+
+def test_a_part_goes_from_its_first_sample_to_its_last_whenever_what_it_tells_of_happened(
+    robot, tmp_path, truth, happens
+) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(50)
+    direct.step()
+    happens("told by another clock", 0)
+    direct.finish()
+    (path,) = parts(tmp_path)
+    with opened_file(os.open(path.parent, os.O_RDONLY), path.name) as file:
+        begin_ns, end_ns = _times(file, path.stat().st_size)
+    stamps = open_log(path).time_ns
+    assert (begin_ns, end_ns) == (stamps[0], stamps[-1])
+    with path.open("rb") as file:
+        assert make_reader(file).get_summary().statistics.message_end_time > end_ns
 
 
 def test_what_happened_stands_in_the_part_as_in_the_event_log(robot, tmp_path, truth, happens) -> None:
