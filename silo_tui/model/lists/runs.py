@@ -16,6 +16,7 @@ from silo.analysis.log import Log
 from silo.analysis.reports import table
 from silo.analysis.stretches import resampled
 from silo.core.elements import LoggedEvent
+from silo.core.quantities.writing import and_more, many
 from silo.core.recording import RecordedElement, Recording, stamps_of
 from silo.errors import ElementError
 from silo.run_index.listed import ListedRun
@@ -132,16 +133,22 @@ def together(logs: Sequence[tuple[str, Log]], event: str = "") -> Recording:
     step = max(min(int(np.median(np.diff(log.time_ns))) for _, log in logs), (last - first) // MOST_TICKS, 1)
     ticks = np.arange(first, last + 1, step, dtype=np.int64)
     shared = set.intersection(*({one.name for one in log.recording.elements if one.kind != "text"} for _, log in logs))
-    elements = [
-        _named(element, name)
-        for (name, log), at in zip(logs, begun, strict=True)
-        for element in resampled(log.recording, ticks + at, linear=False).elements
-        if element.name in shared
-    ]
+    elements, warnings = [], []
+    if max(end for _, end in ends) > last + step or min(begin for begin, _ in ends) < first - step:
+        warnings.append(f"only from {first * 1e-9:.4g} to {last * 1e-9:.4g} s, the time that all of them have")
+    for (name, log), at in zip(logs, begun, strict=True):
+        mine = [one for one in resampled(log.recording, ticks + at, linear=False).elements if one.name in shared]
+        none = [one.name for one in mine if not one.count]
+        if none:
+            warnings.append(
+                f"{name} has no samples then of {many(len(none), 'signal')} of {len(mine)}: {and_more(none, 2)}"
+            )
+        elements += [_named(element, name) for element in mine]
     elements.sort(key=lambda one: one.name)
     at = int(np.searchsorted(ticks, 0))
     marks = (LoggedEvent("marker", event, tick=at, stamp_ns=-first),) if event and at < len(ticks) else ()
-    return Recording("runs", ticks - first, len(ticks), elements, prefix=logs[0][1].recording.prefix, events=marks)
+    prefix = logs[0][1].recording.prefix
+    return Recording("runs", ticks - first, len(ticks), elements, prefix=prefix, events=marks, warnings=tuple(warnings))
 
 
 def _extent_ns(log: Log) -> tuple[int, int]:
