@@ -57,23 +57,23 @@ def recover(
 
     chosen = file_types(types)
     single, stale = _meant(paths, look_in)
-    folders = _recording_folders(paths, single, look_in)
+    named = [path.resolve() for path in paths if path not in single] if paths else None  # folders; None for all
+    folders = _recording_folders(named, look_in)
     if only_list and single:
         raise click.UsageError(f"--list shows what is found in folders; {single[0]} is none")
-    left = _incomplete(paths, single)
-    looked_in = [path for path in paths if path not in single] if paths else [look_in, *_known_folders()]
+    left = _incomplete(named)
+    looked_in = [look_in, *_known_folders()] if named is None else named
     if only_list:
         for one in left:
             click.echo(f"recording '{one.order.name}' in {one.order.folder} is not complete", err=as_json)
         _show_parts(folders, as_json)
         _show(stale, as_json, looked_in, quiet=_show_set_aside(looked_in, as_json))
     else:
-        settled = _settle(left, paths, single, as_json)
+        settled = _settle(left, named, as_json)
         closed = _close_parts(folders, as_json) or settled
-        if not paths:
-            closed |= _sweep([*looked_in, *folders, *(Path(one.schema.folder) for one in stale if one.schema)])
-        elif looked_in:
-            closed |= _sweep([*looked_in, *folders])
+        own = [Path(one.schema.folder) for one in stale if one.schema and named is None]
+        if looked_in:
+            closed |= _sweep([*looked_in, *folders, *own])
         found = [*single, *(one.path for one in stale if one.holdings)]
         _recover(found, folder, chosen, as_json, single, looked_in, quiet=closed)
         list_segments()  # removes the links to those that are gone now
@@ -84,7 +84,7 @@ def recover(
         raise SegmentError(f"{many(len(damaged), 'segment')} can't be read; nothing of them was changed")
 
 
-def _incomplete(paths: Sequence[Path], single: Sequence[Path]) -> "list[RecorderHandover]":
+def _incomplete(named: Sequence[Path] | None) -> "list[RecorderHandover]":
     """Endless recordings of programs that are gone: all, or those into the folders that are named."""
     from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
 
@@ -92,12 +92,11 @@ def _incomplete(paths: Sequence[Path], single: Sequence[Path]) -> "list[Recorder
         return []
     from silo.recorder.left_recordings import left_lists
 
-    named = [path.resolve() for path in paths if path not in single]
     found = [one for _, kept in left_lists() for one in kept]
-    return [one for one in found if not paths or any(Path(one.order.folder).is_relative_to(path) for path in named)]
+    return [one for one in found if named is None or any(map(Path(one.order.folder).is_relative_to, named))]
 
 
-def _settle(left: "list[RecorderHandover]", paths: Sequence[Path], single: Sequence[Path], as_json: bool) -> bool:
+def _settle(left: "list[RecorderHandover]", named: Sequence[Path] | None, as_json: bool) -> bool:
     """Complete endless recordings from what is in memory, and judge what programs that died held for that.
 
     All, or those whose folders are named. Returns whether there was anything to tell.
@@ -109,14 +108,13 @@ def _settle(left: "list[RecorderHandover]", paths: Sequence[Path], single: Seque
     from silo.helper.left_logs import settle_left
 
     told: list[str] = []
-    named = [path.resolve() for path in paths if path not in single]
 
     def tell(_kind: object, text: str, _files: object) -> None:
         told.append(text)
         click.echo(text, err=as_json)
 
     def wanted(_logger: str, folder: str) -> bool:
-        return not paths or Path(folder) in named
+        return named is None or Path(folder) in named
 
     for problem in settle_left(tell, wanted, recordings=lambda one: one in left):
         click.echo(problem, err=True)
@@ -142,14 +140,14 @@ def _meant(paths: Sequence[Path], look_in: Path) -> "tuple[list[Path], list[Left
     return [path for path in paths if path not in folders], stale
 
 
-def _recording_folders(paths: Sequence[Path], single: Sequence[Path], look_in: Path) -> list[Path]:
+def _recording_folders(named: Sequence[Path] | None, look_in: Path) -> list[Path]:
     """Where open parts of recordings may be."""
     from silo.recorder.requests import DEFAULT_FOLDER
 
-    named = [path for path in paths if path not in single and path.is_dir()] if paths else [look_in]
+    given = [look_in] if named is None else named
     # `log.record()` records there where nobody names a folder
-    folders = [*named, *(path / DEFAULT_FOLDER for path in named)]
-    if not paths:
+    folders = [*given, *(path / DEFAULT_FOLDER for path in given)]
+    if named is None:
         folders += remembered_folders(RECORDINGS)
     return list(dict.fromkeys(folder.resolve() for folder in folders if folder.is_dir()))
 
