@@ -27,13 +27,7 @@ TELL_AGAIN_S = 1.0  # a scalar that flutters is one event in so long
 MOST_NEWS = 20  # events of one look; the others wait for the next ones
 MOST_LAST_NEWS = 1000  # events of the last look
 
-_WORDS = {
-    Level.RED_HIGH: LimitWord.RED_HIGH,
-    Level.YELLOW_HIGH: LimitWord.YELLOW_HIGH,
-    Level.GREEN: LimitWord.OK,
-    Level.YELLOW_LOW: LimitWord.YELLOW_LOW,
-    Level.RED_LOW: LimitWord.RED_LOW,
-}
+_WORDS = {level: LimitWord.OK if level is Level.GREEN else LimitWord[level.name] for level in Level}
 
 
 @dataclass
@@ -360,12 +354,9 @@ class LimitJudge:
 
 
 def _bound_of(rule: LimitRule, level: Level) -> float | None:
-    """The bound that a level is beyond."""
-    found = {
-        Level.RED_HIGH: rule.red_high, Level.YELLOW_HIGH: rule.yellow_high, Level.YELLOW_LOW: rule.yellow_low,
-        Level.RED_LOW: rule.red_low,
-    }.get(level)  # fmt: skip
-    return found if found is not None and math.isfinite(found) else None
+    """The bound that a level is beyond, which is called like it."""
+    found = math.nan if level is Level.GREEN else getattr(rule, level.name.lower())
+    return found if math.isfinite(found) else None
 
 
 def _word(state: EntryState, value: float) -> LimitWord:
