@@ -106,10 +106,8 @@ class LimitStatus(msgspec.Struct, frozen=True, omit_defaults=True):
 
     def given(self, options: SignalLimits) -> "LimitStatus":
         """Return it with the limits that were given."""
-        return msgspec.structs.replace(
-            self, limits=options.name, bounds=options.bounds, persistence=options.persistence,
-            hysteresis=options.hysteresis, stale_s=options.stale_s, when=options.when,
-        )  # fmt: skip
+        given = msgspec.structs.asdict(options)
+        return msgspec.structs.replace(self, limits=given.pop("name"), **given)
 
     @property
     def violated(self) -> bool:

@@ -12,7 +12,7 @@ import msgspec
 from silo.analysis.opening import open_log
 from silo.core.episodes.words import Episode
 from silo.core.quantities.writing import and_more, many
-from silo.core.recording import Recording
+from silo.core.recording import Recording, alike
 from silo.errors import LogWarning
 from silo.files.added import added_formats
 from silo.files.formats import read_recording
@@ -203,8 +203,10 @@ class ListedEpisode(ListedRun):
 def episodes_of(run: ListedRun) -> list[ListedEpisode]:
     """Return the episodes of a run. Conditions know what was said of them: `success`, `good`, `bad`, `redo`, facts."""
     return [
-        ListedEpisode(
-            msgspec.structs.replace(
+        alike(
+            ListedEpisode,
+            run,
+            facts=msgspec.structs.replace(
                 run.facts,
                 kind="episode",
                 task=one.name,
@@ -219,13 +221,7 @@ def episodes_of(run: ListedRun) -> list[ListedEpisode]:
                 limits=happened.limits,
                 triggers=happened.triggers,
             ),
-            run.folder,
-            run._labels,
-            run._of,
-            run.files,
-            run.pieces,
-            run.others,
-            one,
+            episode=one,
         )
         for one, happened in zip(run.facts.episodes, run.facts.in_episodes, strict=True)
     ]
