@@ -17,8 +17,8 @@ from silo_tui.model.lists.conditions import (
     trigger_row,
     waits_for,
 )
-from silo_tui.model.plots.limits import fields_of as fields_of_limits
-from silo_tui.model.plots.limits import limits_of_fields
+from silo_tui.model.plots.limit_line import fields_of as fields_of_limits
+from silo_tui.model.plots.limit_line import limits_of_fields
 
 NOW_NS = 1_790_000_100_000_000_000
 FALL = TriggerStatus(

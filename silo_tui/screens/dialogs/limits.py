@@ -12,7 +12,8 @@ from silo.judging.checks import rule_of
 from silo_tui.model.drawing.plots import draw, plots_of
 from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
 from silo_tui.model.lists.conditions import NOW, held_axis, tried_lines
-from silo_tui.model.plots.limits import BOUNDS, between, fields_of, limits_of_fields, lines_of
+from silo_tui.model.plots.limit_line import BOUNDS, fields_of, limits_of_fields
+from silo_tui.model.plots.limits import between, lines_of
 from silo_tui.screens.dialogs.form import Form, taken
 from silo_tui.sessions.live import Session
 
