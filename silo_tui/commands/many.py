@@ -17,14 +17,15 @@ from silo_tui.actions import key_of
 from silo_tui.context import Context
 from silo_tui.modal import run_aside
 from silo_tui.model.lists import fleet
+from silo_tui.model.lists.fleet import FoundLogger
 from silo_tui.screens.dialogs.questions import Choice, Prompt, Question
 from silo_tui.screens.lists.loggers import LoggersScreen
-from silo_tui.sessions.finder import ClientFinder, FoundLogger
+from silo_tui.sessions.finder import ClientFinder
 
 if TYPE_CHECKING:
     from silo.client.bulk import Job, Outcome
 
-    Asked = tuple[str, Sequence[fleet.LoggerLine], Job]  # what is done, of whom, and how
+    Asked = tuple[str, Sequence[FoundLogger], Job]  # what is done, of whom, and how
 
 NO = Choice("", "No")
 
@@ -38,15 +39,14 @@ class Many:
         self._counts: list[int] = [0, 0, 0]  # did, did not, are waited for
         self._verb = ""
 
-    def begin(self, what: str, targets: Sequence[fleet.LoggerLine], found: Sequence[FoundLogger]) -> None:
+    def begin(self, what: str, targets: Sequence[FoundLogger]) -> None:
         """Ask about them; what is said yes to is asked of each."""
         if self._counts[2]:
             self._context.say(f"{self._verb}: {self._counts[2]} have not answered yet")
             return
-        by_key = {one.key: one for one in found}
-        run_aside(self._context.app, "many", self._ask, what, targets, by_key)
+        run_aside(self._context.app, "many", self._ask, what, targets)
 
-    async def _ask(self, what: str, targets: Sequence[fleet.LoggerLine], found: dict[str, FoundLogger]) -> None:
+    async def _ask(self, what: str, targets: Sequence[FoundLogger]) -> None:
         now_ns = time.time_ns()
         body = Text("\n".join(fleet.asked_line(one, now_ns) for one in targets) + "\n")
         able = [one for one in targets if one.can_be_asked]
@@ -57,14 +57,13 @@ class Many:
             "start_stop": self._start_or_stop, "restart": self._restart, "save": self._save, "load": self._load,
         }  # fmt: skip
         if (answer := await asks[what](able, body)) is not None:
-            verb, chosen, job = answer
-            self._carry_out(verb, [found[one.key] for one in chosen], job)
+            self._carry_out(*answer)
 
     async def _put(self, title: str, body: Text, choices: Sequence[Choice]) -> str | None:
         answer: str | None = await self._context.app.push_screen_wait(Question(title, body, [NO, *choices]))
         return answer
 
-    async def _start_or_stop(self, able: Sequence[fleet.LoggerLine], body: Text) -> "Asked | None":
+    async def _start_or_stop(self, able: Sequence[FoundLogger], body: Text) -> "Asked | None":
         from silo.client.bulk import starting, stopping, stopping_and_saving
 
         running = [one for one in able if one.member.running]
@@ -87,7 +86,7 @@ class Many:
             return "stop", running, stopping if answer == "stop" else stopping_and_saving
         return ("start", stopped, partial(starting, unsaved=answer)) if answer else None
 
-    async def _restart(self, able: Sequence[fleet.LoggerLine], body: Text) -> "Asked | None":
+    async def _restart(self, able: Sequence[FoundLogger], body: Text) -> "Asked | None":
         from silo.client.bulk import restarting
 
         count = many(len(able), "logger")
@@ -98,7 +97,7 @@ class Many:
         answer = await self._put(f"Restart {count}?", body, choices)
         return ("restart", able, partial(restarting, unsaved=answer)) if answer else None
 
-    async def _save(self, able: Sequence[fleet.LoggerLine], body: Text) -> "Asked | None":
+    async def _save(self, able: Sequence[FoundLogger], body: Text) -> "Asked | None":
         from silo.client.bulk import saving
         from silo.core.elements import FileType
 
@@ -108,7 +107,7 @@ class Many:
         types = [FileType.SILO] if answer == "silo" else [FileType.SILO, FileType.CSV, FileType.BAG]
         return ("save", able, partial(saving, types=types)) if answer else None
 
-    async def _load(self, able: Sequence[fleet.LoggerLine], body: Text) -> "Asked | None":
+    async def _load(self, able: Sequence[FoundLogger], body: Text) -> "Asked | None":
         from silo.client.bulk import loading
 
         title = f"Load a script into {many(len(able), 'logger')}"

@@ -13,9 +13,10 @@ from silo_tui.context import Context
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout
 from silo_tui.modal import run_alone
+from silo_tui.model.lists.fleet import FoundLogger
 from silo_tui.screens.table import TableScreen
 from silo_tui.sessions.demo import Demo
-from silo_tui.sessions.finder import ClientFinder, Found, FoundLogger
+from silo_tui.sessions.finder import ClientFinder, Found
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.target import also_a_file
@@ -62,9 +63,8 @@ class Opener:
         from silo_tui.commands.many import Many
         from silo_tui.screens.lists.loggers import LoggersScreen
 
-        self._many = many = self._many or Many(self._context, lambda: self._finder)
-        screen = LoggersScreen(self.choose, wanted, lambda what, lines: many.begin(what, lines, screen.found))
-        return screen
+        self._many = self._many or Many(self._context, lambda: self._finder)
+        return LoggersScreen(self.choose, wanted, self._many.begin)
 
     @property
     def _list_here(self) -> "LoggersScreen | None":
@@ -281,5 +281,5 @@ class Opener:
 
     def _named(self, loggers: Sequence[FoundLogger]) -> list[FoundLogger]:
         """Return those that are meant by a name or an address; the dead only where none of them lives."""
-        named = [each for each in loggers if each.is_there and each.is_meant_by(self._wanted)]
-        return [each for each in named if not each.dead] or named
+        named = [each for each in loggers if each.member.here and each.is_meant_by(self._wanted)]
+        return [each for each in named if not each.member.dead] or named

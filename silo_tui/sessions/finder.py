@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from silo.errors import SiloError
-from silo.fleet.member import Member
+from silo_tui.model.lists.fleet import FoundLogger
 
 if TYPE_CHECKING:
     from silo.client.bulk import Job, Outcome
@@ -19,47 +19,6 @@ if TYPE_CHECKING:
     from silo.net import found
 
 FIRST_LOOK_S = 10.0
-
-
-@dataclass(frozen=True)
-class FoundLogger:
-    """A logger that answers on this computer."""
-
-    name: str
-    pid: int
-    user: str
-    key: str  # tells loggers apart, also two of one name
-    dead: bool = False  # the robot program is gone, its helper still answers
-    host: str = ""  # where it runs, as far as that is known
-    addresses: tuple[str, ...] = ()  # all words that mean it
-    alike: bool = False  # another one that was found has its name, on a computer of the same name
-    member: Member | None = None  # how it stands
-
-    @property
-    def address(self) -> str:
-        """What to call it in a list: host and name, or what tells it from another one of these."""
-        if self.alike and self.addresses:
-            return self.addresses[1] if self.pid and len(self.addresses) > 1 else self.addresses[-1]
-        return f"{self.host}/{self.name}" if self.host else self.name
-
-    @property
-    def is_there(self) -> bool:
-        """Whether it lives, as far as is known."""
-        return self.member is None or self.member.here
-
-    @property
-    def has_gone(self) -> bool:
-        """Whether it was there while we looked, and isn't any more; of those that went before that nothing was told."""
-        return not self.is_there and self.member is not None and self.member.summary is not None
-
-    @property
-    def where(self) -> str:
-        """Whom it belongs to: a process and its user on this computer, the address elsewhere."""
-        return f"pid {self.pid}  {self.user}" if self.pid else self.addresses[-1] if self.addresses else self.host
-
-    def is_meant_by(self, wanted: str) -> bool:
-        """Return whether a name or an address, or nothing, means it."""
-        return not wanted or wanted in {self.name, f"{self.name}.{self.pid}", *self.addresses}
 
 
 @dataclass(frozen=True)
@@ -115,9 +74,7 @@ class ClientFinder:
             self._seen[one.key] = each
             alike = sum((other.found.host, other.found.name) == (each.host, each.name) for other in there.members) > 1
             user = each.user or each.host
-            loggers.append(
-                FoundLogger(each.name, each.pid, user, one.key, one.dead, each.host, each.addresses, alike, one)
-            )
+            loggers.append(FoundLogger(each.name, each.pid, user, one.key, one, each.host, each.addresses, alike))
         advice = [
             f"{folder.owner} runs {', '.join(folder.loggers) or 'a logger'}, closed to you: {folder.advice}"
             for folder in there.near.forbidden

@@ -28,6 +28,7 @@ from silo.errors import ConnectionLostError, SiloError
 from silo.expressions.derived_signals import derived_infos
 from silo.fleet.member import Member
 from silo.net.access.senders import viewer_words
+from silo.net.found import LoggerAddress
 from silo.recorder.requests import RecorderInfo
 from silo.recordings.folder import RecordingFolder
 from silo.rpc.published import Event, EventKind
@@ -35,7 +36,8 @@ from silo.rpc.versions import PROTOCOL
 from silo.settings.script import format_script
 from silo.state.requests import HelloReply
 from silo.version import VERSION
-from silo_tui.sessions.finder import Found, FoundLogger
+from silo_tui.model.lists.fleet import FoundLogger
+from silo_tui.sessions.finder import Found
 from tests.stand_ins.fake_changes import FakeChanges
 from tests.stand_ins.fake_conditions import FakeConditions
 from tests.stand_ins.fake_parameters import FakeParameters
@@ -275,9 +277,13 @@ class FakeFinder:
         return Found(
             tuple(
                 FoundLogger(
-                    client.name, client.pid, "ann", f"{client.name}.{client.pid}", member=self.members.get(client.name)
+                    client.name,
+                    client.pid,
+                    "ann",
+                    key,
+                    self.members.get(client.name) or Member(LoggerAddress(client.name, client.pid, key, "ann")),
                 )
-                for client in self.clients
+                for client, key in ((client, f"{client.name}.{client.pid}") for client in self.clients)
             ),
             self.advice,
         )

@@ -9,9 +9,12 @@ import pytest
 from click.testing import CliRunner
 
 from silo.errors import ConnectionLostError, LogNotFoundError, VersionError
+from silo.fleet.member import Member
+from silo.net.found import LoggerAddress
 from silo_tui.cli import command
 from silo_tui.commands.opening import Opener
-from silo_tui.sessions.finder import FIRST_LOOK_S, ClientFinder, Found, FoundLogger
+from silo_tui.model.lists.fleet import FoundLogger
+from silo_tui.sessions.finder import FIRST_LOOK_S, ClientFinder, Found
 from silo_tui.sessions.target import also_a_file, file_meant
 
 FAR = ("anymal", "robot3/anymal", "robot3~3fa977b2e0/anymal")
@@ -57,8 +60,9 @@ def test_a_url_means_its_logger_and_one_of_an_element_is_refused(monkeypatch):
     assert "this is for a whole logger: silo://robot3/anymal" in refused.output
 
 
-HERE = FoundLogger("robot", 7, "ann", "robot.7", addresses=("robot", "here/robot", "robot.7"))
-THERE = FoundLogger("robot", 0, "lab", "there~1/robot", host="there", addresses=FAR)
+ALIVE = Member(LoggerAddress("robot", 0, "", ""))
+HERE = FoundLogger("robot", 7, "ann", "robot.7", ALIVE, addresses=("robot", "here/robot", "robot.7"))
+THERE = FoundLogger("robot", 0, "lab", "there~1/robot", ALIVE, host="there", addresses=FAR)
 
 
 @pytest.mark.parametrize(
@@ -86,10 +90,10 @@ def test_a_name_an_address_or_nothing_means_a_logger(wanted, meant):
 
 
 def stands(*, here, seen=True):
-    return SimpleNamespace(here=here, summary=object() if seen else None)
+    return SimpleNamespace(here=here, dead=False, summary=object() if seen else None)
 
 
-DEAD = replace(HERE, pid=8, key="robot.8", dead=True)
+DEAD = replace(HERE, pid=8, key="robot.8", member=replace(ALIVE, found=replace(ALIVE.found, dead=True)))
 OTHER = replace(HERE, name="arm", pid=9, key="arm.9", addresses=("arm",))
 SEEN = replace(HERE, member=stands(here=True))
 GONE, UNSEEN = (replace(OTHER, key=f"gone{seen}", member=stands(here=False, seen=seen)) for seen in (True, False))
@@ -156,7 +160,7 @@ def test_a_look_around_waits_once_and_tells_which_are_alike_and_which_are_closed
         nothing_yet()
     found = finder.find()
     assert finder.own_name
-    assert [(one.key, one.user, one.alike, one.dead) for one in found.loggers] == [
+    assert [(one.key, one.user, one.alike, one.member.dead) for one in found.loggers] == [
         ("a", "ann", True, True), ("b", "desk", True, False), ("c", "lab", False, False)
     ]  # fmt: skip
     assert found.advice == (
@@ -179,7 +183,7 @@ class Far:
     def __init__(self, *ids: str) -> None:
         self.loggers = tuple(
             FoundLogger(
-                "robot", 0, "lab", f"silo/same~{one}/robot", host="same",
+                "robot", 0, "lab", f"silo/same~{one}/robot", ALIVE, host="same",
                 addresses=("robot", "same/robot", f"same~{one}/robot"),
                 alike=len(ids) > 1,
             )

@@ -26,8 +26,9 @@ def member(name: str = "anymal", host: str = "rob3", *, here: bool = True, since
     return Member(found, msgspec.structs.replace(FINE, **told), here, since_s=since_s, seen_s=since_s)
 
 
-def line(one: Member, answer: str = "") -> fleet.LoggerLine:
-    return fleet.LoggerLine(one.key, f"{one.found.host}/{one.found.name}", "lab", one, answer)
+def line(one: Member, answer: str = "") -> fleet.FoundLogger:
+    found = one.found
+    return fleet.FoundLogger(found.name, 0, "", one.key, one, host=found.host, addresses=("lab",), answer=answer)
 
 
 def shown(one: Member, width: int = 80, answer: str = "") -> str:

@@ -20,12 +20,11 @@ from silo.rpc.published import Summary
 from silo.rpc.refusals import RefusedWhy
 from silo_tui.commands import flows, many
 from silo_tui.commands.runner import CommandRunner, control_flow
-from silo_tui.model.lists.fleet import LoggerLine
+from silo_tui.model.lists.fleet import FoundLogger
 from silo_tui.model.table.fields import Field
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.questions import Question
 from silo_tui.sessions import kept
-from silo_tui.sessions.finder import FoundLogger
 from silo_tui.sessions.live import Session
 from tests.stand_ins.desk import ESC, LEFT, NAME, SAVED, Desk, Line
 from tests.stand_ins.fake_logger import FakeClient
@@ -619,14 +618,13 @@ def asked_of_many(desk: Desk, states: str, what: str) -> tuple[str, list[str]]:
 
 def begun(asking: many.Many, states: str, what: str) -> None:
     """Begin it for loggers a, b, c in these states; `x` is silent."""
-    lines, found = [], []
+    lines = []
     for name, letter in zip("abc", states, strict=False):
         state, saved = STATES.get(letter, (State.RUNNING, True))
         told = Summary(state=state, ticks=400, saved=saved)
         member = Member(LoggerAddress(name, 0, "", ""), told, letter != "x")
-        lines.append(LoggerLine(f"{name}.1", name, "", member))
-        found.append(FoundLogger(name, 1, "ann", f"{name}.1", member=member))
-    asking.begin(what, lines, found)
+        lines.append(FoundLogger(name, 1, "ann", f"{name}.1", member))
+    asking.begin(what, lines)
 
 
 @pytest.mark.parametrize(
@@ -701,5 +699,5 @@ def test_many_loggers_are_asked_one_thing_at_a_time(fake):
     desk = Desk(fake)
     asking = many.Many(desk, Asked)
     asking._verb, asking._counts = "stop", [1, 0, 2]
-    asking.begin("save", [], [])
+    asking.begin("save", [])
     assert desk.said == ["stop: 2 have not answered yet"]

@@ -15,7 +15,7 @@ from silo.run_index.facts import RunFacts
 from silo.run_index.listed import ListedRun
 from silo_tui.actions import COMMANDS
 from silo_tui.context import Message
-from silo_tui.model.lists.fleet import LoggerLine
+from silo_tui.model.lists.fleet import FoundLogger
 from silo_tui.screens.lists.alarms import AlarmsScreen
 from silo_tui.screens.lists.events import EventsScreen
 from silo_tui.screens.lists.loggers import LoggersScreen
@@ -41,7 +41,7 @@ def limit(at):
 
 
 def logger(at):
-    return LoggerLine(f"k{at}", f"robot{at}", f"pid {at}", Member(LoggerAddress(f"robot{at}", at, f"k{at}", "")))
+    return FoundLogger(f"robot{at}", at, "", f"k{at}", Member(LoggerAddress(f"robot{at}", at, f"k{at}", "")))
 
 
 # of each list: how it is made, a line of a number (larger: newer), what is typed to go there

@@ -45,7 +45,7 @@ def trigger_row(one: TriggerStatus, width: int, now_ns: int | None = None, name:
     options = one.options
     state = one.state.value.upper() + (f" {one.holdoff_s:.0f}" if one.holdoff_s else "")
     since = ((time.time_ns() if now_ns is None else now_ns) - one.last_ns) / 1e9
-    last = ago(since) if one.last_ns else "never"
+    last = text.ago(since) if one.last_ns else "never"
     room = _when_width(width, len(name))
     pre, post = (text.span(value) if value else "0 s" for value in (options.pre_s, options.post_s))
     return f"  {state:<10} {name} {text.cut(options.when, room):<{room}} {pre:>6} {post:>6} {one.fires:>5}  {last}"
@@ -67,17 +67,6 @@ def named_in(when: str, elements: Sequence[ElementInfo], prefix: str) -> list[st
     named = [word for word in words if any(char.isalpha() for char in word)]
     places = {place for word in named for place, _ in names.find(word, scalars=True, namespaces=False)}
     return [names.names[place] for place in sorted(places)]
-
-
-def ago(seconds: float) -> str:
-    """Return `0.4 s`, `12 s`, `2 min`, `3 h`."""
-    if seconds < 10:
-        return f"{max(seconds, 0.0):.1f} s"
-    if seconds < 60:
-        return f"{seconds:.0f} s"
-    if seconds < 3600:
-        return f"{seconds / 60:.0f} min"
-    return f"{seconds / 3600:.0f} h" if seconds < 86_400 else f"{seconds / 86_400:.0f} d"
 
 
 def limit_head(width: int, space: str = "") -> str:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from silo.core.elements import State
 from silo.core.quantities.writing import duration_text, idle_words, many, size_text, wall_clock
 from silo.fleet.member import NO_TICK, Member, Stands, segments
-from silo_tui.model.lists.conditions import ago
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
 from silo_tui.model.words.names import fitted_among
@@ -26,22 +25,47 @@ ROLE = {
 
 
 @dataclass(frozen=True)
-class LoggerLine:
+class FoundLogger:
     """One logger of the list: how to name it, whom it belongs to, how it stands, what it answered last."""
 
-    key: str
-    address: str
-    where: str
-    member: Member
+    name: str
+    pid: int
+    user: str
+    key: str  # tells loggers apart, also two of one name
+    member: Member  # how it stands
+    host: str = ""  # where it runs, as far as that is known
+    addresses: tuple[str, ...] = ()  # all words that mean it
+    alike: bool = False  # another one that was found has its name, on a computer of the same name
     answer: str = ""
+
+    @property
+    def address(self) -> str:
+        """What to call it in a list: host and name, or what tells it from another one of these."""
+        if self.alike and self.addresses:
+            return self.addresses[1] if self.pid and len(self.addresses) > 1 else self.addresses[-1]
+        return f"{self.host}/{self.name}" if self.host else self.name
 
     @property
     def can_be_asked(self) -> bool:
         """Whether a command can reach it."""
         return self.member.here and not self.member.dead
 
+    @property
+    def has_gone(self) -> bool:
+        """Whether it was there while we looked, and isn't any more; of those that went before that nothing was told."""
+        return not self.member.here and self.member.summary is not None
 
-ORDERS: Sequence[Order[LoggerLine]] = (
+    @property
+    def where(self) -> str:
+        """Whom it belongs to: a process and its user on this computer, the address elsewhere."""
+        return f"pid {self.pid}  {self.user}" if self.pid else self.addresses[-1] if self.addresses else self.host
+
+    def is_meant_by(self, wanted: str) -> bool:
+        """Return whether a name or an address, or nothing, means it."""
+        return not wanted or wanted in {self.name, f"{self.name}.{self.pid}", *self.addresses}
+
+
+ORDERS: Sequence[Order[FoundLogger]] = (
     Order("!", "!", "worst first", lambda one: (one.member.stands, one.address.casefold())),
     Order("logger", "n", "name", lambda one: one.address.casefold()),
     Order("state", "s", "state", lambda one: (one.member.word, one.address.casefold())),
@@ -52,11 +76,11 @@ ORDERS: Sequence[Order[LoggerLine]] = (
 )
 
 
-def _of(one: LoggerLine, name: str) -> float:
+def _of(one: FoundLogger, name: str) -> float:
     return float(getattr(one.member.summary, name)) if one.member.summary is not None and one.member.here else 0.0
 
 
-def name_width(lines: Sequence[LoggerLine], width: int) -> int:
+def name_width(lines: Sequence[FoundLogger], width: int) -> int:
     """Return how many cells the names get: as many as the longest takes, where there is room."""
     longest = max((len(one.address) for one in lines), default=0)
     return max(8, min(longest, width - len(_tail("", "", "", "", "", "", width)) - STATE_WIDTH - 4 - LEAST_WHO))
@@ -73,7 +97,7 @@ def head(names: int, width: int) -> str:
     return f"  {'logger':<{names}} {'state':<{STATE_WIDTH}} {tail}who"
 
 
-def row(one: LoggerLine, names: int, width: int, now_s: float, now_ns: int, addresses: tuple[str, ...] = ()) -> str:
+def row(one: FoundLogger, names: int, width: int, now_s: float, now_ns: int, addresses: tuple[str, ...] = ()) -> str:
     """Return a logger, among others of these addresses, as a line; what it answered stands behind its state."""
     name = fitted_among(one.address, addresses, names)
     begin = f"  {name:<{names}} {STATES.get(one.member.word, one.member.word):<{STATE_WIDTH}} "
@@ -93,7 +117,7 @@ def row(one: LoggerLine, names: int, width: int, now_s: float, now_ns: int, addr
     tail = _tail(
         duration_text(run_s) if run_s is not None else was,
         rate,
-        text.count(told.lost), disk, sign, "now" if member.here else ago(member.unseen_s(now_s)), width,
+        text.count(told.lost), disk, sign, "now" if member.here else text.ago(member.unseen_s(now_s)), width,
     )  # fmt: skip
     recorded = [f"REC {told.recorders}"] if told.recorders else []
     denied = [f"DENIED {told.denied}"] if told.denied else []
@@ -101,7 +125,7 @@ def row(one: LoggerLine, names: int, width: int, now_s: float, now_ns: int, addr
     return begin + tail + " ".join([*idle, *denied, *recorded, *member.people])
 
 
-def told(one: LoggerLine) -> str:
+def told(one: FoundLogger) -> str:
     """Return what a filter looks in: names, state, what is the matter, who is there."""
     member, summary = one.member, one.member.summary
     state = f"{member.word} {STATES.get(member.word, '')} {member.sign} {member.problem}"
@@ -110,19 +134,19 @@ def told(one: LoggerLine) -> str:
     return " ".join([one.address, one.where, state, *more, one.answer, *member.people])
 
 
-def total(lines: Sequence[LoggerLine]) -> str:
+def total(lines: Sequence[FoundLogger]) -> str:
     """Return how many there are, and in which states."""
     words = [one.member.word for one in lines if one.member.word != "..."]
     counts = [f"{words.count(word)} {word}" for word in dict.fromkeys(sorted(words))]
     return f"{many(len(lines), 'logger')}{': ' * bool(counts)}{', '.join(counts)}"
 
 
-def down(lines: Sequence[LoggerLine], now_s: float, now_ns: int) -> list[str]:
+def down(lines: Sequence[FoundLogger], now_s: float, now_ns: int) -> list[str]:
     """Return a line for each host of which several loggers can't be reached any more."""
     return [one.words(now_s, now_ns) for one in segments(line.member for line in lines)]
 
 
-def details(one: LoggerLine) -> str:
+def details(one: FoundLogger) -> str:
     """Return what the columns don't say of a logger."""
     member, told = one.member, one.member.summary
     parts = [f"{one.address}: {one.where}"]
@@ -144,7 +168,7 @@ def details(one: LoggerLine) -> str:
     return " │ ".join(parts)
 
 
-def asked_line(one: LoggerLine, now_ns: int) -> str:
+def asked_line(one: FoundLogger, now_ns: int) -> str:
     """Return a logger as a question about many names it."""
     told, run_s = one.member.summary, one.member.run_s(now_ns)
     state = f"{one.member.word}{f' {duration_text(run_s)}' if run_s is not None else ''}"
@@ -153,7 +177,7 @@ def asked_line(one: LoggerLine, now_ns: int) -> str:
     return f"{one.address}   {state}{ticks}{alone}"
 
 
-def is_unsaved(one: LoggerLine) -> bool:
+def is_unsaved(one: FoundLogger) -> bool:
     """Return whether a start would drop something."""
     told = one.member.summary
     return told is not None and told.ticks > 0 and not told.saved

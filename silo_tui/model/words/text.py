@@ -150,6 +150,17 @@ def brief(value: float, beside: float = 0.0) -> str:
     return f"{value + 0.0:.{2 if size < 10 else 1 if size < 100 else 0}f}"
 
 
+def ago(seconds: float) -> str:
+    """Return `0.4 s`, `12 s`, `2 min`, `3 h`."""
+    if seconds < 10:
+        return f"{max(seconds, 0.0):.1f} s"
+    if seconds < 60:
+        return f"{seconds:.0f} s"
+    if seconds < 3600:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.0f} h" if seconds < 86_400 else f"{seconds / 86_400:.0f} d"
+
+
 def span(seconds: float, digits: int = 4) -> str:
     """Return a time span in its natural unit: `50 us`, `2 ms`, `10 s`, `5 min`."""
     size, unit, scale = abs(float(short(seconds, digits))), "h", 1 / 3600

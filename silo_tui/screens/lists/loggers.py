@@ -5,6 +5,7 @@ Shown when there are several, and while there is none: then it says what to star
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partialmethod
 from pathlib import Path
 
@@ -12,12 +13,10 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.widgets import Static
 
-from silo.fleet.member import Member
-from silo.net.found import LoggerAddress
 from silo_tui.actions import key_of
 from silo_tui.model.lists import fleet
+from silo_tui.model.lists.fleet import FoundLogger
 from silo_tui.screens.lists.list_screen import ListScreen
-from silo_tui.sessions.finder import FoundLogger
 from silo_tui.theme import bold
 
 WAITING = """No logger is running for this user on this computer; looking again every second.
@@ -36,7 +35,7 @@ Press {demo} for the demo, a simulated legged robot, or start one:
 STARTING = "The demo is starting: a simulated legged robot, which opens here by itself."
 
 
-class LoggersScreen(ListScreen[fleet.LoggerLine]):
+class LoggersScreen(ListScreen[FoundLogger]):
     """A list, or what to do when it would be empty."""
 
     scope = "loggers"
@@ -46,13 +45,13 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
         self,
         choose: Callable[[FoundLogger], None],
         wanted: str = "",
-        command: Callable[[str, Sequence[fleet.LoggerLine]], None] | None = None,
+        command: Callable[[str, Sequence[FoundLogger]], None] | None = None,
     ) -> None:
         """`choose` opens a logger, `command` asks about many: "start_stop", "restart", "save" or "load" them."""
         super().__init__()
         self._choose, self._wanted, self._command = choose, wanted, command
         self.found: tuple[FoundLogger, ...] = ()
-        self._all: list[fleet.LoggerLine] = []
+        self._all: list[FoundLogger] = []
         self.answers: dict[str, str] = {}  # by key, of the last command for many
         self._notes = "Looking for loggers …"
 
@@ -84,20 +83,20 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
         self.show()
 
     def show(self) -> None:
-        self._all = [self._line_of(one) for one in self.found]
+        self._all = [replace(one, answer=self.answers.get(one.key, "")) for one in self.found]
         super().show()
         if self.is_there:
             title = f"silo  {fleet.total(self._all)}" if self._all else "silo"
             self.query_one("#loggers-title", Static).update(title)
 
     @property
-    def all(self) -> Sequence[fleet.LoggerLine]:
+    def all(self) -> Sequence[FoundLogger]:
         return self._all
 
-    def key_of(self, one: fleet.LoggerLine) -> str:
+    def key_of(self, one: FoundLogger) -> str:
         return one.key
 
-    def prepare(self, found: Sequence[fleet.LoggerLine], width: int) -> None:
+    def prepare(self, found: Sequence[FoundLogger], width: int) -> None:
         self._names = fleet.name_width(found, width)
         self._addresses = tuple(one.address for one in found)
         self._now = time.monotonic(), time.time_ns()
@@ -114,14 +113,10 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
     def named(self, key: str) -> str:
         return next((one.address for one in self._all if one.key == key), "what was there")
 
-    def told(self, one: fleet.LoggerLine) -> str:
+    def told(self, one: FoundLogger) -> str:
         return fleet.told(one)
 
-    def _line_of(self, one: FoundLogger) -> fleet.LoggerLine:
-        member = one.member or Member(LoggerAddress(one.name, one.pid, one.key, one.user, host=one.host, dead=one.dead))
-        return fleet.LoggerLine(one.key, one.address, one.where, member, self.answers.get(one.key, ""))
-
-    def row_of(self, one: fleet.LoggerLine, width: int) -> Text:
+    def row_of(self, one: FoundLogger, width: int) -> Text:
         variables, member = self.app.theme_variables, one.member
         row = fleet.row(one, self._names, width, *self._now, self._addresses)
         line = Text(row)
@@ -138,7 +133,7 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
     def command_open_logger(self) -> None:
         for one in self.found:
             if one.key == self.chosen_key:
-                if one.is_there:
+                if one.member.here:
                     self._choose(one)
                 else:
                     self.say(f"{one.address} is not there any more; {key_of('look_again')} looks again")

@@ -12,7 +12,7 @@ from silo.core.quantities.writing import many
 from silo.judging.checks import long_capture_s
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone
-from silo_tui.model.lists.conditions import CAUTION, LOUD, ago, name_width, named_in, times_head, trigger_row
+from silo_tui.model.lists.conditions import CAUTION, LOUD, name_width, named_in, times_head, trigger_row
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
 from silo_tui.model.words.names import fitting_names
@@ -104,7 +104,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         post = text.span(one.options.post_s) if one.options.post_s else "0 s"
         latest = text.span(long_capture_s(one.options))
         ends = f"; {key_of('trigger_toggle')} switches it off, so that it ends" if one.options.armed else ""
-        so_far = f", {ago(one.capturing_s)} so far" if one.capturing_s else ""
+        so_far = f", {text.ago(one.capturing_s)} so far" if one.capturing_s else ""
         return [
             *found,
             f"{one.options.name} captures{so_far}: the file is written {post} after the last fire, or"
