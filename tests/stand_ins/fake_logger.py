@@ -73,6 +73,7 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions, FakeParameters):
         self.controlled: Control | None = None
         self.clients: list[Present] = []
         self.derived: tuple[Derived, ...] = ()
+        self._infos: tuple[Any, list[ElementInfo]] | None = None  # the derived signals, and of what they were made
         self.refuse_derived = ""  # why nothing is derived
         self.limit_options: tuple[SignalLimits, ...] = ()
         self.since_ns = 0  # of the statistics
@@ -104,7 +105,10 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions, FakeParameters):
     @property
     def infos(self) -> list[ElementInfo]:
         """The elements, then the derived signals."""
-        return [*self.elements, *derived_infos(self.elements, "/log", self.derived)]
+        made_of = [*self.elements], self.derived
+        if self._infos is None or self._infos[0] != made_of:
+            self._infos = made_of, derived_infos(self.elements, "/log", self.derived)
+        return [*self.elements, *self._infos[1]]
 
     @property
     def ticks(self) -> int:
@@ -113,8 +117,9 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions, FakeParameters):
 
     def recorded(self, name: str) -> ElementOptions:
         """Options of an element in the held recording."""
-        known = next(info.options for info in self.infos if info.name == name)
-        return self._recorded.get(name, known)
+        if name in self._recorded:
+            return self._recorded[name]
+        return next(info.options for info in self.infos if info.name == name)
 
     def is_full(self, name: str) -> bool:
         """Whether an element's FIXED buffer, in which alone it is, ended."""

@@ -33,6 +33,7 @@ from silo_tui.model.table.fields import Field, phrase_for
 from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.sessions.recorded import open_file
 from silo_tui.settings.options import Settings
+from tests.stand_ins import quick_styles
 from tests.stand_ins.fake_logger import FakeClient, FakeFinder
 from tests.stand_ins.fake_signals import robot_elements, scalar
 from tests.waiting import DEADLINE_S
@@ -62,6 +63,15 @@ def styles_parsed_once() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Stylesheet, "_parse_rules", parse_once)
         patch.setattr(RuleSet, "__hash__", object.__hash__)  # as Textual's, without a call: 45,000 a test of the table
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def styles_found_once() -> Iterator[None]:
+    """Keep which rules mean nodes that are alike: of an app that opens they were a quarter of the processor time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Stylesheet, "apply", quick_styles.apply_known)
+        patch.setattr(Stylesheet, "_process_component_classes", quick_styles.process_known)
         yield
 
 
@@ -146,6 +156,29 @@ def handlers_looked_up_once() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(MessagePump, "_get_dispatch_methods", look_once)
+        yield
+
+
+class Silent:
+    """A log that nobody reads."""
+
+    def __init__(self) -> None:
+        self.event = self
+
+    def verbosity(self, _verbose: bool) -> "Silent":
+        return self
+
+    def __call__(self, *words: Any) -> None:
+        pass
+
+    warning = __call__
+
+
+@pytest.fixture(autouse=True, scope="session")
+def nothing_logged() -> Iterator[None]:
+    """Textual makes two objects for each message, with which it would tell its console of it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("textual.message_pump.log", Silent())
         yield
 
 

@@ -1,0 +1,106 @@
+"""What Textual finds out of styles, kept for nodes alike: which rules apply to one, of all that there are.
+
+A node is like another if the rules that may mean it look at the same names, classes and states of it and of those that
+it is in. Rules that look at the place among others (`:first-child`, `:focus-within`) are looked up anew each time.
+"""
+
+from collections.abc import Hashable
+from typing import Any
+
+from textual.css.stylesheet import Stylesheet
+from textual.dom import DOMNode
+
+apply, process, replace = Stylesheet.apply, Stylesheet._process_component_classes, Stylesheet.replace_rules
+FLAGS = ("_has_hover_style", "_has_focus_within", "_has_order_style", "_has_odd_or_even")
+
+_sheets: dict[tuple[Any, ...], int] = {}  # of the rules of a sheet, which are kept: no other is taken for one
+_states: dict[tuple[Any, ...], tuple[str, ...] | None] = {}  # at which states the rules for such a node look
+_rules: dict[tuple[Any, ...], tuple[Any, ...]] = {}  # of a node: the flags and the rules
+_components: dict[tuple[Any, ...], dict[str, dict[str, Any]]] = {}  # of a widget: the rules by the name of a part
+
+
+def _number_of(sheet: Any) -> int:
+    """Return which rules a sheet has."""
+    rules = sheet.rules
+    known = sheet.__dict__.get("_numbered")
+    if known is None or known[0] is not rules:
+        known = sheet._numbered = (rules, _sheets.setdefault(tuple(rules), len(_sheets)))
+    return known[1]
+
+
+def _states_of(sheet: Any, number: int, names: frozenset[str]) -> tuple[str, ...] | None:
+    """Return at which states the rules look that may mean a node of these names; None if at places, too."""
+    if (number, names) not in _states:
+        found: set[str] = set()
+        for name in sheet.rules_map.keys() & names:
+            found.update(*(rule.pseudo_classes for rule in sheet.rules_map[name]))
+        at_places = found & sheet._EXCLUDE_PSEUDO_CLASSES_FROM_CACHE
+        _states[number, names] = None if at_places else tuple(sorted(found))
+    return _states[number, names]
+
+
+def _likeness(number: int, node: Any, states: tuple[str, ...]) -> tuple[Hashable, ...]:
+    """Return what rules see of a node and of those that it is in."""
+    seen: list[Hashable] = [number, states]
+    while isinstance(node, DOMNode):
+        checks = node._PSEUDO_CLASSES
+        seen += (type(node), node._id, frozenset(node._classes))
+        seen += (checks[one](node) for one in states if one in checks)
+        node = node._parent
+    return tuple(seen)
+
+
+def apply_known(sheet: Any, node: Any, *, animate: bool = False, cache: Any = None) -> None:
+    """`Stylesheet.apply`."""
+    number = _number_of(sheet)
+    states = _states_of(sheet, number, frozenset(node._selector_names))
+    if states is None:
+        apply(sheet, node, animate=animate, cache=cache)
+        return
+    likeness = _likeness(number, node, states)
+    if likeness not in _rules:
+        found = []
+        sheet.replace_rules = lambda node, rules, animate=False: found.append(rules)
+        sheet._process_component_classes = lambda node: None
+        try:
+            apply(sheet, node)
+        finally:
+            del sheet.replace_rules, sheet._process_component_classes
+        _rules[likeness] = ([getattr(node, flag) for flag in FLAGS], *found)
+    flags, *rules = _rules[likeness]
+    for flag, value in zip(FLAGS, flags, strict=True):
+        setattr(node, flag, value)
+    for each in rules:
+        replace(node, each, animate=animate)
+    process_known(sheet, node)
+
+
+def process_known(sheet: Any, node: Any) -> None:
+    """`Stylesheet._process_component_classes`."""
+    names = node._get_component_classes()
+    if not names:
+        return
+    number = _number_of(sheet)
+    states = _states_of(sheet, number, frozenset({"*", "DOMNode", *(f".{name}" for name in names)}))
+    if states is None:
+        process(sheet, node)
+        return
+    likeness = (*_likeness(number, node, states), frozenset(names))
+    if likeness not in _components:
+        process(sheet, node)
+        _components[likeness] = {name: dict(node._component_styles[name].base._rules) for name in sorted(names)}
+        return
+    before, now, known = dict(node._component_styles), node._component_styles, _components[likeness]
+    now.clear()
+    for name, rules in known.items():
+        old = before.get(name)
+        if old is not None and old.base._rules == rules:
+            now[name] = old
+            continue
+        part = DOMNode(classes=name)
+        part._attach(node)
+        part.styles.base._rules.update(rules)
+        part.styles.base._updates += 1
+        now[name] = part.styles
+    if any(before.get(name) is not one for name, one in now.items()):
+        node.refresh()
