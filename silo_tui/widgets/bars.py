@@ -264,6 +264,11 @@ class Banner(Guarded, Widget):
         return f"{enter if enter in keys else keys[0]} opens it." if keys else f"{key_of('recordings')} lists it."
 
 
+def _called(command: Command, label: str) -> Command:
+    """Return a command with this label; most have it, and each key asks for all of them."""
+    return command if command.label == label else replace(command, label=label)
+
+
 class KeyBar(Guarded, Widget):
     """The keys that matter now, as many as fit; help and quit always at its end. A click does what the key does."""
 
@@ -290,13 +295,13 @@ class KeyBar(Guarded, Widget):
     def _commands(self) -> list[tuple[Command, int]]:
         """Return what is shown from left to right, with its rank: what the screen's mode asks for, then the rest."""
         screen = cast(Any, self.screen)
-        in_mode = [replace(with_keys(BY_ID[each]), label=label) for each, label in screen.mode_keys()]
+        in_mode = [_called(with_keys(BY_ID[each]), label) for each, label in screen.mode_keys()]
         if getattr(screen, "session", None) is not None and screen.session.lost_s is not None:
             tries = [command for command in commands_for(self._scope) if command.retries]
-            in_mode = [*(replace(command, label="Try now") for command in tries), *in_mode]
+            in_mode = [*(_called(command, "Try now") for command in tries), *in_mode]
         known = {command.id for command in in_mode}
         shown = in_bar(self._scope, read_only=self._read_only)
-        now = [(replace(command, label=screen.label_now(command)), rank) for command, rank in shown]
+        now = [(_called(command, screen.label_now(command)), rank) for command, rank in shown]
         mode = [(command, OF_MODE - place) for place, command in enumerate(in_mode)]
         return [*mode, *((command, rank) for command, rank in now if command.id not in known and command.label)]
 
