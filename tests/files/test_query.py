@@ -6,6 +6,8 @@ import os
 import signal
 import subprocess
 import sys
+from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,10 +21,15 @@ from silo.core.recording import Recording
 from silo.errors import ElementError, LogNotFoundError, SiloError
 from silo.run_index import tables
 from silo.run_index.archive import Archive
+from tests.later import Later
 from tests.stand_ins.saved import element
 
-duckdb = pytest.importorskip("duckdb")
-polars = pytest.importorskip("polars")
+duckdb, polars = Later("duckdb"), Later("polars")
+IS_THERE = None not in (find_spec("duckdb"), find_spec("polars"))
+pytestmark = pytest.mark.skipif(not IS_THERE, reason="needs silo-logger[query]")
+reads_what_is_asked = pytest.mark.skipif(
+    not IS_THERE or version("duckdb") < "2", reason="DuckDB for Python 3.10 reads whole tables"
+)
 RUNS, TICKS = 4, 40
 
 
@@ -168,7 +175,7 @@ def test_facts_statistics_events_and_parameters_stand_in_tables(drawer):
          {"run3.silo": {"slow"}}),
     ],
 )  # fmt: skip
-@pytest.mark.skipif(duckdb.__version__ < "2", reason="DuckDB for Python 3.10 reads whole tables")
+@reads_what_is_asked
 def test_no_more_is_read_than_a_statement_asks_for(runs, monkeypatch, statement, wanted):
     read = {}
     real = tables.Folders.read
@@ -215,7 +222,7 @@ def test_what_is_wrong_with_a_statement_is_said(runs):
         ("select count(*) from runs", 0, ""),
     ],
 )
-@pytest.mark.skipif(duckdb.__version__ < "2", reason="DuckDB for Python 3.10 reads whole tables")
+@reads_what_is_asked
 def test_more_than_fits_into_memory_is_refused(runs, monkeypatch, statement, wanted_bytes, way_out):
     free = SimpleNamespace(available=2 * wanted_bytes)
     monkeypatch.setattr("silo.run_index.sql.psutil.virtual_memory", lambda: free)
