@@ -40,7 +40,8 @@ class Laboratory:
         self.running = [self.start(self.router, "router", "--config", str(made.server / "server.json5"))]
         for robot in self.robots:
             shared = ["--config", str(made.clients["robots"]), "--folder", str(robot.place / "logs")]
-            self.running.append(self.start(robot, "demo", "--name", "same", "--elements", "30", *shared))
+            slow = ["--elements", "30", "--frequency", "50"]
+            self.running.append(self.start(robot, "demo", "--name", "same", *slow, *shared))
         for desk, user in ((self.anna, "anna"), (self.bob, "bob")):
             assert self.run(desk, "remote", "add", "lab", str(made.clients[user])).returncode == 0
 
