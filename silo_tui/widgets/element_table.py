@@ -312,9 +312,9 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
 
     def _paint(self, lines: Iterable[int]) -> None:
         """Paint those of these lines of the screen that read differently now."""
-        laid = self.laid
+        laid, height = self.laid, self.size.height
         for y in lines:
-            old, new = self._painted.get(y), self._content(y)
+            old, new = self._painted.get(y), self._content(y, laid, height)
             if old != new:
                 self._ready[y] = new
                 begin = 0 if old is None or old.key != new.key else laid.rest
@@ -358,7 +358,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
 
     def render_line(self, y: int) -> Strip:
         laid = self.laid
-        content = self._ready.pop(y) if y in self._ready else self._content(y)
+        content = self._ready.pop(y) if y in self._ready else self._content(y, laid, self.size.height)
         self._painted[y] = content
         base = ["table--row", "table--cursor"] if content.cursor else ["table--row"]
         segments = [Segment(words, self._style(*base, style)) for words, style in content.pieces]
@@ -366,10 +366,13 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         rail = Segment(content.rail, self._style("table--row", "table--rail"))
         return Strip([*self._strips[content.key], *measured, rail], laid.width)
 
-    def _content(self, y: int) -> Content:
-        """Return what a line says; the strip of its settings is made where it isn't yet."""
+    def _content(self, y: int, laid: Layout, height: int) -> Content:
+        """Return what a line says; the strip of its settings is made where it isn't yet.
+
+        What stands where is handed over: to find the size of a widget takes as long as some of its cells.
+        """
         top, rows = self.scroll_offset.y, self.rows
-        position, laid = top + y, self.laid
+        position = top + y
         if len(self._strips) > MAX_STRIPS:
             self._strips.clear()
             self._painted.clear()
@@ -383,7 +386,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         row, entry = row_of(line), entry_of(line)
         key: tuple[object, ...]
         if row is None or entry is not None:
-            key = segments = tuple(self._other_segments(line, position, is_cursor=is_cursor))
+            key = segments = tuple(self._other_segments(line, position, laid, is_cursor=is_cursor))
         else:
             segments = ()
             key = (
@@ -392,12 +395,12 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
                 self.session.table.names[row] in rows.unfolded, self._settings_of(row),
             )  # fmt: skip
         if key not in self._strips:
-            made = segments or self._segments(row or 0, rows.tree.depth(position), is_cursor=is_cursor)
+            made = segments or self._segments(row or 0, rows.tree.depth(position), laid, is_cursor=is_cursor)
             self._strips[key] = Strip(made).adjust_cell_length(laid.rest, self._style("table--row"))
-        pieces = self._pieces(line, row, entry)
+        pieces = self._pieces(line, row, entry, laid)
         if is_cursor:  # grey on the cursor's line is hard to read in 16 colours
             pieces = [(words, "" if style == "table--quiet" else style) for words, style in pieces]
-        return Content(key, is_cursor, tuple(pieces), self._rail(y, top))
+        return Content(key, is_cursor, tuple(pieces), self._rail(y, top, height))
 
     def _settings_of(self, row: int) -> bytes:
         """Return the values of a row, and which are pending or in conflict; made once until the table changes."""
@@ -406,18 +409,18 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
             self._settings[row] = b"".join(each.tobytes() for each in told)
         return self._settings[row]
 
-    def _rail(self, y: int, top: int) -> str:
-        total, height = len(self.rows.tree.lines), max(1, self.size.height)
+    def _rail(self, y: int, top: int, height: int) -> str:
+        total, height = len(self.rows.tree.lines), max(1, height)
         if total <= height:
             return " "
         length = max(1, height * height // total)
         start = round((height - length) * top / (total - height))
         return "▐" if start <= y < start + length else " "
 
-    def _pieces(self, line: int, row: int | None, entry: int | None) -> list[tuple[str, str]]:
+    def _pieces(self, line: int, row: int | None, entry: int | None, laid: Layout) -> list[tuple[str, str]]:
         """Return the measured words of a line, each with its style."""
         pieces: list[tuple[str, str]] = []
-        for column, width in self.laid.measured:
+        for column, width in laid.measured:
             words, style = "", ""
             if row is None:
                 if column.branch is not None:
@@ -446,13 +449,13 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         self._masks_of = (table.version, anchor)
         self._settings.clear()
 
-    def _other_segments(self, line: int, position: int, *, is_cursor: bool) -> Iterator[Segment]:
+    def _other_segments(self, line: int, position: int, laid: Layout, *, is_cursor: bool) -> Iterator[Segment]:
         """Yield a branch, or one entry of a vector."""
         base = ["table--row", "table--cursor"] if is_cursor else ["table--row"]
         row, entry = row_of(line), entry_of(line)
         indent = "  " * self.rows.tree.depth(position)
         quiet = "" if is_cursor else "table--quiet"
-        room = self.laid.rest - FLAGS
+        room = laid.rest - FLAGS
         if row is not None and entry is not None:
             called = component_name(self.session.table.elements[row].entries[entry].suffix)
             yield Segment(f" {_sign(is_cursor=is_cursor, marked=False)}", self._style(*base))
@@ -465,7 +468,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         marked = "table--marked" if bool(self.rows.marked[branch.rows].all()) else ""
         yield Segment(_sign(is_cursor=is_cursor, marked=bool(marked)), self._style(*base, "table--marked"))
         sign = "►" if branch.path in self.rows.folded else "▼"
-        width = min(self.laid.names, room)
+        width = min(laid.names, room)
         yield Segment(fitted(f"{indent}{sign} {branch.label}", width), self._style(*base, marked))
         yield Segment(fitted(f" {len(branch.rows)}", room - width), self._style(*base, quiet))
 
@@ -481,7 +484,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
             return self._name_in(row, width, "")
         return begin + (label if cell_len(label) <= room else self._name_in(row, room, space)) + end
 
-    def _segments(self, row: int, depth: int, *, is_cursor: bool) -> Iterator[Segment]:
+    def _segments(self, row: int, depth: int, laid: Layout, *, is_cursor: bool) -> Iterator[Segment]:
         values, pending, conflicts = self._values[:, row], self._pending[:, row], self._conflicts[:, row]
         base = ["table--row"]
         if (not values[Field.ENABLED] or row in self.rows.leaving) and not is_cursor:
@@ -500,11 +503,11 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         yield Segment(flag, self._style(*base, flag_style))
         marked = "table--marked" if self.rows.marked[row] or self._range[row] else ""
         yield Segment(_sign(is_cursor=is_cursor, marked=bool(marked)), self._style(*base, marked))
-        width = self.laid.names
+        width = laid.names
         in_tree = self.rows.sort == TREE
-        name = self._tree_name(row, depth, width) if in_tree else self._name_in(row, width, self.laid.space)
+        name = self._tree_name(row, depth, width) if in_tree else self._name_in(row, width, laid.space)
         yield Segment(fitted(name, width), self._style(*base, marked))
-        for column, cell_width in self.laid.steady:
+        for column, cell_width in laid.steady:
             words, style = column.draw(self.sight, row, cell_width)
             word = fitted(words, cell_width, right=column.right)
             if column.field is None or self.session.at_s is not None:

@@ -31,7 +31,7 @@ async def test_a_move_of_the_cursor_looks_at_two_lines_alone(fake, opened):
         painted = [table.render_line(y) for y in range(table.size.height)]
         assert len(table._painted) == len(painted)
         content = table._content
-        table._content = lambda y: looked.append(y) or content(y)
+        table._content = lambda y, *laid: looked.append(y) or content(y, *laid)
         table.rows.move_to(3)
         table.show_cursor()
         assert sorted(looked) == [0, 3]
