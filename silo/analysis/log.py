@@ -11,14 +11,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NoReturn, cast
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from silo.analysis.compute.arithmetic import warn_outside
 from silo.analysis.compute.responses import Bode, StepResponse
-from silo.analysis.compute.samples import unfolded_ticks
+from silo.analysis.compute.samples import is_rate, unfolded_ticks
 from silo.analysis.compute.shapes import assembled, component_names
 from silo.analysis.lookup import names_of
 from silo.analysis.parameters import LoggedParameters, parameters_of
@@ -337,8 +337,9 @@ class Log(Mapping[str, Signal]):
             raise ElementError(f"unknown method {method!r} to resample a log: choose 'hold' or 'linear'")
         axis = self.recording.time_ns
         ticks = Signal(name="the log", values=axis, time_ns=axis, start_ns=self.start_ns, axis_ns=axis)
-        by_ticks = times.axis_ns is axis if isinstance(times, Signal) else np.ndim(cast(Any, times)) == 0
+        by_ticks = times.axis_ns is axis if isinstance(times, Signal) else is_rate(times)
         if falls(axis) and by_ticks:
+            ticks = replace(ticks, _at=np.arange(len(axis)))
             fold = unfolded_ticks(axis)
             risen, at = fold.risen(ticks), fold.risen(times) if isinstance(times, Signal) else times
             if risen is not None and at is not None:
@@ -500,6 +501,7 @@ class Log(Mapping[str, Signal]):
         judge = self._judge if recording is self.recording else RecordingJudge(recording)
         found = judge.evaluate(expression, whole=exact)  # derived signals are float64 wherever they are read
         dividers = set(found.bound.sources.values())
+        axis = None if rises(self.recording.time_ns) else self.recording.time_ns
         return Signal(
             name=name,
             values=found.values,
@@ -508,6 +510,8 @@ class Log(Mapping[str, Signal]):
             kind="array" if found.bound.width else "scalar",
             divider=math.gcd(*dividers),
             start_ns=self.start_ns,
+            axis_ns=axis,
+            _at=None if axis is None else found.ticks,
             components=tuple(map(str, range(found.bound.width))),
             labels={} if found.bound.logical else found.bound.labels,
         )
@@ -627,7 +631,8 @@ def time_facts(recording: Recording, element: RecordedElement) -> dict[str, Any]
     ticks = element.own_ns is None or bool(element.holds)
     facts: dict[str, Any] = {"axis_ns": recording.time_ns if ticks else None, "divider": element.divider}
     facts["_holes"] = holes(recording, element)
-    if element.own_ns is not None and element.holds and not rises(recording.time_ns):
-        facts["_at"] = places_on(recording.time_ns, element.own_ns, held_ticks(element))
-        facts["_off"] = off_ticks(recording, element)
+    if ticks and not rises(recording.time_ns):
+        own = element.own_ns
+        at = element.stamp_indices if own is None else places_on(recording.time_ns, own, held_ticks(element))
+        facts |= {"_at": at, "_off": off_ticks(recording, element)}
     return facts

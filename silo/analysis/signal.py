@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from silo.analysis.compute import calculus, exports, frames, indexing, numpy_functions, spectra
 from silo.analysis.compute.arithmetic import warn_outside, wide
-from silo.analysis.compute.samples import Samples, new_times, unfolded
+from silo.analysis.compute.samples import Samples, is_rate, new_times, unfolded
 from silo.core import units
 from silo.core.arguments import INT64, shown, text
 from silo.core.arrays.values import from_base, with_nan
@@ -161,7 +161,7 @@ class Signal(Samples, _Operators):
             stop_s: seconds since start; None: to the last sample.
         """
         window = self._window(start_s, stop_s)
-        return replace(self, values=self.values[window], time_ns=self.time_ns[window])
+        return self._part(window)
 
     def resample(
         self, times: Union["Signal", ArrayLike, float], method: Literal["hold", "linear"] = "hold"
@@ -181,7 +181,7 @@ class Signal(Samples, _Operators):
         """
         if method not in ("hold", "linear"):
             raise ElementError(f"unknown method {method!r} to resample '{self.name}': choose 'hold' or 'linear'")
-        by_ticks = isinstance(times, Signal) or (self._falls and np.ndim(cast(Any, times)) == 0)
+        by_ticks = isinstance(times, Signal) or (self._falls and is_rate(times))
         if by_ticks and (ticks := unfolded(self, times if isinstance(times, Signal) else self)):
             risen, at = ticks.risen(self), ticks.risen(times) if isinstance(times, Signal) else times
             if risen is not None and at is not None:

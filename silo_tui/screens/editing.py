@@ -98,7 +98,7 @@ class Editing(ElementsScreen):
         row, entry = self.session.rows.row, self.session.rows.entry or 0
         if row is not None and self.session.table.elements[row].entries:
             return row, entry, self.session.table.entry_names(row)[entry]
-        self.say("a trigger or limits are of one element: go to its line")
+        self.say("limits are of one element: go to its line")
         return None
 
     def command_limits_of_row(self) -> None:
@@ -111,6 +111,9 @@ class Editing(ElementsScreen):
         open_last_capture(self, self.session)
 
     def command_new_of_row(self) -> None:
+        if self.session.rows.row is None:  # a name space, or nothing: a trigger is of any signals
+            self._make("trigger", TriggerOptions("", "", AROUND_S, AROUND_S), "")
+            return
         if (here := self._entry_here()) is None:
             return
         row, entry, name = here

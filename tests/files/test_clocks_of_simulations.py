@@ -1,6 +1,7 @@
 """Logs whose clock begins anew with each reset, or stands still for some ticks: signals meet by their ticks."""
 
 import contextlib
+import warnings
 
 import numpy as np
 import pytest
@@ -111,3 +112,23 @@ def test_runs_of_several_episodes_are_compared_tick_by_tick(logged, tmp_path):
     one, other = logged(anew), logged(anew, ticks=TICKS - 3)
     found = silo.compare(one, other)
     assert (len(found), found.alike) == (0, 2), str(found)
+
+
+@pytest.mark.parametrize("cut", ["", "off"])
+@pytest.mark.parametrize("clock", [anew, still, both], ids=lambda clock: clock.__name__)
+def test_parts_of_signals_and_what_is_made_of_them_keep_their_ticks(logged, clock, cut):
+    log = logged(clock, cut=cut)
+    at, held = sampled(cut)
+    n, w, known = log["n"], log["w"], ~np.isnan(held)
+    np.testing.assert_array_equal(((n - w) + w).values, n.values[known])
+    late = known & (np.arange(TICKS) >= 150) & (np.arange(TICKS) < 300)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        np.testing.assert_array_equal((n[150:300] - w).values, (np.arange(TICKS) - held)[late])
+        np.testing.assert_array_equal((n[n.values % 2 == 1] - w).values, (np.arange(TICKS) - held)[known][1::2])
+        np.testing.assert_array_equal((log.eval("2 * w") - w).values, w.values[: len(at)])
+    for made in (lambda: n[:0] - w, lambda: n - w[:0], lambda: n[:0].resample(w)):
+        with pytest.raises(silo.ElementError, match="no time in common"):
+            made()
+    with pytest.raises(silo.ElementError, match="must be numbers"):
+        log.resample([[1], [1, 2]])

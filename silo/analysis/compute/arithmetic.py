@@ -110,7 +110,7 @@ def _both(
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         values = function(theirs, mine) if swapped else function(mine, theirs)
     made = one if values.ndim == one.values.ndim or not isinstance(other, Samples) else other
-    made = replace(made, time_ns=base.time_ns, start_ns=base.start_ns, divider=base.divider)
+    made = replace(made, time_ns=base.time_ns, start_ns=base.start_ns, divider=base.divider, _at=base._at)
     return values, made, f"({words} {sign} {one.name})" if swapped else f"({one.name} {sign} {words})"
 
 
@@ -210,7 +210,8 @@ def _by_ticks(one: One, other: Other, what: str) -> tuple[One, Other] | None:
     left, right = aligned(risen[0], risen[1], what, two_clocks=ticks is None)
     if mine is None:
         return left, right
-    return mine.folded(left), replace(right, time_ns=mine.stamps(right.time_ns), axis_ns=mine.axis_ns)
+    left = mine.folded(left)
+    return left, replace(right, time_ns=left.time_ns, axis_ns=left.axis_ns, _at=left._at)
 
 
 def _fold_of(signal: Samples) -> Unfolded | None:

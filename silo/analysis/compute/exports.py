@@ -134,6 +134,8 @@ def _ticks(signal: Samples, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
 
     Where these are not the stamps of the samples, it has stamps of its own.
     """
+    if signal.axis_ns is time_ns and signal._ticks is not None:
+        return signal._ticks
     steps = np.arange(len(signal), dtype=np.int64) * signal.divider
     if not len(steps):
         return steps
@@ -141,8 +143,6 @@ def _ticks(signal: Samples, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
     for first in np.flatnonzero(time_ns[: max(0, len(time_ns) - int(steps[-1]))] == signal.time_ns[0]).tolist():
         if np.array_equal(time_ns[first + steps], signal.time_ns):
             return np.asarray(first + steps)
-    if signal.axis_ns is time_ns and signal._ticks is not None:
-        return signal._ticks
     return places_on(time_ns, signal.time_ns)
 
 

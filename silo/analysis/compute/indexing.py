@@ -44,7 +44,7 @@ def chosen(signal: One, key: Any, clip: Any) -> Any:
     found = _places(signal, key)
     if isinstance(found, int):
         return signal.values[found]
-    return replace(signal, values=signal.values[found], time_ns=signal.time_ns[found], divider=1)
+    return signal._part(found, divider=1)
 
 
 def _places(signal: Samples, key: Any) -> Any:
@@ -94,7 +94,7 @@ def _masked(signal: One, mask: Samples) -> One:
             f"mask.resample(signal) first"
         )
     there = np.asarray(np.ma.filled(mask.values, False))
-    return replace(signal, values=signal.values[there], time_ns=signal.time_ns[there], divider=1)
+    return signal._part(there, divider=1)
 
 
 def _stretch(signal: One, key: slice, clip: Any) -> One:
@@ -108,13 +108,13 @@ def _stretch(signal: One, key: slice, clip: Any) -> One:
         return made
     try:
         part = slice(*(None if bound is None else operator.index(bound) for bound in (key.start, key.stop, key.step)))
-        values = signal.values[part]
+        signal.values[part]
     except (TypeError, ValueError):
         raise ElementError(
             f"bounds of '{signal.name}'[...] must be whole numbers of samples [10:20] or seconds [2.0:3.5], "
             f"got {shown(key)}"
         ) from None
-    return replace(signal, values=values, time_ns=signal.time_ns[part], divider=signal.divider * abs(part.step or 1))
+    return signal._part(part, divider=signal.divider * abs(part.step or 1))
 
 
 def _across(signal: One, key: tuple[Any, ...], clip: Any) -> Any:
@@ -158,7 +158,7 @@ def _clip_of(picked: Samples, signal: Samples, clip: Any) -> Any:
     def cut(start_s: float | None, stop_s: float | None) -> Any:
         window = clip(start_s, stop_s).time_ns
         part = within(signal.time_ns, *((window.min(), window.max()) if len(window) else (1, 0)))
-        return replace(picked, values=picked.values[part], time_ns=window)
+        return replace(picked._part(part), time_ns=window)
 
     return cut
 

@@ -67,7 +67,7 @@ class Samples:
     axis_ns: NDArray[np.int64] | None = None
     # of a run that was cut, from which stamps on and before which it was switched off, or not recorded
     _holes: tuple[tuple[int, int], ...] = ()
-    # at which ticks of `axis_ns` its samples were, where their stamps don't tell, and when it was switched off
+    # where stamps of `axis_ns` step back or are there twice: at which its samples are, and when it was switched off
     _at: NDArray[np.int64] | None = None
     _off: tuple[tuple[int, int], ...] = ()
 
@@ -188,7 +188,7 @@ class Samples:
 
     def _held(self: Self, time_ns: NDArray[np.int64]) -> Self:
         """Return the values that hold at these stamps, none of which may be before the first sample."""
-        return replace(self, values=self.values[self._places(time_ns)], time_ns=time_ns)
+        return replace(self, values=self.values[self._places(time_ns)], time_ns=time_ns, _at=None)
 
     def _places(self, time_ns: NDArray[np.int64]) -> Any:
         """Return which sample holds at each stamp; -1 before the first."""
@@ -248,7 +248,7 @@ class Samples:
         if not self._falls:
             return self
         order = np.argsort(self.time_ns, kind="stable")
-        return replace(self, values=self.values[order], time_ns=self.time_ns[order])
+        return self._part(order)
 
     @property
     def _when(self) -> dict[str, Any]:
@@ -284,17 +284,19 @@ class Samples:
 
     @property
     def _ticks(self) -> NDArray[np.int64] | None:
-        """At which ticks of its log its samples are: every so many, or as a cut changed that; None for others."""
+        """At which ticks of its log its samples are; None where stamps tell, and for what was made to have others."""
         axis, at = self.axis_ns, self._at
-        if axis is None:
+        if axis is None or at is None or len(at) != len(self) or at.max(initial=-1) >= len(axis):
             return None
-        if at is not None and np.array_equal(axis[at], self.time_ns):
-            return at
-        for place in np.flatnonzero(axis == self.time_ns[:1]).tolist():
-            ticks = np.arange(place, min(place + self.divider * len(self), len(axis)), self.divider)
-            if np.array_equal(axis[ticks], self.time_ns):
-                return ticks
-        return None
+        return at if np.array_equal(axis[at], self.time_ns) else None
+
+    def _part(self: Self, which: Any, *, divider: int | None = None) -> Self:
+        """Return the samples at these places, of a slice or a mask."""
+        at = self._at[which] if self._at is not None and len(self._at) == len(self) else None
+        values, time_ns = self.values[which], self.time_ns[which]
+        return replace(
+            self, values=values, time_ns=time_ns, _at=at, divider=self.divider if divider is None else divider
+        )
 
     def _holds_until(self, slack_ns: float = 0.0) -> int:
         """Return before which stamp the last sample holds: `slack_ns` before one more would come; a single one on."""
@@ -389,6 +391,11 @@ def unfolded(one: Samples, other: Samples) -> Unfolded | None:
     """Return how two signals meet by ticks of one log whose stamps don't tell which; None where they do."""
     axis = one.axis_ns
     return None if axis is None or axis is not other.axis_ns or rises(axis) else unfolded_ticks(axis)
+
+
+def is_rate(times: object) -> bool:
+    """Return whether a rate is meant, not a signal or times."""
+    return isinstance(times, float | int | np.number) or (isinstance(times, np.ndarray) and times.ndim == 0)
 
 
 def new_times(signal: Samples, times: object) -> NDArray[np.int64]:

@@ -4,7 +4,6 @@ Pure functions on a `Recording`; enumerations and strings become numbers with na
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -85,7 +84,7 @@ def picked(recording: Recording, element: RecordedElement, entry: RecordedEntry)
 def window(signal: Samples, start_ns: float, stop_ns: float) -> Samples:
     """Return the samples with stamps from `start_ns` to `stop_ns`, both included."""
     inside = (signal.time_ns >= start_ns) & (signal.time_ns <= stop_ns)
-    return replace(signal, time_ns=signal.time_ns[inside], values=signal.values[inside])
+    return signal._part(inside)
 
 
 def text_of(value: Any) -> str:

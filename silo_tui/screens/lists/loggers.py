@@ -136,7 +136,10 @@ class LoggersScreen(ListScreen[FoundLogger]):
                 if one.member.here:
                     self._choose(one)
                 else:
-                    self.say(f"{one.address} is not there any more; {key_of('look_again')} looks again")
+                    self.say(
+                        f"{one.address} is not there any more; {key_of('look_again')} looks again, {key_of('runs')} "
+                        "lists the runs of a folder"
+                    )
 
     enter = command_open_logger
 

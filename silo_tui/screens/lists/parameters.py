@@ -39,6 +39,7 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
         super().__init__(session)
         self.knobs = session.knobs
         self._begun, self._newest = rows.history(())
+        self._written = ""  # the preset that was written last
 
     async def refresh_standing(self) -> None:
         await self.knobs.refresh(self.context.link)
@@ -189,11 +190,12 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
         except (SiloError, OSError) as error:
             self.context.fail(str(error))
             return
+        self._written = typed
         self.say(f"saved {many(len(values), 'parameter')}: {path}")
 
     def command_load_preset(self) -> None:
         body = "A file on this machine; what it would change is shown first."
-        self._ask_preset("Load preset", body, self.knobs.preset, self._load)
+        self._ask_preset("Load preset", body, self.knobs.preset or self._written, self._load)
 
     def _load(self, path: Path, values: dict[str, ParameterValue]) -> None:
         self._ask_to_set(f"Load {path.name}", values, f"{path.name}: nothing differs")
