@@ -197,8 +197,9 @@ class Stream(Subscribed):
     def request(self) -> OpenStream:
         """What opens it, and has it go on with the row after the last one that was read."""
         expected, rows = self._expected, dict[str, list[int]]()
-        for (_, name, _), row in sorted(expected.items()):
-            rows.setdefault(name, []).append(row)
+        for (_, name, place), row in sorted(expected.items()):
+            known = rows.setdefault(name, [])
+            known += [*[-1] * (place - len(known)), row]  # of a buffer that was full nothing came
         return msgspec.structs.replace(self._request, run=next((run for run, *_ in expected), ""), rows=rows)
 
     def _forget(self) -> None:

@@ -157,8 +157,8 @@ class OpenStream(Ask[StreamOpened], frozen=True):
     Frames come each `period_s` on `.../stream/<id>`. Leased as a view is. Frames that the client does not take in time
     are dropped: its rows are numbered, so that it sees the gap. A name that the table lost meanwhile is left out and
     told (`again`: this client had the stream open before, maybe with another helper process). `proof` as of a view.
-    `run` is that of which rows came last, `rows` the next one of each group of a name: it goes on there, or with the
-    first row of the run that is the present one by now, as far back as a few seconds carry.
+    `run` is that of which rows came last, `rows` the next one of each group of a name (-1: none came): it goes on
+    there, or with the first row of the run that is the present one by now, as far back as a few seconds carry.
     """
 
     stream: str

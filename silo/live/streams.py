@@ -83,7 +83,8 @@ class ServedStream(Feed[OpenStream]):
         since = []
         for name in picked.names:
             if name.group == number:
-                since += request.rows.get(name.name, [])[places[name.name] : places[name.name] + 1] or [head]
+                asked = request.rows.get(name.name, [])[places[name.name] : places[name.name] + 1]
+                since.append(asked[0] if asked and asked[0] >= 0 else head)
             places[name.name] += 1
         return min(since)
 

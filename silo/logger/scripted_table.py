@@ -495,7 +495,10 @@ class ScriptedTable:
 
         file = self._script_path(path)
         with self._changing(cut=switch("cut", cut), what="load a script"):
-            self._take_in()
+            if self.is_updated or file != Path(self._options.script):
+                self._take_in()
+            else:
+                self._table.adopt()
             script = read_script(file)
             plan = apply_script(script, self._table.infos, self._options.frequency_hz)
             conditions = self._conditions.now
@@ -507,6 +510,7 @@ class ScriptedTable:
                 conditions = self._conditions_of(script.conditions_beside(conditions), planned, file)
             self._table.change(dict(enumerate(plan.options)))
             self._conditions.take(conditions)
+            self.is_updated = self.is_updated or file == Path(self._options.script)  # an update would read no other
         for warning in script.warnings:
             log.warning("%s", warning)
         for words in plan.rates:

@@ -276,7 +276,7 @@ def test_a_name_with_a_blank_is_told_of_as_other_readers_read_no_file_that_has_i
     assert "write '/log/my_signal'" in told
 
 
-def test_what_is_asked_of_all_is_of_what_was_just_added_too(new_logger, tmp_path):
+def test_what_is_asked_of_all_is_of_what_was_just_added_too(new_logger, tmp_path, caplog):
     script = tmp_path / "own.yaml"
     script.write_text("log_elements:\n  - {name: /log/x, divider: 3}\n")
 
@@ -304,6 +304,17 @@ def test_what_is_asked_of_all_is_of_what_was_just_added_too(new_logger, tmp_path
     assert log.load_script(other) == []
     log.start()
     assert [divider for divider, _ in options(log)] == [3, 5]
+
+    log = added()
+    text = script.read_text()
+    script.write_text("log_elements:\n  - {name: /log/x, divider: nine}\n")
+    with pytest.raises(ScriptError):
+        log.load_script()
+    script.write_text(text + "  - {name: /log/none}\n")
+    caplog.clear()
+    assert log.load_script() == ["/log/none"]
+    assert caplog.text.count("/log/none") == 1, "it is read once"
+    script.write_text(text)
 
     added().save_script()
     log = added()

@@ -51,6 +51,14 @@ def test_of_another_run_what_is_missing_from_its_first_row_on_is_counted_once(st
     assert stream.missed == 6
 
 
+def test_of_a_name_with_two_groups_each_goes_on_where_it_was(stream):
+    entries = [SampledEntry("", "<i8", 16, False)]
+    names = [SampledName("x", at, 1, (), entries) for at in range(2)]
+    stream.accept(StreamOpened("a-1", 0, names, {}))
+    came(stream, "a", rows(9, 4, 1))  # the first buffer was full before
+    assert stream.request.rows == {"x": [-1, 13]}
+
+
 def test_it_asks_to_go_on_behind_what_was_read(stream):
     assert (stream.request.run, stream.request.rows) == ("", {})
     came(stream, "a", rows(5, 2), rows(2, 1, 1))
