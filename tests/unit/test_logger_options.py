@@ -313,7 +313,7 @@ def test_what_is_asked_of_all_is_of_what_was_just_added_too(new_logger, tmp_path
     script.write_text(text + "  - {name: /log/none}\n")
     caplog.clear()
     assert log.load_script() == ["/log/none"]
-    assert caplog.text.count("/log/none") == 1, "it is read once"
+    assert caplog.text.count("no element '/log/none'") == 1, "it is read once"
     script.write_text(text)
 
     added().save_script()
