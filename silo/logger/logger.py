@@ -216,7 +216,7 @@ class Logger(LoggerNames):
         if not self._present.number:
             return "collect() logs nothing before the first start: call start()"
         if not self._life.reason:
-            return "collect() logs nothing while start() prepares a new run"
+            return "collect() logs nothing while start() prepares a new run, or where it failed, which it told"
         return f"collect() logs nothing while it stands still ({self._life.reason}): start() begins a new run"
 
     def _set_collect(self, collect: Callable[[], None] | None) -> None:
