@@ -42,11 +42,10 @@ from silo.core.recording import (
     common_axis,
     falls,
     has_own_stamps,
-    held_ticks,
-    places_on,
     read_ahead,
     rises,
     stamps_of,
+    ticks_of,
 )
 from silo.errors import ArgumentError, ElementError, SaveError, UnknownSignalError
 from silo.expressions.derived_samples import NOTHING_IN_COMMON, computable
@@ -632,7 +631,5 @@ def time_facts(recording: Recording, element: RecordedElement) -> dict[str, Any]
     facts: dict[str, Any] = {"axis_ns": recording.time_ns if ticks else None, "divider": element.divider}
     facts["_holes"] = holes(recording, element)
     if ticks and not rises(recording.time_ns):
-        own = element.own_ns
-        at = element.stamp_indices if own is None else places_on(recording.time_ns, own, held_ticks(element))
-        facts |= {"_at": at, "_off": off_ticks(recording, element)}
+        facts |= {"_at": ticks_of(recording.time_ns, element), "_off": off_ticks(recording, element)}
     return facts

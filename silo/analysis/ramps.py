@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import LoggedEvent
-from silo.core.recording import RecordedElement, Recording, held_ticks, places_on
+from silo.core.recording import RecordedElement, Recording, ticks_of
 from silo.core.tuning.parameters import ParameterValue
 
 Values = Sequence[tuple[str, ParameterValue | None, ParameterValue]]
@@ -43,8 +43,7 @@ def _samples(element: RecordedElement, time_ns: NDArray[np.int64], before: int) 
         return None
     if any(one.dtype.kind not in "iuf" or one.entry.labels for one in element.entries):
         return None
-    places = element.stamp_indices if own is None else places_on(time_ns, own, held_ticks(element))
-    return TunedSamples(places + before, np.stack([one.values for one in element.entries], axis=-1))
+    return TunedSamples(ticks_of(time_ns, element) + before, np.stack([one.values for one in element.entries], axis=-1))
 
 
 class Ramp:

@@ -34,10 +34,10 @@ from silo.core.recording import (
     masked,
     once_each,
     places_of_ticks,
-    places_on,
     samples_between,
     samples_of_ticks,
     stamps_of,
+    ticks_of,
     within,
 )
 from silo.errors import ElementError
@@ -183,7 +183,7 @@ def joined(parts: Sequence[Recording]) -> Recording:
     ends = sorted({*gaps, *begun})
     first, last = pieces[0].part, pieces[-1]
     by_name = grouped((element.name, (piece, element)) for piece in pieces for element in piece.elements)
-    own: dict[tuple[tuple[int, int, int], ...], NDArray[np.int64]] = {}
+    own: dict[tuple[tuple[int, int, int], ...], tuple[NDArray[np.int64], NDArray[np.int64]]] = {}
     events = _events(pieces, begin)
     whole = replace(
         last.part,
@@ -402,10 +402,10 @@ def _warnings(pieces: Sequence[_Piece], told: Sequence[str]) -> Sequence[str]:
 def _as_one(
     found: list[tuple[_Piece, RecordedElement]],
     time_ns: NDArray[np.int64],
-    own: dict[tuple[tuple[int, int, int], ...], NDArray[np.int64]],
+    own: dict[tuple[tuple[int, int, int], ...], tuple[NDArray[np.int64], NDArray[np.int64]]],
     ends: Sequence[int],
 ) -> RecordedElement:
-    """An element of several parts; `own` are time stamps that others have, too, by where they stand.
+    """An element of several parts; `own` are time stamps, and their places, that others have, too, by where they stand.
 
     `ends` are the places, rising, before which nothing holds on.
     """
@@ -421,7 +421,8 @@ def _as_one(
         steps = steps and first == follows and divider == last.divider
         follows = first + count * divider
     if not steps and layout not in own:
-        own[layout] = time_ns[np.concatenate([first + np.arange(count) * step for first, step, count in layout])]
+        ticks = np.concatenate([first + np.arange(count) * step for first, step, count in layout])
+        own[layout] = time_ns[ticks], ticks
     spans = tuple((low + piece.shift, high + piece.shift) for piece, one in pieces for low, high in one.failures.spans)
     if len(pieces) == 1:
         return replace(last, first=begin, failures=Failures(last.failures.count, spans))
@@ -429,7 +430,8 @@ def _as_one(
         RecordedElement,
         last,
         first=begin if steps else 0,
-        own_ns=None if steps else own[layout],
+        own_ns=None if steps else own[layout][0],
+        own_ticks=None if steps else own[layout][1],
         holds=() if steps else tuple(pair for place in layout for pair in _holds(*place, ends)),
         entries=tuple(_one_entry([one.entries[number] for _, one in pieces]) for number in range(len(last.entries))),
         lost=sum(one.lost for _, one in pieces),
@@ -491,7 +493,7 @@ def resampled_by_ticks(recording: Recording, fold: Unfolded, time_ns: NDArray[np
     for element in recording.elements:
         own = element.own_ns
         if own is not None and element.holds:
-            own = fold.risen_ns[places_on(fold.axis_ns, own, held_ticks(element))]
+            own = fold.risen_ns[ticks_of(fold.axis_ns, element)]
         elif own is not None:
             own = fold.of_episodes(own)
         if own is None and element.own_ns is not None:
@@ -507,13 +509,25 @@ def resampled_by_ticks(recording: Recording, fold: Unfolded, time_ns: NDArray[np
         else event
         for event in recording.events
     ]
-    risen = replace(recording, time_ns=fold.risen_ns, elements=tuple(elements), events=tuple(events))
+    gaps = _risen_gaps(recording.gaps, fold)
+    risen = replace(recording, time_ns=fold.risen_ns, elements=tuple(elements), events=tuple(events), gaps=gaps)
     made = resampled(risen, time_ns, linear)
     told = [
         msgspec.structs.replace(event, stamp_ns=one.stamp_ns)
         for event, one in zip(made.events, recording.events, strict=True)
     ]
     return replace(made, time_ns=fold.stamps(time_ns), events=tuple(told))
+
+
+def _risen_gaps(gaps: Sequence[tuple[int, int]], fold: Unfolded) -> tuple[tuple[int, int], ...]:
+    """Between which stamps of ticks as they rise some are missing."""
+    found, since = [], 0
+    for before, behind in gaps:
+        places = np.flatnonzero((fold.axis_ns[since:-1] == before) & (fold.axis_ns[since + 1 :] == behind))
+        if len(places):
+            since += int(places[0])
+            found.append((int(fold.risen_ns[since]), int(fold.risen_ns[since + 1])))
+    return tuple(found)
 
 
 def _event_at(event: LoggedEvent, recording: Recording, time_ns: NDArray[np.int64]) -> LoggedEvent:
@@ -537,7 +551,7 @@ def held_until(recording: Recording, element: RecordedElement) -> NDArray[np.int
     if (held is None and not recording.gaps) or not len(own) or falls(own):
         return None
     step = int(np.median(np.diff(ticks))) if len(ticks) > 1 else 0
-    ends = element.stamp_indices + element.divider if held is None else places_on(ticks, own, held) + held
+    ends = element.stamp_indices + element.divider if held is None else ticks_of(ticks, element) + held
     last = len(ticks) - 1
     until = ticks[np.minimum(ends, last)] + np.maximum(ends - last, 0) * step
     for before, _ in recording.gaps:
@@ -552,7 +566,7 @@ def off_ticks(recording: Recording, element: RecordedElement) -> tuple[tuple[int
     held = held_ticks(element)
     if held is None or element.own_ns is None or len(held) < 2:
         return ()
-    places = places_on(recording.time_ns, element.own_ns, held)
+    places = ticks_of(recording.time_ns, element)
     ends, following = (places + held)[:-1], places[1:]
     off = ends < following
     return tuple(zip(ends[off].tolist(), following[off].tolist(), strict=True))

@@ -148,6 +148,7 @@ class RecordedElement:
     own: bags of others have no ticks, `first` and `divider` say nothing of them. `holds` are of an element that was
     changed while it was logged, of which there are stretches: pairs of how many ticks samples hold (until the next is
     due, or the stretch ends) and how many do; without them a sample with a stamp of its own holds until the next one.
+    `own_ticks`, shape `(count,)`: at which stamps of the recording it has samples, where that is known beside `own_ns`.
     """
 
     name: str
@@ -164,6 +165,7 @@ class RecordedElement:
     failures: Failures = NO_FAILURES
     own_ns: NDArray[np.int64] | None = None
     holds: tuple[tuple[int, int], ...] = ()
+    own_ticks: NDArray[np.int64] | None = None
 
     @property
     def count(self) -> int:
@@ -374,7 +376,7 @@ def samples_of_ticks(recording: Recording, element: RecordedElement, low: int, h
     if element.own_ns is None:
         return slice(*samples_between(element.first, element.divider, element.count, low, high))
     if element.holds:  # a cut changed it
-        places = places_on(recording.time_ns, element.own_ns, held_ticks(element))
+        places = ticks_of(recording.time_ns, element)
         return slice(*np.searchsorted(places, [low, high]).tolist())
     time_ns = recording.time_ns[low:high]
     return within(element.own_ns, int(time_ns.min()), int(time_ns.max())) if len(time_ns) else slice(0, 0)
@@ -391,6 +393,17 @@ def common_axis(stamps: Iterable[NDArray[np.int64]]) -> NDArray[np.int64]:
             at = np.searchsorted(axis, found)
             times[at] = np.maximum(times[at], counts)
     return axis if (times == 1).all() else np.repeat(axis, times)
+
+
+def ticks_of(time_ns: NDArray[np.int64], element: RecordedElement) -> NDArray[np.int64]:
+    """Shape `(count,)`: which of these time stamps, those of the recording, each sample belongs to."""
+    if element.own_ns is None:
+        return element.stamp_indices
+    known = element.own_ticks
+    fits = known is not None and len(known) == element.count and known.max(initial=-1) < len(time_ns)
+    if known is not None and fits and np.array_equal(time_ns[known], element.own_ns):
+        return known
+    return places_on(time_ns, element.own_ns, held_ticks(element))
 
 
 def places_on(

@@ -28,6 +28,7 @@ from silo.core.recording import (
     places_on,
     read_ahead,
     samples_between,
+    ticks_of,
 )
 from silo.expressions.binding import BoundExpression, Catalogue, Known, bind
 from silo.expressions.evaluation import UNOBSERVABLE, Evaluator, Judged, SourceRows
@@ -239,7 +240,7 @@ def _apart(time_ns: NDArray[np.int64], gaps: Sequence[tuple[int, int]]) -> NDArr
 def _own_ticks(axis: NDArray[np.int64], element: RecordedElement) -> _Ticks:
     stamps: Any = element.own_ns
     holds = held_ticks(element)
-    ticks = places_on(axis, stamps, holds)
+    ticks = places_on(axis, stamps) if holds is None else ticks_of(axis, element)
     if holds is not None and len(holds):
         return _Ticks(0, int(holds.max()), len(ticks), ticks, holds)
     # a single message, as of a map, holds to the end

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 import silo
-from silo.core.recording import samples_of_ticks
+from silo.analysis.log import Log
+from silo.core.recording import Recording, samples_of_ticks
+from tests.stand_ins.saved import element
 
 TICKS = 400
 
@@ -103,8 +105,8 @@ def test_each_episode_is_at_one_rate(logged, cut):
 def test_an_episode_of_a_run_that_was_cut_has_its_own_samples(logged):
     log = logged(anew, cut="divider")
     recording = log.recording
-    element = next(one for one in recording.elements if one.name.endswith("/w"))
-    mine = samples_of_ticks(recording, element, 150, 300)
+    slow = next(one for one in recording.elements if one.name.endswith("/w"))
+    mine = samples_of_ticks(recording, slow, 150, 300)
     assert log["w"].values[mine].tolist() == [k for k in sampled("divider")[0] if 150 <= k < 300]
 
 
@@ -132,3 +134,53 @@ def test_parts_of_signals_and_what_is_made_of_them_keep_their_ticks(logged, cloc
             made()
     with pytest.raises(silo.ElementError, match="must be numbers"):
         log.resample([[1], [1, 2]])
+
+
+def test_what_was_off_for_as_long_as_an_episode_is_where_it_was(new_logger):
+    now = [0]
+    log = new_logger("sim", frequency=100, max_time=0, clock=lambda: anew(now[0]))
+    n, w = log.array("n", size=1000), log.array("w", divider=3, size=1000)
+    log.start()
+    for tick in range(TICKS):
+        now[0] = tick
+        n[...] = w[...] = tick
+        if tick in (100, 250):
+            log.set("w", enabled=tick == 250, cut=True)
+        log.collect()
+    log.stop()
+    log.save()
+    with pytest.warns(silo.LogWarning):
+        log = silo.open_log(log.options.folder)
+    for made in (log["n"] - log["w"], log.eval("n - w")):
+        assert (made.values.min(), made.values.max(), len(made)) == (0, 2, TICKS - 150)
+
+
+def test_the_newest_of_a_looping_buffer_is_of_the_last_episodes(new_logger):
+    now = [0]
+    log = new_logger("sim", frequency=100, max_time=0, clock=lambda: anew(now[0]))
+    n, w = log.array("n", size=1000), log.array("w", divider=3, size=50, buffer="looping")
+    log.start()
+    for tick in range(TICKS):
+        now[0] = tick
+        n[...] = w[...] = tick
+        log.collect()
+    log.stop()
+    log.save()
+    with pytest.warns(silo.LogWarning):
+        log = silo.open_log(log.options.folder)
+    made = log["n"] - log["w"]
+    assert (made.values.min(), made.values.max()) == (0, 2)
+    table = log.to_polars()
+    rows = table.with_row_index().drop_nulls()
+    column = next(name for name in table.columns if name.endswith("/w"))
+    assert rows["index"].to_list() == rows[column].to_list()
+
+
+def test_missing_ticks_of_episodes_have_no_samples_at_a_rate():
+    axis = np.concatenate([np.arange(50), np.arange(20), np.arange(30, 60)]) * 10_000_000
+    values = np.arange(100.0)
+    missing = ((int(axis[69]), int(axis[70])),)
+    made = Recording("sim", axis, 100, [element("x", values)], prefix="/log", gaps=missing)
+    found = Log(made).resample(100)["x"].values
+    assert len(found) == 110
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(found)), np.arange(70, 80))
