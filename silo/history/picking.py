@@ -110,7 +110,7 @@ def pick(
 
 def _places(entries: Sequence[EntrySchema]) -> tuple[list[np.dtype[Any]], NDArray[np.intp]]:
     types = [stored_type(entry.dtype, swapped=entry.swapped) for entry in entries]
-    return types, np.array([entry.byte_offset for entry in entries], np.intp)
+    return types, np.array([entry.offset for entry in entries], np.intp)
 
 
 def _why_missing(name: str, now: LoggerSnapshot, schema: SegmentSchema | None) -> str:

@@ -132,9 +132,7 @@ class RingCursor:
                 dtype = np.dtype(own.entry.dtype)
                 if dtype.itemsize:
                     stored = dtype.newbyteorder(">") if live.swapped else dtype
-                    column: NDArray[Any] = np.ndarray(
-                        (count,), stored, words.data, live.byte_offset, (words.strides[0],)
-                    )
+                    column: NDArray[Any] = np.ndarray((count,), stored, words.data, live.offset, (words.strides[0],))
                     column[:] = rows.column(own)[:count]
         return Rows(schema, begin, words)
 

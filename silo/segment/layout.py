@@ -84,22 +84,17 @@ class SegmentState(enum.IntEnum):
     STOPPED = 2
 
 
-class EntrySchema(msgspec.Struct, frozen=True, gc=False):
+class EntrySchema(msgspec.Struct, frozen=True, gc=False, rename={"offset": "byte_offset"}):
     """Where one scalar stands in a row: bytes from the start of the row. `swapped`: big-endian in memory."""
 
     entry: Entry
-    byte_offset: int
+    offset: int
     swapped: bool = False
 
     @property
     def dtype(self) -> str:
         """Its type, whatever the order of its bytes."""
         return self.entry.dtype
-
-    @property
-    def offset(self) -> int:
-        """The same as `byte_offset`, as of rows that travel."""
-        return self.byte_offset
 
 
 class RingSchema(msgspec.Struct, frozen=True):

@@ -100,7 +100,7 @@ class RowPicker(Generic[Key]):
     def __init__(self, entries: Mapping[Key, EntrySchema]) -> None:
         self.keys = tuple(entries)
         self._types = [stored_type(entry.entry.dtype, swapped=entry.swapped) for entry in entries.values()]
-        offsets = np.array([entry.byte_offset for entry in entries.values()], np.intp)
+        offsets = np.array([entry.offset for entry in entries.values()], np.intp)
         self.words = words_with(self._types, offsets)
         self._offsets = moved(offsets, self.words)
 

@@ -196,7 +196,7 @@ class SegmentReader:
                 size = _item_size(entry.entry.dtype)
                 if size < 0:
                     raise self._damaged(f"{element.info.name!r} is of the unknown type {entry.entry.dtype!r}")
-                if not 0 <= entry.byte_offset <= row_bytes - size:
+                if not 0 <= entry.offset <= row_bytes - size:
                     raise self._damaged(f"{element.info.name!r} reaches beyond its row")
         ring = rings[element.ring]
         if ring.buffer_type is not options.buffer:

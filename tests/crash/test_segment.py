@@ -66,7 +66,7 @@ def test_no_row_is_torn_while_a_writer_wraps_its_rings_at_full_speed(tmp_path):
                         factor = 1
                         if element.info.name.startswith("/log/s") and element.info.name != "/log/slow":
                             factor = (int(element.info.name.removeprefix("/log/s")) + 1) * 1_000_003
-                        if len(element.entries) < 100 or entry.byte_offset % 1000 < 8:
+                        if len(element.entries) < 100 or entry.offset % 1000 < 8:
                             assert np.array_equal(rows.column(entry), rows.ticks * factor)
                 since[ring.ring] = rows.first + len(rows)
                 seen[ring.ring] += len(rows)
@@ -77,7 +77,7 @@ def test_every_byte_of_a_wide_row_belongs_to_one_tick(tmp_path):
         reader = SegmentReader(writer.segment)
         wait_for_ticks(reader, 1000)
         (wide,) = [element for element in reader.schema.elements if element.info.name == "/log/wide"]
-        begin, end = wide.entries[0].byte_offset // 8, wide.entries[-1].byte_offset // 8 + 1
+        begin, end = wide.entries[0].offset // 8, wide.entries[-1].offset // 8 + 1
         since, checked = 0, 0
         while checked < 20_000:
             rows = reader.rows(wide.ring, since)
