@@ -5,6 +5,7 @@ class for the first time then reads what isn't there yet, and the process ends w
 decode a new class each time show it within a second). What is made here is whole before anybody gets it.
 """
 
+import os
 import threading
 from collections.abc import Callable
 from functools import cache
@@ -15,18 +16,25 @@ import msgspec
 T = TypeVar("T")
 Hook = Callable[[type, Any], Any]
 
-_lock = threading.RLock()
+_locks = [threading.RLock()]  # one
+
+
+def _renew() -> None:
+    _locks[0] = threading.RLock()
+
+
+os.register_at_fork(after_in_child=_renew)  # another thread of the parent may have held it
 
 
 @cache
 def _json(kind: Any) -> msgspec.json.Decoder[Any]:
-    with _lock:
+    with _locks[0]:
         return msgspec.json.Decoder(kind)
 
 
 @cache
 def _msgpack(kind: Any, hook: Hook | None) -> msgspec.msgpack.Decoder[Any]:
-    with _lock:
+    with _locks[0]:
         return msgspec.msgpack.Decoder(kind, dec_hook=hook)
 
 

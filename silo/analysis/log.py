@@ -339,7 +339,7 @@ class Log(Mapping[str, Signal]):
         by_ticks = times.axis_ns is axis if isinstance(times, Signal) else is_rate(times)
         if falls(axis) and by_ticks:
             ticks = replace(ticks, _at=np.arange(len(axis)))
-            fold = unfolded_ticks(axis)
+            fold = unfolded_ticks(axis, even=isinstance(times, Signal))
             risen, at = fold.risen(ticks), fold.risen(times) if isinstance(times, Signal) else times
             if risen is not None and at is not None:
                 stamps = np.unique(risen.resample(at).time_ns)

@@ -18,14 +18,14 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import ArrayLike, NDArray
 
 from silo.analysis.compute import calculus, exports, frames, indexing, numpy_functions, spectra
-from silo.analysis.compute.arithmetic import warn_outside, wide
-from silo.analysis.compute.samples import Samples, is_rate, new_times, unfolded
+from silo.analysis.compute.arithmetic import UNTOLD, warn_outside, wide
+from silo.analysis.compute.samples import Samples, UntoldError, is_rate, new_times, risen_pair, unfolded_ticks
 from silo.core import units
 from silo.core.arguments import INT64, shown, text
 from silo.core.arrays.values import from_base, with_nan
 from silo.core.calls import no_attribute, told_class
 from silo.core.quantities.writing import html_table
-from silo.core.recording import within
+from silo.core.recording import rises, within
 from silo.errors import ArgumentError, ElementError
 
 # what others call it
@@ -181,11 +181,19 @@ class Signal(Samples, _Operators):
         """
         if method not in ("hold", "linear"):
             raise ElementError(f"unknown method {method!r} to resample '{self.name}': choose 'hold' or 'linear'")
-        by_ticks = isinstance(times, Signal) or (self._falls and is_rate(times))
-        if by_ticks and (ticks := unfolded(self, times if isinstance(times, Signal) else self)):
-            risen, at = ticks.risen(self), ticks.risen(times) if isinstance(times, Signal) else times
-            if risen is not None and at is not None:
-                return ticks.folded(risen.resample(at, method))
+        if self._falls and is_rate(times) and self.axis_ns is not None and not rises(self.axis_ns):
+            ticks = unfolded_ticks(self.axis_ns, even=False)
+            if (risen := ticks.risen(self)) is not None:
+                return ticks.folded(risen.resample(times, method))
+        if isinstance(times, Signal):
+            try:
+                pair = risen_pair(self, times)
+            except UntoldError:
+                warn_outside(f"resample '{self.name}' at the times of '{times.name}': {UNTOLD}")
+                pair = None
+            if pair is not None:
+                found: Signal = pair.one.resample(pair.other, method)
+                return pair.folds[1].folded(found) if pair.folds[1] else found
         mine, time_ns = self, new_times(self, times)
         if isinstance(times, Signal):
             mine = self._as_if_started(times.start_ns)

@@ -101,17 +101,22 @@ def _kept(recording: Recording, kept: NDArray[np.bool_], first_ns: int, last_ns:
     places = np.cumsum(kept) - 1
 
     def cut(element: RecordedElement) -> RecordedElement:
-        if element.own_ns is not None:
+        if element.own_ns is not None and not element.holds:
             return _own_between(element, element.own_ns, within(element.own_ns, first_ns, last_ns))
-        ticks = element.first + np.arange(element.count) * element.divider
+        ticks = ticks_of(recording.time_ns, element)
         mine = kept[ticks]
         at = places[ticks[mine]]
         steps = np.unique(np.diff(at))
         entries = _cut(element, mine, int(mine.sum()))
-        if len(steps) > 1:  # where the clock stepped, a slow element has another distance
-            return alike(RecordedElement, element, own_ns=recording.time_ns[ticks[mine]], first=0, entries=entries)
-        first, divider = int(at[0]) if len(at) else 0, int(steps[0]) if len(steps) else element.divider
-        return replace(element, first=first, divider=divider, entries=entries, buffer_type=BufferType.GROWING)
+        if element.own_ns is None and len(steps) <= 1:
+            first, divider = int(at[0]) if len(at) else 0, int(steps[0]) if len(steps) else element.divider
+            return replace(element, first=first, divider=divider, entries=entries, buffer_type=BufferType.GROWING)
+        # where the clock stepped, a slow element has another distance
+        held = held_ticks(element)
+        most = np.full(len(at), element.divider) if held is None else held[mine]
+        holds = as_holds(np.minimum(np.diff(at, append=int(kept.sum())), most))
+        stamps = recording.time_ns[ticks[mine]]
+        return alike(RecordedElement, element, own_ns=stamps, own_ticks=at, holds=holds, first=0, entries=entries)
 
     zero = recording.offset - len(kept)
     events = tuple(

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.analysis.compute.samples import Samples, Unfolded, in_order, unfolded, unfolded_ticks
+from silo.analysis.compute.samples import Samples, UntoldError, in_order, risen_pair
 from silo.core import units
 from silo.core.arguments import shown
 from silo.core.arrays.enumerations import to_compare
@@ -198,24 +198,19 @@ def aligned(one: One, other: Other, what: str, two_clocks: bool = False) -> tupl
 
 def _by_ticks(one: One, other: Other, what: str) -> tuple[One, Other] | None:
     """Return both as `aligned` does by ticks, of logs whose clocks stepped back or stood still; None of others."""
-    ticks = unfolded(one, other)
-    if ticks is None and not (one._falls or other._falls):
+    try:
+        pair = risen_pair(one, other)
+    except UntoldError:
+        warn_outside(f"{what}: {UNTOLD}")
         return None
-    mine, theirs = ticks or _fold_of(one), ticks or _fold_of(other)
-    risen = mine.risen(one) if mine else one, theirs.risen(other) if theirs else other
-    if risen[0] is None or risen[1] is None or not (mine or theirs):
-        if one._falls or other._falls:
-            warn_outside(f"{what}: {UNTOLD}")
+    if pair is None:
         return None
-    left, right = aligned(risen[0], risen[1], what, two_clocks=ticks is None)
-    if mine is None:
+    left, right = aligned(pair.one, pair.other, what, two_clocks=pair.two_logs)
+    fold = pair.folds[0]
+    if fold is None:
         return left, right
-    left = mine.folded(left)
+    left = fold.folded(left)
     return left, replace(right, time_ns=left.time_ns, axis_ns=left.axis_ns, _at=left._at)
-
-
-def _fold_of(signal: Samples) -> Unfolded | None:
-    return unfolded_ticks(signal.axis_ns) if signal._falls and signal.axis_ns is not None else None
 
 
 def _common_ticks(one: Samples, other: Samples) -> NDArray[np.int64] | None:
@@ -244,6 +239,8 @@ def common_words(one: Samples, other: Samples, common: Samples) -> str:
     moved = other._as_if_started(one.start_ns)
     if not len(common) or common.time_ns is one.time_ns:
         return ""
+    if (one._falls or moved._falls) and len(common) >= max(len(one), len(moved)):
+        return ""  # by ticks, all of them
     several = [each for each in (one, moved) if len(each) > 1]  # a single one holds on
     step = max((each._step_ns for each in several), default=0.0)
     begin, end = common._bounds

@@ -283,6 +283,11 @@ class Samples:
         return (time_ns >= self._bounds[0]) & (time_ns < self._holds_until(slack_ns)) & ~self._in_hole(time_ns)
 
     @property
+    def _is_moved(self) -> bool:
+        """Whether its times count from another stamp than the first one of its log."""
+        return self.axis_ns is not None and len(self.axis_ns) > 0 and self.start_ns != self.axis_ns[0]
+
+    @property
     def _ticks(self) -> NDArray[np.int64] | None:
         """At which ticks of its log its samples are; None where stamps tell, and for what was made to have others."""
         axis, at = self.axis_ns, self._at
@@ -377,20 +382,56 @@ class Unfolded:
         return np.asarray(risen_ns - (self.risen_ns - self.axis_ns)[places], np.int64)
 
 
-def unfolded_ticks(axis_ns: NDArray[np.int64]) -> Unfolded:
-    """Return ticks as they rise: with a usual step where the clock stepped back, evenly where it stood still."""
+def unfolded_ticks(axis_ns: NDArray[np.int64], *, even: bool = True) -> Unfolded:
+    """Return ticks as they rise: a usual step on where the clock stepped back.
+
+    `even`: where it stood still, too, so that no two have one stamp; else seconds stay what they are.
+    """
     steps = np.diff(axis_ns, prepend=axis_ns[:1])
-    if not (steps[1:] == 0).any():
-        usual = max(1, int(np.median(steps[steps > 0]))) if (steps > 0).any() else 1
-        return Unfolded(axis_ns, axis_ns[0] + np.cumsum(np.where(steps < 0, usual, steps)))
-    even = max(1, int(steps[steps > 0].sum()) // len(steps))
-    return Unfolded(axis_ns, axis_ns[0] + even * np.arange(len(axis_ns), dtype=np.int64))
+    if even and (steps[1:] == 0).any():
+        step = max(1, int(steps[steps > 0].sum()) // len(steps))
+        return Unfolded(axis_ns, axis_ns[0] + step * np.arange(len(axis_ns), dtype=np.int64))
+    usual = max(1, int(np.median(steps[steps > 0]))) if (steps > 0).any() else 1
+    return Unfolded(axis_ns, axis_ns[0] + np.cumsum(np.where(steps < 0, usual, steps)))
 
 
-def unfolded(one: Samples, other: Samples) -> Unfolded | None:
-    """Return how two signals meet by ticks of one log whose stamps don't tell which; None where they do."""
-    axis = one.axis_ns
-    return None if axis is None or axis is not other.axis_ns or rises(axis) else unfolded_ticks(axis)
+def fold_of(signal: Samples) -> Unfolded | None:
+    """Return how the ticks of a signal's log rise, where they don't by themselves."""
+    return None if signal.axis_ns is None or rises(signal.axis_ns) else unfolded_ticks(signal.axis_ns)
+
+
+@dataclass(frozen=True)
+class RisenPair:
+    """Two signals by ticks that rise, of logs whose clocks stepped back or stood still; `folds` lead back, if any."""
+
+    one: Any
+    other: Any
+    folds: tuple[Unfolded | None, Unfolded | None]
+    two_logs: bool
+
+
+def risen_pair(one: Samples, other: Samples) -> RisenPair | None:
+    """Return two signals so; None where their stamps tell when they were, or nothing tells at which ticks.
+
+    Of two logs a clock that only stood still is as good as any, and what was `counted_from` another start has stamps.
+    """
+    same = one.axis_ns is not None and one.axis_ns is other.axis_ns
+    if not same and (not (one._falls or other._falls) or one._is_moved or other._is_moved):
+        return None
+    mine = fold_of(one)
+    theirs = mine if same else fold_of(other)
+    risen = mine.risen(one) if mine else one, theirs.risen(other) if theirs else other
+    if not (mine or theirs):
+        return None
+    if risen[0] is None or risen[1] is None:
+        if one._falls or other._falls:
+            raise UntoldError
+        return None
+    return RisenPair(*risen, (mine, theirs), not same)
+
+
+class UntoldError(Exception):
+    """Of signals of a clock that stepped back nothing tells at which ticks they are."""
 
 
 def is_rate(times: object) -> bool:

@@ -30,6 +30,7 @@ MOST_TICKS = 2_000_000
 MOST_DIFFERENT = 200
 DIALOG_WIDTH = 68
 NAME_WIDTH = 22  # at least
+SAID_WIDTH = 20  # at least, where there is anything to be said
 VALUE_WIDTH = 12
 
 ORDERS: tuple[Order[ListedRun], ...] = (
@@ -65,7 +66,8 @@ class Widths(NamedTuple):
 def widths(found: Sequence[ListedRun], width: int, columns: int) -> Widths:
     """Return the widths of the columns: names are whole where they can be, what no run has takes no cells."""
     episodes, task = any(one.facts.episodes for one in found), any(one.facts.task for one in found)
-    room = width - 40 - columns * (VALUE_WIDTH + 1) - 6 * episodes - 9 * task
+    said = any(one.tags or one.notes or one.others or one.facts.problem for one in found)
+    room = width - 40 - columns * (VALUE_WIDTH + 1) - 6 * episodes - 9 * task - max(SAID_WIDTH, width // 4) * said
     longest = max((cells(one.facts.path) for one in found), default=0)
     return Widths(max(NAME_WIDTH, min(room, longest)), episodes, task)
 
