@@ -52,8 +52,8 @@ class Editing(ElementsScreen):
 
     def label_now(self, command: Command) -> str:
         """Return it; there is something to apply where edits are pending, and it says how many."""
-        fields = self.session.table.pending_count[0]
         if command.id == "apply":
+            fields = self.session.table.pending_count[0]
             return f"{command.label} {fields}" if fields else ""
         return "" if command.id == "undo" and not self.session.table.can_undo else super().label_now(command)
 
@@ -172,7 +172,7 @@ class Editing(ElementsScreen):
         self._choose_field(field)
         targets = self.session.rows.targets()
         # of what is edited, not of the cursor's row, which needn't be marked
-        value = int(self.session.table.values[field, targets[0]])
+        value = self.session.table.value(field, targets[0])
         if field is Field.ENABLED:
             self._set(field, next_value(field, value))
         elif field.cycles:
@@ -224,7 +224,7 @@ class Editing(ElementsScreen):
         field, targets = FIELDS_BY_COMMAND.get(command_id), self.session.rows.targets()
         if field is None or not len(targets):
             return ""
-        return phrase_for(field, int(self.session.table.values[field, targets[0]]))
+        return phrase_for(field, self.session.table.value(field, targets[0]))
 
     def _set(self, field: Field, value: int) -> None:
         if self.repeated in FIELDS_BY_COMMAND:

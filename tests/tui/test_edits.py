@@ -194,7 +194,8 @@ class Edited(RuleBasedStateMachine):
     def what_is_pending_is_what_is_wanted(self):
         wanted = {cell: each[0] for cell, each in self.book.items() if each[0] != self.server(cell)}
         found = {(Field(int(field)), int(row)) for field, row in np.argwhere(self.state.pending)}
-        assert {cell: int(self.state.values[cell]) for cell in found} == wanted
+        assert {cell: self.state.value(*cell) for cell in found} == wanted
+        assert all(self.state.values[cell] == value for cell, value in wanted.items())
 
 
 TestEdited = Edited.TestCase

@@ -77,7 +77,7 @@ def unit(sight: Sight, row: int, width: int) -> Cell:
 def option(field: Field) -> Callable[[Sight, int, int], Cell]:
     """Return what draws a field in its words."""
     return lambda sight, row, width: (
-        "-" if _left_out(sight, row, field) else word_for(field, int(sight.table.values[field, row])), ""
+        "-" if _left_out(sight, row, field) else word_for(field, sight.table.value(field, row)), ""
     )  # fmt: skip
 
 
@@ -87,7 +87,7 @@ def number(field: Field) -> Callable[[Sight, int, int], Cell]:
     def draw(sight: Sight, row: int, width: int) -> Cell:
         if _left_out(sight, row, field):
             return "-", ""
-        value = int(sight.table.values[field, row])
+        value = sight.table.value(field, row)
         shorter = str(value), text.compact(float(value)), text.short(value, 1)
         return next((word for word in shorter if len(word) <= width), shorter[-1]), ""
 

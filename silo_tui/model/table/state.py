@@ -93,6 +93,11 @@ class TableState:
         """What the screen shows, shape `(5, n)`: the wanted value where there is an edit, else the logger's."""
         return np.where(self._edited, self._wanted, self.server)
 
+    def value(self, field: int, row: int) -> int:
+        """Return what the screen shows of one cell: to paint one looks at no other."""
+        layer = self._wanted if self._edited[field, row] else self.server
+        return int(layer[field, row])
+
     @property
     def pending(self) -> Mask:
         """Shape `(5, n)`: edits that would change something."""
