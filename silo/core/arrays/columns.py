@@ -111,8 +111,11 @@ def bins_at(starts: NDArray[np.intp]) -> Bins:
 
 
 @dataclass(frozen=True)
-class Reduced:
-    """Columns that have samples: smallest and largest finite value as offsets from `base`, NaN where there is none."""
+class ColumnPiece:
+    """Some columns of one signal, shape `(k,)` each: smallest and largest finite value as offsets from `base`; marks.
+
+    NaN where there is no finite value.
+    """
 
     low: Floats
     high: Floats
@@ -120,13 +123,13 @@ class Reduced:
     base: int = 0
 
 
-def reduce(values: NDArray[Any], bins: Bins) -> Reduced:
-    """Return minimum, maximum and marks per column of `bins`, shape `(len(bins.columns),)`."""
+def reduce(values: NDArray[Any], bins: Bins) -> ColumnPiece:
+    """Return minimum, maximum and marks per column of `bins` that has samples, shape `(len(bins.columns),)`."""
     if bins.order is not None:
         values = values[bins.order]
     values = values[bins.skip :]
     if not len(bins.starts):
-        return Reduced(np.zeros(0), np.zeros(0), np.zeros(0, np.uint8))
+        return ColumnPiece(np.zeros(0), np.zeros(0), np.zeros(0, np.uint8))
     found = numbers(values)
     offsets = found.offsets
     marks = np.zeros(len(bins.starts), np.uint8)
@@ -137,7 +140,7 @@ def reduce(values: NDArray[Any], bins: Bins) -> Reduced:
             marks |= np.where(np.logical_or.reduceat(hit, bins.starts), mark, 0).astype(np.uint8)
         offsets = np.where(finite, offsets, np.nan)
     low, high = np.fmin.reduceat(offsets, bins.starts), np.fmax.reduceat(offsets, bins.starts)
-    return Reduced(low, high, marks, found.base)
+    return ColumnPiece(low, high, marks, found.base)
 
 
 def coarser(low: Floats, high: Floats, marks: Marks, starts: NDArray[np.intp]) -> tuple[Floats, Floats, Marks]:
@@ -251,16 +254,6 @@ def grid_of(
     grid.marks = np.zeros(low.shape, np.uint8) if marks is None else marks
     grid.bases = [(bases or {}).get(row, 0) for row in range(len(low))]
     return grid
-
-
-@dataclass(frozen=True)
-class ColumnPiece:
-    """Some columns of one signal, shape `(k,)` each: offsets from `base`, and marks."""
-
-    low: Floats
-    high: Floats
-    marks: Marks
-    base: int = 0
 
 
 class ColumnStore:
