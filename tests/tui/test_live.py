@@ -8,7 +8,6 @@ import pytest
 
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo.core.quantities.writing import duration_text
-from silo_tui.model.lists.conditions import ago
 from silo_tui.model.samples.live import (
     LiveValues,
     Reading,
@@ -207,7 +206,7 @@ def test_large_numbers_keep_the_digits_that_differ():
     [
         (text.short_span, {99.9: "99s", 100: "1m", 5999: "99m", 6000: "1h", 359_999: "99h", 360_000: "4d",
                            518_400: "6d"}),
-        (ago, {-1: "0.0 s", 9.9: "9.9 s", 10: "10 s", 59: "59 s", 60: "1 min", 3540: "59 min", 3600: "1 h",
+        (text.ago, {-1: "0.0 s", 9.9: "9.9 s", 10: "10 s", 59: "59 s", 60: "1 min", 3540: "59 min", 3600: "1 h",
                79_200: "22 h", 86_400: "1 d", 2_592_000: "30 d"}),
         (text.compact, {999.0: "999", 1000.0: "1000", 9999.0: "9999", 1e4: "10k"}),
         (text.brief, {0.0: "0.00", 0.0049: "5e-3", 0.005: "0.01", 9.5: "9.50", 10: "10.0", 100: "100", 1e5: "100k"}),
