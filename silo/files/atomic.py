@@ -8,6 +8,7 @@ import ctypes
 import errno
 import fcntl
 import hashlib
+import io
 import os
 import secrets
 import shutil
@@ -15,7 +16,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any
 
 from silo.core.child import end_abandoned_holder
 from silo.core.quantities.writing import size_text
@@ -29,7 +30,7 @@ _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 
 
 @contextmanager
-def atomic_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+def atomic_file(path: str | os.PathLike[str]) -> Iterator["WholeFile"]:
     """An open, unbuffered binary file that becomes `path` when the block ends without an exception.
 
     A file that already stood under `path` is replaced. Raises `SaveError` for every `OSError` of the block (full
@@ -249,10 +250,20 @@ def _nameless(swap: Path) -> bool:
     return any(not os.path.lexists(swap.parent / held.name) for held in _held(swap))
 
 
-def open_part(part: Path) -> BinaryIO:
+class WholeFile(io.FileIO):
+    """An unbuffered file whose `write` takes everything or raises: the plain one may take a part of it."""
+
+    def write(self, data: Any, /) -> int:
+        """Write all of `data`; raises `OSError`, for a full disk too."""
+        view = memoryview(data).cast("B")
+        append_all(self.fileno(), view)
+        return len(view)
+
+
+def open_part(part: Path) -> WholeFile:
     """Open a new file, locked until it is closed. Raises OSError."""
     while True:
-        file = part.open("xb", buffering=0)
+        file = WholeFile(part, "xb")
         try:
             if _locked(file.fileno(), part):
                 return file

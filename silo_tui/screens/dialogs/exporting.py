@@ -15,7 +15,7 @@ from textual.app import App
 from silo.core.arrays.values import as_floats, text_of
 from silo.core.quantities.writing import many
 from silo.errors import SiloError
-from silo.files.atomic import append_all, atomic_file
+from silo.files.atomic import atomic_file
 from silo_tui.context import SiloScreen
 from silo_tui.modal import run_aside
 from silo_tui.model.drawing.plots import Plotted
@@ -129,8 +129,8 @@ def free_name(wanted: Path) -> Path:
 
 def write_whole(path: Path, data: bytes) -> None:
     """Write a file whole or not at all."""
-    with atomic_file(path) as raw:
-        append_all(raw.fileno(), data)
+    with atomic_file(path) as file:
+        file.write(data)
 
 
 def _new(path: Path) -> Path:
