@@ -391,7 +391,7 @@ class ElementsScreen(SiloScreen):
         elif rows.marked_count:
             rows.clear_marks()
         elif self.context.tour is not None:
-            self.context.tour, told = None, f"the tour ends; {key_of('help')} then t begins it again"
+            self.context.tour, told = None, "the tour ends; :tour begins it again"
             self.show_news(self.context.news)
         self.say(told)
         self.table_changed()

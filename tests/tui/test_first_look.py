@@ -113,5 +113,5 @@ async def test_the_tour_is_left_as_everything_is(fake, opened):
         await screen.press("slash", *"torque", "enter", "escape")  # leaves the filter first
         await screen.shows("tour 2 of 6")
         await screen.press("escape")
-        await screen.shows("the tour ends; ? then t begins it again")
+        await screen.shows("the tour ends; :tour begins it again")
         await screen.until(lambda: "tour 2" not in screen.text)
