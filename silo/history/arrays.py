@@ -200,7 +200,8 @@ class Stream(Subscribed):
         for (_, name, place), row in sorted(expected.items()):
             known = rows.setdefault(name, [])
             known += [*[-1] * (place - len(known)), row]  # of a buffer that was full nothing came
-        return msgspec.structs.replace(self._request, run=next((run for run, *_ in expected), ""), rows=rows)
+        run = next((run for run, *_ in expected), self._request.run)
+        return msgspec.structs.replace(self._request, run=run, rows=rows)
 
     def _forget(self) -> None:
         self._frames.clear()
@@ -213,7 +214,8 @@ class Stream(Subscribed):
             layouts = {**self._opened, opened.generation: opened}
             self._opened = {generation: layouts[generation] for generation in newest}
             self.missing, self._refused = opened.missing, ""
-            self._request = msgspec.structs.replace(self._request, again=True)
+            run = self._request.run or opened.run  # of which it began with what comes
+            self._request = msgspec.structs.replace(self._request, again=True, run=run)
             self._changed.notify_all()
 
     def refuse(self, text: str) -> None:

@@ -89,12 +89,16 @@ class SampleRows(Reply, frozen=True, omit_defaults=True):
 
 
 class StreamOpened(Reply, frozen=True):
-    """How to read the frames of a stream: those of this `generation` have groups as in `names`."""
+    """How to read the frames of a stream: those of this `generation` have groups as in `names`.
+
+    `run` is the present one, `-` before the first: a client of which nothing has come asks to go on behind it.
+    """
 
     stream: str
     generation: int
     names: list[SampledName]
     missing: dict[str, str]
+    run: str = ""
 
 
 class PinOpened(Reply, frozen=True):

@@ -70,7 +70,8 @@ class ServedStream(Feed[OpenStream]):
         missing = {**picked.missing, **gone}
         if (picked.names, missing) != (self.opened.names, self.opened.missing) or self.opened.generation < 0:
             # else frames are read as before, and their client needs no other words to read them by
-            self.opened = StreamOpened(self.request.stream, self.opened.generation + 1, picked.names, missing)
+            number = self.opened.generation + 1
+            self.opened = StreamOpened(self.request.stream, number, picked.names, missing, run or "-")
         self._next_s = math.inf
         self._table, self._run, self._reader, self._groups = now.generation, run, reader, picked.groups
 

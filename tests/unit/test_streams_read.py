@@ -59,7 +59,10 @@ def test_of_a_name_with_two_groups_each_goes_on_where_it_was(stream):
     assert stream.request.rows == {"x": [-1, 13]}
 
 
-def test_it_asks_to_go_on_behind_what_was_read(stream):
+def test_it_asks_to_go_on_behind_what_was_read_or_behind_the_run_in_which_it_was_opened(stream):
     assert (stream.request.run, stream.request.rows) == ("", {})
+    stream.accept(StreamOpened("a-1", 1, [], {}, "-"))
+    stream.accept(StreamOpened("a-1", 2, [], {}, "z"))
+    assert (stream.request.run, stream.request.rows) == ("-", {})
     came(stream, "a", rows(5, 2), rows(2, 1, 1))
     assert (stream.request.run, stream.request.rows) == ("a", {"x": [7], "y": [3]})

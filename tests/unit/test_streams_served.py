@@ -108,6 +108,7 @@ def test_who_had_a_stream_before_goes_on_where_it_was_as_far_back_as_is_carried(
     assert begins(run=run, rows=rows) == [(7, 3)]
     assert begins(run=run, rows={"/log/slow": [0], "/log/x": [-1]}) == [(0, 5)], "of others what comes"
     assert begins(run=run, rows={"/log/x": [99]}) == [], "no row that isn't there yet is waited for"
-    assert begins(run="another", rows=rows) == [(0, 10), (0, 5)]
+    assert begins(run="another", rows=rows) == begins(run="-") == [(0, 10), (0, 5)]
+    assert begins(run=run) == []
     monkeypatch.setattr(streams, "BEHIND_BYTES", 2 * 24 * 2)
     assert begins(run="another", rows=rows) == [(8, 2), (3, 2)]
