@@ -391,9 +391,7 @@ def _scalars(
     starts = a.start_ns, b.start_ns
     if ours is not None and theirs is not None and _same_kind(ours, theirs):
         stamps = stamps_of(a.recording, ours), stamps_of(b.recording, theirs)
-        meeting = _meeting(
-            name, stamps, starts, shift_s, met, lambda: (time_facts(a.recording, ours), time_facts(b.recording, theirs))
-        )
+        meeting = _meeting(name, stamps, starts, shift_s, met, lambda: (time_facts(a, ours), time_facts(b, theirs)))
         if meeting.places is None and _same_bytes(ours, theirs):
             return [], _Pair(name, alike=len(ours.entries))
         if len(ours.entries) == 1 and not ours.shape and ours.entries[0].values.ndim == 1:

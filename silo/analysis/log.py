@@ -495,12 +495,17 @@ class Log(Mapping[str, Signal]):
         text("expression", expression, "log.eval('abs(joints/tau_3) > 20')")
         return self._evaluated(expression, expression, exact=True)
 
+    @cached_property
+    def _rises(self) -> bool:
+        """Whether stamps alone tell when ticks were; looked at once for all signals."""
+        return rises(self.recording.time_ns)
+
     def _evaluated(self, expression: str, name: str, *, exact: bool = False) -> Signal:
         recording = narrowed(self.recording, [expression])  # of a bag of others, no more than the expression needs
         judge = self._judge if recording is self.recording else RecordingJudge(recording)
         found = judge.evaluate(expression, whole=exact)  # derived signals are float64 wherever they are read
         dividers = set(found.bound.sources.values())
-        axis = None if rises(self.recording.time_ns) else self.recording.time_ns
+        axis = None if self._rises else self.recording.time_ns
         return Signal(
             name=name,
             values=found.values,
@@ -617,7 +622,7 @@ class Log(Mapping[str, Signal]):
             name=name,
             values=assembled(element),
             time_ns=stamps_of(self.recording, element),
-            **time_facts(self.recording, element),
+            **time_facts(self, element),
             start_ns=self.start_ns,
             components=names,
             labels=(labels[0] if alone else None) or {},
@@ -625,11 +630,12 @@ class Log(Mapping[str, Signal]):
         )
 
 
-def time_facts(recording: Recording, element: RecordedElement) -> dict[str, Any]:
-    """What `Samples` know of when they are, beside their stamps."""
+def time_facts(log: Log, element: RecordedElement) -> dict[str, Any]:
+    """What `Samples` of an element of a log know of when they are, beside their stamps."""
+    recording = log.recording
     ticks = element.own_ns is None or bool(element.holds)
     facts: dict[str, Any] = {"axis_ns": recording.time_ns if ticks else None, "divider": element.divider}
     facts["_holes"] = holes(recording, element)
-    if ticks and not rises(recording.time_ns):
+    if ticks and not log._rises:
         facts |= {"_at": ticks_of(recording.time_ns, element), "_off": off_ticks(recording, element)}
     return facts
