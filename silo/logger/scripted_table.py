@@ -530,7 +530,8 @@ class ScriptedTable:
     def save_script(self, path: str | os.PathLike[str] | None = None) -> Path:
         """Write the configuration of every element to a script, whole or not at all.
 
-        Keys of a script that stands there already and that silo doesn't know are kept.
+        Keys of a script that stands there already and that silo doesn't know are kept; so are, in the logger's own
+        script, elements that were not added this time.
 
         Args:
             path: the script; the logger's own if it is left out.
@@ -541,15 +542,16 @@ class ScriptedTable:
         Raises:
             ScriptError: the system refuses, or the script of elements that are new to the table has problems.
         """
-        from silo.settings.script import kept_text, write_script
+        from silo.settings.script import write_script
 
         self._life.check_open()
         with self._life.lock:
             self._take_in()  # with what its own script says, which is not to be lost
         target = self._script_path(path)
-        kept = write_script(target, self._table.infos, self._conditions.now)
+        own = target == Path(self._options.script)
+        kept = write_script(target, self._table.infos, self._conditions.now, own=own)
         if kept:
-            log.warning("%s: script saved%s", target, kept_text(kept))
+            log.warning("%s: script saved%s", target, kept)
         return target
 
     def _script_path(self, given: str | os.PathLike[str] | None) -> Path:

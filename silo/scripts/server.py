@@ -99,13 +99,13 @@ class ScriptServer(Server, does=[requests]):
         return EditsApplied(applied.revision, applied.changed, unknown, [*script.warnings, *applied.warnings])
 
     def save_script(self, turn: Turn, path: str, overwrite: bool) -> str:
-        from silo.settings.script import kept_text, write_script
+        from silo.settings.script import write_script
 
         target = script_folder.resolve(path, self._own_script)
         script_folder.check_target(target, self._own_script, overwrite=overwrite)
         now = self.replica.now
-        kept = write_script(target, now.table.elements, now.robot.conditions)
-        text = f"script saved: {target}{kept_text(kept)}"
+        kept = write_script(target, now.table.elements, now.robot.conditions, own=target == self._own_script)
+        text = f"script saved: {target}{kept}"
         self.events.publish(EventKind.SCRIPT_SAVED, text, by=turn.by)
         return text
 

@@ -5,13 +5,14 @@ line. Writing gives the layout of the original. Used by the logger, the helper p
 knows no logger.
 """
 
+import contextlib
 import itertools
 import json
 import os
 import re
 import stat
 import textwrap
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -27,7 +28,7 @@ from silo.settings.options import IN_SCRIPT, OptionValue
 from silo.settings.script_conditions import format_conditions, kinds_of, merged
 from silo.settings.script_reader import Reader, ScriptElement, UnknownKey
 from silo.settings.typed import ElementSettings, rate_words
-from silo.settings.yaml_nodes import collector_paused, compose, explain, text_of
+from silo.settings.yaml_nodes import Pair, collector_paused, compose, explain, text_of
 
 MAX_SCRIPT_BYTES = 8 * 2**20  # about 60,000 elements; libyaml reads 1 - 2 MB/s
 MAX_PROBLEMS = 50
@@ -182,12 +183,15 @@ def apply_script(script: Script, table: Sequence[ElementInfo], frequency_hz: flo
 
 
 def format_script(
-    table: Sequence[ElementInfo], kept: Sequence[UnknownKey] = (), conditions: Conditions = NO_CONDITIONS
+    table: Sequence[ElementInfo],
+    kept: Sequence[UnknownKey] = (),
+    conditions: Conditions = NO_CONDITIONS,
+    unlisted: Iterable[list[Pair]] = (),
 ) -> str:
     """The script that gives `table` its present options: all of them, in order, as the original writes it.
 
     `kept` are keys that silo doesn't know: they stand again where they stood, without their comments. `conditions`
-    stand in keys that the original doesn't know.
+    stand in keys that the original doesn't know. `unlisted` are elements that the table lacks, which come behind it.
     """
     places = grouped(((key.place, key.element), key.pair) for key in kept)
     anchors = itertools.count(1)
@@ -196,7 +200,8 @@ def format_script(
         pairs = places.get((place, name))
         return textwrap.indent(text_of(pairs, anchors), " " * indent) if pairs else ""
 
-    lines = [unknown("above", "", 0), "log_elements:\n" if table else "log_elements: []\n"]
+    others = [textwrap.indent(text_of(pairs, anchors), "    ") for pairs in unlisted]
+    lines = [unknown("above", "", 0), "log_elements:\n" if table or others else "log_elements: []\n"]
     for info in table:
         lines.append(f"  - name: {_quoted(info.name)}\n")
         for before, name, group in _LAYOUT:
@@ -204,6 +209,7 @@ def format_script(
             if group:
                 lines.append(unknown(group, info.name, 6))
         lines.append(unknown("element", info.name, 4))
+    lines += [f"  - {text[4:]}" for text in others]
     return "".join([*lines, format_conditions(conditions, unknown), unknown("below", "", 0)])
 
 
@@ -236,13 +242,18 @@ def _quoted(name: str) -> str:
 
 
 def write_script(
-    path: str | os.PathLike[str], table: Sequence[ElementInfo], conditions: Conditions | None = None
-) -> list[str]:
+    path: str | os.PathLike[str],
+    table: Sequence[ElementInfo],
+    conditions: Conditions | None = None,
+    *,
+    own: bool = False,
+) -> str:
     """Write `format_script(table)` to `path`, whole or not at all; a script that stands there is replaced.
 
-    Keys of that script that silo doesn't know are kept, as far as their elements are in the table; returns them, as
-    `note` or `note of /log/x`. Without `conditions` (None), those of that script are kept too. Raises `ScriptError`
-    when the file can't be written; what stood there is then untouched.
+    Keys of that script that silo doesn't know are kept, as far as their elements are in the table. Of the logger's
+    `own` script so are elements that the table lacks: their sensor may be away today, or be added later. Without
+    `conditions` (None), those of that script are kept too. Returns what a save says of what it kept; empty if there
+    was nothing. Raises `ScriptError` when the file can't be written; what stood there is then untouched.
     """
     from silo.files.atomic import atomic_file  # with its package, NumPy and more: nothing that a reader should pay for
 
@@ -250,11 +261,13 @@ def write_script(
     try:
         mode = stat.S_IMODE(final.stat().st_mode) if final.exists() else None
         names = {"", *(info.name for info in table)}
-        unknown, old = _kept(final)
+        there = _read_again(final, names)
+        unlisted = there.unlisted if own else {}
+        old = there.conditions or NO_CONDITIONS
         now = old if conditions is None else conditions
         named: dict[str, list[str]] = {key: [one.name for one in items] for key, items in kinds_of(now)}
-        kept = [found for key in unknown if (found := _placed(key, names, named)) is not None]
-        text = format_script(table, kept, now).encode()
+        kept = [found for key in there.unknown if (found := _placed(key, names, named)) is not None]
+        text = format_script(table, kept, now, unlisted.values()).encode()
         with atomic_file(final) as file:
             file.write(text)
             if mode is not None:
@@ -263,7 +276,11 @@ def write_script(
         raise ScriptError(f"{path}: an element's name is not valid Unicode; nothing was changed") from error
     except SaveError as error:
         raise ScriptError(f"{path}: the script can't be written: {error}") from error
-    return [key.label for key in kept]
+    text = f"; kept what silo doesn't know: {and_more([key.label for key in kept], 5)}" if kept else ""
+    if unlisted:
+        gone = "delete their lines if they are gone for good"
+        text += f"; kept what this program doesn't have: {and_more(list(unlisted), 5)} ({gone})"
+    return text
 
 
 def _placed(key: UnknownKey, elements: Container[str], conditions: Mapping[str, Sequence[str]]) -> UnknownKey | None:
@@ -275,22 +292,13 @@ def _placed(key: UnknownKey, elements: Container[str], conditions: Mapping[str, 
     return None if found is None else replace(key, element=found)
 
 
-def _kept(path: Path) -> tuple[list[UnknownKey], Conditions]:
-    """The unknown keys and conditions of a script that is about to be replaced; none where nobody can read it."""
-    if not path.is_file():
-        return [], NO_CONDITIONS
-    reader = Reader()
-    try:
-        with path.open("rb") as file:
+def _read_again(path: Path, table: Container[str]) -> Reader:
+    """A script that is about to be replaced, whatever is wrong with it; nothing of one that nobody can read."""
+    reader = Reader(table)
+    if path.is_file():
+        with contextlib.suppress(OSError, UnicodeDecodeError, yaml.YAMLError), path.open("rb") as file:
             root = compose(file.read(MAX_SCRIPT_BYTES).decode("utf-8-sig"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError):
-        return [], NO_CONDITIONS  # it is replaced, as it was asked for
-    with collector_paused():
-        for _ in reader.elements(root):
-            pass
-    return reader.unknown, reader.conditions or NO_CONDITIONS
-
-
-def kept_text(kept: Sequence[str]) -> str:
-    """What a save says of the keys that it kept; empty if there were none."""
-    return f"; kept what silo doesn't know: {and_more(kept, 5)}" if kept else ""
+            with collector_paused():
+                for _ in reader.elements(root):
+                    pass
+    return reader

@@ -4,7 +4,7 @@
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 
 import yaml
@@ -67,7 +67,10 @@ class Reader:
     Unknown keys are no problems: another version of silo, or another program, may know them.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, listed: Container[str] | None = None) -> None:
+        """`listed`: a table, of which valid elements that it lacks are noted, as they stand."""
+        self._listed = listed
+        self.unlisted: dict[str, list[Pair]] = {}
         self.problems: list[tuple[int, str]] = []
         self.unknown: list[UnknownKey] = []
         self.conditions: Conditions | None = None
@@ -103,9 +106,12 @@ class Reader:
             return
         first_lines: dict[str, int] = {}
         for position, item in enumerate(node.value, start=1):
+            problems = len(self.problems)
             element = self._element(item, position)
             if element is None:
                 continue
+            if self._listed is not None and element.name not in self._listed and len(self.problems) == problems:
+                self.unlisted[element.name] = item.value
             if element.name in first_lines:
                 first = first_lines[element.name]
                 self.report(element.line, f"element '{element.name}': listed twice, first in line {first}")

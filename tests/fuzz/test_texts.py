@@ -141,6 +141,9 @@ def look_at_script(text: str, folder: Path) -> None:
         assert "Expected `" not in str(error)  # msgspec's words
     write_script(path, TABLE)
     parse_script(path.read_text(), path)
+    path.write_bytes(text.encode())
+    write_script(path, TABLE, own=True)
+    parse_script(path.read_text(), path)
 
 
 def look_at_settings(text: str, folder: Path) -> None:

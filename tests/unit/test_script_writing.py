@@ -140,13 +140,33 @@ def test_unknown_keys_survive_saving_the_script_again(tmp_path: Path) -> None:
     path = tmp_path / "s.yaml"
     path.write_text(NOTED)
     kept = write_script(path, [info("/a"), info("/b")])
-    assert kept == ["version", "note of /a", "guard of /a", "limits of /a", "tail"]
+    assert kept == "; kept what silo doesn't know: version, note of /a, guard of /a, limits of /a, tail"
+    assert "/gone" not in path.read_text()  # not this logger's own script
     before, after = yaml.safe_load(NOTED), yaml.safe_load(path.read_text())
     assert (after["version"], after["tail"]) == (before["version"], before["tail"])
     for key in ("note", "limits"):
         assert after["log_elements"][0][key] == before["log_elements"][0][key]
     assert after["log_elements"][0]["buffer"]["guard"] == {"high": [1, 2]}
     assert diff_options([info("/a")], apply_script(read_script(path), [info("/a")], 100.0).options) == []
+
+
+def test_elements_that_are_away_stay_in_the_own_script(tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text(
+        "log_elements:\n- &g {name: /grip, enabled: true, divider: 20 Hz, note: [&n x, *n]}\n- {name: /a, divider: 2}\n"
+        "- {name: /wrong, divider: -3}\n- {name: '/odd: #', buffer: {size: 7}}\n"
+    )
+    kept = write_script(path, [info("/a")], own=True)
+    assert kept.startswith("; kept what this program doesn't have: /grip, /odd: # (delete their lines")
+    once = path.read_bytes()
+    write_script(path, [info("/a")], own=True)
+    assert path.read_bytes() == once
+    table = [info("/a"), info("/grip"), info("/odd: #")]
+    a, grip, odd = apply_script(read_script(path), table, 100.0).options
+    assert (a, grip.divider, grip.enabled, odd.buffer_size) == (USUAL, 5, True, 7)
+    assert [key.label for key in read_script(path).unknown_keys] == ["note of /grip"]
+    assert write_script(path, [], own=True).count("/") == 3
+    assert len(read_script(path).elements) == 3
 
 
 def test_saving_again_changes_no_byte(tmp_path: Path) -> None:
@@ -161,5 +181,5 @@ def test_saving_again_changes_no_byte(tmp_path: Path) -> None:
 def test_an_unknown_key_that_holds_itself_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "s.yaml"
     path.write_text("log_elements:\n- name: /a\nloop: &l [1, *l]\n")
-    assert write_script(path, [info("/a")]) == ["loop"]
+    assert write_script(path, [info("/a")]) == "; kept what silo doesn't know: loop"
     assert read_script(path).unknown_keys[0].label == "loop"
