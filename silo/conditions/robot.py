@@ -63,8 +63,7 @@ class ConditionRobot(Server, does=[requests], robot=True):
         logger = self.logger
         before = {known.name for known in logger.now.derived}
         logger.derive(derived.name, derived.expression, unit=derived.unit)
-        whole = join_name("", "", derived.name), join_name(logger.options.prefix, "", derived.name)
-        (made,) = [known.name for known in logger.now.derived if known.name in whole]
+        made = join_name(logger.options.prefix, "", derived.name)
         return f"'{made}' is {'derived anew' if made in before else 'derived'}: {derived.expression}"
 
     def remove_derived(self, name: str) -> str:

@@ -585,5 +585,10 @@ def buffer_size_for(seconds: float, frequency_hz: float, divider: int) -> int:
 
 
 def join_name(prefix: str, group: str, name: str) -> str:
-    """Return `prefix/group/name` with runs of `/` folded into one and none at the end."""
-    return "/" + "/".join(filter(None, f"{prefix}/{group}/{name}".split("/")))
+    """Return `prefix/group/name` with runs of `/` folded into one and none at the end.
+
+    A name without group that begins with the prefix, as lists show it, is whole already.
+    """
+    before, behind = (tuple(filter(None, text.split("/"))) for text in (prefix, f"{group}/{name}"))
+    whole = not group.strip("/") and len(behind) > len(before) and behind[: len(before)] == before
+    return "/" + "/".join(behind if whole else before + behind)

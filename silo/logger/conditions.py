@@ -84,9 +84,7 @@ class LoggerConditions(TakesConditions[None]):
             raise ElementError("a derived signal needs a name; nothing was changed")
         if not name.isprintable():
             raise ElementError(f"signal name {name!r}: write a name of printable characters; nothing was changed")
-        whole_name = join_name("", "", name)
-        if group or not whole_name.startswith(f"{prefix.rstrip('/')}/"):
-            whole_name = join_name(prefix, group, name)
+        whole_name = join_name(prefix, group, name)
         with self._life.lock:
             self._life.check_open()
             one = Derived(whole_name, expression, self._table.unit(whole_name, unit) if unit.strip() else "")

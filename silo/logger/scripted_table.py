@@ -166,7 +166,7 @@ class ScriptedTable:
             source: a NumPy array (any shape, strides and dtype), ctypes object, array.array, memoryview or mmap, read
                 by reference; an object with `attr`, read each due tick; a function without arguments; a dataclass, a
                 registered type, or a list, tuple or dict of such; what `silo.mujoco` tells of a simulation.
-            name: its name after prefix and group. May be left out where `attr` gives one.
+            name: its name after prefix and group, or whole with the prefix. May be left out where `attr` gives one.
             group: the namespace between prefix and name.
             unit: `"Nm"`, `"rad/s"`, `"-"` for none.
             divider: collected at ticks 0, d, 2d, ...; or a rate (`"50Hz"`).
@@ -286,7 +286,7 @@ class ScriptedTable:
         The fastest way: all such variables are one memory copy per tick.
 
         Args:
-            name: its name after prefix and group.
+            name: its name after prefix and group, or whole with the prefix.
             shape: a number, or several; `()` for a scalar, set by `x[...] = 1`.
             dtype: of one value.
             **options: the keywords of `add`.
@@ -318,7 +318,7 @@ class ScriptedTable:
         and tensors (of NumPy, torch, JAX ..., also on a GPU) keep type and shape.
 
         Args:
-            name: its name after prefix and group.
+            name: its name after prefix and group, or whole with the prefix.
             value: a number, or what NumPy can make an array of numbers of.
             **options: the keywords of `add`, of the first call.
 

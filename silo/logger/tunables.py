@@ -53,7 +53,7 @@ class Tunables:
         changes, who made them and the tick from which they held.
 
         Args:
-            name: its name after prefix and group.
+            name: its name after prefix and group, or whole with the prefix.
             default: a float, an int, True or False, a member of an enumeration, a text, or an array of such.
             min: the least that it may be.
             max: the most that it may be.
@@ -105,7 +105,7 @@ class Tunables:
         commands, so that a transfer function can be measured.
 
         Args:
-            name: its name after prefix and group.
+            name: its name after prefix and group, or whole with the prefix.
             min: the least that it may be, 0 or less.
             max: the most that it may be, 0 or more.
             shape: of an array of them; one of its values is excited at a time.

@@ -93,6 +93,13 @@ def test_without_max_time_a_default_buffer_holds_ten_seconds():
         ("/log/", "/joints//", "//q/", "/log/joints/q"),
         ("", "", "q", "/q"),
         ("log", "a/b", "c/d", "/log/a/b/c/d"),
+        ("/log", "", "/log/joints/q", "/log/joints/q"),
+        ("/log", "/", "log/q", "/log/q"),
+        ("/log", "", "/log", "/log/log"),
+        ("/log", "", "/logs/q", "/log/logs/q"),
+        ("/log", "log", "q", "/log/log/q"),
+        ("/a/b", "", "/a/b/q", "/a/b/q"),
+        ("/a/b", "", "/a/q", "/a/b/a/q"),
     ],
 )
 def test_a_name_is_prefix_group_and_name_with_runs_of_slashes_folded(prefix, group, name, full):
