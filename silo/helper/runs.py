@@ -15,6 +15,7 @@ from silo.errors import SegmentError
 from silo.helper.marks import MarkReader
 from silo.helper.robot_link import RobotLink
 from silo.link.channel import LetGo
+from silo.live.publisher import Publisher
 from silo.recorder.server import EndlessRecordings
 from silo.state.events import EventNotifier
 from silo.state.handover import RunOffer, taken_runs
@@ -48,6 +49,7 @@ class Runs:
         marks: MarkReader,
         judge: Judge,
         recording: EndlessRecordings,
+        publisher: Publisher,
         early: Sequence[RunOffer],
     ) -> None:
         """`early` were taken over before anybody was there to follow them."""
@@ -58,6 +60,7 @@ class Runs:
         self._marks, self._judge = marks, judge
         held.add(recording.needs)
         held.add(judge.needs)
+        held.add(publisher.needs)
 
     def take(self) -> bool:
         """Take over all runs that were handed over; False if there was none."""

@@ -30,6 +30,7 @@ from silo.segment.reader import SegmentReader
 from silo.segment.reasons import LOST_ADVICE, lost_text
 from silo.segment.rows import lost_samples
 from silo.state.events import EventNotifier
+from silo.state.held_runs import HeldRuns
 from silo.state.replica import Replica
 from silo.state.run_follower import RunFollower
 
@@ -43,6 +44,7 @@ TOPIC_PERIOD_S = 0.05
 HZ_WINDOW_S = 2.0
 LOST_PERIOD_S = 2.0
 MAX_CLIENTS = 1_000
+MOST_BEHIND = 64  # runs, with the present one: the memory of each stays until it is sent
 
 log = logging.getLogger("silo.helper")
 
@@ -145,14 +147,17 @@ def room_of(folder: Path) -> tuple[int, int]:
 class Publisher:
     """Owns the publisher thread. The other methods may be called by any thread."""
 
-    def __init__(self, session: zenoh.Session, root: keys.Root, replica: Replica, events: EventNotifier) -> None:
+    def __init__(
+        self, session: zenoh.Session, root: keys.Root, replica: Replica, events: EventNotifier, held: HeldRuns
+    ) -> None:
         self._session = session
         self._root = root
         self._replica = replica
         self._events = events
-        self._topics = Topics(session, root)
+        self._held, self._reading = held, set[str]()  # runs that streams and topics are at
+        self._topics = Topics(session, root, held.between)
         self.views = Views(session, root, replica)
-        self.streams = Streams(session, root, replica)
+        self.streams = Streams(session, root, replica, self._watched_between)
         self.pins = Pins()
         self._clients: set[str] = set()
         self._came: dict[str, bool] = {}  # by id, clients that are there, or went, since they were looked at
@@ -189,6 +194,15 @@ class Publisher:
     def clients(self) -> int:
         """Clients that are there, by their liveliness tokens."""
         return len(self._clients)
+
+    def needs(self, run: str) -> bool:
+        """Whether a stream or topic is at a run, or one before it; of many short ones the newest few."""
+        ids = self._held.ids()[-MOST_BEHIND:]
+        return run in ids and not self._reading.isdisjoint(ids[: ids.index(run) + 1])
+
+    def _watched_between(self, run: str, present: SegmentReader) -> SegmentReader:
+        found = self._held.between(run, present)
+        return present if found is present else self._replica.watching(found)
 
     def name_client(self, client: str, name: str, identity: str = "") -> None:
         """Remember who a client is, before it comes: what it says of itself, or with an identity what is known."""
@@ -247,6 +261,7 @@ class Publisher:
         """Do what is due and say when to come again."""
         self.pins.expire()
         self._follow_run(now_s)
+        self._note_reading()
         self._follow_clients()
         self._measure(now_s)
         self.summary.send(now_s)
@@ -273,6 +288,12 @@ class Publisher:
             self._derived.look()
         else:
             self._derived.forget()
+
+    def _note_reading(self) -> None:
+        reading = {self._topics.reading, *self.streams.reading} - {""}
+        if reading != self._reading:
+            self._reading = reading
+            self._held.changed()
 
     def _note(self, sample: zenoh.Sample) -> None:
         """A client came or went; in a thread of Zenoh."""

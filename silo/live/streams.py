@@ -19,7 +19,7 @@ from silo.live.feeds import Feed, Feeds, Round
 from silo.net import keys
 from silo.segment.reader import SegmentReader
 from silo.state.replica import LoggerSnapshot, Replica
-from silo.state.run_follower import is_over
+from silo.state.run_follower import Between, is_over
 
 MIN_PERIOD_S, MAX_PERIOD_S = 0.01, 10.0
 MAX_FRAME_BYTES = 2**20  # the rest follows at once
@@ -29,8 +29,10 @@ BEHIND_BYTES = 8 * MAX_FRAME_BYTES  # so much of what came while a client was aw
 class ServedStream(Feed[OpenStream]):
     """A stream that is open."""
 
-    def __init__(self, request: OpenStream, publisher: zenoh.Publisher, now_s: float) -> None:
+    def __init__(self, request: OpenStream, publisher: zenoh.Publisher, now_s: float, between: Between) -> None:
         super().__init__(request, publisher, request.period_s, now_s)
+        self._between = between
+        self._following: SegmentReader | None = None  # behind the run that is read
         self.opened = StreamOpened(request.stream, -1, [], {})  # how to read the present frames
         self._table = -1  # the generation of the table that was adopted last
         self._run: str | None = None
@@ -39,6 +41,11 @@ class ServedStream(Feed[OpenStream]):
         self._cursors: dict[tuple[int | str, int], int] = {}
         self._next_s = math.inf  # since when another run is the present one
         self._derived: dict[int, str] = {}  # rings of derived signals have no lasting numbers: their names
+
+    @property
+    def run(self) -> str:
+        """The run that is read; empty for none."""
+        return self._run or ""
 
     def prepare(self, this: Round) -> None:
         """Go over to the present table and run; a run that another one came behind is read to its end first."""
@@ -72,7 +79,7 @@ class ServedStream(Feed[OpenStream]):
             # else frames are read as before, and their client needs no other words to read them by
             number = self.opened.generation + 1
             self.opened = StreamOpened(self.request.stream, number, picked.names, missing, run or "-")
-        self._next_s = math.inf
+        self._next_s, self._following = math.inf, None
         self._table, self._run, self._reader, self._groups = now.generation, run, reader, picked.groups
 
     def _asked_from(self, picked: RowSelection, number: int, run: str, head: int) -> int:
@@ -95,10 +102,14 @@ class ServedStream(Feed[OpenStream]):
     def frame(self, this: Round) -> tuple[bytes | None, bool]:
         """Return what came since the last one, encoded: of one run."""
         if this.reader is not None and self._reader is not None and self._reader is not this.reader:
-            frame, more = self._rest(self._reader, this.reader, this.now_s)
+            self._following = self._following or self._between(self.run, this.reader)
+            frame, more = self._rest(self._reader, self._following, this.now_s)
             if frame is not None or not more:
                 return frame, more
-            self.adopt(this.logger, this.reader)
+            between = self._following.schema.run != this.reader.schema.run
+            self.adopt(this.logger, self._following if between else this.reader)
+            if between:
+                return None, True
         return self._rows()
 
     def _rest(self, before: SegmentReader, following: SegmentReader, now_s: float) -> tuple[bytes | None, bool]:
@@ -139,9 +150,14 @@ class Streams(Feeds[OpenStream, ServedStream]):
 
     kind, most, most_of_client = "stream", 32, 8
 
-    def __init__(self, session: zenoh.Session, root: keys.Root, replica: Replica) -> None:
+    def __init__(self, session: zenoh.Session, root: keys.Root, replica: Replica, between: Between) -> None:
         super().__init__(session, root)
-        self._replica = replica
+        self._replica, self._between = replica, between
+
+    @property
+    def reading(self) -> set[str]:
+        """The runs that are read."""
+        return {one.value.run for one in self._feeds.all()}
 
     def open(self, request: OpenStream) -> StreamOpened:
         """Open, replace or renew a stream."""
@@ -160,7 +176,7 @@ class Streams(Feeds[OpenStream, ServedStream]):
             check_known(request.names, self._replica.now)
 
     def _made(self, request: OpenStream, publisher: zenoh.Publisher) -> ServedStream:
-        made = ServedStream(request, publisher, time.monotonic())
+        made = ServedStream(request, publisher, time.monotonic(), self._between)
         made.adopt(self._replica.now, self._replica.open_watcher())  # from here on nothing is left out
         return made
 

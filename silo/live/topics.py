@@ -18,7 +18,7 @@ from silo.segment.layout import ElementSchema
 from silo.segment.picking import Packer
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import stored_type
-from silo.state.run_follower import is_over
+from silo.state.run_follower import Between, is_over
 
 MAX_BATCH_BYTES = 2 * 2**20  # rows read per ring and round
 CHECK_PERIOD_S = 0.25  # how soon a new subscriber is noticed
@@ -54,14 +54,15 @@ class _Topic:
 class Topics:
     """The topics of one segment. Belongs to the publisher thread."""
 
-    def __init__(self, session: zenoh.Session, root: Root) -> None:
-        self._session = session
+    def __init__(self, session: zenoh.Session, root: Root, between: Between) -> None:
+        self._session, self._between = session, between
         self._root = root
         # one publisher for all keys tells whether anybody wants anything: nothing else is done until somebody does
         self._any = session.declare_publisher(root.key("topic", "**"))
         self._reader: SegmentReader | None = None
-        self._next: SegmentReader | None = None  # the run behind that one, which is read to its end first
-        self._next_s = 0.0  # since when that is known
+        self._present: SegmentReader | None = None  # where that is another one: what is behind is read to its end first
+        self._following: SegmentReader | None = None  # the run behind the one that is read
+        self._next_s = 0.0  # since when another one is the present one
         self._published: list[ElementSchema] = []
         self._topics: list[_Topic] = []
         self._cursors: dict[int, int] = {}
@@ -70,17 +71,25 @@ class Topics:
 
     def adopt(self, reader: SegmentReader | None, now_s: float) -> None:
         """Go over to another segment, once what somebody reads of the one before is sent to its end."""
-        self._next, self._next_s = reader, now_s
+        self._present, self._next_s = reader, now_s
         if reader is None or self._reader is None or not self._cursors:
             self._go_over(reader)
 
+    @property
+    def reading(self) -> str:
+        """The run that somebody reads; empty for none."""
+        return self._reader.schema.run if self._reader is not None and self._cursors else ""
+
     def _go_over(self, reader: SegmentReader | None) -> None:
         """Rings that somebody reads go on with the first sample of the new run."""
-        self._next = None
+        self._reader, self._following = reader, None
+        published = [e for e in reader.schema.elements if e.live_ring >= 0] if reader else []
+        if published == self._published:
+            self._cursors = dict.fromkeys(self._cursors, 0)
+            return  # who subscribes does so still
         self._read_before = {topic.element.info.name for topic in self._topics if topic.active}
         self._check_s = 0.0
-        self._reader = reader
-        self._published = [e for e in reader.schema.elements if e.live_ring >= 0] if reader else []
+        self._published = published
         self._forget()
 
     def _forget(self) -> None:
@@ -95,12 +104,17 @@ class Topics:
 
     def publish(self, now_s: float) -> bool:
         """Send what came since the last call; True if there is more than fits in one round."""
-        if self._next is not None and self._reader is not None and self.wanted():
-            over, more = self._publish_rest(self._reader, self._next, now_s)
+        present = self._present
+        if self._reader is not present and self._reader is not None and present is not None and self.wanted():
+            self._following = self._following or self._between(self.reading, present)
+            over, more = self._publish_rest(self._reader, self._following, now_s)
             if more or not over:
                 return more
-        if self._next is not None:
-            self._go_over(self._next)
+            self._go_over(self._following)
+            if self._reader is not present:
+                return True
+        elif self._reader is not present:
+            self._go_over(present)
         reader = self._reader
         if reader is None:
             return False

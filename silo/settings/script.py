@@ -276,11 +276,11 @@ def write_script(
         raise ScriptError(f"{path}: an element's name is not valid Unicode; nothing was changed") from error
     except SaveError as error:
         raise ScriptError(f"{path}: the script can't be written: {error}") from error
-    text = f"; kept what silo doesn't know: {and_more([key.label for key in kept], 5)}" if kept else ""
+    told = f"; kept what silo doesn't know: {and_more([key.label for key in kept], 5)}" if kept else ""
     if unlisted:
         gone = "delete their lines if they are gone for good"
-        text += f"; kept what this program doesn't have: {and_more(list(unlisted), 5)} ({gone})"
-    return text
+        told += f"; kept what this program doesn't have: {and_more(list(unlisted), 5)} ({gone})"
+    return told
 
 
 def _placed(key: UnknownKey, elements: Container[str], conditions: Mapping[str, Sequence[str]]) -> UnknownKey | None:

@@ -146,6 +146,14 @@ class HeldRuns:
         with self._lock:
             return list(self._runs)
 
+    def between(self, run: str, present: SegmentReader) -> SegmentReader:
+        """Return a reader of the run behind this one: with many short ones that is not the present one yet."""
+        ids = self.ids()
+        with contextlib.suppress(SegmentError):
+            if run in ids[:-1] and (following := ids[ids.index(run) + 1]) != present.schema.run:
+                return self.open(following) or present
+        return present
+
     def conditions(self, run: str) -> Conditions | None:
         """Return what a run was watched for last, None where no helper process knew it."""
         return self._conditions.get(run)

@@ -263,8 +263,13 @@ class Replica:
 
     def open_watcher(self) -> SegmentReader | None:
         """The same with the present derived signals, computed while rows are read: what clients see of a run."""
-        reader, now = self.open_reader(), self.now
-        if reader is None or not now.table.derived:
+        reader = self.open_reader()
+        return reader if reader is None else self.watching(reader)
+
+    def watching(self, reader: SegmentReader) -> SegmentReader:
+        """Return a reader with the present derived signals, in place of this one. Raises SegmentError."""
+        now = self.now
+        if not now.table.derived:
             return reader
         try:
             return DerivedReader(reader.path, reader.fileno(), self._planned(reader, now))

@@ -1,11 +1,15 @@
 """Following the present run: one way to notice another one, to let go, and to go on after what can't be read."""
 
 import time
+from collections.abc import Callable
+from typing import TypeAlias
 
 from silo.segment.reader import SegmentReader
 from silo.segment.reasons import LAST_TICK_S
 from silo.state.replica import Replica
 
+# Returns a reader of the run behind that of an id: the present one, as it is given, or one between the two.
+Between: TypeAlias = Callable[[str, SegmentReader], SegmentReader]
 RELEASE_PERIOD_S = 2.0  # a segment of 16 MB that is followed made the process 14 MB larger within 10 s
 
 

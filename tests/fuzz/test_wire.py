@@ -212,9 +212,9 @@ class Bench:
         self.replica = Replica(robot_state(self.logger, "", -1))
         root = Root(self.replica.host, "fuzz")
         events = EventNotifier(self.session, root, self.replica, EventLog(str(folder), "fuzz"))
-        self.publisher = Publisher(self.session, root, self.replica, events)
-        self.saver = Saver(self.replica, events, self.robot)
         held = HeldRuns(self.replica, lambda: None)
+        self.publisher = Publisher(self.session, root, self.replica, events, held)
+        self.saver = Saver(self.replica, events, self.robot)
         self.recording = EndlessRecordings(self.replica, events, held)
         judge = Judge(self.replica, events, held)
         self.servers = Servers(

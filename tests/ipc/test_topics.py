@@ -57,6 +57,43 @@ def test_topics_and_streams_have_each_sample_over_cuts(running, client):
         assert len(values) == len(set(values)) == values[-1] - values[0] + 1, (name, sorted(missing))
 
 
+def test_topics_and_streams_have_every_run_of_a_burst(bench, client):
+    """Episodes of a fast simulation: the helper process sees but some of them as the present one."""
+    client.derive("twice", "2 * x")
+    bench.logger.start()
+    bench.ticks(1)
+    topic, stream, found = (
+        client.topic("x"),
+        client.stream(["x", "twice"], 0.2),
+        {"topic": [], "stream": [], "twice": []},
+    )
+
+    def has_read(value):
+        for batch in topic.read():
+            found["topic"] += batch.values.tolist()
+        while (batch := stream.read(0.0)) is not None:
+            found["stream"] += batch["x"].values.tolist() if "x" in batch else []
+            found["twice"] += (batch["twice"].values / 2).tolist() if "twice" in batch else []
+        return all(values and values[-1] >= value for values in found.values())
+
+    def lively():
+        bench.ticks(1)
+        return has_read(2)
+
+    wait_until(lively)
+    begin = bench.x.item()
+    for _ in range(20):
+        bench.logger.restart()
+        bench.ticks(10)
+    end = bench.x.item()
+    wait_until(lambda: has_read(end))
+    topic.close()
+    stream.close()
+    for name, values in found.items():
+        burst = [value for value in values if value > begin]
+        assert burst == list(np.arange(begin + 1, end + 1)), name
+
+
 def test_a_loop_ends_when_its_topic_is_closed(bench, client):
     topic = client.topic("/log/x")
     closing = threading.Timer(0.05, topic.close)

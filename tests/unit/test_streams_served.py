@@ -13,10 +13,15 @@ from silo.segment.reader import SegmentReader
 from silo.state.replica import Replica
 
 
+def at_once(_: str, present: SegmentReader) -> SegmentReader:
+    """No run began and ended between two looks."""
+    return present
+
+
 def test_a_stream_goes_on_as_the_table_changes_and_has_a_new_run_from_its_first_row_on(new_logger, monkeypatch):
     log = new_logger("bot", frequency=100)
     log.array("x")
-    stream = ServedStream(OpenStream(stream="a-1", names=["/log/x", "/log/gone"]), None, 0.0)
+    stream = ServedStream(OpenStream(stream="a-1", names=["/log/x", "/log/gone"]), None, 0.0, at_once)
 
     def came(ticks, generation):
         for _ in range(ticks):
@@ -48,7 +53,7 @@ def test_a_stream_goes_on_as_the_table_changes_and_has_a_new_run_from_its_first_
 def test_a_run_that_is_cut_or_ends_is_sent_to_its_end_before_the_next_one(new_logger):
     log = new_logger("bot", frequency=100)
     log.array("x")
-    stream = ServedStream(OpenStream(stream="a-1", names=["/log/x"]), None, 0.0)
+    stream = ServedStream(OpenStream(stream="a-1", names=["/log/x"]), None, 0.0, at_once)
     runs = []
 
     def came(ticks=0, now_s=0.0):
@@ -98,7 +103,7 @@ def test_who_had_a_stream_before_goes_on_where_it_was_as_far_back_as_is_carried(
     now, reader = Replica(robot_state(log, "", -1)).now, SegmentReader(log._present.path)
 
     def begins(**asked):
-        stream = ServedStream(OpenStream(stream="a-1", names=["/log/x", "/log/slow"], **asked), None, 0.0)
+        stream = ServedStream(OpenStream(stream="a-1", names=["/log/x", "/log/slow"], **asked), None, 0.0, at_once)
         stream.adopt(now, reader)
         data, _ = stream.frame(Round(now, reader, 0.0, 100.0, 0.0))
         return [(one.first, one.count) for one in msgspec.msgpack.decode(data, type=StreamFrame).rows] if data else []
