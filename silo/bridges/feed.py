@@ -142,11 +142,12 @@ class LoggerFollower:
 
     def _read(self, client: "Client") -> None:
         """Pass on what comes, until it is time to look at the table."""
-        for _ in range(max(1, round(TABLE_PERIOD_S / PERIOD_S))):
+        for number in range(max(1, round(TABLE_PERIOD_S / PERIOD_S))):
             if self._ended.is_set():
                 return
             self._look_at_parameters(client)
-            if self._outdated or self._wished != self._streamed:
+            # what was refused is asked for again in the next round
+            if (self._outdated or self._wished != self._streamed) and not (number and self._refused):
                 self._change_stream(client)
             if self._stream is None:
                 self._changed.wait(TABLE_PERIOD_S)
@@ -162,16 +163,16 @@ class LoggerFollower:
         try:
             stream = client.stream(names, PERIOD_S) if names else None
             self._refused = ""
-        except RefusedError as error:  # for now: it is tried again, and told once
+        except RefusedError as error:  # for now: it is tried again, and told once; what there is goes on meanwhile
             self._refused = str(error)
             if self._refused != before:
                 self._listener.told(self._refused)
+            return
         if self._stream is not None:  # what was under way before the new one began
             for _ in range(LAST_BATCHES):
                 self._pass_on(self._stream.read(2 * PERIOD_S))
         self._end_stream()
-        if not self._refused:
-            self._stream, self._streamed, self._outdated = stream, wished, False
+        self._stream, self._streamed, self._outdated = stream, wished, False
 
     def _end_stream(self) -> None:
         if self._stream is not None:

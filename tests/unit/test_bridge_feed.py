@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from silo.bridges.feed import LoggerFollower
+from silo.bridges.feed import PERIOD_S, LoggerFollower
 from silo.core.elements import State
-from silo.errors import ConnectionLostError
+from silo.errors import ConnectionLostError, RefusedError
 from silo.history.arrays import SampleArrays
 from tests.waiting import DEADLINE_S
 
@@ -63,6 +63,37 @@ class Robot:
 
     def close(self):
         self.closed += 1
+
+
+class Refusing(Robot):
+    """A client that refuses all streams but the first; of that one comes a row whenever it is read."""
+
+    def __init__(self, feed):
+        super().__init__()
+        self.feed, self.reads = feed, 0
+
+    def stream(self, names, period_s):
+        self.asked.append(names)
+        if len(self.asked) > 1:
+            raise RefusedError("8 streams are open already")
+        return self
+
+    def read(self, timeout_s):
+        self.reads += 1
+        self.feed.wish(frozenset({"/log/x", "/log/y"}))
+
+
+def test_a_stream_goes_on_while_another_one_is_refused(monkeypatch):
+    monkeypatch.setattr("silo.bridges.feed.TABLE_PERIOD_S", 10 * PERIOD_S)
+    told = []
+    feed = LoggerFollower(lambda: None, SimpleNamespace(told=told.append, parameters=lambda known: None))
+    robot = Refusing(feed)
+    feed._table = [SimpleNamespace(name=f"/log/{name}", options=SimpleNamespace(enabled=True)) for name in "xy"]
+    feed.wish(frozenset({"/log/x"}))
+    for _ in range(3):
+        feed._read(robot)
+    assert robot.asked == [["/log/x"], *[["/log/x", "/log/y"]] * 3], "one try each round"
+    assert (robot.reads, robot.closed, told) == (30, 0, ["8 streams are open already"])
 
 
 def test_once_a_robot_is_gone_nothing_of_it_is_left_and_why_is_told_once_until_it_is_there_again(monkeypatch):
