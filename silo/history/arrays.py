@@ -33,7 +33,8 @@ from silo.segment.picking import Packer, shaped
 
 STAMP_BYTES = 16
 MAX_LAYOUTS = 8
-MAX_BACKLOG = 64  # frames of at most 1 MB: 3 s of them, should the reader pause
+MAX_BACKLOG_BYTES = 64 * 2**20  # of frames of at most 1 MB: 3 s of the largest, minutes of small ones
+FRAME_BYTES = 256  # what one takes beside its data
 
 _decoder = msgpack_decoder(StreamFrame)
 
@@ -176,8 +177,9 @@ class Stream(Subscribed):
         self.missing: dict[str, str] = {}  # why names have no samples
         self._place = number
         self._renew = renew
-        self._frames: deque[bytes] = deque(maxlen=MAX_BACKLOG)
-        self._unread: deque[StreamFrame] = deque(maxlen=MAX_BACKLOG)
+        self._frames: deque[bytes] = deque()
+        self._backlog_bytes = 0
+        self._unread: StreamFrame | None = None  # the one before those
         self._opened: dict[int, StreamOpened] = {}  # the newest few, by generation
         self._expected: dict[tuple[str, str, int], int] = {}  # by run, name and which of its groups
         self._from_first: set[str] = set()  # names of which nothing has come of the run, which began meanwhile
@@ -205,7 +207,7 @@ class Stream(Subscribed):
 
     def _forget(self) -> None:
         self._frames.clear()
-        self._unread.clear()
+        self._backlog_bytes, self._unread = 0, None
 
     def accept(self, opened: StreamOpened) -> None:
         """How to read the frames from now on."""
@@ -228,7 +230,15 @@ class Stream(Subscribed):
         data = sample.payload.to_bytes()
         with self._changed:
             self._frames.append(data)
+            self._backlog_bytes += len(data) + FRAME_BYTES
+            while self._backlog_bytes > MAX_BACKLOG_BYTES:
+                self._oldest()  # the rows of this run are counted as missed
             self._changed.notify_all()
+
+    def _oldest(self) -> bytes:
+        data = self._frames.popleft()
+        self._backlog_bytes -= len(data) + FRAME_BYTES
+        return data
 
     def read(self, timeout_s: float | None = None) -> StreamBatch | None:
         """Return the next batch; waits for it, None where none came in time or the stream was closed.
@@ -251,16 +261,18 @@ class Stream(Subscribed):
         return None
 
     def _next(self) -> StreamBatch | None:
-        while self._frames:
-            decode = functools.partial(_decoded, self._frames.popleft())
-            if (read := self._foreign.read(f"stream {self._request.stream}", decode)) is not None:
-                self._unread.append(read)
-        while self._opened and self._unread:
-            frame = self._unread[0]
+        while self._unread is not None or self._frames:
+            if self._unread is None:
+                decode = functools.partial(_decoded, self._oldest())
+                self._unread = self._foreign.read(f"stream {self._request.stream}", decode)
+                continue
+            if not self._opened:
+                return None
+            frame = self._unread
             if frame.generation > max(self._opened):
                 self._renew()  # after an edit or a start: how to read it comes
                 return None
-            self._unread.popleft()
+            self._unread = None
             if frame.generation in self._opened and (batch := self._batch(frame, self._opened[frame.generation])):
                 return batch
         return None

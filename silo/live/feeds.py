@@ -47,6 +47,10 @@ class Feed(abc.ABC, Generic[RequestT]):
         self.publisher, self.period_s = publisher, period_s
         self.due_s = now_s
 
+    def is_due(self, this: Round) -> bool:
+        """Whether it is to be looked at in this round."""
+        return this.now_s >= self.due_s
+
     def prepare(self, this: Round) -> None:
         """Take in another table or run, whether or not anybody subscribes."""
 
@@ -150,7 +154,7 @@ class Feeds(abc.ABC, Generic[RequestT, FeedT]):
         self._undeclare_closed()
         for one in self._feeds.all():
             feed = one.value
-            if this.now_s >= feed.due_s:
+            if feed.is_due(this):
                 more = self._send(one.key, feed, this)
                 later_s = max(feed.due_s + feed.period_s, this.now_s + feed.period_s / 2)
                 feed.due_s = this.now_s if more else later_s

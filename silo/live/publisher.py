@@ -44,7 +44,7 @@ TOPIC_PERIOD_S = 0.05
 HZ_WINDOW_S = 2.0
 LOST_PERIOD_S = 2.0
 MAX_CLIENTS = 1_000
-MOST_BEHIND = 64  # runs, with the present one: the memory of each stays until it is sent
+MOST_BEHIND_BYTES = 256 * 2**20  # of runs that stay in memory until they are sent
 
 log = logging.getLogger("silo.helper")
 
@@ -196,9 +196,11 @@ class Publisher:
         return len(self._clients)
 
     def needs(self, run: str) -> bool:
-        """Whether a stream or topic is at a run, or one before it; of many short ones the newest few."""
-        ids = self._held.ids()[-MOST_BEHIND:]
-        return run in ids and not self._reading.isdisjoint(ids[: ids.index(run) + 1])
+        """Whether a stream or topic is at a run, or one before it; not of what is too much memory, the oldest first."""
+        ids = self._held.ids()
+        if run not in ids or self._reading.isdisjoint(ids[: ids.index(run) + 1]):
+            return False
+        return self._held.size_bytes(ids[ids.index(run) : -1]) <= MOST_BEHIND_BYTES
 
     def _watched_between(self, run: str, present: SegmentReader) -> SegmentReader:
         found = self._held.between(run, present)

@@ -47,6 +47,10 @@ class ServedStream(Feed[OpenStream]):
         """The run that is read; empty for none."""
         return self._run or ""
 
+    def is_due(self, this: Round) -> bool:
+        """Also as soon as another run began: the memory of this one stays until it is sent."""
+        return super().is_due(this) or (this.reader is not None and self.run not in ("", this.reader.schema.run))
+
     def prepare(self, this: Round) -> None:
         """Go over to the present table and run; a run that another one came behind is read to its end first."""
         if this.reader is None or self._reader is None or this.reader.schema.run == self._run:

@@ -8,7 +8,7 @@ it.
 import contextlib
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from silo.core.conditions import Conditions
@@ -145,6 +145,12 @@ class HeldRuns:
         """Return the ids of all runs that are there, oldest first, the present one last."""
         with self._lock:
             return list(self._runs)
+
+    def size_bytes(self, runs: Iterable[str]) -> int:
+        """Return how much memory runs take, without those of which it was needed."""
+        with self._lock:
+            readers = [self._runs[run] for run in runs if run in self._runs]
+            return sum(512 * os.fstat(reader.fileno()).st_blocks for reader in readers)
 
     def between(self, run: str, present: SegmentReader) -> SegmentReader:
         """Return a reader of the run behind this one: with many short ones that is not the present one yet."""

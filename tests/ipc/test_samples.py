@@ -7,6 +7,7 @@ import silo
 from silo.client.client import Client
 from silo.core.elements import BufferType, Edit, ElementOptions
 from silo.errors import RefusedError
+from silo.history import arrays
 from silo.history.requests import ClosePin
 from silo.rpc.refusals import RefusedWhy
 from tests.waiting import wait_until
@@ -157,7 +158,8 @@ def test_a_slow_reader_of_a_stream_gets_a_counted_gap(bench, client, monkeypatch
     with client.stream(["/log/kept"], period_s=0.01) as stream:
         bench.ticks(5)
         seen = len(taken(stream, "/log/kept", 5)[0])
-        stream._frames = type(stream._frames)(maxlen=2)  # a reader that rests: all but two frames are dropped
+        # a reader that rests: all but two frames are dropped
+        monkeypatch.setattr(arrays, "MAX_BACKLOG_BYTES", 1000)
         frames = 0
         while frames < 6:
             bench.ticks(5)

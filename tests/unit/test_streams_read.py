@@ -1,9 +1,12 @@
 """What a reader of a stream is given of frames: each row once, and each gap counted where it is."""
 
+from types import SimpleNamespace
+
 import msgspec
 import numpy as np
 import pytest
 
+from silo.history import arrays
 from silo.history.arrays import Stream
 from silo.history.requests import OpenStream, SampledEntry, SampledName, SampledRows, StreamFrame, StreamOpened
 
@@ -21,9 +24,15 @@ def stream():
     return one
 
 
+def comes(stream, run, *found):
+    """A frame comes, and nobody reads it yet."""
+    data = msgspec.msgpack.encode(StreamFrame(0, run, list(found)))
+    stream._take(SimpleNamespace(payload=SimpleNamespace(to_bytes=lambda: data)))
+
+
 def came(stream, run, *found):
     """The values of each name of the next batch, and what was missed before its first; None without a batch."""
-    stream._frames.append(msgspec.msgpack.encode(StreamFrame(0, run, list(found))))
+    comes(stream, run, *found)
     batch = stream.read(0)
     return batch and {name: (some.values.tolist(), some.missed) for name, some in batch.items()}
 
@@ -32,6 +41,18 @@ def test_it_begins_with_what_comes_and_counts_gaps(stream):
     assert came(stream, "a", rows(5, 2)) == {"x": ([5, 6], 0)}
     assert came(stream, "a", rows(9, 1), rows(3, 1, 1)) == {"x": ([9], 2), "y": ([3], 0)}
     assert stream.missed == 2
+
+
+def test_a_reader_that_rests_has_all_of_many_small_frames_and_of_large_ones_the_newest(stream, monkeypatch):
+    for row in range(5000):
+        comes(stream, f"{row // 50}", rows(row % 50, 1))
+    assert sum(len(stream.read(0)["x"]) for _ in range(5000)) == 5000
+    assert (stream.read(0), stream.missed) == (None, 0)
+    monkeypatch.setattr(arrays, "MAX_BACKLOG_BYTES", 3 * (24 * 100 + 400))
+    for row in range(0, 1000, 100):
+        comes(stream, "99", rows(50 + row, 100))
+    read = [stream.read(0)["x"].values[0] for _ in range(3)]
+    assert (read, stream.read(0), stream.missed) == ([750, 850, 950], None, 700)
 
 
 def test_rows_that_came_before_are_left_out(stream):
