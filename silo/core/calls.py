@@ -49,12 +49,28 @@ SYNONYMS = {
     "start_s": ("start", "begin", "t0", "tmin"),
     "stop_s": ("stop", "end", "t1", "tmax"),
     "dtype": ("type",),
+    "bounds": (
+        "low",
+        "high",
+        "min",
+        "max",
+        "lower",
+        "upper",
+        "warn",
+        "alarm",
+        "yellow",
+        "red",
+        "limit",
+        "limits",
+        "range",
+    ),
     "string_bytes": ("strlen", "stringlength", "maxlength"),
 }
 EXAMPLES = {
     "frequency": "frequency=500 (ticks per second: 1 / dt)",
     "divider": 'divider=2 (every second tick) or divider="50Hz"',
     "size": 'size=1000 or "10s"',
+    "bounds": "bounds=(None, None, 80, 95) (red low, yellow low, yellow high, red high)",
 }
 
 
