@@ -6,13 +6,14 @@ put together again by their suffixes. Opening finds where the cells are (`silo.f
 stamps; the values of a column are read when they are asked for.
 """
 
+import contextlib
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +34,39 @@ _MOST_NS = 2**63
 _MOST_DIGITS = 18  # of a number that surely is an int64
 _CELL = re.compile(rb'(?:("(?:[^"]|"")*"?)[^,]*|([^,]*))(?:,|$)')
 _DECIMAL = re.compile(rb"([+-]?)(\d+)(?:\.(\d*))?")
-_UNIT = re.compile(r"(?:_|\s*[\[(]\s*)(ns|us|µs|μs|ms|s)\s*[\])]?$")
-_UNITS = {"s": ("seconds", 9), "ms": ("milliseconds", 6), "us": ("microseconds", 3), "ns": ("nanoseconds", 0)}  # digits
-_LIKE_TIME = re.compile(r"time|stamp|date|clock|sec|elapsed|^\W*t(?![a-z0-9])", re.IGNORECASE)
+_NO_TIME = (b"", b"nan", b"nat", b"null", b"none")
+_MOST_TOLD = 5
+
+
+class _Unit(NamedTuple):
+    """A unit of times: its name, the words for it, how many digits stand before nanoseconds, and how many of those."""
+
+    name: str
+    words: str
+    digits: int
+    times: int = 1
+
+
+_SECONDS = _Unit("seconds", "s|secs?|seconds?", 9)
+_UNITS = (
+    _SECONDS,
+    _Unit("milliseconds", "ms|msecs?|millis|milliseconds?", 6),
+    _Unit("microseconds", "[uµμ]s|[uµμ]secs?|micros|microseconds?", 3),
+    _Unit("nanoseconds", "ns|nsecs?|nanos|nanoseconds?", 0),
+    _Unit("minutes", "mins?|minutes?", 9, 60),
+    _Unit("hours", "h|hrs?|hours?", 9, 3600),
+    _Unit("days", "days?", 9, 86400),
+)
+# behind a sign or, as in `stampMs`, a capital; or the whole name, but for `h` and the like
+_UNIT = re.compile(
+    r"(?i:(?:[_\s\[(/,.:-]\s*)(?P<behind>{0})\s*[\])]?)$|(?<=[a-z])(?=[A-Z])(?i:(?P<inside>{0}))$|^(?i:(?P<whole>{0}))$".format(
+        "|".join(unit.words for unit in _UNITS)
+    )
+)
+_TOO_SHORT = ("h", "s", "min", "mins")  # for a whole name
+_LIKE_TIME = re.compile(
+    r"time|stamp|date|clock|sec|elapsed|^(?:minutes|hours|days|micros|millis|nanos)$|^\W*t(?![a-z0-9])", re.IGNORECASE
+)
 _MOST_OFFSETS = 1_000_000
 _LONGEST_LINE = 1 << 26  # a million columns with names of 64 bytes; a file of 1 TB without a line break is told at once
 _BOM = b"\xef\xbb\xbf"
@@ -159,6 +190,7 @@ def _from_columns(
     sizes = cells.sizes
     if cells.odd and not len(sizes):
         raise FileFormatError(f"none of its records has {width} cells, as its first one has")
+    cells, sizes = _timed(cells, sizes, warnings)
     longest, shortest, letters = sizes.max(axis=0, initial=0), sizes.min(axis=0, initial=1), cells.letters()
     everywhere = np.arange(len(sizes))
     columns = []
@@ -221,29 +253,54 @@ def _cells_of(row: list[bytes]) -> list[bytes]:
 # --------------------------------------------------------------------------------------------------- columns to values
 
 
+def _timed(cells: Cells, sizes: Any, warnings: list[str]) -> tuple[Cells, Any]:
+    """The records that have a time, and the sizes of their cells."""
+    firsts = cells.text[np.minimum(cells.starts, len(cells.text) - 1)]
+    doubtful = np.flatnonzero((sizes[:, 0] == 0) | ~np.isin(firsts, np.frombuffer(b"0123456789+-.", np.uint8)))
+    words = np.char.lower(np.char.strip(np.char.lstrip(cells.column(0, doubtful), QUOTE)))
+    there = np.ones(len(sizes), bool)
+    there[doubtful] = ~np.isin(words, _NO_TIME)
+    if there.all() or not there.any():
+        return cells, sizes
+    numbers = np.setdiff1d(np.arange(2, 2 + len(there) + len(cells.odd)), [number for number, _ in cells.odd])[~there]
+    numbers = numbers[sizes[~there].any(axis=1)]  # of a line of commas nothing is left out
+    left = f"record {', '.join(map(str, numbers[:_MOST_TOLD]))}{', ...' if len(numbers) > _MOST_TOLD else ''}"
+    warnings += [f"{left} has no time in the first column; {len(numbers)} left out"] if len(numbers) else []
+    return cells._replace(starts=cells.starts[there], ends=cells.ends[there]), sizes[there]
+
+
+def _unit_of(name: str) -> _Unit:
+    """The unit that the name of a column of times tells; seconds where it tells none."""
+    said = _UNIT.search(name.strip())
+    word = next(filter(None, said.groups()), "") if said is not None else ""
+    if not word or (said is not None and said["whole"] and word.lower() in _TOO_SHORT):
+        return _SECONDS
+    return next(unit for unit in _UNITS if re.fullmatch(unit.words, word, re.IGNORECASE))
+
+
 def _time(name: str, cells: Words) -> tuple[NDArray[np.int64], str]:
     """Nanoseconds of a time column, exact for decimal texts, and their unit, fit to show."""
     texts: list[bytes] = np.char.lstrip(cells, QUOTE).tolist()
-    said = _UNIT.search(name)
-    unit = said[1].replace("µ", "u").replace("μ", "u") if said is not None else "s"
-    words, digits = _UNITS[unit]
-    if unit == "ns":
+    unit = _unit_of(name)
+    if not unit.digits:
         whole = _numbers(texts)
         if whole is not None and whole.dtype == np.int64:
-            return whole, f" in {words}"
+            return whole, f" in {unit.name}"
     matches = [_DECIMAL.fullmatch(text) for text in texts]
     if all(matches):
-        return _stamps([_nanoseconds(match, digits) for match in matches if match]), f" in {words}"
+        return _stamps([_nanoseconds(match, unit) for match in matches if match]), f" in {unit.name}"
     numbers = _numbers(texts)
     if numbers is not None:
-        scaled = np.round(numbers.astype(np.float64) * 10.0**digits)
+        scaled = np.round(numbers.astype(np.float64) * (10.0**unit.digits * unit.times))
         if not (np.abs(scaled) < _MOST_NS).all():
             raise FileFormatError("a time stamp is out of range: nanoseconds must fit 63 bits, the years 1678 to 2262")
-        return scaled.astype(np.int64), f" in {words}"
-    try:
-        return np.array([decode_text(text) for text in texts], "M8[ns]").view(np.int64), ""
-    except ValueError:
-        raise FileFormatError(f"its first column ('{name}') holds no time in {words}") from None
+        return scaled.astype(np.int64), f" in {unit.name}"
+    wrong = next((text for text in texts if _DECIMAL.fullmatch(text)), None)
+    with contextlib.suppress(ValueError):
+        if wrong is None:  # else a number would be a year
+            return np.array([decode_text(text) for text in texts], "M8[ns]").view(np.int64), ""
+    wrong = next(text for text in texts if not _DECIMAL.fullmatch(text))
+    raise FileFormatError(f"its first column ('{name}') holds no time in {unit.name}: '{decode_text(wrong)[:40]}'")
 
 
 def _stamps(numbers: list[int]) -> NDArray[np.int64]:
@@ -253,9 +310,11 @@ def _stamps(numbers: list[int]) -> NDArray[np.int64]:
     return np.array(numbers, np.int64)
 
 
-def _nanoseconds(match: re.Match[bytes], digits: int) -> int:
+def _nanoseconds(match: re.Match[bytes], unit: _Unit) -> int:
     """Of a decimal number, of whose point nanoseconds stand so many digits behind."""
-    stamp = int(match[2] + (match[3] or b"").ljust(digits, b"0")[:digits])
+    finer = 0 if unit.times == 1 else 6  # digits
+    digits = unit.digits + finer
+    stamp: int = int(match[2] + (match[3] or b"").ljust(digits, b"0")[:digits]) * unit.times // 10**finer
     return -stamp if match[1] == b"-" else stamp
 
 
