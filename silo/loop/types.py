@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from silo.core import kinds
 from silo.core.arguments import INT64, shown, text, whole
+from silo.core.arrays.values import is_without_unit
 from silo.core.calls import told
 from silo.core.elements import Entry
 from silo.errors import ElementError, SiloError, SourceError
@@ -116,6 +117,8 @@ def _item_scalars(dtype: np.dtype[Any]) -> list[Scalar]:
         ]
     if dtype.kind == "V":
         raise ElementError(f"dtype {dtype} is bytes without a meaning; log it as numbers: x.view('u1')")
+    if is_without_unit(dtype):
+        raise ElementError(f"dtype {dtype} is a time without a unit; write '{dtype.kind}8[ns]'")
     if dtype.kind == "c":
         half = np.dtype(f"{dtype.byteorder}f{dtype.itemsize // 2}")
         real, imaginary = kinds.COMPLEX.suffixes

@@ -296,6 +296,7 @@ def test_a_disabled_element_is_not_warned_of(new_logger, caplog):
         (np.zeros(0), r"shape \(0,\) holds no value"),
         (np.zeros((3, 0)), "holds no value"),
         (np.zeros(2, "V8"), "bytes without a meaning"),
+        (np.zeros(2, "M8"), "a time without a unit"),
         (object(), r"don't know how to log a object.*silo\.register"),
         ((ctypes.py_object * 2)(), "can't be logged by reference|no fixed memory"),
     ],

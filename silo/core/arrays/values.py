@@ -24,6 +24,11 @@ EXACT = 2**53
 Floats = NDArray[np.float64]
 
 
+def is_without_unit(dtype: np.dtype[Any]) -> bool:
+    """Whether values are times of which nobody knows what they count: `datetime64` alone."""
+    return dtype.kind in "mM" and np.datetime_data(dtype)[0] == "generic"
+
+
 @dataclass(frozen=True)
 class Numbers:
     """Values as float64, shape `(n,)`: value i is `base + offsets[i]`.

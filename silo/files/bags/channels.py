@@ -243,7 +243,8 @@ def logged_dtype(entry: PlacedEntry) -> np.dtype[Any]:
 
 def entry_dtype(entry: PlacedEntry) -> np.dtype[Any]:
     """The type of an entry's values. Raises ValueError for one that no file can hold."""
-    dtype = dtype_from(entry.dtype)
+    # times without a unit, which were taken once, are but numbers
+    dtype = np.dtype("<i8") if entry.dtype in ("<M8", "<m8") else dtype_from(entry.dtype)
     if dtype is None:
         raise ValueError(f"{entry.name}: type {entry.dtype} can't stand in a file")
     return dtype

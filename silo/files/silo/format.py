@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.arrays.values import is_without_unit
 from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import MARKER, BufferType, LoggedEvent, Stretch
 from silo.core.kinds import SCALAR
@@ -361,8 +362,7 @@ def dtype_from(text: str) -> np.dtype[Any] | None:
     except (TypeError, ValueError, SyntaxError, OverflowError, MemoryError, RecursionError):
         # NumPy parses the text as Python in part
         return None
-    without_unit = dtype.kind in "mM" and np.datetime_data(dtype)[0] == "generic"
-    return None if dtype.hasobject or without_unit else dtype
+    return None if dtype.hasobject or is_without_unit(dtype) else dtype
 
 
 def _dtype_text(logged: str, values: np.dtype[Any]) -> str:

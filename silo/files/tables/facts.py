@@ -146,6 +146,6 @@ def _as_logged(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
         if values.dtype.kind == "u":
             return np.ascontiguousarray(values).view(dtype).reshape(len(values))
         return np.frombuffer(b"".join(map(bytes, values.tolist())), dtype)
-    if kind in "mM":
+    if kind in "mM" and values.dtype.kind != kind:  # else in a unit that the file has, as Parquet has no seconds
         return values.astype(np.int64).view(dtype.newbyteorder("="))
     return values.astype(dtype)

@@ -200,8 +200,6 @@ def array_layout(shape: object, dtype: object) -> tuple[tuple[int, ...], np.dtyp
         ) from None
     if kind.hasobject or kind.itemsize == 0:
         raise SourceError(f"dtype {kind} has no fixed size in memory; for text give a length: dtype='S32'")
-    if kind.kind in "mM" and np.datetime_data(kind)[0] == "generic":
-        raise SourceError(f"dtype {kind} is a time without a unit; write dtype='{kind.kind}8[ns]'")
     return lengths, kind
 
 
