@@ -5,6 +5,7 @@ the functions here. A statement can reach no file, no network and no extension: 
 """
 
 import functools
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -88,17 +89,22 @@ class _Tables:
         return plugins.register_io_source(read, schema=schema)
 
     def _columns(self) -> dict[str, Any]:
-        """The columns of the wide table: DuckDB tells names apart by letters, not by their case."""
+        """The columns of the wide table: DuckDB tells names apart by letters, not by their case.
+
+        Of names that differ by case alone none stays as it is: each would be found by the others. Nor does one of a
+        signal that is called like a column of each table.
+        """
         texts = self._polars.col("kind") != "number"
-        signals = self._known("signals").group_by("signal").agg(texts).sort("signal")
+        signals = list(self._known("signals").group_by("signal").agg(texts).sort("signal").iter_rows())
+        alike = Counter([*COLUMNS["wide"], *(name.lower() for name, _ in signals)])
         own = unique_names(str, str.lower)
-        found: dict[str, Any] = {}
-        for name in COLUMNS["wide"]:
-            own(name)
-        for name, texts in signals.iter_rows():
-            self._meant[column := own(name)] = name
-            found[column] = self._polars.String if any(texts) else self._polars.Float64
-        return found
+        column = {name: own(name) for name, _ in signals if alike[name.lower()] == 1}
+        for name, count in alike.items():
+            if count > 1:
+                own(name)
+        column |= {name: own(name) for name, _ in signals if name not in column}
+        self._meant = {column[name]: name for name, _ in signals}
+        return {column[name]: self._polars.String if any(texts) else self._polars.Float64 for name, texts in signals}
 
     def _samples(self, predicate: Any, columns: list[str] | None) -> Iterator[Any]:
         polars, column = self._polars, self._polars.col
