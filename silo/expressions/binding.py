@@ -106,9 +106,10 @@ class ScalarPlace:
 
 @dataclass(frozen=True)
 class Constant:
-    """A number."""
+    """A number; `whole` is what a float64 may not hold to the last digit."""
 
     value: float
+    whole: int | None = None
 
 
 @dataclass(frozen=True)
@@ -229,7 +230,7 @@ class _Binder:
 
     def bind(self, node: Node) -> _Found:
         if isinstance(node, Number):
-            return _Found(Constant(node.value), unit=node.unit or None, literal=True)
+            return _Found(Constant(node.value, node.whole), unit=node.unit or None, literal=True)
         if isinstance(node, Name):
             return self._name(node)
         if isinstance(node, ComparisonChain):
@@ -320,7 +321,7 @@ class _Binder:
                          None)  # fmt: skip
             known = found[at]
             if value is not None:
-                sides.append(_Found(Constant(float(value)), literal=True))
+                sides.append(_Found(Constant(float(value), int(value)), literal=True))
             elif known is None:
                 assert isinstance(one, Name)
                 sides.append(self._name(one, labels))
@@ -339,7 +340,8 @@ class _Binder:
         if operator == "neg":
             inner = sides[0]
             if isinstance(inner.part, Constant):
-                return replace(inner, part=Constant(-inner.part.value))
+                whole = inner.part.whole
+                return replace(inner, part=Constant(-inner.part.value, None if whole is None else -whole))
             return replace(inner, part=Computed(operator, (inner.part,)), logical=False, labels={})
         width = self._width(sides, node)
         if operator in ("and", "or", "not"):

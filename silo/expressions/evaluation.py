@@ -208,7 +208,8 @@ class _Memory:
 
     last: Any = np.nan
     sample: Any = np.nan
-    whole: Ints | None = None  # the same, where it is one that a float64 can't hold
+    whole: Ints | None = None  # the sample, where it is one that a float64 can't hold
+    last_whole: Ints | None = None  # likewise
     time_ns: int = 0
     window: Window | None = None
 
@@ -224,12 +225,14 @@ class SourceMemory:
 
 @dataclass
 class PartMemory:
-    """What a remembering function keeps."""
+    """What a remembering function keeps; of integers beside the float64s what they may not hold."""
 
     last: np.ndarray
     sample: np.ndarray
     time_ns: int
     window: WindowMemory | None
+    last_whole: np.ndarray | None = None
+    sample_whole: np.ndarray | None = None
 
 
 @dataclass
@@ -266,6 +269,7 @@ class Evaluator:
         self._rows: Mapping[int, SourceRows] = {}
         self._grids: dict[tuple[int, ...], _Grid] = {}
         self._made: dict[Remembered, Floats] = {}
+        self._made_whole: dict[Remembered, Ints] = {}
         self._wholes: dict[tuple[int, int], Ints | None] = {}  # by part and grid, which live longer
 
     def _remember(self, part: Part) -> None:
@@ -282,7 +286,7 @@ class Evaluator:
 
         A batch is whole up to some tick: no later one may bring a row with a tick that an earlier one went beyond.
         """
-        self._rows, self._grids, self._made, self._wholes = rows, {}, {}, {}
+        self._rows, self._grids, self._made, self._made_whole, self._wholes = rows, {}, {}, {}, {}
         columns = [column for one in rows.values() for column in one.columns.values()]
         self._has_whole = any(column.dtype.kind == "i" for column in columns)
         grid = self._grid(self.sources)
@@ -293,7 +297,7 @@ class Evaluator:
             values = tuple(spread(self._result(root, grid), count) for root in self._roots)
         seen = tuple(self._seen(sources, grid) for sources in self._seen_by)
         self._keep()
-        self._rows, self._grids, self._made, self._wholes = {}, {}, {}, {}
+        self._rows, self._grids, self._made, self._made_whole, self._wholes = {}, {}, {}, {}, {}
         return Judged(grid.ticks, grid.time_ns, values, seen)
 
     def memory(self) -> EvaluatorMemory:
@@ -305,7 +309,7 @@ class Evaluator:
         parts = [
             PartMemory(
                 np.asarray(one.last, np.float64), np.asarray(one.sample, np.float64), one.time_ns,
-                one.window.memory() if one.window else None,
+                one.window.memory() if one.window else None, _kept(one.last_whole), _kept(one.whole),
             )
             for one in self._memories.values()
         ]  # fmt: skip
@@ -319,6 +323,7 @@ class Evaluator:
             known.values = {(element, entry): value for element, entry, value in kept.values}
         for own, part in zip(self._memories.values(), memory.parts, strict=True):
             own.last, own.sample, own.time_ns = part.last, part.sample, part.time_ns
+            own.last_whole, own.whole = part.last_whole, part.sample_whole
             if own.window is not None and part.window is not None:
                 own.window.recall(part.window)
 
@@ -346,6 +351,7 @@ class Evaluator:
         for part, memory in self._memories.items():
             if part in self._made and len(self._made[part]):
                 memory.last = self._made[part][-1].copy()
+                memory.last_whole = self._made_whole[part][-1].copy() if part in self._made_whole else None
 
     # ------------------------------------------------------------------------------------------------ values
 
@@ -369,7 +375,9 @@ class Evaluator:
     def _result(self, part: Part, grid: _Grid) -> Value:
         """The value of an expression; where whole ones are asked for, and it is one, int64."""
         made = self._value(part, grid)
-        if not self._gives_whole or isinstance(made, Truth) or (whole := self._whole(part, grid)) is None:
+        if not self._gives_whole or isinstance(made, Truth) or _remembers(part):  # before the first sample is none
+            return made
+        if (whole := self._whole(part, grid)) is None:
             return made
         return whole if not (np.abs(made) >= 2.0**63).any() else made
 
@@ -382,9 +390,20 @@ class Evaluator:
             true = OPERATIONS[part.operator](_meeting(sides)).true
             fits = functools.reduce(np.logical_and, [np.abs(as_numbers(value)) < _LARGEST for value in values])
             return Truth(np.where(fits, true, made.true), made.unknown)
+        if part.operator == "%":
+            return self._whole_rest(part, grid, values, made)
         whole = self._whole(part, grid)
         # modulo 2^64 what is added up is right where the result fits; a NaN is none
         return made if whole is None else np.where(np.abs(made) < _LARGEST, whole, made)
+
+    def _whole_rest(self, part: Computed, grid: _Grid, values: Sequence[Value], made: Value) -> Value:
+        """What is left of a division, to the last digit where both are integers."""
+        sides = _all_of(self._whole(one, grid) for one in part.parts)
+        if sides is None:
+            return made
+        over, by = (np.asarray(side, np.int64) for side in _meeting(sides))
+        fits = functools.reduce(np.logical_and, [np.abs(as_numbers(value)) < _LARGEST for value in values])
+        return np.where(fits & (by != 0), np.mod(over, np.where(by == 0, 1, by)), as_numbers(made))
 
     def _whole(self, part: Part, grid: _Grid) -> Ints | None:
         """A sum or product of integers modulo 2^64, None of anything else; any number where samples are missing."""
@@ -395,17 +414,33 @@ class Evaluator:
 
     def _as_whole(self, part: Part, grid: _Grid) -> Ints | None:
         if isinstance(part, Constant):
-            is_whole = part.value.is_integer() and abs(part.value) < EXACT
-            return np.asarray(int(part.value), np.int64) if is_whole else None
+            whole = part.whole
+            if whole is None and part.value.is_integer() and abs(part.value) < EXACT:
+                whole = int(part.value)
+            return np.asarray(whole, np.int64) if whole is not None and abs(whole) < 2**63 else None
         if isinstance(part, BoundSignal):
             columns = _all_of(self._whole_column(column, grid) for column in part.columns)
             return None if columns is None else np.stack(columns, axis=1) if part.vector else columns[0]
-        if not isinstance(part, Computed):
-            return None
+        if isinstance(part, Remembered):
+            return self._whole_recalled(part, grid)
         if part.operator == "**":
             return _power(*part.parts)
         parts = _all_of(self._whole(one, grid) for one in part.parts) if part.operator in ADDING else None
         return None if parts is None else np.asarray(OPERATIONS[part.operator](_meeting(parts)), np.int64)
+
+    def _whole_recalled(self, part: Remembered, grid: _Grid) -> Ints | None:
+        made, own, memory = self._made_whole.get(part), self._grid_of(part), self._memories[part]
+        if own is None or (made is None and len(own.ticks)):
+            return None
+        if made is None:
+            made = np.zeros((0, *np.shape(memory.last)), np.int64)
+        if own is grid or (grid.alike and own.alike):
+            return made
+        before = _whole_before(memory.last_whole, memory.last, made.shape[1:])
+        if before is None:
+            return None  # it was rounded
+        places = np.searchsorted(own.ticks, grid.ticks, "right")
+        return np.concatenate([before[None], made])[places]
 
     def _whole_column(self, place: ScalarPlace, grid: _Grid) -> Ints | None:
         key, source = (place.element, place.entry), place.source
@@ -475,8 +510,8 @@ class Evaluator:
         before[breaks] = np.nan
         made = before if part.function == "prev" else samples - before
         whole = self._whole(part.part, grid) if self._has_whole else None
-        if whole is not None and part.function != "prev":
-            made = _steps(whole, memory.whole, memory.sample, made)
+        if whole is not None:
+            made = self._stepped(part, memory, whole, made)
         memory.whole = whole[-1].copy() if whole is not None else None
         if part.function == "rate":
             elapsed = np.diff(grid.time_ns, prepend=memory.time_ns) * 1e-9
@@ -484,6 +519,15 @@ class Evaluator:
             made = made / (elapsed if made.ndim == 1 else elapsed[:, None])
         memory.sample, memory.time_ns = samples[-1].copy(), int(grid.time_ns[-1])
         return grid.without_missing(part.sources, made)
+
+    def _stepped(self, part: Remembered, memory: _Memory, whole: Ints, made: Floats) -> Floats:
+        """Samples before, or differences to them, to the last digit as far as there are some."""
+        before = _whole_before(memory.whole, memory.sample, whole.shape[1:])
+        if before is None:
+            made[0], before = np.nan, whole[0]  # what came before was rounded
+        every = np.concatenate([before[None], whole])
+        found = self._made_whole[part] = every[:-1] if part.function == "prev" else np.diff(every, axis=0)
+        return made if part.function == "prev" else np.where(np.abs(made) < _LARGEST, found, made)
 
 
 _NO_VALUES = np.zeros(0)
@@ -508,6 +552,14 @@ def _meeting(values: Sequence[Value]) -> Sequence[Value]:
     return values
 
 
+def _kept(whole: Ints | None) -> Ints | None:
+    return None if whole is None else np.asarray(whole, np.int64)
+
+
+def _remembers(part: Part) -> bool:
+    return isinstance(part, Remembered) or (isinstance(part, Computed) and any(map(_remembers, part.parts)))
+
+
 def _power(base: Part, exponent: Part) -> Ints | None:
     """The whole number that one constant to the power of another is, as in `2**60`; None where it is none of them."""
     if not (isinstance(base, Constant) and isinstance(exponent, Constant)):
@@ -518,13 +570,14 @@ def _power(base: Part, exponent: Part) -> Ints | None:
     return np.asarray(made, np.int64) if abs(made) < 2**63 else None
 
 
-def _steps(whole: Ints, before: Ints | None, sample: Floats, made: Floats) -> Floats:
-    """Differences to the sample before to the last digit, as far as there are some."""
-    if before is None and (np.abs(sample) <= EXACT).all():
-        before = np.broadcast_to(np.asarray(sample, np.int64), whole.shape[1:])
-    if before is None:
-        made[0], before = np.nan, whole[0]  # what came before was rounded, if anybody knew it
-    return np.where(np.abs(made) < _LARGEST, np.diff(whole, axis=0, prepend=before[None]), made)
+def _whole_before(known: Ints | None, sample: Any, shape: tuple[int, ...]) -> Ints | None:
+    """A value of the batch before as int64: any number where there was none, None where it may have been rounded."""
+    if known is not None:
+        return known
+    there = ~np.isnan(sample)
+    if (np.abs(sample[there] if np.ndim(sample) else sample * there) > EXACT).any():
+        return None
+    return np.broadcast_to(np.asarray(np.where(there, sample, 0), np.int64), shape)
 
 
 def trailing(part: Part) -> tuple[int, ...]:

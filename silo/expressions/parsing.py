@@ -165,12 +165,13 @@ class _Tokenizer:
 
 @dataclass(frozen=True)
 class Number:
-    """A number as it was typed, with its unit."""
+    """A number as it was typed, with its unit; `whole` is what a float64 may not hold to the last digit."""
 
     value: float
     unit: str
     at: int
     end: int
+    whole: int | None = None
 
 
 @dataclass(frozen=True)
@@ -314,7 +315,8 @@ class _Reader:
         if not math.isfinite(value):
             raise self._error("this is no number that a float64 can hold", node)
         unit = self._found.units.get(at, "")
-        return Number(value, unit, at, end + len(unit))
+        whole = node.value if isinstance(node.value, int) else None
+        return Number(value, unit, at, end + len(unit), whole)
 
     def _call(self, node: ast.Call) -> Call:
         at, end = self._span(node)

@@ -10,7 +10,7 @@ import logging
 import os
 from collections.abc import Callable, Iterator, Mapping
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from silo.core.arguments import switch, whole, word
 from silo.core.calls import of, told_class
@@ -590,6 +590,13 @@ class Logger(LoggerNames):
                 say_where_it_is(one, self.options)  # the collector may run in any thread: no place to write files
         else:
             self._abandon()
+
+    def __reduce__(self) -> NoReturn:
+        name = self.options.name
+        raise TypeError(
+            f"logger '{name}' can't be copied, pickled or handed to another process: it is this program's, with its "
+            "thread and buffers; make one where it is needed, or pass it on as it is"
+        )
 
     def _after_fork_in_child(self) -> None:
         """A forked child must not write into its parent's buffers, nor delete them."""

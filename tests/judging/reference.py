@@ -46,7 +46,9 @@ class Reference:
 
     def value(self, part, tick):
         if isinstance(part, Constant):
-            return int(part.value) if self.whole and part.value.is_integer() else part.value
+            if not self.whole or not part.value.is_integer():
+                return part.value
+            return int(part.value) if part.whole is None else part.whole
         if isinstance(part, BoundSignal):
             found = [self.sample(column, tick) for column in part.columns]
             return found if part.vector else found[0]
@@ -177,6 +179,8 @@ def arithmetic(operator, a, b):
         return math.nan
     if operator == "/":
         return a / b if b else math.nan if a == 0 else math.copysign(math.inf, a) * math.copysign(1, b)
+    if operator == "%":
+        return a % b if b else math.nan
     if operator in ("min", "max"):
         return min(a, b) if operator == "min" else max(a, b)
     if operator == "hypot":

@@ -3,9 +3,11 @@
 An operator that signals lack is Python's own TypeError.
 """
 
+import copy
 import datetime
 import enum
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -617,3 +619,12 @@ def test_an_element_that_is_deleted_like_a_key_stays_and_the_way_out_is_said(log
 
     told(delete, "log['z'] is only looked at: log.remove('z') forgets it; nothing was changed")
     assert logged["z"].name == "/log/z"
+
+
+@pytest.mark.parametrize("how", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_a_logger_is_not_copied_and_goes_on(logged, how):
+    logged.start()
+    with pytest.raises(TypeError, match=f"logger '{logged.options.name}' can't be copied.*pass it on"):
+        how(logged)
+    logged.collect()
+    assert logged.ticks == 1
