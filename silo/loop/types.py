@@ -118,7 +118,7 @@ def _item_scalars(dtype: np.dtype[Any]) -> list[Scalar]:
     if dtype.kind == "V":
         raise ElementError(f"dtype {dtype} is bytes without a meaning; log it as numbers: x.view('u1')")
     if is_without_unit(dtype):
-        raise ElementError(f"dtype {dtype} is a time without a unit; write '{dtype.kind}8[ns]'")
+        raise ElementError(f"dtype {dtype} is a time without a unit; write dtype='{dtype.kind}8[ns]'")
     if dtype.kind == "c":
         half = np.dtype(f"{dtype.byteorder}f{dtype.itemsize // 2}")
         real, imaginary = kinds.COMPLEX.suffixes

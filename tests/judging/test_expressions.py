@@ -168,7 +168,7 @@ def test_a_name_of_other_letters_stands_in_backticks():
 def test_labels_are_numbers_beside_their_signal():
     bound = bind("controller/mode == TROT", CATALOGUE)
     assert bound.root.parts[1] == Constant(3.0, 3)
-    assert bind("STANCE != mode", CATALOGUE).root.parts[0] == Constant(0.0)
+    assert bind("STANCE != mode", CATALOGUE).root.parts[0] == Constant(0.0, 0)
     assert "did you mean 'STANCE" in refusal("mode == STANCY").reason
     assert "neither a label (STANCE, TROT) nor a signal" in refusal("mode == 2 or mode == QQQQ").reason
 
