@@ -12,7 +12,7 @@ from silo.expressions.binding import bind
 from silo.expressions.evaluation import FALSE, TRUE, UNOBSERVABLE
 from silo.expressions.over_recordings import RecordingJudge, narrowed
 from silo.judging.checks import bind_limits, rule_of, scalar_names
-from silo.judging.limits import Level, Limit, Violation
+from silo.judging.limits import Level, Limit, LimitRule, Violation
 
 UNCHANGED = "; nothing was changed"  # of errors that are none here
 
@@ -84,20 +84,22 @@ def _limited(judge: RecordingJudge, recording: Recording, limits: SignalLimits) 
         judged_any |= fine.any(axis=0)
         last_ns = int(judged.time_ns[-1])
     limit.check_stale(last_ns)
-    names = scalar_names(signal, judge.catalogue, limits.name)
+    names, rule = scalar_names(signal, judge.catalogue, limits.name), limit.rule
     return [
-        _finding(name, violations, stale=state.stale_count, unit=signal.unit, start_ns=start_ns, known=known)
+        _finding(name, violations, rule, stale=state.stale_count, unit=signal.unit, start_ns=start_ns, known=known)
         for name, violations, state, known in zip(
             names, found, limit.states, judged_any.tolist(), strict=True
         )
     ]  # fmt: skip
 
 
-def _finding(name: str, found: dict[int, Violation], *, stale: int, unit: str, start_ns: int, known: bool) -> Finding:
+def _finding(
+    name: str, found: dict[int, Violation], rule: LimitRule, *, stale: int, unit: str, start_ns: int, known: bool
+) -> Finding:
     violations = list(found.values())
     if not violations:
         return Finding(name, Level.GREEN.name if known else "UNOBSERVABLE", unit=unit, stale=stale)
-    most = max(violations, key=lambda one: (abs(one.worst), abs(one.peak)))
+    most = max(violations, key=rule.how_bad)
     return Finding(
         name, most.worst.name, len(violations), sum(one.samples for one in violations),
         (violations[0].first_ns - start_ns) * 1e-9, most.peak, (most.peak_ns - start_ns) * 1e-9, unit, stale,

@@ -95,30 +95,23 @@ class _Limited:
         return [column for bound in self.expressions for column in bound.columns]
 
     def take(self, found: Sequence[Violation]) -> None:
+        how_bad = self.limit.rule.how_bad
         for violation in found:
             scalar = self.scalars[violation.entry]
             if scalar.fires(violation) and not self.fired:
                 self.fired = _violation_text(self, scalar, violation)
-            if scalar.worst is None or scalar.worst.number == violation.number or _is_worse(violation, scalar.worst):
+            worst = scalar.worst
+            if worst is None or worst.number == violation.number or how_bad(violation) > how_bad(worst):
                 scalar.worst = violation
             if violation.number <= scalar.told_count and abs(violation.worst) <= abs(scalar.told):
                 scalar.going = violation
                 continue
             waits = scalar.untold
-            if waits is None or waits.number == violation.number or _is_worse(violation, waits):
+            if waits is None or waits.number == violation.number or how_bad(violation) > how_bad(waits):
                 scalar.untold = violation
         self.stirred = bool(self.limit.rule.stale_ns) or any(
             state.level or state.beyond_yellow or state.is_open for state in self.limit.states
         )
-
-
-def _is_worse(one: Violation, other: Violation) -> bool:
-    """Red goes before yellow; within a range what is farther out, on the same side."""
-    if abs(one.worst) != abs(other.worst):
-        return abs(one.worst) > abs(other.worst)
-    if one.worst != other.worst:
-        return True
-    return one.peak > other.peak if one.worst > 0 else one.peak < other.peak
 
 
 @dataclass(frozen=True)
@@ -354,8 +347,7 @@ class LimitJudge:
 
 
 def _bound_of(rule: LimitRule, level: Level) -> float | None:
-    """The bound that a level is beyond, which is called like it."""
-    found = math.nan if level is Level.GREEN else getattr(rule, level.name.lower())
+    found = rule.bound(level)
     return found if math.isfinite(found) else None
 
 

@@ -17,6 +17,7 @@ from silo.core import units
 from silo.core.arrays.function_units import UnitRule
 from silo.core.conditions import Derived
 from silo.core.elements import Entry
+from silo.core.kinds import is_complex
 from silo.core.names import Found, Names, did_you_mean, is_glob, nearest
 from silo.core.quantities.writing import and_more
 from silo.errors import ElementError
@@ -84,12 +85,23 @@ class Catalogue:
         element = self.elements[place]
         return element.name if entry is None else element.name + element.entries[entry].suffix
 
+    def unit(self, place: int, entry: int) -> str:
+        """Return the unit of a scalar: of dates and durations what they count, whatever their element is said to be."""
+        element = self.elements[place]
+        dtype = np.dtype(element.entries[entry].dtype)
+        step, count = np.datetime_data(dtype) if dtype.kind in "mM" else ("", 0)
+        return _COUNTED.get(step, "") if count == 1 else element.unit
+
     def near(self, text: str) -> list[str]:
         """Return the three names nearest to one that is not there, as short as they may be written."""
         if inside := self._names.find(text):  # a namespace
             text = self._names.name(inside[0])
         near = self._names.near(text, scalars=True, more=[one.name for one in self.derived])
         return [name.removeprefix(f"{self._names.prefix}/") for name in near]
+
+
+_BY_PARTS = ("norm", "prev", "diff", "rate", "mean")
+_COUNTED = {"ns": "ns", "us": "us", "ms": "ms", "s": "s", "m": "min", "h": "h", "D": "day"}  # by NumPy's letters
 
 
 @dataclass(frozen=True)
@@ -182,7 +194,7 @@ def bind(expression: Expression | str, catalogue: Catalogue) -> BoundExpression:
     """Return an expression bound to these elements. Raises ExpressionError with the place, and the nearest names."""
     if isinstance(expression, str):
         expression = parse(expression)
-    found = _Binder(expression, catalogue).bind(expression.root)
+    found = _Binder(expression, catalogue).bind(expression.root, parts=True)
     columns = tuple(dict.fromkeys(columns_of(found.part)))
     dividers = {column.source: catalogue.elements[column.element].divider for column in columns}
     dividers.pop(OFF, None)
@@ -228,11 +240,12 @@ class _Binder:
         self._expression, self._error = expression, expression.error
         self._catalogue = catalogue
 
-    def bind(self, node: Node) -> _Found:
+    def bind(self, node: Node, *, parts: bool = False) -> _Found:
+        """`parts`: of complex numbers their real and imaginary parts will do, each by itself."""
         if isinstance(node, Number):
             return _Found(Constant(node.value, node.whole), unit=node.unit or None, literal=True)
         if isinstance(node, Name):
-            return self._name(node)
+            return self._name(node, parts=parts)
         if isinstance(node, ComparisonChain):
             return self._comparison(node)
         if isinstance(node, Operation):
@@ -241,12 +254,12 @@ class _Binder:
 
     # --------------------------------------------------------------------------------------------------- names
 
-    def _name(self, node: Name, labels: Mapping[int, str] | None = None) -> _Found:
+    def _name(self, node: Name, labels: Mapping[int, str] | None = None, *, parts: bool = False) -> _Found:
         found = self._catalogue.find(node.text)
         if not found and (derived := self._catalogue.before(node.text)) is not None:
             one, catalogue = derived
             inner = parse(one.expression)
-            part = _Binder(inner, catalogue).bind(inner.root)
+            part = _Binder(inner, catalogue).bind(inner.root, parts=parts)
             return replace(part, unit=one.unit if one.unit not in ("", "-") else part.unit)
         pattern = is_glob(node.text)
         bare = re.sub(r"\[(\d+)\]$", r"_\1", node.text)
@@ -259,6 +272,11 @@ class _Binder:
         for place, entry in found:
             element = self._catalogue.elements[place]
             numbers = range(len(element.entries)) if entry is None else (entry,)
+            suffixes = [one.suffix for one in element.entries]
+            if entry is None and not parts and suffixes and is_complex("", (len(suffixes) // 2,), suffixes):
+                first = self._catalogue.name(place, 0).removeprefix(f"{self._catalogue.prefix.rstrip('/')}/")
+                words = f"norm({node.text}) is its magnitude; for all else name its parts, as {first}"
+                raise self._error(f"'{node.text}' is complex: {words}", node)
             for number in numbers:
                 if np.dtype(element.entries[number].dtype).kind not in _NUMERIC:
                     raise self._error(
@@ -268,7 +286,7 @@ class _Binder:
         if not 1 <= len(columns) <= MOST_WIDTH:
             raise self._error(f"'{node.text}' has {len(columns)} values; 1 to {MOST_WIDTH} go together", node)
         entries = [self._catalogue.elements[column.element].entries[column.entry] for column in columns]
-        given = {self._catalogue.elements[column.element].unit for column in columns}
+        given = {self._catalogue.unit(column.element, column.entry) for column in columns}
         unit = given.pop() if len(given) == 1 else ""
         vector = pattern or len(columns) > 1
         same = all(entry.labels == entries[0].labels for entry in entries)
@@ -387,7 +405,7 @@ class _Binder:
 
     def _call(self, node: Call) -> _Found:
         name = node.function
-        sides = [self.bind(one) for one in node.arguments]
+        sides = [self.bind(one, parts=name in _BY_PARTS) for one in node.arguments]
         timed = len(sides) > 1 and _is_time(node.arguments[-1])
         if name in ("mean", "std") or (name in _OVER_TIME and timed and len(sides) == 2):
             return self._window(node, sides)

@@ -51,6 +51,14 @@ class LimitRule:
     hysteresis: float = 0.0
     stale_ns: int = 0
 
+    def bound(self, level: Level) -> float:
+        """Return the bound that a level is beyond, which is called like it; NaN within all."""
+        return math.nan if level is Level.GREEN else float(getattr(self, level.name.lower()))
+
+    def how_bad(self, violation: "Violation") -> tuple[int, float]:
+        """Return what the worst of several has most of: red goes before yellow, then the farthest beyond its bound."""
+        return abs(violation.worst), abs(violation.peak - self.bound(violation.worst))
+
     def level(self, value: float) -> Level:
         """Return where a value is; a NaN is in no range, and not judged."""
         if value > self.yellow_high:

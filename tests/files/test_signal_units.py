@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import silo
 from silo.analysis.signal import Signal
 from silo.core import units
 from silo.errors import ElementError, LogWarning
@@ -252,3 +253,49 @@ def test_any_text_is_a_unit_that_combines_and_cancels(one, other):
     made = units.product(one, other)
     assert units.same(units.quotient(made, other), one)
     assert units.same(one, one)
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        ("ms > 5ms", [False, False, True]), ("us > 5ms", [False, False, True]),
+        ("ms > 0.005s", [False, False, True]), ("ms - us", [0, 0, 0, math.nan]),
+        ("hours == days", [True, False, False, False]), ("when_s == when_ms", [True] * 4),
+        ("when_ms - when_s < 1us", [True] * 4), ("max(ms, us) < 7ms", [True, True, True]),
+        ("diff(minutes) > 59s", [True, True, True]), ("ms + 1s > 1.0055s", [False, False, True]),
+    ],
+)  # fmt: skip
+def test_durations_and_dates_have_the_unit_that_they_count(tmp_path, expression, expected):
+    log = silo.Logger("td", folder=tmp_path, frequency=100, script=tmp_path / "none.yaml")
+    units = {"ms": "m8[ms]", "us": "m8[us]", "hours": "m8[h]", "days": "m8[D]", "minutes": "m8[m]"}
+    units |= {"when_s": "M8[s]", "when_ms": "M8[ms]"}
+    made = {name: log.array(name, (), dtype) for name, dtype in units.items()}
+    log.start()
+    for tick, lasts in enumerate((4, 5, 6, None)):
+        for name in ("ms", "us"):
+            made[name][...] = np.timedelta64("NaT") if lasts is None else np.timedelta64(lasts, "ms")
+        made["hours"][...], made["days"][...] = 24 * tick + tick, tick
+        made["minutes"][...] = tick
+        for name in ("when_s", "when_ms"):
+            made[name][...] = np.datetime64(1_700_000_000 + tick, "s")
+        log.collect()
+    saved = log.save("silo")
+    log.close()
+    found = silo.open_log(saved.path).eval(expression)  # what can't be told is left out
+    assert found.values.tolist() == pytest.approx(expected, nan_ok=True)
+
+
+@pytest.mark.parametrize("expression", ["abs(z)", "z * z", "z == 3", "max(z)", "-z > 0", "norm(z + 1)", "zz > 1"])
+def test_parts_of_complex_numbers_are_not_calculated_with_as_if_they_were_numbers(tmp_path, expression):
+    log = silo.Logger("cx", folder=tmp_path, frequency=100, script=tmp_path / "none.yaml")
+    z, zz = log.array("z", (), "c16"), log.array("zz", 2, "c16")
+    log.start()
+    for tick in range(3):
+        z[...], zz[:] = 3 + 4j * tick, (1j, 2)
+        log.collect()
+    found = silo.open_log(log.save("silo").path)
+    with pytest.raises(ElementError, match=r"is complex: norm\(zz?\) is its magnitude.*as z(z_0)?_real"):
+        found.eval(expression)
+    assert found.eval("norm(z)").values.tolist() == [3.0, 5.0, math.hypot(3, 8)]
+    assert found.eval("norm(diff(z))").values.tolist()[1:] == [4.0, 4.0]
+    assert found.eval("z_imag + zz_1_real").values.tolist() == [2.0, 6.0, 10.0]

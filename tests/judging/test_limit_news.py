@@ -146,13 +146,14 @@ def test_a_limit_stands_with_its_newest_value_where_it_is_finite(robot):
 @pytest.mark.parametrize(
     ("values", "worst"),
     [
-        ((7, 0, -6, 0), "L -6 at tick 2, limit -5"), ((9, 0, 7, 0), "H 9 at tick 0, limit 5"),
+        ((7, 0, -6, 0), "H 7 at tick 0, limit 5"), ((6, 0, -7, 0), "L -7 at tick 2, limit -5"),
+        ((9, 0, 7, 0), "H 9 at tick 0, limit 5"),
         ((7, 0, 9, 0), "H 9 at tick 2, limit 5"), ((-9, 0, -7, 0), "L -9 at tick 0, limit -5"),
         ((-7, 0, -9, 0), "L -9 at tick 2, limit -5"), ((7, 0, 7, 0), "H 7 at tick 0, limit 5"),
         ((30, 0, 7, 0), "HH 30 at tick 0, limit 10"), ((7, 0, -30, 0), "LL -30 at tick 2, limit -10"),
     ],
 )  # fmt: skip
-def test_of_violations_between_two_looks_the_worst_is_told_the_newest_of_both_sides(robot, values, worst):
+def test_of_violations_between_two_looks_the_one_farthest_beyond_is_told(robot, values, worst):
     robot.logger.limit("x", (-10, -5, 5, 10))
     robot.start()
     robot.collect(*values)
