@@ -242,6 +242,12 @@ class RecordingFolder:
     def delete(self, place: str, logger: str, name: str) -> str:
         """Delete a recording, or nothing; return what was deleted, in words. Raises RequestRefusedError."""
         with _opened(place) as folder, _told(name):
+            if part := part_named(folder, f"{name.rpartition('/')[2].removesuffix(RECORDED)}{RECORDED}"):
+                text = (
+                    f"{name} is not deleted: it is a part of recording '{part.recorder}', of which its budget deletes "
+                    f"the oldest (`silo record --keep`); delete it in {place}/{part.folder} on the robot, if it may go"
+                )
+                raise RequestRefusedError(RefusedWhy.FORBIDDEN, text)
             _check_plain(name)
             names = [name]
             if _kind(name) is None:

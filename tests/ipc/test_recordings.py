@@ -116,8 +116,10 @@ def test_a_part_that_was_cut_is_listed_without_times(tmp_path):
 def test_a_part_is_not_deleted_by_a_client(tmp_path):
     part = recorded(tmp_path / "recordings")
     folder = RecordingFolder()
-    for name in (part.name, "recordings/walk_1", f"recordings/{part.name}"):
-        with pytest.raises(RequestRefusedError):
+    (row,) = listed(tmp_path).recordings
+    for name in (part.name, row.stem, f"recordings/{part.name}", part.stem):
+        words = f"a part of recording.*budget.*{tmp_path}/recordings on the robot"
+        with pytest.raises(RequestRefusedError, match=words):
             folder.delete(str(tmp_path), "bot", name)
     assert part.exists()
 
