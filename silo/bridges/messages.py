@@ -55,6 +55,8 @@ def entry_values(samples: SampleArrays, entry: int) -> NDArray[Any]:
     if values.dtype.names:
         column: NDArray[Any] = values[values.dtype.names[entry]]
         return column
+    if values.dtype.kind == "c":  # real and imaginary parts are entries of their own
+        values = np.ascontiguousarray(values).view(values.real.dtype).reshape(len(values), -1)
     return values if values.ndim == 1 else values.reshape(len(values), -1)[:, entry]
 
 

@@ -7,15 +7,15 @@ since start, uint64: a gap between batches is a loss, a smaller number a new sta
 """
 
 from dataclasses import dataclass
-from math import prod
 
+import numpy as np
 import zenoh
 
 from silo.core.names import grouped
 from silo.errors import SegmentError
 from silo.net.keys import Root, escape
 from silo.segment.layout import ElementSchema
-from silo.segment.picking import Packer
+from silo.segment.picking import Packer, shaped
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import stored_type
 from silo.state.run_follower import Between, is_over
@@ -30,9 +30,10 @@ def encoding_of(element: ElementSchema) -> str:
     entries = element.live_entries
     types = {entry.entry.dtype for entry in entries}
     if len(types) == 1:
-        shape = element.info.shape if prod(element.info.shape) == len(entries) else (len(entries),)
-        dims = ",".join(str(size) for size in shape)
-        return f"silo/samples;dtype={stored_type(types.pop(), swapped=False).str};shape={dims}"
+        dtype = stored_type(types.pop(), swapped=False)
+        # bytes that are the same may as well be read as what was logged
+        like = shaped(np.empty((0, len(entries)), dtype), element.info.shape, [one.entry.suffix for one in entries])
+        return f"silo/samples;dtype={like.dtype.str};shape={','.join(map(str, like.shape[1:]))}"
     fields = ",".join(
         f"{_field(entry.entry.suffix)}:{stored_type(entry.entry.dtype, swapped=False).str}" for entry in entries
     )

@@ -242,5 +242,6 @@ class NewValuesReader:
 
 def sample_values(element: ElementSchema, rows: Rows) -> NDArray[Any]:
     """Return the samples in rows, shape `(n, *shape)`, or a structured array of shape `(n,)` where types differ."""
-    packer = Packer(element.entries, [entry.entry.suffix.removeprefix("_") for entry in element.entries])
-    return shaped(packer.of(rows.words), element.info.shape)
+    suffixes = [entry.entry.suffix for entry in element.entries]
+    packer = Packer(element.entries, [suffix.removeprefix("_") for suffix in suffixes])
+    return shaped(packer.of(rows.words), element.info.shape, suffixes)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arrays.values import as_exact
+from silo.core.kinds import is_complex
 from silo.core.names import grouped
 from silo.segment.layout import STAMP_WORDS, EntrySchema
 from silo.segment.rows import HasPlace, Placed, Rows, Words, placed, stored_type, strided
@@ -75,10 +76,15 @@ class Packer:
         return made
 
 
-def shaped(values: NDArray[Any], shape: Sequence[int]) -> NDArray[Any]:
-    """Return what a `Packer` made, each sample in the shape of its element, where it has as many entries."""
+def shaped(values: NDArray[Any], shape: Sequence[int], suffixes: Sequence[str]) -> NDArray[Any]:
+    """Return what a `Packer` made of entries of these suffixes, each sample in the shape of its element.
+
+    Where it has not as many entries each has all of them in a row.
+    """
     if values.ndim == 1:
         return values
+    if values.dtype.itemsize in (4, 8) and values.dtype.kind == "f" and is_complex("", tuple(shape), suffixes):
+        return values.view(f"<c{2 * values.dtype.itemsize}").reshape(len(values), *shape)
     count = values.shape[1]
     fitting = shape if prod(shape) == count else () if count == 1 else (count,)
     return values.reshape(len(values), *fitting)

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 import silo
+from silo.bridges.messages import entry_values
+from silo.client.client import Client
 from silo.errors import ElementError
 from tests.stand_ins.ticking import turning
-from tests.waiting import wait_until
+from tests.waiting import DEADLINE_S, wait_until
 
 
 @pytest.fixture
@@ -169,3 +171,31 @@ def test_views_show_the_right_rows_after_an_element_was_removed(bench, client):
     assert [info.name for info in client.table().elements][-2:] == ["/log/kept", "/log/late"]
     assert "/log/q" not in [info.name for info in client.table().elements]
     view.close()
+
+
+@pytest.mark.slow
+def test_complex_numbers_arrive_as_they_were_logged(runtime, tmp_path):
+    log = silo.Logger("bot", frequency=100, folder=tmp_path, script=tmp_path / "none.yaml")
+    several, one = log.array("several", (2, 1), "c16", action="both"), log.array("one", (), "c8", action="both")
+    with log.serve(), Client.connect("bot") as client:
+        log.start()
+        with client.topic("several") as topic, client.stream(["several", "one"], 0.02) as stream:
+            found = []
+
+            def lively():
+                several[:], one[...] = [[1 + 2j], [3 - 4j]], 5 - 6j
+                log.collect()
+                found.extend(topic.read())
+                return found
+
+            wait_until(lively)
+            batch = stream.read(DEADLINE_S)
+        held, new = client.samples(["several", "one"]), log.read_new_values("several")
+        for values in (found[0].values, batch["several"].values, held["several"].values, new.values):
+            assert (values.dtype, values[0].tolist()) == (np.complex128, [[1 + 2j], [3 - 4j]])
+        for values in (batch["one"].values, held["one"].values):
+            assert (values.dtype, values.ndim, values[0]) == (np.complex64, 1, 5 - 6j)
+        assert [entry_values(held["several"], at)[0] for at in range(4)] == [1, 2, 3, -4]
+        assert [entry_values(held["one"], at)[0] for at in range(2)] == [5, -6]
+        assert client.samples(["one_imag"])["one_imag"].values.dtype == np.float32
+    log.close(discard=True)
