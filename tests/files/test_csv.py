@@ -3,7 +3,9 @@
 import csv
 import io
 import os
+import re
 import threading
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -288,6 +290,37 @@ def test_records_without_a_time_are_left_out_and_told(tmp_path, cells):
     assert values["a"] == [1, 3, 6]
     assert [values["b"][0], values["b"][-1]] == [5, 7]
     assert "record 3, 5 has no time in the first column; 2 left out" in read.warnings
+
+
+@pytest.mark.parametrize(
+    ("times", "expected"),
+    [
+        (("2026-01-02T00:00:00Z", "2026-01-02T00:00:01.5Z"), [0, 1500]),
+        (("2026-01-02T01:00:00+01:00", "2026-01-01 22:30:00.25-0130"), [0, 250]),
+        (("2026-01-02 00:00:00", "2026-01-02T02:00:00+02"), [0, 0]),
+    ],
+)
+def test_times_with_a_zone_are_those_of_utc(tmp_path, times, expected):
+    (tmp_path / "x.csv").write_text(f"time,a\n{times[0]},1\n{times[1]},2\n")
+    begin = np.datetime64("2026-01-02", "ns").astype(int)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert ((read_csv(tmp_path / "x.csv").time_ns - begin) // 10**6).tolist() == expected
+
+
+def test_true_and_false_are_truths(tmp_path):
+    (tmp_path / "x.csv").write_text("time,a,b,c\n0,True,true,True\n1,False,FALSE,False\n2,,true,maybe\n")
+    values = {one.name: one.entries[0].values for one in read_csv(tmp_path / "x.csv").elements}
+    assert (values["a"].dtype, values["a"].tolist()[:2]) == (bool, [True, False])
+    assert (values["b"].dtype, values["b"].tolist()) == (bool, [True, False, True])
+    assert values["c"].tolist() == [b"True", b"False", b"maybe"]
+
+
+@pytest.mark.parametrize("sign", [";", "\t", "|"])
+def test_other_signs_between_columns_are_told_with_the_way_out(tmp_path, sign):
+    (tmp_path / "x.csv").write_text(f"time{sign}a\n0{sign}1,5\n")
+    with pytest.raises(FileFormatError, match=f"set apart by {re.escape(repr(sign))}, not by ','.*to_csv"):
+        read_csv(tmp_path / "x.csv")
 
 
 def test_numbers_are_no_years(tmp_path):

@@ -34,7 +34,9 @@ _MOST_NS = 2**63
 _MOST_DIGITS = 18  # of a number that surely is an int64
 _CELL = re.compile(rb'(?:("(?:[^"]|"")*"?)[^,]*|([^,]*))(?:,|$)')
 _DECIMAL = re.compile(rb"([+-]?)(\d+)(?:\.(\d*))?")
+_TRUTHS = {b"true", b"false"}
 _NO_TIME = (b"", b"nan", b"nat", b"null", b"none")
+_ZONE = re.compile(r"(.*\d:\d.*?) ?(?:Z|([+-])(\d\d):?(\d\d)?)")  # behind the time of a day
 _MOST_TOLD = 5
 
 
@@ -98,6 +100,11 @@ def _parsed(text: NDArray[np.uint8], path: Path) -> Recording:
     head, begin = _record(text.data, begin)
     if not head:
         raise FileFormatError("it is empty")
+    if len(head) == 1 and (sign := next((one for one in b";\t|" if one in head[0]), None)):
+        raise FileFormatError(
+            f"its columns are set apart by {chr(sign)!r}, not by ',': export it with commas, or write it anew: "
+            f"pandas.read_csv(path, sep={chr(sign)!r}).to_csv(...)"
+        )
     if _text(head[0]).endswith("time_s") and len(head) > 1 and re.fullmatch(rb"-?\d*", head[1]):
         names, columns, time_ns = _from_rows(head, _records(text.data, begin), warnings)
         prefix = _text(head[0]).removesuffix("time_s").removesuffix("/")
@@ -298,9 +305,18 @@ def _time(name: str, cells: Words) -> tuple[NDArray[np.int64], str]:
     wrong = next((text for text in texts if _DECIMAL.fullmatch(text)), None)
     with contextlib.suppress(ValueError):
         if wrong is None:  # else a number would be a year
-            return np.array([decode_text(text) for text in texts], "M8[ns]").view(np.int64), ""
+            return np.array([_in_utc(decode_text(text)) for text in texts], "M8[ns]").view(np.int64), ""
     wrong = next(text for text in texts if not _DECIMAL.fullmatch(text))
     raise FileFormatError(f"its first column ('{name}') holds no time in {unit.name}: '{decode_text(wrong)[:40]}'")
+
+
+def _in_utc(text: str) -> np.datetime64:
+    """A time as ISO 8601 has it, of which NumPy knows no zones. Raises ValueError."""
+    match = _ZONE.fullmatch(text.strip())
+    if match is None:
+        return np.datetime64(text, "ns")
+    minutes = int(match[3] or 0) * 60 + int(match[4] or 0)
+    return np.datetime64(match[1], "ns") - np.timedelta64(-minutes if match[2] == "-" else minutes, "m")
 
 
 def _stamps(numbers: list[int]) -> NDArray[np.int64]:
@@ -340,6 +356,8 @@ def _converted(cells: Words, dtype: np.dtype[Any]) -> NDArray[Any] | None:
 def _values(words: Callable[[], Words]) -> NDArray[Any]:
     """The values of filled cells: numbers, or texts, which stay bytes."""
     cells = words()
+    if len(cells) and cells[0].lower() in _TRUTHS and set(map(bytes.lower, cells.tolist())) <= _TRUTHS:
+        return np.asarray(np.char.lower(cells) == b"true")
     values = None if np.char.startswith(cells, QUOTE).any() else _numbers(cells)
     return np.array([cell.removeprefix(QUOTE) for cell in cells.tolist()], "S") if values is None else values
 
