@@ -1,5 +1,6 @@
 """Whether a logger runs, is closed, is served: what all its parts look at before they change something."""
 
+import os
 import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -19,6 +20,7 @@ class LifeCycle:
         self.lock = threading.RLock()
         self.running = False
         self.closed = False
+        self._whose = "is closed"
         self.reason = ""  # of the last stop
         self.serving: Serving | None = None
         self.cut: Callable[[str, str], None] = _never_started  # what changed, who asked: go on with another stretch
@@ -31,7 +33,7 @@ class LifeCycle:
     def check_open(self) -> None:
         """Raise StateError once it is closed."""
         if self.closed:
-            raise StateError(f"logger '{self.name}' is closed; make a new one")
+            raise StateError(f"logger '{self.name}' {self._whose}; make a new one")
 
     def check_stopped(self, what: str) -> None:
         """Raise StateError while it runs, or once it is closed; `what` can't be done then."""
@@ -62,6 +64,7 @@ class LifeCycle:
         """Be closed, in a forked child: all of it belongs to the parent, which may hold the lock."""
         self.lock = threading.RLock()
         self.running, self.closed, self.serving = False, True, None
+        self._whose = f"is that of the process that process {os.getpid()} was forked from"
 
 
 def _never_started(_what: str, _who: str) -> None:
