@@ -9,7 +9,7 @@ silo opens the Parquet files like any log. Each file of a run in several is arch
 the tables.
 
 A run is in the archive from when its manifest is. What was interrupted before that is done again, what is in it is not
-touched; the tables follow at the end.
+touched; the tables follow at the end. One process at a time writes it, where the place knows locks (a store doesn't).
 """
 
 import hashlib
@@ -17,7 +17,7 @@ import json
 import os
 import socket
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
@@ -32,7 +32,7 @@ from silo.analysis.stretches import joined
 from silo.core.recording import Recording, has_own_stamps
 from silo.decoding import json_decoder, msgpack_decoder
 from silo.errors import ElementError, FileFormatError, LogNotFoundError, SaveError, SiloError
-from silo.files.atomic import PART_ENDING, atomic_file, reason, sweep_parts
+from silo.files.atomic import PART_ENDING, atomic_file, lock, reason, sweep_parts
 from silo.files.formats import writer_for
 from silo.files.optional_packages import need
 from silo.files.tables.parquet import read_parquet
@@ -47,6 +47,7 @@ EXTRA = "archive"
 MARK = "silo-archive.json"
 PARTS = "parts.json"
 VERSION = 1
+_LOCK = ".silo-archive.lock"
 _BLOCK = 1 << 20
 
 
@@ -143,6 +144,10 @@ class Archive:
         """
         need("pyarrow", EXTRA, "Archives")
         self._check(anew=True)
+        with self._alone():
+            return self._add_all(runs, told, name)
+
+    def _add_all(self, runs: RunList, told: Told, name: str) -> Archiving:
         self._listed = self._several = None
         vars(self).pop("_numbers", None)
         self._sweep()
@@ -156,12 +161,8 @@ class Archive:
                 self._add(called, run, known.get(called), outcome)
             except (FileFormatError, LogNotFoundError, ElementError, MemoryError) as error:
                 outcome.problems[called] = str(error) or type(error).__name__
-        self._write_tables(source, name)
-        there = set(self.frame("runs")["run"]).union(*((*one.files, *one.others) for one in self._parts().values()))
-        for lost in (one for one in self.manifest() if one.run not in there):
-            outcome.problems[lost.run] = (
-                f"it is in the archive, but not in its tables: archive it again, from {lost.source}"
-            )
+        self._write_tables(source, name, outcome.problems)
+        outcome.problems |= self._not_in_tables()
         return outcome
 
     def manifest(self) -> list[Archived]:
@@ -178,7 +179,13 @@ class Archive:
             ) from error
 
     def check(self, told: Told = lambda done, total: None) -> dict[str, str]:
-        """Read all of it again; return what is not as its manifest says, by the name of the run."""
+        """Read all of it again; return what is not as its manifest says, or not in its tables, by the name of the run."""
+        self._check()
+        with self._alone():
+            self._several = None
+            return self._not_in_tables() | self._changed(told)
+
+    def _changed(self, told: Told) -> dict[str, str]:
         wrong = {}
         for place, one in enumerate(every := self.manifest()):
             told(place, len(every))
@@ -228,6 +235,26 @@ class Archive:
         from silo.run_index.sql import query
 
         return query(self, statement)
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Have no other process write here meanwhile, where there are locks."""
+        with ExitStack() as held:
+            if self._is_local and os.access(self._root, os.W_OK):
+                with _told(self.where):
+                    lock(held.enter_context(Path(self._at(_LOCK)).open("ab")).fileno())
+            yield
+
+    def _not_in_tables(self) -> dict[str, str]:
+        """The files of which the tables lack the run, or its signals."""
+        runs, signals = self.frame("runs"), set(self.frame("signals")["run"])
+        whole = {run for run, elements in runs.select("run", "elements").iter_rows() if not elements or run in signals}
+        whole = whole.union(*((*of.files, *of.others) for run, of in self._parts().items() if run in whole))
+        return {
+            one.run: f"it is in the archive, but not in its tables: archive it again, from {one.source}"
+            for one in self.manifest()
+            if one.run not in whole
+        }
 
     def _sweep(self) -> None:
         """Remove what was being written here by processes that died."""
@@ -306,14 +333,18 @@ class Archive:
         with self._local(file) as path, atomic_file(path) as out:
             out.write(data)
 
-    def _write_tables(self, source: Folders, name: str) -> None:
+    def _write_tables(self, source: Folders, name: str, refused: Container[str]) -> None:
         """Bring the tables of facts up to date: rows of runs that are there now take the place of those of before."""
         polars = need("polars", EXTRA, "Archives")
         run = polars.col("run")
-        self._listed = None
+        self._listed = self._several = None
         there = {one.run: one for one in self.manifest()}
-        new = [called for one in source.runs if (called := _called(one, name)) in there]
-        files = self._files_of_runs(source, there, name)
+        runs = {
+            called: run
+            for key, run in source.runs.items()
+            if (called := _called(key, name)) in there and called not in refused
+        }
+        files = self._files_of_runs(runs, source.indexes, there)
         known, parts = KnownFiles(list(files.values())), self._parts()
         joined_runs = Folders(known.runs(), [known])
         parts = {one: some for one, some in parts.items() if not files.keys() & {*some.files, *some.others}}
@@ -324,16 +355,20 @@ class Archive:
         self._several = None
         for table in FACTS:
             rows = source.frame(table).with_columns(run.map_elements(partial(_called, name=name), polars.String))
-            old = self.frame(table).filter(~run.is_in([*new, *files]) & run.is_in(list(there)))
-            alone = rows.filter(run.is_in(new) & ~run.is_in(list(files)))
+            old = self.frame(table).filter(~run.is_in([*runs, *files]) & run.is_in(list(there)))
+            alone = rows.filter(run.is_in(list(runs)) & ~run.is_in(list(files)))
             frame = polars.concat([old, alone, joined_runs.frame(table)], how="diagonal")
             with self._local(f"{table}.parquet") as path, atomic_file(path) as out:
                 frame.write_parquet(out)
 
-    def _files_of_runs(self, source: Folders, there: Mapping[str, Archived], name: str) -> dict[str, ArchivedFacts]:
-        """What is known of the archived files of runs in several, of which one is in the source; it is kept here."""
-        runs = {called: one for key, one in source.runs.items() if (called := _called(key, name)) in there}
-        found = known_files({one: run for one, run in runs.items() if chain_of(run.facts)}, source.indexes)
+    def _files_of_runs(
+        self,
+        runs: Mapping[str, ListedRun],
+        indexes: Sequence[RunIndex | KnownFiles],
+        there: Mapping[str, Archived],
+    ) -> dict[str, ArchivedFacts]:
+        """What is known of the archived files of runs in several, of which one is among these; it is kept here."""
+        found = known_files({one: run for one, run in runs.items() if chain_of(run.facts)}, indexes)
         chains = {there[one].chain for one in found}
         kept = [one.run for one in there.values() if one.chain in chains]
         names = {f"{_part(one)}.msgpack": one for one in kept}

@@ -327,12 +327,40 @@ def test_runs_of_one_name_from_two_places_are_kept_apart(runs, written, tmp_path
     other = tmp_path / "logs"
     other.mkdir()
     (other / "run0.silo").write_bytes((written / "run0.silo").read_bytes())
+    silo.runs(other)[0].tag("other")
+    before = one.frame("runs").rows()
     assert "give these another" in one.add(silo.runs(other)).problems["run0.silo"]
+    assert one.frame("runs").rows() == before, "of what was refused the tables have nothing"
     assert one.add(silo.runs(other), name="desk").added == ["desk/run0.silo"]
     assert one.sql("select count(*) from runs").item() == RUNS + 1
     os.utime(other / "run0.silo", ns=(1, 1))
     assert one.add(silo.runs(other), name="desk").added == ["desk/run0.silo"]
     assert one.sql("select count(*), count(distinct run) from runs").row(0) == (RUNS + 1, RUNS + 1)
+
+
+@pytest.mark.slow
+def test_tables_that_many_write_at_once_have_all_runs(written, tmp_path):
+    """Each of several processes adds a run of its own."""
+    to, went = str(tmp_path / "kept"), "import sys, silo; from silo.run_index.archive import Archive as A\n"
+    went += "r = silo.runs(sys.argv[1])[int(sys.argv[3]):][:1]; a = A(sys.argv[2]); input(); a.add(r)"
+    silo.runs(written)
+    Archive(to).add(silo.runs(written)[:0])
+    each = [
+        subprocess.Popen([sys.executable, "-c", went, written, to, str(number)], stdin=subprocess.PIPE)
+        for number in range(RUNS)
+    ]
+    for one in each:
+        one.communicate(b"\n")
+    assert not any(one.returncode for one in each)
+    there = Archive(to)
+    for table in ("runs", "signals"):
+        assert there.sql(f"select count(distinct run) from {table}").item() == RUNS
+    assert not there.check()
+    for table in ("signals", "runs"):
+        rows = there.frame(table)
+        rows.filter(polars.col("run") != "run1.silo").write_parquet(f"{to}/{table}.parquet")
+        assert "not in its tables" in there.check()["run1.silo"]
+        rows.write_parquet(f"{to}/{table}.parquet")
 
 
 def test_a_run_that_left_an_archive_is_told_by_its_name(archive):
@@ -379,7 +407,7 @@ def test_what_was_interrupted_anywhere_goes_on_without_loss_and_without_double(w
     for steps in range(1, 12, 2):  # it dies at the n-th time that something is written
         ends.append(subprocess.run([sys.executable, "-c", ARCHIVED, written, to, str(steps)], check=False).returncode)
         there = Archive(to)
-        assert not there.exists or not there.check()
+        assert not there.exists or all("not in its tables" in one for one in there.check().values())
     assert ends[0] == -signal.SIGKILL
     assert set(ends) <= {-signal.SIGKILL, 0}
     assert not there.add(silo.runs(written)).problems
