@@ -179,7 +179,7 @@ class Archive:
             ) from error
 
     def check(self, told: Told = lambda done, total: None) -> dict[str, str]:
-        """Read all of it again; return what is not as its manifest says, or not in its tables, by the name of the run."""
+        """Read all of it again; return what is not as its manifest says, or not in the tables, by its name."""
         self._check()
         with self._alone():
             self._several = None

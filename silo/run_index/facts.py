@@ -2,9 +2,10 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import groupby
+from hashlib import sha1
+from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +18,7 @@ from silo.analysis.parameters import parameters_of
 from silo.analysis.plots.curves import as_numbers, is_text, picked
 from silo.analysis.plots.events import episodes_of
 from silo.analysis.reports import moments, numbers_of
+from silo.core import spans
 from silo.core.arrays.values import from_base
 from silo.core.elements import MARKER, LoggedEvent
 from silo.core.episodes.words import Episode, said_by
@@ -49,7 +51,8 @@ class RunFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     lost: samples. limits, triggers, marks: how often; a mark of an episode is none. in_episodes: of each of `episodes`.
     problem: why it can't be read, then all else is empty. run: its id, of a run that was cut that of its first stretch;
     empty where the file doesn't tell. Of a file that is one of several, part is the stretch, and recorder who wrote it.
-    stamp_ns: the first time stamp, by the clock of the logger.
+    stamp_ns: the first time stamp, by the clock of the logger. offset: the tick of its stretch behind its last one, 0
+    where nobody noted it. names: alike in files that have the same elements.
     """
 
     path: str
@@ -79,6 +82,8 @@ class RunFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     part: int = 0
     recorder: str = ""
     stamp_ns: int = 0
+    offset: int = 0
+    names: str = ""
 
 
 Piece = tuple[str, int | None]  # of a run of several files: one of them, and an episode in it; None: all of it
@@ -187,6 +192,8 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
         part=recording.stretch.part if recording.stretch is not None else 0,
         recorder=recording.stretch.recorder if recording.stretch is not None else "",
         stamp_ns=int(stamps[0]) if ticks else 0,
+        offset=recording.offset,
+        names=sha1("\n".join(sorted(one.name for one in recording.elements)).encode()).hexdigest()[:16],
     )
 
 
@@ -252,10 +259,15 @@ def _numbers(values: NDArray[np.float64], offsets: NDArray[Any], is_text: bool) 
 # ------------------------------------------------------------------------------------------- several files of one run
 
 
-def by_run(files: Sequence[RunFacts]) -> list[tuple[tuple[RunFacts, ...], tuple[str, ...]]]:
+Elements = Callable[[str], frozenset[str]]  # of a file, by its path
+
+
+def by_run(
+    files: Sequence[RunFacts], elements: Elements = lambda path: frozenset()
+) -> list[tuple[tuple[RunFacts, ...], tuple[str, ...]]]:
     """Return what there is as one or more files for each run, in their order; captures are runs of their own.
 
-    With the paths of others of that run, of which these have more.
+    With the paths of others of that run, of which these have all.
     """
     runs: dict[tuple[str, str], list[RunFacts]] = {}
     found: list[tuple[tuple[RunFacts, ...], tuple[str, ...]]] = []
@@ -273,10 +285,41 @@ def by_run(files: Sequence[RunFacts]) -> list[tuple[tuple[RunFacts, ...], tuple[
         )
         # recordings of other elements, and saves of other times, are each a thing of their own
         kept = saved if not recorded else recorded if best in recorded else [best]
+        rest = [group for group in [*saved, *recorded] if group not in kept]
+        kept = [*kept, *(group for group in rest if _have_more(group, kept, elements))]
         paths = {one.path for group in kept for one in group}
         others = tuple(one.path for one in some if one.path not in paths)
         found += [(group, () if place else others) for place, group in enumerate(kept)]
     return found
+
+
+def _have_more(group: Sequence[RunFacts], kept: Sequence[Sequence[RunFacts]], elements: Elements) -> bool:
+    """Whether files have samples of ticks of which others have none of that element."""
+    files = [one for some in kept for one in some if one.ticks]
+    named: dict[str, frozenset[str]] = {}
+    for one in (*group, *files):
+        if one.names not in named:
+            named[one.names] = elements(one.path)
+    of = grouped(((max(1, one.part), one.names), _ticks(one)) for one in files)
+    beside = {key: spans.merged(some) for key, some in of.items()}
+    for one in group:
+        there = [(named[names], some) for (part, names), some in beside.items() if part == max(1, one.part)]
+        if (
+            one.ticks
+            and one.offset
+            and any(
+                spans.without(
+                    [_ticks(one)], [span for names, some in there if not name or name in names for span in some]
+                )
+                for name in named[one.names] or [""]
+            )
+        ):
+            return True
+    return False
+
+
+def _ticks(one: RunFacts) -> spans.Span:
+    return (one.offset - one.ticks, one.offset - 1) if one.offset else (0, 2**62)  # all, where that isn't known
 
 
 def _place(one: RunFacts) -> tuple[str, str, int, int, str]:
@@ -315,6 +358,7 @@ def merged(files: Sequence[RunFacts]) -> tuple[RunFacts, tuple[tuple[Piece, ...]
     episodes, happened, pieces = _episodes(files, shifts)
     ticks = sum(one.ticks for one in files)
     span_s = max(shift + one.span_s for shift, one in zip(shifts, files, strict=True))
+    missing = _missing(files)
     facts = msgspec.structs.replace(
         first,
         span_s=span_s,
@@ -327,11 +371,23 @@ def merged(files: Sequence[RunFacts]) -> tuple[RunFacts, tuple[tuple[Piece, ...]
         in_episodes=tuple(happened),
         part=0,
         **{
-            name: sum(getattr(one, name) for one in files)
+            name: sum(getattr(one, name) for one in files) + missing.get(name, 0)
             for name in ("marks", "limits", "triggers", "lost", "failed", "warnings", "size_bytes")
         },
     )
     return facts, tuple(map(tuple, pieces))
+
+
+def _missing(files: Sequence[RunFacts]) -> dict[str, int]:
+    """What is missing of a run that was cut, as warnings of its log tell it, and samples: as many as fit in between."""
+    first = files[0]
+    found = {"lost": 0, "warnings": 0 if first.recorder else first.part - 1}
+    for one, other in pairwise(files):
+        if other.part > one.part + 1:
+            between_s = (other.stamp_ns - one.stamp_ns) * 1e-9 - one.span_s
+            found["lost"] += max(1, round(between_s * one.rate_hz) - 1) * one.elements
+            found["warnings"] += other.part - one.part - 1
+    return found
 
 
 def _episodes(

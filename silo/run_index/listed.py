@@ -234,7 +234,7 @@ def listed(
     of_run: OfRun = ListedRun._of,
 ) -> Iterator[ListedRun]:
     """The runs that files below a folder are of; `said` gives what people say of the logs in a folder."""
-    for some, more in by_run(files):
+    for some, more in by_run(files, lambda path: frozenset(one.element for one in of_run(path, None))):
         facts, pieces = merged(some) if len(some) > 1 else (some[0], ())
         its, *others = (said((root / path).parent) for path in (facts.path, *more))
         yield ListedRun(facts, root, its, of_run, some[1:] and some, pieces, dict(zip(more, others, strict=True)))
@@ -273,4 +273,5 @@ class KnownFiles:
     def runs(self) -> list[ListedRun]:
         """Return the runs that they are of."""
         said = {Path(one.run.path).stem: one.labels for one in self._files}
-        return list(listed(self.root, [one.run for one in self._files], lambda _: said))
+        signals = self.signals()
+        return list(listed(self.root, [one.run for one in self._files], lambda _: said, lambda path, _: signals[path]))

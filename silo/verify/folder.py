@@ -20,6 +20,7 @@ from silo.core.elements import DAMAGED, Action, BufferType, LoggedEvent
 from silo.core.quantities.writing import and_more, many
 from silo.core.recording import Recording
 from silo.core.runtime import list_segments, read_own
+from silo.core.spans import Span, doubled, merged, spans_text, without
 from silo.errors import LogNotFoundError, SegmentError, SiloError
 from silo.files.event_log import event_log_path, loggers_with_events, older_event_log, read_events
 from silo.files.formats import read_recording
@@ -32,7 +33,6 @@ from silo.recorder.orders import CLOSED
 from silo.rpc.published import EventKind
 from silo.segment.layout import ElementSchema, RingSchema
 from silo.segment.reader import SegmentReader
-from silo.verify.spans import Span, doubled, merged, spans_text, without
 
 _MOST_SHOWN = 5
 # what tells of a loss, once "0 lost" and paths are taken out

@@ -664,6 +664,38 @@ def test_files_of_one_run_are_one_run(there, expected):
     )
 
 
+@pytest.mark.parametrize(
+    ("saved", "recorded", "is_listed"),
+    [
+        ((0, 9, "n tau"), [(0, 20, "n")], True),
+        ((0, 9, "n"), [(0, 5, "n tau"), (5, 20, "n tau")], False),
+        ((0, 9, "n"), [(3, 20, "n")], True),
+        ((4, 9, "n tau"), [(0, 20, "n"), (0, 20, "tau")], False),
+        ((4, 9, "n"), [(0, 5, "n"), (8, 30, "n")], True),
+    ],
+    ids=["a signal more", "all is recorded", "ticks before", "two recordings have all", "in a hole"],
+)
+def test_a_save_that_has_what_no_recording_has_is_listed_by_itself(saved, recorded, is_listed):
+    there = [("1.silo", *saved, ""), *((f"{n}.mcap", *one, one[2]) for n, one in enumerate(recorded))]
+    every = [
+        RunFacts(path, robot="bot", run="a", ticks=end - first, offset=end, elements=1, names=names, recorder=by)
+        for path, first, end, names, by in there
+    ]
+    names = {one.path: frozenset(one.names.split()) for one in every}
+    found = [[one.path for one in group] for group, _ in by_run(every, names.__getitem__)]
+    assert (["1.silo"] in found) == is_listed
+
+
+def test_a_part_that_is_missing_in_the_middle_counts_as_lost(cut):
+    (lost,) = cut.glob("*_part2.silo")
+    lost.unlink()
+    (run,) = silo.runs(cut)
+    assert (run.facts.ticks, run.facts.lost, run.facts.warnings) == (40, 40, 1)
+    assert not silo.runs(cut, where="lost == 0")
+    with pytest.warns(silo.LogWarning, match="part 2 of this run"):
+        assert len(run.open().warnings) == 1
+
+
 def test_a_tag_of_any_file_of_a_run_is_one_of_the_run(cut):
     for path in sorted(cut.glob("*_part?.silo")):
         assert CliRunner().invoke(cli, ["tag", str(path), f"of{path.stem[-1]}"]).exit_code == 0
