@@ -50,7 +50,8 @@ def open_log(
     topic has time stamps of its own: `log["/imu/angular_velocity/x"]`. Needs `pip install "silo-logger[bags]"`.
 
     Args:
-        which: a path, the start of a file name (the newest such is meant), or a run number. A folder or a glob
+        which: a path, a logger or the start of a file name (the newest such is meant; of several loggers, that of just
+            this name), or a run number. A folder or a glob
             (`logs/*.silo`) means the newest run there, in a format that loggers save in (what it was converted to is
             named by its path); what a trigger captured has its own name, and where one is
             newer, or of a recording other parts lie beside, a `LogWarning` says what was taken. `open_logs` opens all.

@@ -101,11 +101,12 @@ def is_capture(path: Path) -> bool:
 def find_log(
     which: str | os.PathLike[str] | int, folder: str | os.PathLike[str] = ".", tell: Tell = lambda text: None
 ) -> Path:
-    """The log that is meant by a path, by the start of a file name (the newest), or by a run number.
+    """The log that is meant by a path, a logger or the start of a file name (the newest), or a run number.
 
     A relative path counts from `folder`, too. Where there are runs among what is meant, captures aren't: those have
     names of their own; that newer ones were passed over is told. Of one save in several formats the one that keeps most
-    is taken. Raises `LogNotFoundError` if there is none, or if several loggers have a log of that run number.
+    is taken. Raises `LogNotFoundError` if there is none, or if logs of several loggers have that run number, or a
+    name that begins so (one of a logger of just that name is meant before these).
     """
     place = Path(os.path.expanduser(folder))  # noqa: PTH111  # pathlib raises for a `~name` that nobody has
     if isinstance(which, int):
@@ -118,6 +119,11 @@ def find_log(
             return path
     found = _meant(which, place)
     if found:
+        if _is_start(which, place) and len(loggers := _loggers(found)) > 1:
+            raise LogNotFoundError(
+                f"'{which}' in '{_whole(place)}' begins logs of several loggers ({', '.join(loggers)}); say which, "
+                f"like '{loggers[0]}'"
+            )
         return _newest(found, tell)
     if str(which).isdecimal():
         return _by_run(int(str(which)), place)
@@ -188,16 +194,26 @@ def _meant(which: str | os.PathLike[str], folder: Path) -> list[Path]:
     start = folder / which
     if start.is_dir():
         return list(_logs(start))
-    if any(letter in str(which) for letter in "*?["):
+    if not _is_start(which, folder):
         matching = (Path(found) for found in glob.glob(str(start), recursive=True))  # noqa: PTH207  # takes absolute patterns, too
         return [path for path in matching if path.suffix in LOG_ENDINGS and (path.is_file() or is_bag_folder(path))]
-    return [path for path in _logs(start.parent) if path.name.startswith(start.name)]
+    found = [path for path in _logs(start.parent) if path.name.startswith(start.name)]
+    return [path for path in found if start.name.rstrip("_") in (logger_of(path.stem), path.stem)] or found
+
+
+def _is_start(which: str | os.PathLike[str], folder: Path) -> bool:
+    """Whether it is the start of a name, neither a folder nor a glob."""
+    return not (folder / which).is_dir() and not any(letter in str(which) for letter in "*?[")
+
+
+def _loggers(found: Iterable[Path]) -> list[str]:
+    return sorted({logger_of(path.stem) for path in found} - {""})
 
 
 def _by_run(run: int, folder: Path) -> Path:
     found = [path for path in _logs(folder) if run_of(path) == run]
     found = [path for path in found if not is_capture(path)] or found
-    loggers = sorted({match["logger"] for path in found if (match := _STEM.match(path.name))})
+    loggers = _loggers(found)
     if len(loggers) > 1:
         raise LogNotFoundError(
             f"run {run} in '{_whole(folder)}' is a log of several loggers ({', '.join(loggers)}); "

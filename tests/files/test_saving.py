@@ -296,6 +296,18 @@ def test_a_path_is_found_from_anywhere(folder, tmp_path_factory):
     assert find_log(str(path)[:-7]) == path
 
 
+def test_a_name_means_the_logger_of_just_that_name_and_none_where_several_begin_so(tmp_path):
+    stems = [f"{name}_20260309_10-00-0{at}_00001" for at, name in enumerate(("alpha", "alpha_left", "alphabet"))]
+    for stem in stems:
+        (tmp_path / f"{stem}.silo").write_text("x")
+    assert [find_log(which, tmp_path).stem for which in ("alpha", "alpha_", "alphabet", "alpha_l", tmp_path)] == [
+        stems[0], stems[0], stems[2], stems[1], stems[2]
+    ]  # fmt: skip
+    assert [path.stem for path in find_logs("alpha", tmp_path)] == stems[:1]
+    with pytest.raises(LogNotFoundError, match=r"several loggers \(alpha, alpha_left, alphabet\); .* like 'alpha'"):
+        find_log("alp", tmp_path)
+
+
 def test_a_run_number_of_two_loggers_is_ambiguous(folder):
     with pytest.raises(LogNotFoundError, match=r"several loggers \(arm, robot\); say which .* like 'arm_'"):
         find_log(1, folder)
