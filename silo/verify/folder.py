@@ -5,6 +5,7 @@ that disagree. What somebody told to be missing is told again, apart from that. 
 """
 
 import contextlib
+import glob
 import mmap
 import re
 import struct
@@ -56,6 +57,8 @@ _UNCOUNTED = re.compile(r"lost, and the end of (a run|\d+ runs)")
 _FULL = "come to an end when their buffers are full"
 _FIRED = re.compile(r"trigger '(?P<name>[^']+)' fired")
 _CAPTURED = re.compile(r"capture (?P<number>\d+) of '(?P<name>[^']+)', ticks (?P<first>\d+) to (?P<last>\d+)")
+_WRITTEN = re.compile(r"(?:^saved |: |, )(/.+?) \(\d[\d.]* [kMGT]?B\)")
+_BEFORE = "the last run was saved before it is cleared: "
 _DIED = ("program died", "program died, recovered later", "program ended without saving")
 
 
@@ -193,9 +196,13 @@ class _Folder:
         self.runs: dict[str, _Run] = {}
         self.verdicts: list[Verdict] = []
         self.captures: dict[str, list[CaptureEntry]] = {}
+        self.events: dict[str, Sequence[LoggedEvent]] = {}
+        self.stretches: dict[tuple[str, str], set[int]] = {}  # the parts that were saved of runs that were cut
         # by logger and name, the events that tell of a recording that it was begun (True) or ended
         self.orders: dict[tuple[str, str], list[tuple[LoggedEvent, bool]]] = {}
         self.elsewhere: set[tuple[str, str]] = set()  # those that are written to other folders
+        self.keeps: dict[tuple[str, str], int] = {}  # by logger and trigger, how many captures stay; 0 for all
+        self.gone: set[str] = set()  # the loggers of which files lack
         self.loggers = loggers_with_events(folder)
         for logger in self.loggers:
             self._take_events(logger)
@@ -204,6 +211,11 @@ class _Folder:
         self._take_memory()
         self._take_logs()
         self._take_ledgers()
+        for logger in self.loggers:
+            lacks = [*self._saves_that_lack(logger), *self._captures_that_lack(logger)]
+            self.verdicts += lacks
+            self.gone |= {logger} if lacks else set()
+        self.verdicts += self._parts_that_lack()
         if not self.runs and not self.loggers:
             raise LogNotFoundError(f"{folder}: there are no logs, no recordings and no event log in it")
 
@@ -225,7 +237,8 @@ class _Folder:
         if again:
             text = f"{again} lines of the event log of '{logger}' stand in it twice"
             self.verdicts.append(Verdict("twice", text, logger))
-        for event in read_events(self.folder, logger):
+        self.events[logger] = read_events(self.folder, logger)
+        for event in self.events[logger]:
             if event.kind == DAMAGED:
                 self.verdicts.append(Verdict("damaged", event.text, logger, event.run, told="the event log"))
             if event.kind in (EventKind.RECORDING.value, EventKind.RECORDING_FAILED.value):
@@ -282,6 +295,7 @@ class _Folder:
     def _take_log(self, path: Path, recording: Recording) -> None:
         ids = Counter(event.run for event in recording.events if event.run)
         run = self.run_of(recording.logger, ids.most_common(1)[0][0] if ids else "", recording.started_ns)
+        self.keeps |= {(recording.logger, one.name): one.keep for one in recording.conditions.triggers}
         run.ticks = max(run.ticks, recording.offset)
         if recording.conditions.capture is not None:
             run.captured.append((path, recording))
@@ -290,6 +304,8 @@ class _Folder:
             firsts = {one.name: (one, begin + one.first) for one in recording.elements if one.count}
             run.saved.append((path, (min((tick for _, tick in firsts.values()), default=begin), last), recording.why))
             stretch = recording.stretch
+            if stretch is not None:
+                self.stretches.setdefault((recording.logger, stretch.run), set()).add(stretch.part)
             part = max(1, stretch.part) if stretch is not None else 1
             for one in recording.elements:
                 if stretch is None or not stretch.recorder:  # else it lacks what its parts lack
@@ -332,6 +348,52 @@ class _Folder:
                 )
                 run.trimmed[written.recorder] = had, entry.deleted > 0
 
+    def _is_there(self, name: str) -> bool:
+        """Whether a file stands here or below."""
+        return (self.folder / name).exists() or any(self.folder.rglob(glob.escape(name)))
+
+    def _saves_that_lack(self, logger: str) -> Iterator[Verdict]:
+        """The saves of which no format is there, by the event log; with who told to have deleted them."""
+        told = [event for event in self.events[logger] if event.kind == EventKind.DELETED.value]
+        saved = [
+            (event, list(map(Path, event.text.removeprefix(_BEFORE).split(", "))))
+            if event.text.startswith(_BEFORE)
+            else (event, list(map(Path, _WRITTEN.findall(event.text))))
+            for event in self.events[logger]
+            if event.kind in (EventKind.SAVED.value, EventKind.RECOVERED.value)
+        ]
+        # what this folder was called, where it was moved or copied; saved may be to others, too
+        here = {path.parent for _, files in saved for path in files if (self.folder / path.name).exists()}
+        for event, every in saved:
+            files = [path for path in every if path.parent in here or not path.parent.is_dir()
+                     or path.parent.resolve() == self.folder.resolve()]  # fmt: skip
+            if files and not any(self._is_there(path.name) for path in files):
+                names = and_more([path.name for path in files], _MOST_SHOWN)
+                by = next((f"event {one.number}: {one.text}" for one in told if files[0].stem in one.text), "")
+                yield Verdict("missing", f"{names} was saved (event {event.number}), and is gone", logger, told=by)
+
+    def _captures_that_lack(self, logger: str) -> Iterator[Verdict]:
+        """The captures that were written and are gone, but for those that made room for newer ones of their trigger."""
+        newer: Counter[str] = Counter()
+        for entry in reversed(self.captures[logger]):
+            if not entry.files:
+                continue
+            keep = self.keeps.get((logger, entry.trigger), 1)
+            is_kept = not keep or newer[entry.trigger] < keep
+            if is_kept and not any(self._is_there(one.name) for one in entry.files):
+                names = and_more([one.name for one in entry.files], _MOST_SHOWN)
+                text = f"{names} is gone: it was capture {entry.number} of '{entry.trigger}' in run {entry.run}"
+                yield Verdict("missing", text, logger, entry.run)
+            newer[entry.trigger] += 1
+
+    def _parts_that_lack(self) -> Iterator[Verdict]:
+        """The stretches between others of a run that was cut, where no event log tells what became of each."""
+        for (logger, run), parts in self.stretches.items():
+            lacks = sorted({*range(1, max(parts))} - parts) if logger not in self.loggers else []
+            if lacks:
+                text = f"run {run} was cut, and lacks part {and_more([str(one) for one in lacks], _MOST_SHOWN)}"
+                yield Verdict("missing", text, logger, run)
+
 
 def _kept_elements(reader: SegmentReader) -> Sequence[ElementSchema]:
     """The elements that a save would have; all where there are none."""
@@ -367,7 +429,7 @@ def verify(folder: Path) -> Verified:
     verdicts += _totals(runs)
     named = {one.run for one in verdicts if one.kind == "missing"}
     asked = [one for one in verdicts if one.kind == "not recorded"]
-    not_kept = (verdict for run in runs if run.run not in named for verdict in _not_kept(run))
+    not_kept = (verdict for run in runs if run.run not in named for verdict in _not_kept(run, run.logger in there.gone))
     return Verified(
         str(folder),
         tuple(map(_covered, runs)),
@@ -378,8 +440,8 @@ def verify(folder: Path) -> Verified:
     )
 
 
-def _not_kept(run: _Run) -> Iterator[Verdict]:
-    """The ticks of a run that stand nowhere, as no recording was to have them, and no save had them."""
+def _not_kept(run: _Run, gone: bool) -> Iterator[Verdict]:
+    """The ticks of a run that stand nowhere, as no recording was to have them, and no save had them, or it is gone."""
     kept = [*(span for part in run.parts for span in part.covered()), *(span for _, span, _ in run.saved), *run.held]
     lacks = without([(0, run.ticks - 1)], kept) if run.ticks else []
     for name, (had, by_budget) in run.trimmed.items():
@@ -394,7 +456,7 @@ def _not_kept(run: _Run) -> Iterator[Verdict]:
     lacks = without(lacks, run.paused)
     if not lacks:
         return
-    why = "its memory was let go of, and nobody had saved them"
+    why = f"its memory was let go of, and nobody had saved them{', unless what is gone has them' if gone else ''}"
     if run.held or run.saved:
         why = "buffers keep the newest samples, and these were overwritten, as they are made to be"
     there = (("saved are", [span for _, span, _ in run.saved]), ("in memory are", run.held))

@@ -490,6 +490,37 @@ def test_samples_that_growing_buffers_had_no_room_for_are_missing(tmp_path, caps
     assert "1 run: not whole, 1 told before" in shown
 
 
+def test_saved_files_that_are_gone_are_named_unless_somebody_told_to_have_deleted_them(kept, tmp_path):
+    path = tmp_path / "bot_20260309_10-00-00_00008.silo"
+    kept.recorded(300)
+    kept.happens("saved", f"saved {path} (13.3 kB), {path.with_suffix('.parquet')} (1 MB), {tmp_path}/csv (0 B)", 299)
+    kept.happens("saved", "saved /nowhere/else/is.silo (3 B)", 299)
+    shutil.copy(kept.part, path.with_suffix(".parquet"))
+    assert [one.text for one in verify(tmp_path).problems] == ["is.silo was saved (event 4), and is gone"]
+    path.with_suffix(".parquet").unlink()
+    there = [one.text for one in verify(tmp_path).problems]
+    assert there[0] == f"{path.name}, {path.stem}.parquet, csv was saved (event 3), and is gone"
+    kept.happens("deleted", f"deleted {path.name}, is.silo (13.3 kB)", 299)
+    found = verify(tmp_path)
+    assert (len(found.problems), [one.told[:7] for one in found.told]) == (0, ["event 5"] * 2)
+
+
+def test_a_part_of_a_cut_run_that_is_gone_is_named(tmp_path):
+    log = silo.Logger("bot", frequency=100, folder=tmp_path, script=tmp_path / "none.yaml")
+    log.array("x", buffer="growing")
+    log.start()
+    for tick in range(60):
+        if tick in (20, 40):
+            log.set("x", divider=3 - log["x"].options.divider, cut=True)
+        log.collect()
+    log.save()
+    log.close()
+    assert verify(tmp_path).problems == ()
+    (gone,) = tmp_path.glob("*_part2.silo")
+    gone.unlink()
+    assert [one.text.partition(" was ")[2] for one in verify(tmp_path).problems] == ["cut, and lacks part 2"]
+
+
 def test_totals_that_are_not_those_of_the_parts_disagree(kept):
     kept.recorded(300, stopped=False)
     kept.happens("recording", "recording 'bot' ended; 1 file, 5 samples, 0 lost", 299)
@@ -559,19 +590,28 @@ class TestCaptures:
 
     def test_a_fire_without_its_capture_is_missing(self, spiked):
         Path(self.files[0].path).unlink()
-        assert self.found(spiked) == [[("missing", ((300, 300),))], []]
+        assert self.found(spiked) == [[("missing", ()), ("missing", ((300, 300),))], []]
 
-    def test_a_capture_that_was_told_and_is_gone_was_taken_away_by_somebody(self, spiked):
-        Path(self.files[0].path).unlink()
+    def test_a_capture_that_was_told_and_is_gone_is_missing_unless_newer_ones_had_it_go(self, spiked):
+        path = Path(self.files[0].path)
         text = "capture 1 of 'spike', ticks 280 to 310: gone.silo"
         append_events(spiked, "bot", [LoggedEvent("captured", text, 4, 300, run=self.run, number=4)])
-        assert self.found(spiked) == [[], []]
+        path.rename(spiked / "later.silo")
+        (problem,) = verify(spiked).problems
+        assert problem.text == f"{path.name} is gone: it was capture 1 of 'spike' in run {self.run}"
+        (spiked / "kept").mkdir()
+        (spiked / "later.silo").rename(spiked / "kept" / path.name)
+        assert self.found(spiked) == [[], []], "it was put into a folder below"
+        (spiked / "kept" / path.name).unlink()
+        (spiked / "2.silo").write_bytes(b"")
+        CaptureList(str(spiked), "bot").written(CaptureEntry(self.run, "spike", 2, "2"), [str(spiked / "2.silo")], 1)
+        assert [one for one in verify(spiked).problems if one.kind == "missing"] == []
 
     def test_a_fire_whose_capture_was_told_to_be_lost_is_told_apart(self, spiked):
         Path(self.files[0].path).unlink()
         text = "capture 1 of 'spike', ticks 280 to 310, is lost: the helper process died"
         append_events(spiked, "bot", [LoggedEvent("blind", text, 4, 300, run=self.run, number=4)])
-        assert self.found(spiked) == [[], [("missing", ((300, 300),))]]
+        assert self.found(spiked) == [[("missing", ())], [("missing", ((300, 300),))]]
 
     def test_one_fire_in_two_captures_is_told(self, spiked):
         path = Path(self.files[0].path)

@@ -20,10 +20,10 @@ def verify(folder: Path, as_json: bool) -> int:
     """Hold the recordings, captures, saved logs and the event log of a log folder against one another.
 
     Named is every tick that was to be recorded or captured and is in no file, what growing buffers had no room for,
-    what stands twice, totals that disagree, and files that can't be read. What the event log tells to be lost stands
-    apart, and so do ticks that nobody asked to keep: what buffers overwrote before a save, what the budget of a
-    recording deleted, and what came while somebody had stopped a recording. A buffer of fewer seconds than others keeps
-    the newest; that it is so is said. Nothing is changed.
+    what stands twice, totals that disagree, files that can't be read, and those that were written here and are gone.
+    What the event log tells to be lost stands apart, and so do ticks that nobody asked to keep: what buffers overwrote
+    before a save, what the budget of a recording deleted, and what came while somebody had stopped a recording. A
+    buffer of fewer seconds than others keeps the newest; that it is so is said. Nothing is changed.
 
     \b
     Examples:
