@@ -7,7 +7,7 @@ Of these only what reads differently is painted: with each frame the measured ce
 import time
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, cast
 
 import numpy as np
 from rich.cells import cell_len, set_cell_size
@@ -359,45 +359,57 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
     def render_line(self, y: int) -> Strip:
         laid = self.laid
         content = self._ready.pop(y) if y in self._ready else self._content(y, laid, self.size.height)
+        if content.key not in self._strips and content.key != self._key(y, laid):  # it reads differently by now
+            content = self._content(y, laid, self.size.height)
         self._painted[y] = content
         base = ["table--row", "table--cursor"] if content.cursor else ["table--row"]
         segments = [Segment(words, self._style(*base, style)) for words, style in content.pieces]
         measured = Strip(segments).adjust_cell_length(laid.width - 1 - laid.rest, self._style(*base))
         rail = Segment(content.rail, self._style("table--row", "table--rail"))
-        return Strip([*self._strips[content.key], *measured, rail], laid.width)
+        return Strip([*self._settings_strip(y, content.key, laid), *measured, rail], laid.width)
+
+    def _settings_strip(self, y: int, key: tuple[object, ...], laid: Layout) -> Strip:
+        """Return what stands before what is measured; made as it is drawn: not all that changes is."""
+        if key not in self._strips:
+            if len(self._strips) > MAX_STRIPS:
+                self._strips.clear()
+            segments = key
+            position = self.scroll_offset.y + y
+            if key and not isinstance(key[0], Segment):
+                row = row_of(int(self.rows.tree.lines[position])) or 0
+                is_cursor = position == self.rows.position
+                segments = tuple(self._segments(row, self.rows.tree.depth(position), laid, is_cursor=is_cursor))
+            made = Strip(cast(tuple[Segment, ...], segments))
+            self._strips[key] = made.adjust_cell_length(laid.rest, self._style("table--row"))
+        return self._strips[key]
+
+    def _key(self, y: int, laid: Layout) -> tuple[object, ...]:
+        """Return what tells the settings of a line apart, or all that is drawn of it where it has none."""
+        position, rows = self.scroll_offset.y + y, self.rows
+        if position >= len(rows.tree.lines):
+            return ()
+        self._refresh_masks()
+        line, is_cursor = int(rows.tree.lines[position]), position == rows.position
+        row = row_of(line)
+        if row is None or entry_of(line) is not None:
+            return tuple(self._other_segments(line, position, laid, is_cursor=is_cursor))
+        return (
+            row, int(self.field) if is_cursor else -1, bool(rows.marked[row]), bool(self._range[row]),
+            rows.tree.depth(position), rows.sort == TREE, row in rows.leaving,
+            self.session.table.names[row] in rows.unfolded, self._settings_of(row),
+        )  # fmt: skip
 
     def _content(self, y: int, laid: Layout, height: int) -> Content:
-        """Return what a line says; the strip of its settings is made where it isn't yet.
+        """Return what a line says.
 
         What stands where is handed over: to find the size of a widget takes as long as some of its cells.
         """
         top, rows = self.scroll_offset.y, self.rows
-        position = top + y
-        if len(self._strips) > MAX_STRIPS:
-            self._strips.clear()
-            self._painted.clear()
-            self._ready.clear()
-        if position >= len(rows.tree.lines):
-            if () not in self._strips:
-                self._strips[()] = Strip.blank(laid.rest, self._style("table--row"))
+        position, key = top + y, self._key(y, laid)
+        if not key:
             return Content((), False, (), " ")
-        self._refresh_masks()
         line, is_cursor = int(rows.tree.lines[position]), position == rows.position
-        row, entry = row_of(line), entry_of(line)
-        key: tuple[object, ...]
-        if row is None or entry is not None:
-            key = segments = tuple(self._other_segments(line, position, laid, is_cursor=is_cursor))
-        else:
-            segments = ()
-            key = (
-                row, int(self.field) if is_cursor else -1, bool(rows.marked[row]), bool(self._range[row]),
-                rows.tree.depth(position), rows.sort == TREE, row in rows.leaving,
-                self.session.table.names[row] in rows.unfolded, self._settings_of(row),
-            )  # fmt: skip
-        if key not in self._strips:
-            made = segments or self._segments(row or 0, rows.tree.depth(position), laid, is_cursor=is_cursor)
-            self._strips[key] = Strip(made).adjust_cell_length(laid.rest, self._style("table--row"))
-        pieces = self._pieces(line, row, entry, laid)
+        pieces = self._pieces(line, row_of(line), entry_of(line), laid)
         if is_cursor:  # grey on the cursor's line is hard to read in 16 colours
             pieces = [(words, "" if style == "table--quiet" else style) for words, style in pieces]
         return Content(key, is_cursor, tuple(pieces), self._rail(y, top, height))
