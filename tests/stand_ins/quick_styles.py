@@ -11,11 +11,13 @@ from textual.css.stylesheet import Stylesheet
 from textual.dom import DOMNode
 
 apply, process, replace = Stylesheet.apply, Stylesheet._process_component_classes, Stylesheet.replace_rules
+OWN = {"layout", "display", "pointer"}  # each node has a layout of its own, and tells others of the rest
 FLAGS = ("_has_hover_style", "_has_focus_within", "_has_order_style", "_has_odd_or_even")
 
 _sheets: dict[tuple[Any, ...], int] = {}  # of the rules of a sheet, which are kept: no other is taken for one
 _states: dict[tuple[Any, ...], tuple[str, ...] | None] = {}  # at which states the rules for such a node look
 _rules: dict[tuple[Any, ...], tuple[Any, ...]] = {}  # of a node: the flags and the rules
+_results: dict[int, dict[str, Any]] = {}  # of rules, which are kept: what a node then has, a layout by its name
 _components: dict[tuple[Any, ...], dict[str, dict[str, Any]]] = {}  # of a widget: the rules by the name of a part
 
 
@@ -71,8 +73,31 @@ def apply_known(sheet: Any, node: Any, *, animate: bool = False, cache: Any = No
     for flag, value in zip(FLAGS, flags, strict=True):
         setattr(node, flag, value)
     for each in rules:
-        replace(node, each, animate=animate)
+        _replace_known(node, each, animate=animate)
     process_known(sheet, node)
+
+
+def _replace_known(node: Any, rules: dict[str, Any], *, animate: bool) -> None:
+    """`Stylesheet.replace_rules`, without a look at rules that stay as they are, or are the first of a node."""
+    base = node.styles.base
+    there, known = base._rules, _results.get(id(rules))
+    if animate or known is None:
+        replace(node, rules, animate=animate)
+        if not animate:
+            _results[id(rules)] = there | ({"layout": there["layout"].name} if "layout" in there else {})
+        return
+    if there or node._is_mounted:
+        now = there | ({"layout": there["layout"].name} if "layout" in there else {})
+        if now != known:
+            for name in [name for name in now.keys() | known.keys() if now.get(name) != known.get(name)]:
+                setattr(base, name, rules.get(name))
+    else:
+        there.update(known)
+        base._updates += len(known)
+        for name in OWN & known.keys():
+            del there[name]
+            setattr(base, name, rules[name])
+    node.notify_style_update()
 
 
 def process_known(sheet: Any, node: Any) -> None:

@@ -15,6 +15,7 @@ import pytest
 from textual import _callback, events
 from textual._compositor import Compositor, LayoutUpdate
 from textual.app import App
+from textual.cache import FIFOCache
 from textual.css.model import RuleSet
 from textual.css.stylesheet import Stylesheet
 from textual.keys import REPLACED_KEYS, _character_to_key, _get_unicode_name_from_key
@@ -60,8 +61,18 @@ def styles_parsed_once() -> Iterator[None]:
             parsed[key] = parse(sheet, *arguments, **named)
         return parsed[key]
 
+    parse_whole, wholes = Stylesheet.parse, {}
+
+    def parse_whole_once(sheet: Stylesheet) -> None:
+        key = (*sheet.source.items(), *sheet._variables.items())
+        if key not in wholes:
+            parse_whole(sheet)
+            wholes[key] = sheet._rules, sheet.rules_map
+        (sheet._rules, sheet._rules_map), sheet._require_parse = wholes[key], False
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Stylesheet, "_parse_rules", parse_once)
+        patch.setattr(Stylesheet, "parse", parse_whole_once)
         patch.setattr(RuleSet, "__hash__", object.__hash__)  # as Textual's, without a call: 45,000 a test of the table
         yield
 
@@ -72,6 +83,34 @@ def styles_found_once() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Stylesheet, "apply", quick_styles.apply_known)
         patch.setattr(Stylesheet, "_process_component_classes", quick_styles.process_known)
+        yield
+
+
+CACHES = {f"_{name}_cache": 4 for name in ("divide", "filter", "line_length", "crop_extend", "offsets")}
+CACHES |= {"_crop_cache": 16, "_style_cache": 16}  # what a strip keeps, and how much
+
+
+@pytest.fixture(autouse=True, scope="session")
+def strips_keep_what_is_kept() -> Iterator[None]:
+    """Make a cache of a strip as it is first looked into: Textual makes seven with each line, most for nothing."""
+
+    def make_bare(strip: Strip, segments: Any, cell_length: int | None = None) -> None:
+        strip._segments, strip._cell_length = list(segments), cell_length
+        strip._render_cache = strip._link_ids = strip._cell_count = None
+
+    def make_cache(strip: Strip, name: str) -> FIFOCache[Any, Any]:
+        if name not in CACHES:
+            raise AttributeError(name)
+        made: FIFOCache[Any, Any] = FIFOCache(CACHES[name])
+        setattr(strip, name, made)
+        return made
+
+    whole = Strip([])
+    assert {name for name in Strip.__slots__ if isinstance(getattr(whole, name), FIFOCache)} == CACHES.keys()
+    assert all(getattr(whole, name)._maxsize == most for name, most in CACHES.items())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Strip, "__init__", make_bare)
+        patch.setattr(Strip, "__getattr__", make_cache, raising=False)
         yield
 
 
