@@ -1,6 +1,7 @@
 """Ctrl-C at every instruction of a start, a restart, an end and a tick: nothing is left over, and nothing is stuck."""
 
 import gc
+import os
 from pathlib import Path
 
 import numpy as np
@@ -31,14 +32,15 @@ OWNERS = {
 
 def left_over(folders):
     files = [path for folder in folders for path in folder.iterdir()]
-    mapped = [line for line in Path("/proc/self/maps").read_text().splitlines() if ".segment" in line]
-    opened = [link for link in map(link_of, Path("/proc/self/fd").iterdir()) if ".segment" in link]
+    maps = Path("/proc/self/maps").read_bytes()
+    mapped = [line for line in maps.splitlines() if b".segment" in line] if b".segment" in maps else []
+    opened = [link for link in map(link_of, os.listdir("/proc/self/fd")) if ".segment" in link]  # noqa: PTH208
     return files, opened, mapped
 
 
 def link_of(descriptor):
     try:
-        return str(descriptor.readlink())
+        return os.readlink(f"/proc/self/fd/{descriptor}")  # noqa: PTH115 - for each descriptor, after each place
     except OSError:
         return ""
 
