@@ -144,13 +144,22 @@ def fork_for_all() -> Callable[[], None]:
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     listener.bind(_address(dict(os.environ)))
     listener.listen(128)
+    import numpy.ma  # noqa: F401 - NumPy loads it with the first `unique`
+
+    import silo.cli.bulk
+    import silo.cli.edits
     import silo.cli.group
     import silo.client.client
+    import silo.conditions.captures.files
+    import silo.conditions.segment_judge
     import silo.files.csv.writer
     import silo.files.silo.writer
     import silo.helper.__main__
     import silo.logger.logger
-    import silo.recorder.__main__  # noqa: F401
+    import silo.logger.serving.serving
+    import silo.recorder.__main__
+    import silo.recordings.writing
+    import silo.settings.script  # noqa: F401
 
     gc.freeze()  # a process that was forked looks through nothing of it, nor copies it by that
     print("ready", flush=True)
