@@ -17,11 +17,13 @@ from textual._compositor import Compositor, LayoutUpdate
 from textual.app import App
 from textual.cache import FIFOCache
 from textual.css.model import RuleSet
+from textual.css.styles import RenderStyles
 from textual.css.stylesheet import Stylesheet
 from textual.keys import REPLACED_KEYS, _character_to_key, _get_unicode_name_from_key
 from textual.message import Message
 from textual.message_pump import MessagePump
 from textual.pilot import Pilot
+from textual.reactive import Reactive
 from textual.screen import ModalScreen
 from textual.strip import Strip
 
@@ -165,6 +167,34 @@ def parameters_counted_once() -> Iterator[None]:
 
 
 @functools.cache
+def is_computed(node: type, method: str) -> bool:
+    """Return whether a value of such nodes is computed each time that it is read."""
+    return hasattr(node, method)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def values_read_at_once() -> Iterator[None]:
+    """Read values and rules of nodes where they are: Textual asks four times for each whether it is there."""
+    get = Reactive.__get__
+
+    def get_at_once(reactive: Reactive[Any], node: Any, kind: Any = None) -> Any:
+        if node is not None and not is_computed(type(node), reactive.compute_name):
+            values = node.__dict__
+            if reactive.internal_name in values and "_id" in values:
+                return values[reactive.internal_name]
+        return get(reactive, node, kind)
+
+    def rule_at_once(styles: RenderStyles, name: str, default: object = None) -> object:
+        inline = styles._inline_styles._rules
+        return inline[name] if name in inline else styles._base_styles._rules.get(name, default)  # type: ignore[literal-required]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Reactive, "__get__", get_at_once)
+        patch.setattr(RenderStyles, "get_rule", rule_at_once)
+        yield
+
+
+@functools.cache
 def handlers_of(node: type, message: type, name: str) -> list[tuple[type, Any]] | None:
     """Return which classes of a node handle a message by the name of a method; None where a decorator has a say."""
     found = []
@@ -290,6 +320,7 @@ def keys_of_nobody(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPat
         use_keys("classic", {})
     yield
     handlers_of.cache_clear()  # a test may have put another method into a class
+    is_computed.cache_clear()
     if actions._own != DEFAULT_KEYS:
         use_keys(DEFAULT, {})
 
