@@ -3,7 +3,6 @@
 
 import asyncio
 import gc
-import itertools
 import os
 import shlex
 from collections.abc import Callable, Sequence
@@ -29,6 +28,7 @@ from silo_tui.keymap import use_keys
 from silo_tui.menus import MenuReader
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.drawing import dots
+from silo_tui.model.table.fields import Field
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.sessions.demo import Demo
 from silo_tui.sessions.finder import ClientFinder
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from silo_tui.sessions.recorded import FileSession
 
 
-FIRST_LOOK_S, MOST_LOOKS = 0.02, 25  # how often is looked for the first values of a logger
+FIRST_LOOK_S, MOST_LOOKS = 0.01, 50  # how often is looked for the first values of a logger
 START_S = 2.0  # after which garbage is looked for
 BEHIND_HZ = 1.0  # how often values are painted behind a dialog
 HOMES = ("table", "file", "loggers")  # where `go_home` ends
@@ -189,18 +189,17 @@ class SiloApp(Guarded, App[None]):
         session = self.context.session if self.context.has_session else None
         return session if session is not None and session.link is not None else None
 
-    def poll_soon(self) -> None:
+    async def first_values(self) -> None:
         """Bring the first values of a logger as they come, and how its conditions stand."""
         self._ask_for_conditions()
-        session, tries = self._live_session, itertools.count()
-
-        def look() -> None:
+        session = self._live_session
+        for _ in range(MOST_LOOKS):
             self._poll()
-            came = session is not self._live_session or session is None or bool(session.live.readings)
-            if came or next(tries) > MOST_LOOKS:
-                timer.stop()
-
-        timer = self.set_interval(FIRST_LOOK_S, look)
+            if session is None or session is not self._live_session or session.live.readings:
+                return
+            if not session.table.server[Field.ENABLED].any():
+                return  # nothing is logged of which values could come
+            await asyncio.sleep(FIRST_LOOK_S)
 
     def _poll(self) -> None:
         """Bring the newest values to the screen, as often as the terminal takes them."""

@@ -102,6 +102,7 @@ def command(
         return
     if control or port:
         raise click.UsageError("--port and --control are for --serve")
+    gc.disable()  # of what is loaded nothing goes; looking for it is a sixth of the start, the app has it begin again
     # what runs elsewhere is a logger; a path is a file wherever one looks for loggers
     file = _file(target, _running if config in ("", "local") else lambda: {target})
     ends = (sys.stdin, sys.stdout)  # None where the shell closed it
@@ -184,7 +185,6 @@ def _run(
     theme: str | None,
     mouse: bool | None,
 ) -> int:
-    gc.disable()  # of what is loaded nothing goes; looking for it is a sixth of the start, the app has it begin again
     from silo_tui.sessions.finder import ClientFinder
 
     finder = ClientFinder(config, read_only=read_only)

@@ -72,6 +72,12 @@ class Leaving(Guarded, Screen[ResultT]):
         if self.is_attached or self.children or isinstance(event, events.Unmount):
             await super().on_event(event)
 
+    def _compositor_refresh(self) -> None:
+        if self.app._batch_count:  # Textual draws all of it, and then shows nothing
+            self._repaint_required = True
+        else:
+            super()._compositor_refresh()
+
     async def _message_loop_exit(self) -> None:
         self.workers.cancel_node(self)  # Textual does it too, but when the widgets have gone
         await super()._message_loop_exit()

@@ -161,12 +161,14 @@ class Opener:
         screen = TableScreen(session, read_only=context.read_only)
         while len(app.screen_stack) > 2:
             await app.pop_screen()
-        attaching = asyncio.ensure_future(self._attach(session, logger))
+        shown = asyncio.Event()
+        filling = asyncio.ensure_future(self._fill(screen, logger, shown))
         try:
-            with app.batch_update():  # painted once, where the logger answers at once
+            with app.batch_update():  # painted once, where the values come at once
                 await (app.switch_screen if len(app.screen_stack) > 1 else app.push_screen)(screen)
-                await asyncio.wait([attaching], timeout=AT_ONCE_S)
-            await attaching
+                shown.set()
+                await asyncio.wait([filling], timeout=AT_ONCE_S)
+            await filling
         except (SiloError, OSError) as error:
             self._failed[logger.key] = f"{logger.name} ({logger.where}): {error}"
             passes = isinstance(error, ConnectionLostError) and not isinstance(error, VersionError)
@@ -176,22 +178,28 @@ class Opener:
                 await app.switch_screen(self.first_screen)
             return False
         finally:
-            attaching.cancel()  # of an opening that was given up
+            filling.cancel()  # of an opening that was given up
+        return True
+
+    async def _fill(self, screen: TableScreen, logger: FoundLogger, shown: asyncio.Event) -> None:
+        """Connect to a logger and bring all of it to its table, once that is shown."""
+        app, context = self._app, self._context
+        await self._attach(screen.session, logger)
+        await shown.wait()
         self._failed.pop(logger.key, None)
         self._again_s.pop(logger.key, None)
         if not app.screen_stack:
-            return True
+            return
         self._finder.rest()
         words = await self._show_view()  # first: the question about edits that were kept stands above it
         self._view_is_there = True
         context.table_changed()
         context.status_changed()
         context.say_settings_problems()
-        screen.call_after_refresh(screen.request_view)  # at once: nobody scrolls yet
-        cast(Any, app).poll_soon()
+        screen.request_view()  # at once: nobody scrolls yet
         if words := "; ".join(filter(None, [words, also_a_file(self._wanted)])):
             context.say(words)
-        return True
+        await cast(Any, app).first_values()
 
     async def _show_view(self) -> str:
         """Put on the screen what was asked for, or what was left last; return what to say.

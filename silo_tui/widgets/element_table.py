@@ -313,6 +313,9 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
     def _paint(self, lines: Iterable[int]) -> None:
         """Paint those of these lines of the screen that read differently now."""
         laid, height = self.laid, self.size.height
+        if not self._painted:  # all is still to be painted: nothing needs to be told apart before
+            self.refresh()
+            return
         for y in lines:
             old, new = self._painted.get(y), self._content(y, laid, height)
             if old != new:

@@ -240,6 +240,7 @@ def test_trends_are_drawn_once_a_second_and_when_something_of_the_past_came(tabl
     for after_s, made in ((0.0, 1), (Pace().trend_s - 0.1, 1), (0.2, 2), (0.1, 2)):
         clock.s += after_s
         table.live_changed()
+        assert table.text
         assert len(drawn) == made, after_s
     assert "⣀" * 10 in table.text[0]
     table.session.columns.past_until_ns = 5
