@@ -7,16 +7,15 @@ eat: `ctrl+h/i/j/m`, `alt+letter`, `ctrl+enter`. This imports nothing of `silo_t
 
 import unicodedata
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from functools import cache, partial
 
+import msgspec
 from textual.keys import REPLACED_KEYS
 
 from silo.settings.options import OPTION
 
 
-@dataclass(frozen=True)
-class Typed:
+class Typed(msgspec.Struct, frozen=True):
     """How a command is typed after `:`.
 
     `completes` names what its argument may be (see `CommandRunner.choices`). `usage` and `help` are its line on the
@@ -32,8 +31,7 @@ class Typed:
     reads: bool = False
 
 
-@dataclass(frozen=True)
-class Command:
+class Command(msgspec.Struct, frozen=True):
     """One thing that can be done.
 
     `scopes` are the screens where its keys count (`any`: all of them; none: it can only be typed). `footer` is its
@@ -506,7 +504,7 @@ def with_keys(command: Command) -> Command:
 def _with(command_id: str, keys: str) -> Command:
     command = BY_ID[command_id]
     shown = command.shown_key if set(command.keys.split(",")) <= set(keys.split(",")) else ""
-    return replace(command, keys=keys, shown_key=shown)
+    return msgspec.structs.replace(command, keys=keys, shown_key=shown)
 
 
 @cache  # each key asks for it, and each painting of the key bar

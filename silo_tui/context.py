@@ -8,9 +8,9 @@ Screens, dialogs and commands import this and never `silo_tui.app`; it imports w
 import time
 from collections import deque
 from collections.abc import Callable, Coroutine, Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar, cast
 
+import msgspec
 from textual import events
 from textual.app import App
 
@@ -38,8 +38,7 @@ from silo_tui.widgets.messages import MessageLine
 MOST_TOLD = 500
 
 
-@dataclass(frozen=True)
-class Message:
+class Message(msgspec.Struct, frozen=True):
     """What was said once: when, and whether it is news of the robot or the answer to a key."""
 
     at_s: float

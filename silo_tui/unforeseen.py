@@ -7,9 +7,9 @@ completer. A typo must never cost the screen that one watches a robot on.
 import os
 import time
 import traceback
-from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
 from textual.message import Message
 from textual.message_pump import MessagePump
 from textual.worker import WorkerFailed
@@ -34,8 +34,7 @@ class Guarded(MessagePump):
             self.app._handle_exception(error)
 
 
-@dataclass
-class _Place:
+class _Place(msgspec.Struct):
     """Where errors came from, when one was told last, and how many came since."""
 
     told_s: float

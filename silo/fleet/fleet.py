@@ -10,7 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -59,8 +59,7 @@ Change = Callable[[Member | None], Member | None]
 _decoder = msgpack_decoder(Summary)
 
 
-@dataclass(frozen=True)
-class FleetQuestion:
+class FleetQuestion(msgspec.Struct, frozen=True):
     """What a fleet looks for: once, or following; `question` is asked of each whom `whom` means, None asks nobody.
 
     Sessions to remotes stay open until `holding` is closed, where there is one, for what is to be asked next.
@@ -78,8 +77,7 @@ class FleetQuestion:
 FOLLOWING = FleetQuestion(GetSummary(), follow=True, reach_s=2.0)
 
 
-@dataclass(frozen=True)
-class _Failure:
+class _Failure(msgspec.Struct, frozen=True):
     """Why a remote was not reached, and until when nobody tries it again without being told to."""
 
     error: SiloError
@@ -89,14 +87,13 @@ class _Failure:
 _failed: dict[str, _Failure] = {}  # by configuration, of all fleets of this process
 
 
-@dataclass(frozen=True)
-class FleetNow:
+class FleetNow(msgspec.Struct, frozen=True):
     """All loggers, by host and name; `number` counts changes. `unreachable` says of remotes why they aren't reached."""
 
     number: int = 0
     members: tuple[Member, ...] = ()
-    near: Near = field(default_factory=Near)
-    unreachable: dict[str, str] = field(default_factory=dict)
+    near: Near = msgspec.field(default_factory=Near)
+    unreachable: dict[str, str] = msgspec.field(default_factory=dict)
     ready: bool = False  # every way has been tried
     routers: tuple[RouterTold, ...] = ()  # that refused logins within the last hour
 
@@ -340,13 +337,13 @@ class Fleet(Closing):
             key=lambda one: (one.found.host, one.found.name, one.found.pid, one.found.id),
         )
         ready = self._tried >= {"", *self._ways} and bool(self._tried)
-        told = replace(
+        told = msgspec.structs.replace(
             self._now, members=tuple(members), near=self._near, ready=ready,
             routers=tuple(one for _, one in sorted(self._routers.items()) if one is not None and one.denied),
             unreachable={name: str(error) for name, error in sorted(self._failed.items())},
         )  # fmt: skip
         if told != self._now:
-            self._now = replace(told, number=self._now.number + 1)
+            self._now = msgspec.structs.replace(told, number=self._now.number + 1)
             self._changed.notify_all()
 
 

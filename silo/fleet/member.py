@@ -5,6 +5,8 @@ import functools
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import msgspec
+
 from silo.core.elements import State, Status, is_stalled
 from silo.core.names import grouped
 from silo.core.quantities.writing import wall_clock
@@ -178,8 +180,7 @@ class Member:
         return [f"{control}*", *(name for name in names if name != control)] if control else names
 
 
-@dataclass(frozen=True)
-class SilentHost:
+class SilentHost(msgspec.Struct, frozen=True):
     """Loggers of one host that fell silent: as a rule its link is down, and not each of them."""
 
     host: str

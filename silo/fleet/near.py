@@ -2,8 +2,10 @@
 
 import re
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+
+import msgspec
 
 from silo.core.runtime import DOWN_SUFFIX, down_marks, user_name
 from silo.net import keys
@@ -16,8 +18,7 @@ _DOWN = re.compile(rf"(?P<name>.+)\.(?P<pid>[0-9]+){re.escape(DOWN_SUFFIX)}")
 HERE = ""  # in place of a remote: the loggers of this computer can't be looked for
 
 
-@dataclass(frozen=True)
-class Near:
+class Near(msgspec.Struct, frozen=True):
     """The loggers of this computer, the folders that are closed to us, and those that nobody can reach now."""
 
     loggers: tuple[LoggerAddress, ...] = ()

@@ -3,7 +3,8 @@ refused with the address of each.
 """
 
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+
+import msgspec
 
 from silo.errors import ConnectionLostError
 from silo.fleet.fleet import FleetNow, FleetQuestion, looked, who_is_there
@@ -15,8 +16,7 @@ from silo.net.found import LoggerAddress, is_glob, logger_of, told_apart
 from silo.net.sessions import borrowed
 
 
-@dataclass(frozen=True)
-class Discovery:
+class Discovery(msgspec.Struct, frozen=True):
     """What was found, by name, and which folders are closed to us. `down` log, but nobody can reach them now.
 
     `unreachable` says of remotes that don't answer why.
@@ -24,8 +24,8 @@ class Discovery:
 
     loggers: list[LoggerAddress]
     forbidden: list[ForbiddenFolder]
-    down: list[LoggerAddress] = field(default_factory=list)
-    unreachable: dict[str, str] = field(default_factory=dict)
+    down: list[LoggerAddress] = msgspec.field(default_factory=list)
+    unreachable: dict[str, str] = msgspec.field(default_factory=dict)
 
     @classmethod
     def of(cls, seen: FleetNow) -> "Discovery":

@@ -9,7 +9,6 @@ import os
 import socket
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import msgspec
@@ -30,8 +29,7 @@ MOST = 16  # routers behind one way
 Refusals = Callable[[], tuple[int, str]]  # how many there were within the last hour, and the last of them in words
 
 
-@dataclass(frozen=True)
-class RouterTold:
+class RouterTold(msgspec.Struct, frozen=True):
     """What a router tells: how many logins it refused within the last hour, and the last of them."""
 
     host: str

@@ -11,8 +11,9 @@ import grp
 import os
 import re
 import stat
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from silo.core.runtime import runtime_dir, shared_memory_root, user_name
 from silo.errors import SegmentError
@@ -21,8 +22,7 @@ _FOLDER = re.compile(r"silo-([0-9]+)(?:-([0-9]+))?")
 _SOCKET_LINE = re.compile(r"(/\S*/silo-[0-9]+(?:-[0-9]+)?)/(\S+)\.[0-9]+(?:-[0-9]+)?\.sock$")
 
 
-@dataclass(frozen=True)
-class ForbiddenFolder:
+class ForbiddenFolder(msgspec.Struct, frozen=True):
     """A folder whose loggers this user may not talk to; `loggers` are those that are known to listen there."""
 
     owner: str

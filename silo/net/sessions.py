@@ -9,10 +9,10 @@ import os
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import zenoh
 
 from silo.core.runtime import user_name
@@ -27,18 +27,16 @@ WAITED_TRIPS = 4  # of an answer, beyond the time that it may take where there i
 log = logging.getLogger("silo.client")
 
 
-@dataclass
-class _Shared:
-    lock: threading.Lock = field(default_factory=threading.Lock)
+class _Shared(msgspec.Struct):
+    lock: threading.Lock = msgspec.field(default_factory=threading.Lock)
     session: zenoh.Session | None = None
     rtt_s: float = 0.0
     users: int = 0
-    looking: threading.Lock = field(default_factory=threading.Lock)
-    followed: dict[object, Mapping[str, keys.Root]] = field(default_factory=dict)
+    looking: threading.Lock = msgspec.field(default_factory=threading.Lock)
+    followed: dict[object, Mapping[str, keys.Root]] = msgspec.field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class SessionLease:
+class SessionLease(msgspec.Struct, frozen=True):
     """A session to talk through, and the round trip time of its link in s, 0 on this computer.
 
     Changes go out under the name `user`; with `proof` where a group shares the socket. `looking` is held while somebody
@@ -51,8 +49,8 @@ class SessionLease:
     user: str = keys.LOCAL_SENDER
     proof: bytes | None = None
     identity: str = ""  # by which a logger tells operators apart
-    looking: threading.Lock = field(default_factory=threading.Lock)
-    followed: dict[object, Mapping[str, keys.Root]] = field(default_factory=dict)
+    looking: threading.Lock = msgspec.field(default_factory=threading.Lock)
+    followed: dict[object, Mapping[str, keys.Root]] = msgspec.field(default_factory=dict)
 
     @property
     def slack_s(self) -> float:

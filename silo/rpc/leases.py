@@ -6,9 +6,10 @@ Views, streams, pins, triggers of clients, control, statistics: who keeps them s
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Generic, TypeVar
+
+import msgspec
 
 Key = TypeVar("Key")
 ClosingT = TypeVar("ClosingT", bound="Closing")
@@ -27,8 +28,7 @@ class Closing:
         self.close()
 
 
-@dataclass(frozen=True)
-class Lease(Generic[Key, Value]):
+class Lease(msgspec.Struct, Generic[Key, Value], frozen=True):
     """Something that is held: by whom, and until when, by the clock of its leases."""
 
     key: Key

@@ -6,7 +6,6 @@ helper ask here.
 """
 
 from collections.abc import Container, Iterable, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -22,8 +21,7 @@ MAX_TOLD = 3  # elements that one message names; nobody reads more
 OptionValue = bool | int | Action | BufferType
 
 
-@dataclass(frozen=True)
-class OptionWord:
+class OptionWord(msgspec.Struct, frozen=True, dict=True):
     """One value of an option that has few: `word` is shown and typed, `cell` too, where a column is narrow.
 
     `phrase` is for sentences (the word, if empty), `also` holds further spellings. Its number and the enumeration's own
@@ -44,8 +42,7 @@ class OptionWord:
         return {each.lower() for each in (self.word, self.cell, str(int(self.value)), *self.also, *names)}
 
 
-@dataclass(frozen=True)
-class ElementOption:
+class ElementOption(msgspec.Struct, frozen=True):
     """One field of `ElementOptions`: `keys` may stand before the `=` (the first is shown), `words` are its values.
 
     The first of the words is the most wanted one: keys of `silo-tui` step through them in this order. An option without

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 import msgspec
@@ -13,8 +12,7 @@ from silo.settings.yaml_nodes import describe, is_null, key_name, line_of
 from silo_tui.settings.reading import nodes, pairs
 
 
-@dataclass(frozen=True)
-class KeptLayout:
+class KeptLayout(msgspec.Struct, frozen=True):
     """Names are without the logger's prefix, so that a view of one robot fits the next; no plots: the table alone."""
 
     sort: str = "name"
@@ -24,11 +22,11 @@ class KeptLayout:
     set: str = "settings"  # of live columns, as C steps through them
     folded: tuple[str, ...] = ()  # name spaces
     unfolded: tuple[str, ...] = ()  # vectors that show their entries
-    components: Mapping[str, str] = field(default_factory=dict)  # of vectors: the suffix of an entry, or norm
+    components: Mapping[str, str] = msgspec.field(default_factory=dict)  # of vectors: the suffix of an entry, or norm
     plots: tuple[tuple[str, ...], ...] = ()  # signals that share a plot
     chosen: str = ""
     span_s: float = 10.0
-    scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # held, by plot: its signals with |
+    scales: Mapping[str, tuple[float, float]] = msgspec.field(default_factory=dict)  # held, by plot: its signals with |
     logs: tuple[str, ...] = ()  # signals whose axis has powers of ten
 
 

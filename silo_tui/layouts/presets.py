@@ -2,7 +2,8 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+
+import msgspec
 
 from silo.conditions.standing import LimitStatus
 from silo_tui.layouts.layout import KeptLayout
@@ -12,8 +13,7 @@ NEAR = "near-limit"
 NEAR_SHARE = 0.1  # of the range between two bounds, or of the only one
 
 
-@dataclass(frozen=True)
-class Preset:
+class Preset(msgspec.Struct, frozen=True):
     """One of them: its name, the letter that chooses it, what it shows."""
 
     name: str
@@ -40,7 +40,7 @@ def within(preset: Preset, words: str) -> KeptLayout:
     """Return its view of what passes a filter, that of another preset aside."""
     own = {each.layout.filter for each in PRESETS}
     kept = [word for word in words.split() if word not in own]
-    return replace(preset.layout, filter=" ".join([*kept, preset.layout.filter]).strip())
+    return msgspec.structs.replace(preset.layout, filter=" ".join([*kept, preset.layout.filter]).strip())
 
 
 def is_near(one: LimitStatus) -> bool:

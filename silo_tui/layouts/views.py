@@ -1,8 +1,9 @@
 """Between the screens and a `KeptLayout`: `capture` takes it from them, `show` puts it on them."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING, cast
+
+import msgspec
 
 from silo_tui.context import Context
 from silo_tui.layouts.layout import KeptLayout
@@ -42,7 +43,7 @@ def capture(context: Context) -> KeptLayout | None:
     stack, window = monitor.stack, monitor.window
     held = {key: ends for key, ends in window.scales.items() if window.logs.isdisjoint(key.split("|"))}
     held |= {key: ends for key, ends in window.log_scales.items() if not window.logs.isdisjoint(key.split("|"))}
-    return replace(
+    return msgspec.structs.replace(
         layout,
         plots=tuple(tuple(short(plotted.name) for plotted in panel) for panel in stack.panels),
         chosen=short(stack.plots[stack.chosen].name) if stack.plots else "",

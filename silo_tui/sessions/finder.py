@@ -6,8 +6,9 @@ Zenoh is loaded when the first look around is made, in a thread.
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+import msgspec
 
 from silo.errors import SiloError
 from silo_tui.model.lists.fleet import FoundLogger
@@ -21,8 +22,7 @@ if TYPE_CHECKING:
 FIRST_LOOK_S = 10.0
 
 
-@dataclass(frozen=True)
-class Found:
+class Found(msgspec.Struct, frozen=True):
     """What a look around gave; `advice` has a sentence per logger that we may not talk to."""
 
     loggers: tuple[FoundLogger, ...]

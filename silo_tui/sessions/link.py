@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import msgspec
 import numpy as np
 from textual.message import Message
 
@@ -30,8 +31,7 @@ Result = TypeVar("Result")
 MOST_NAMES = 64  # of which a logger answers with columns at once
 
 
-@dataclass(frozen=True)
-class ViewRequest:
+class ViewRequest(msgspec.Struct, frozen=True):
     """What a screen wants to see: one view per screen."""
 
     values: tuple[str, ...] = ()

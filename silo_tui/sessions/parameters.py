@@ -5,7 +5,8 @@ import math
 import time
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field
+
+import msgspec
 
 from silo.core.quantities.writing import and_more
 from silo.core.tuning.parameters import ParameterInfo, ParameterValue, value_text
@@ -19,8 +20,7 @@ ONE_TURN_S = 2.0  # arrows that rest for longer begin another step back
 Values = dict[str, ParameterValue]
 
 
-@dataclass(frozen=True)
-class Set:
+class Set(msgspec.Struct, frozen=True):
     """What was set from here at once: before and after. `turned_s`: when, by arrows: the next ones may join it."""
 
     before: Values
@@ -28,23 +28,22 @@ class Set:
     turned_s: float = -math.inf
 
 
-@dataclass
-class Knobs:
+class Knobs(msgspec.Struct):
     """What a screen knows of parameters, and where arrows have come to that nobody answered yet.
 
     One change waits for the answer of the one before: what is undone is what was set last, on a slow link too.
     """
 
-    known: dict[str, ParameterInfo] = field(default_factory=dict)
+    known: dict[str, ParameterInfo] = msgspec.field(default_factory=dict)
     locked: bool = False
     preset: str = ""  # the file that they are compared with
-    beside: Values = field(default_factory=dict)  # its values
-    done: list[Set] = field(default_factory=list)
-    undone: list[Set] = field(default_factory=list)
-    asked: Values = field(default_factory=dict)
+    beside: Values = msgspec.field(default_factory=dict)  # its values
+    done: list[Set] = msgspec.field(default_factory=list)
+    undone: list[Set] = msgspec.field(default_factory=list)
+    asked: Values = msgspec.field(default_factory=dict)
     _sending: bool = False
     _waiting: int = 0
-    _one: asyncio.Lock = field(default_factory=asyncio.Lock)
+    _one: asyncio.Lock = msgspec.field(default_factory=asyncio.Lock)
 
     @asynccontextmanager
     async def _in_turn(self) -> AsyncIterator[None]:

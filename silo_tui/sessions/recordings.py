@@ -6,7 +6,6 @@ Blocking functions for a thread of their own, so that a file that takes minutes 
 import os
 import shutil
 import time
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,15 +25,14 @@ class GivenUpError(Exception):
     """Nobody waits for this any more; what came is kept, and gone on with the next time."""
 
 
-@dataclass
-class Fetching:
+class Fetching(msgspec.Struct):
     """One fetch under way: written by its thread, read by the screen."""
 
     name: str
     done: int = 0
     total: int = 0
     given_up: bool = False
-    began_s: float = field(default_factory=time.monotonic)
+    began_s: float = msgspec.field(default_factory=time.monotonic)
     first: int = -1  # bytes that were here before
 
     def progress(self, done: int, total: int) -> None:

@@ -4,14 +4,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import msgspec
+
 from silo_tui.keymap import DEFAULT
 from silo_tui.model.drawing.dots import STYLES
 from silo_tui.model.table.columns import SETTINGS
 from silo_tui.settings.themes import THEMES
 
 
-@dataclass(frozen=True)
-class Option:
+class Option(msgspec.Struct, frozen=True):
     """One setting: `words` it may be, or the `low` to `high` of a number; `several` take a list of words."""
 
     name: str

@@ -2,10 +2,11 @@
 
 import re
 from collections.abc import Container, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import yaml
 
 from silo.core.names import did_you_mean, nearest
@@ -26,8 +27,7 @@ _SAME = {"true": "on", "yes": "on", "false": "off", "no": "off"}
 _SIGN_FIRST = re.compile(r"[:\[,-]\s*[*&!?%@`|>{}#,]")
 
 
-@dataclass(frozen=True)
-class SettingsProblem:
+class SettingsProblem(msgspec.Struct, frozen=True):
     """What is wrong in which line of the file (0: in none)."""
 
     line: int

@@ -6,8 +6,8 @@ for its rest. A lone escape may be the Esc key, so it waits only as long as an e
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
+import msgspec
 from textual import events
 from textual._xterm_parser import XTermParser
 from textual.message import Message
@@ -21,8 +21,7 @@ _UNKNOWN_MODE = (b"0", b"4")  # not recognised, or off for good
 _ANSWERS = re.compile(rb"\x1b\[\?2026;\d+\$y|\x1b\[0n")
 
 
-@dataclass(frozen=True)
-class Sorted:
+class Sorted(msgspec.Struct, frozen=True):
     """What came: what was typed, and the answers."""
 
     typed: bytes

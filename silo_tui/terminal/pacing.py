@@ -7,9 +7,10 @@ Plain arithmetic: the driver brings bytes, answers and the time (monotonic secon
 """
 
 from collections import deque
-from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
+
+import msgspec
 
 _COUNTS = Path("/proc/thread-self/schedstat")  # on a processor, waiting for one (both ns), how often
 
@@ -35,8 +36,7 @@ DEAF_AFTER = 3  # time-outs in a row during which keys came: the link is alive, 
 UNPACED = 1 << 30
 
 
-@dataclass
-class _Mark:
+class _Mark(msgspec.Struct):
     """A query on its way: all bytes up to it, and when it was sent."""
 
     total: int

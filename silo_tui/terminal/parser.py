@@ -6,7 +6,8 @@ known is handed on too, and nothing is known of the terminal's cells from there 
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+
+import msgspec
 
 from silo_tui.terminal.cells import Grid
 from silo_tui.terminal.styles import DEFAULT, Styles
@@ -25,8 +26,7 @@ _SEQUENCE = re.compile(
 _HARMLESS_FINALS = frozenset("uqnct")
 
 
-@dataclass(frozen=True)
-class Through:
+class Through(msgspec.Struct, frozen=True):
     """A sequence to hand on; `forget`: whether what the terminal shows is unknown then."""
 
     text: str

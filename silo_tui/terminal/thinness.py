@@ -4,7 +4,8 @@ Plain arithmetic: once per live frame the app says whether the terminal lags. Ba
 """
 
 from collections import deque
-from dataclasses import dataclass
+
+import msgspec
 
 from silo_tui.model.words import text
 
@@ -18,8 +19,7 @@ BUSY_S = 2.0
 BUSY_SHARE = 0.1  # of that time; on two processors with a load of 10 to 12 silo-tui waited for 13 to 49 % of it
 
 
-@dataclass(frozen=True)
-class Pace:
+class Pace(msgspec.Struct, frozen=True):
     """How often values, trends and statistics are painted, and how exactly."""
 
     value_share: float = 1.0  # of the wished rate

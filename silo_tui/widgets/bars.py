@@ -2,9 +2,10 @@
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from typing import Any, cast
 
+import msgspec
+from msgspec.structs import replace
 from rich.cells import cell_len
 from rich.text import Text
 from textual.app import RenderResult
@@ -29,8 +30,7 @@ OPENS = {"table": ("monitor", "edit"), "monitor": ("detail",)}
 STATE_SIGNS = {State.RUNNING: "● RUNNING", State.STOPPED: "■ STOPPED", State.DEAD: "✖ DEAD"}
 
 
-@dataclass(frozen=True)
-class LinePart:
+class LinePart(msgspec.Struct, frozen=True):
     """Words of a line. The lowest `rank` gives way first, for one of `shorter` where there is one; 0 never does."""
 
     rank: int

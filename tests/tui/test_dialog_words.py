@@ -1,11 +1,11 @@
 """What dialogs say, without an app: changes and their cost, differences of scripts, endless recordings."""
 
 import asyncio
-from dataclasses import replace
 from typing import Any
 
 import msgspec
 import pytest
+from msgspec.structs import replace
 
 from silo.core.elements import FieldChange, RecorderState
 from silo.errors import SiloError

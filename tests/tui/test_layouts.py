@@ -122,7 +122,7 @@ def test_a_mistake_costs_its_line_and_is_told(line, words):
 
 
 def test_every_field_of_a_view_can_be_read():
-    assert list(KeptLayout.__dataclass_fields__) == list(FIELDS)
+    assert list(KeptLayout.__struct_fields__) == list(FIELDS)
 
 
 @pytest.mark.parametrize("name", ["", "a/b", "../x", ".last-x", " a", "a" * 81, "-x\n"])

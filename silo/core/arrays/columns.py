@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -78,8 +79,7 @@ def holes_of(marks: Marks) -> Marks:
     return holes
 
 
-@dataclass(frozen=True)
-class Bins:
+class Bins(msgspec.Struct, frozen=True):
     """Which samples share a column: `columns` are the numbers of those that have samples, ascending, at most 4096.
 
     `order` sorts the samples by time where the clock jumped back, None where it didn't; `starts` is where each column
@@ -110,8 +110,7 @@ def bins_at(starts: NDArray[np.intp]) -> Bins:
     return Bins(np.arange(len(starts), dtype=np.int64), starts)
 
 
-@dataclass(frozen=True)
-class ColumnPiece:
+class ColumnPiece(msgspec.Struct, frozen=True):
     """Some columns of one signal, shape `(k,)` each: smallest and largest finite value as offsets from `base`; marks.
 
     NaN where there is no finite value.

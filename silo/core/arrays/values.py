@@ -12,9 +12,9 @@
 Live values, files, charts and the shell commands use it alike; it knows none of them.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,8 +29,7 @@ def is_without_unit(dtype: np.dtype[Any]) -> bool:
     return dtype.kind in "mM" and np.datetime_data(dtype)[0] == "generic"
 
 
-@dataclass(frozen=True)
-class Numbers:
+class Numbers(msgspec.Struct, frozen=True):
     """Values as float64, shape `(n,)`: value i is `base + offsets[i]`.
 
     `base` is 0 unless there are integers beyond 2^52 that span no more than that: then it is the multiple of 2^53 next

@@ -135,15 +135,14 @@ def end_mark(name: str, success: bool | None, why: str = "") -> str:
     return f"{_mark(name, END)}{verdict}{f': {why}' if why else ''}"
 
 
-@dataclass
-class _Stretch:
+class _Stretch(msgspec.Struct):
     """An episode as marks tell of it, one after another."""
 
     name: str
     first: int
     who: str = ""  # that began it
     began: bool = True
-    about: dict[str, Fact] = field(default_factory=dict)
+    about: dict[str, Fact] = msgspec.field(default_factory=dict)
     last: int | None = None
     ended: bool = False
     verdict: str = ""

@@ -6,9 +6,9 @@ By powers of ten any values have an axis: where there are zeros or negative ones
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
+import msgspec
 import numpy as np
 
 from silo.core.arrays.columns import Floats
@@ -133,8 +133,7 @@ def decade_words(scale: Scale, lines: int) -> dict[int, str]:
 DECADES = 6  # below the largest value: what is smaller lies next to zero
 
 
-@dataclass(frozen=True)
-class LogAxis:
+class LogAxis(msgspec.Struct, frozen=True):
     """`least` is a power of ten: with `signed` the axis is linear from `-least` to `least`, else it has no zero."""
 
     least: float = 1.0

@@ -6,10 +6,10 @@ the bottom and at their end of the scale; where data is missing a shade stands, 
 """
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeAlias
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -106,8 +106,7 @@ def draw_marks(cells: Cells, marks: Marks) -> None:
 # ---------------------------------------------------------------------------------------------------------- holes
 
 
-@dataclass(frozen=True)
-class DrawnHole:
+class DrawnHole(msgspec.Struct, frozen=True):
     """Cells `start ... stop - 1` of a plot that have no sample, and why."""
 
     start: int

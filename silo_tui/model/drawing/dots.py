@@ -7,8 +7,8 @@ next the one beside it; a style has a character for each of the 256 patterns.
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,8 +46,7 @@ def _blocks() -> list[int]:
     return [ord(" ▀▄█"[(pattern & 0x0F > 0) + 2 * (pattern & 0xF0 > 0)]) for pattern in range(256)]
 
 
-@dataclass(frozen=True)
-class PlotStyle:
+class PlotStyle(msgspec.Struct, frozen=True):
     """One way to draw: the code points of the 256 patterns, how it looks in the settings, and where it is for."""
 
     code_points: Sequence[int]

@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from types import MappingProxyType
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,8 +48,7 @@ def hold_piece(piece: ColumnPiece, limit: int) -> ColumnPiece:
 Owners = NDArray[np.int8]
 
 
-@dataclass(frozen=True)
-class Plotted:
+class Plotted(msgspec.Struct, frozen=True):
     """One plot: an entry of an element."""
 
     element: ElementInfo
@@ -76,8 +75,7 @@ def plots_of(elements: list[ElementInfo]) -> list[Plotted]:
     return [Plotted(element, position) for element in elements for position in range(len(element.entries))]
 
 
-@dataclass(frozen=True)
-class Axis:
+class Axis(msgspec.Struct, frozen=True):
     """Where values stand in a plot: the ends of its scale; where `log` is one, they are places on that."""
 
     scale: axes.Scale
@@ -99,8 +97,7 @@ class Axis:
         return axes.tick_words(axes.ticks_of(self.scale, lines), self.base, width)
 
 
-@dataclass(frozen=True)
-class Picture:
+class Picture(msgspec.Struct, frozen=True):
     """One signal, ready to be drawn: its dots, its axis, and what stands at the cursor.
 
     All numbers are offsets from the base of the axis; NaN where there is no finite one. `signs` names what is no
@@ -191,7 +188,7 @@ def _zeros_met(found: dict[bool, Axis]) -> dict[bool, Axis]:
     down = max(-low / size for (low, _), size in zip(ends, sizes, strict=True))
     up = max(high / size for (_, high), size in zip(ends, sizes, strict=True))
     scales = [(-down * size, up * size) for size in sizes]
-    return {side: replace(found[side], scale=scale) for side, scale in zip(found, scales, strict=True)}
+    return {side: msgspec.structs.replace(found[side], scale=scale) for side, scale in zip(found, scales, strict=True)}
 
 
 def _axis_of(window: PlotWindow, key: str, pieces: Sequence[ColumnPiece], height: int, base: int, *, log: bool) -> Axis:

@@ -5,8 +5,9 @@ hands in. While the picture stands still oldest <= end - span, as far as so much
 """
 
 import math
-from dataclasses import dataclass, field
 from typing import TypeAlias
+
+import msgspec
 
 from silo.core.arrays.columns import MAX_COLUMNS
 from silo_tui.model.drawing import axes, braille
@@ -17,8 +18,7 @@ SECOND_NS = 1_000_000_000
 Held: TypeAlias = tuple[int, int]  # the oldest and the newest moment that one can look at
 
 
-@dataclass
-class PlotWindow:
+class PlotWindow(msgspec.Struct):
     """State of the time axis. Widths are in columns, two per cell."""
 
     span_s: float = 10.0
@@ -27,11 +27,11 @@ class PlotWindow:
     at_ns: int | None = None  # while the picture stands still: the moment of cursor A
     other_ns: int | None = None  # the moment of cursor B
     fixed_scale: bool = False
-    logs: set[str] = field(default_factory=set)  # entries whose axis has powers of ten
-    scales: dict[str, tuple[float, float]] = field(default_factory=dict)
-    log_scales: dict[str, tuple[float, float]] = field(default_factory=dict)  # values at the ends of such axes
+    logs: set[str] = msgspec.field(default_factory=set)  # entries whose axis has powers of ten
+    scales: dict[str, tuple[float, float]] = msgspec.field(default_factory=dict)
+    log_scales: dict[str, tuple[float, float]] = msgspec.field(default_factory=dict)  # values at the ends of such axes
     spans: tuple[float, ...] = SPANS_S
-    _bases: dict[str, tuple[int, int]] = field(default_factory=dict)
+    _bases: dict[str, tuple[int, int]] = msgspec.field(default_factory=dict)
 
     @property
     def paused(self) -> bool:

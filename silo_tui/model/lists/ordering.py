@@ -4,14 +4,14 @@ Plain functions and data; nothing is drawn here.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
+
+import msgspec
 
 Line = TypeVar("Line")
 
 
-@dataclass(frozen=True)
-class Order(Generic[Line]):
+class Order(msgspec.Struct, Generic[Line], frozen=True):
     """One way to order a list, with the letter that chooses it. `backwards`: the largest first, at first."""
 
     name: str

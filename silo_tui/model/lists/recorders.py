@@ -3,7 +3,8 @@
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from silo.core.elements import RecorderState
 from silo.core.names import matching
@@ -24,8 +25,7 @@ FULL_SHARE = 0.8  # of the budget, from which it is amber
 RATE_S = 2.5  # least time between two looks that make a rate: a recorder writes once a second
 
 
-@dataclass(frozen=True)
-class WritingPace:
+class WritingPace(msgspec.Struct, frozen=True):
     """How much a recorder had written when it was looked at, and how fast that was going; NaN is not known yet."""
 
     at_s: float

@@ -1,8 +1,8 @@
 """Limits of signals as plots know them: where their lines lie, and what is outside. Pure functions."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from silo_tui.model.drawing.plots import Axis
@@ -25,8 +25,7 @@ def between(bounds: Bounds4) -> tuple[float | None, float | None]:
     return red_low if low is None else low, red_high if high is None else high
 
 
-@dataclass(frozen=True)
-class LimitLine:
+class LimitLine(msgspec.Struct, frozen=True):
     """A bound in a plot: its line of cells (0 on top); `beyond` tells where it lies outside: -1 above, 1 below."""
 
     word: str

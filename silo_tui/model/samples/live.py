@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 
+import msgspec
 import numpy as np
 
 from silo.core.arrays.columns import Floats
@@ -17,8 +17,7 @@ from silo_tui.model.words import text
 MIXED = frozenset({"pose", "twist", "angle_axis", "struct"})  # kinds whose entries have units of their own
 
 
-@dataclass(frozen=True)
-class Reading:
+class Reading(msgspec.Struct, frozen=True):
     """What is known of one element: the newest value per entry, NaN where none; texts where a float can't tell it."""
 
     newest: Floats
@@ -36,14 +35,13 @@ class Reading:
             return self
         newest = self.newest.copy()
         newest[position] = value
-        return replace(self, newest=newest)
+        return msgspec.structs.replace(self, newest=newest)
 
 
-@dataclass
-class LiveValues:
+class LiveValues(msgspec.Struct):
     """Readings by element name; only what is or was on the screen has one."""
 
-    readings: dict[str, Reading] = field(default_factory=dict)
+    readings: dict[str, Reading] = msgspec.field(default_factory=dict)
     time_ns: int = 0
 
     def take(self, frame: Frame, entry_counts: Sequence[int]) -> None:

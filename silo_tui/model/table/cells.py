@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+import msgspec
 
 from silo.core.elements import BufferType, ElementInfo, Entry
 from silo.rpc.published import NotLive
@@ -27,8 +28,7 @@ _OF_LIMITS = sum(set(LIMIT_BITS.values()))
 Cell = tuple[str, str]  # words, and the name of their style
 
 
-@dataclass
-class Sight:
+class Sight(msgspec.Struct):
     """What cells are drawn from. `at_s` is the moment of a file that is shown, `reports` what the file tells.
 
     `component` returns what is shown of a vector (`RowList.component`), `trend` the newest columns, drawn; `widths` are
@@ -39,11 +39,11 @@ class Sight:
     live: LiveValues
     component: Callable[[int], int]
     trend: Callable[[int], str]
-    reports: "Mapping[str, ElementReport]" = field(default_factory=dict)
+    reports: "Mapping[str, ElementReport]" = msgspec.field(default_factory=dict)
     at_s: float | None = None
     fresh: bool = True
     running: bool = True
-    widths: dict[str, int] = field(default_factory=dict)
+    widths: dict[str, int] = msgspec.field(default_factory=dict)
     digits_fewer: int = 0  # of values, on a thin link
 
     def entry_name(self, row: int, entry: int) -> str:

@@ -1,8 +1,8 @@
 """Many changes in few lines: equal ones of names alike stand together, `12 × /legs/*/*/torque`; and what they cost."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from silo.core.elements import Action, BufferType, ElementInfo, FieldChange
@@ -13,8 +13,7 @@ ROW_BYTES = 16  # tick and time stamp of each row
 FEW = 3  # names that a group names rather than writes as *
 
 
-@dataclass(frozen=True)
-class Group:
+class Group(msgspec.Struct, frozen=True):
     """Elements that change alike: a pattern of their names, how many they are, and field, old, new of each change."""
 
     pattern: str
@@ -61,8 +60,7 @@ def _pattern(names: list[list[str]]) -> str:
     return "/".join(level[0] if len(set(level)) == 1 else "*" for level in zip(*names, strict=True))
 
 
-@dataclass(frozen=True)
-class Cost:
+class Cost(msgspec.Struct, frozen=True):
     """What a table takes: memory of its buffers, bytes per second to a file and to topics, seconds that are held.
 
     `shortest` is the element that holds the least, empty where nothing is saved; `samples_s` are those that go to a

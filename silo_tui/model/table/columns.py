@@ -5,9 +5,9 @@ column touches its entry and its test; how its cells read stands in `cells.py`.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,8 +38,7 @@ LIVE_SETS = ("settings", "statistics", "timing")
 FILE_SETS = ("values", "statistics", "timing")  # what takes reading whole signals is shown where it is asked for
 
 
-@dataclass(frozen=True)
-class TableOrder:
+class TableOrder(msgspec.Struct, frozen=True):
     """An order: its name, the letter that picks it, a key per element (NaN: not known), its words where told whole.
 
     One by what is measured (`quantity`) is made anew once a second; `falling` ones begin with the largest. By
@@ -55,8 +54,7 @@ class TableOrder:
     of_norm: bool = False
 
 
-@dataclass(frozen=True)
-class TableColumn:
+class TableColumn(msgspec.Struct, frozen=True):
     """One column behind the names.
 
     `draw` returns words and style of a cell of so many cells, `entry` those of one entry of an element, `branch` what

@@ -5,9 +5,9 @@ isn't known is NaN. Filter terms, orders and columns read them by the names of t
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,14 +36,14 @@ WORDS = {"nan": NOT_FINITE, "frozen": FROZEN, "slow": SLOW}
 BAD = frozenset({"HH", "LL", "NN", "XX"})
 
 
-@dataclass(frozen=True)
-class Facts:
+class Facts(msgspec.Struct, frozen=True, dict=True):
     """Quantities of shape `(n,)` by name; `since_ns` is when the statistics begin, `time_ns` when they were made."""
 
-    quantities: Mapping[str, Floats] = field(default_factory=dict)
+    quantities: Mapping[str, Floats] = msgspec.field(default_factory=dict)
     since_ns: int = 0
     time_ns: int = 0
-    details: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # of elements and entries on the screen
+    # of elements and entries on the screen
+    details: Mapping[str, Mapping[str, float]] = msgspec.field(default_factory=dict)
 
     def of(self, quantity: str, count: int) -> Floats | None:
         """Return a quantity of all rows; None where it wasn't surveyed, or of another table."""

@@ -15,8 +15,8 @@
 import re
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from silo.core.names import Names
@@ -35,8 +35,7 @@ _FLAGS = ("dirty", "pending", "marked", "conflict", "live", "derived", "off", *_
 TERMS = (*(term for column in LIVE_COLUMNS for term in column.terms), *OTHER_TERMS)
 
 
-@dataclass(frozen=True)
-class Condition:
+class Condition(msgspec.Struct, frozen=True):
     """One term as it was typed, what it lets pass, and what has to be surveyed for it."""
 
     text: str
@@ -44,8 +43,7 @@ class Condition:
     quantities: frozenset[str] = frozenset()
 
 
-@dataclass(frozen=True)
-class Filter:
+class Filter(msgspec.Struct, frozen=True):
     """A parsed filter: `problems` says which terms were left out and why, `places` where they stand in the text."""
 
     text: str

@@ -6,7 +6,6 @@ of it is stored, so that it can't go stale.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import msgspec
 import numpy as np
@@ -40,8 +39,7 @@ class KeptEdit(msgspec.Struct, frozen=True, array_like=True):
     new: int
 
 
-@dataclass(frozen=True)
-class _Layer:
+class _Layer(msgspec.Struct, frozen=True):
     """Edits of some rows: arrays of shape `(5, len(rows))`."""
 
     edited: Mask
@@ -49,8 +47,7 @@ class _Layer:
     based_on: Ints
 
 
-@dataclass(frozen=True)
-class _Step:
+class _Step(msgspec.Struct, frozen=True):
     """One undo step: the edits of `rows` before and after."""
 
     label: str

@@ -5,9 +5,9 @@ Terms of columns stand with their column in `table_columns.py`, those of what ha
 
 import operator
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from silo.core.arrays.columns import Floats
@@ -26,8 +26,7 @@ _SCALES = {"k": 1e3, "M": 1e6, "G": 1e9}
 Test = Callable[[TableState, Mask], Mask]
 
 
-@dataclass(frozen=True)
-class Term:
+class Term(msgspec.Struct, frozen=True):
     """One field of the filter language.
 
     `read` takes sign and value and returns a test, or the words that say why it can't be read. `compares` ones take

@@ -4,8 +4,8 @@ A line is a number: an element's row itself; `-1 - b` for branch b; `row + (entr
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,8 +14,7 @@ Rows = NDArray[np.intp]
 ENTRY = 2**32
 
 
-@dataclass(frozen=True)
-class Branch:
+class Branch(msgspec.Struct, frozen=True):
     """A name space: its path, how deep it lies, and the elements below it that are shown."""
 
     path: str
@@ -28,8 +27,7 @@ class Branch:
         return self.path.rpartition("/")[2]
 
 
-@dataclass(frozen=True)
-class Tree:
+class Tree(msgspec.Struct, frozen=True):
     """Lines with what their branches are and how deep each line lies."""
 
     lines: Lines

@@ -2,7 +2,8 @@
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from silo.core.elements import FileType
 from silo.errors import ElementError
@@ -10,8 +11,7 @@ from silo.files.formats import LOG_ENDINGS, file_type
 from silo_tui.model.words.paths import typed_path
 
 
-@dataclass(frozen=True)
-class Spelled:
+class Spelled(msgspec.Struct, frozen=True):
     """A command as typed: its word and its arguments."""
 
     word: str

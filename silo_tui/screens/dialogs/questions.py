@@ -5,10 +5,10 @@ First stands what one most likely wants; where that loses or stops something, or
 
 import re
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar, cast
 
+import msgspec
 from rich.text import Text
 from textual import events
 from textual._time import get_time
@@ -39,8 +39,7 @@ LARGEST = 2  # groups: at 80x24 what they cost stands below them
 BORDER_AND_TITLE_ROWS = 5
 
 
-@dataclass(frozen=True)
-class Choice:
+class Choice(msgspec.Struct, frozen=True):
     """One answer; `key` picks it at once. `loses` tells whether something is gone by it.
 
     Without a value it does nothing, as Esc.

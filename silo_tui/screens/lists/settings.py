@@ -7,6 +7,7 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
+import msgspec
 from rich.text import Text
 from textual import events
 from textual.app import ComposeResult
@@ -56,11 +57,13 @@ def row_text(row: SettingRow, settings: Settings, saved: Settings, *, width: int
         line = Text(f"{'*' if is_new else ' '} {option.name:<{NAMES}} ")
         return _values(line, option, getattr(settings, option.name), width)
     if row.command:
-        command = replace(BY_ID[row.command], keys=keys_in(settings.keymap, row.command))
+        command = msgspec.structs.replace(BY_ID[row.command], keys=keys_in(settings.keymap, row.command))
         own = row.command in settings.keys
         is_new = settings.keys.get(row.command) != saved.keys.get(row.command)
         line = Text(f"{'*' if is_new else ' '} {'key ' + row.command:<{NAMES}} ")
-        line.append(replace(command, keys=settings.keys.get(row.command, command.keys)).key_text, style="bold")
+        line.append(
+            msgspec.structs.replace(command, keys=settings.keys.get(row.command, command.keys)).key_text, style="bold"
+        )
         if own:
             line.append(f"  (yours; was {command.key_text})")
         line.append(f"  {command.label}: {command.help}" if command.help != command.label else f"  {command.label}")
@@ -171,7 +174,7 @@ class SettingsScreen(ListScreen[SettingRow]):
                 self.say(f"not given back: {problem}")
                 return
             own = keys_in(settings.keymap, row.command)
-            self._change(f"{row.command}: {replace(BY_ID[row.command], keys=own).key_text}", keys=keys)
+            self._change(f"{row.command}: {msgspec.structs.replace(BY_ID[row.command], keys=own).key_text}", keys=keys)
         elif row.option is not None:
             value = getattr(Settings(), row.option.name)
             self._change(f"{row.option.name}: {typed(value) if value else 'all'}", **{row.option.name: value})
