@@ -1,6 +1,6 @@
 """The two layers of keys, and how what is pressed becomes a command: the first layer, or a menu and a letter in it.
 
-One table says which keys a command has besides those of `actions` (classic). It is checked when this is imported: no
+One table says which keys a command has besides those of `actions` (classic). `check` holds it, in the tests: no
 command without a place, no key twice on a screen, no menu that is a command too, `D` in no menu.
 """
 
@@ -295,7 +295,7 @@ def _is_on(scope: str, command: Command) -> bool:
     return bool({scope, "any"} & set(command.scopes)) or (not command.scopes and typed_on(scope, command))
 
 
-def _check() -> None:
+def check() -> None:
     """Refuse a table in which something stands twice, or nowhere."""
     eaten = ("ctrl+h", "ctrl+i", "ctrl+j", "ctrl+m", "ctrl+enter", "alt+")
     for keymap in BASES:
@@ -311,5 +311,4 @@ def _check() -> None:
                 raise ValueError(f"{key} of {commands} is no key that can be")
 
 
-_check()
 use_keys(DEFAULT, {})  # also for what is said before there is an app

@@ -48,14 +48,18 @@ def test_a_table_with_a_conflict_is_refused(monkeypatch, row, why):
     monkeypatch.setattr(keymap, "_TABLE", (*keymap._TABLE, row))
     monkeypatch.setitem(BASES, "two-layer", {**TWO_LAYERS, command: keys})
     with pytest.raises(ValueError, match=why):
-        keymap._check()
+        keymap.check()
+
+
+def test_the_table_has_no_conflict():
+    keymap.check()
 
 
 def test_a_command_without_a_place_is_refused(monkeypatch):
     without = {command: keys for command, keys in TWO_LAYERS.items() if command != "toggle"}
     monkeypatch.setattr(keymap, "TWO_LAYERS", without)  # not taken out of it: menus have its order
     with pytest.raises(ValueError, match="toggle has no place"):
-        keymap._check()
+        keymap.check()
 
 
 def test_every_command_has_its_place_on_every_screen_where_it_has_a_key():
