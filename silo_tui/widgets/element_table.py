@@ -183,7 +183,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
                 given = {each.title: max(0, min(spare, widest - cells)) for each, cells in measured}.get("value", 0)
                 measured = [(each, cells + given * (each.title == "value")) for each, cells in measured]
                 names, rest = names - given, rest - given
-            self._laid = Layout(width, names, self._space_of(names), steady, rest, measured)
+            self._laid = Layout(width, names, self._space_of(names) if longest > names else "", steady, rest, measured)
         return self._laid
 
     def _needed(self) -> tuple[int, int]:
