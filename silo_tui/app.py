@@ -34,8 +34,8 @@ from silo_tui.sessions.demo import Demo
 from silo_tui.sessions.finder import ClientFinder
 from silo_tui.sessions.link import LinkChanged, LoggerEvent, ViewFailed
 from silo_tui.sessions.live import Session
+from silo_tui.settings.file import SettingsProblem
 from silo_tui.settings.options import Settings
-from silo_tui.settings.reading import SettingsProblem
 from silo_tui.tour import Tour
 from silo_tui.unforeseen import Guarded, Unforeseen
 

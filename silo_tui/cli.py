@@ -193,9 +193,14 @@ def _run(
     from silo_tui import terminal
     from silo_tui.app import SiloApp
     from silo_tui.sessions.demo import Demo
-    from silo_tui.settings.reading import read_file
+    from silo_tui.settings.file import SettingsProblem, is_there
+    from silo_tui.settings.options import Settings
 
-    in_file, problems = read_file()
+    in_file, problems = Settings(), list[SettingsProblem]()
+    if is_there():
+        from silo_tui.settings.reading import read_file
+
+        in_file, problems = read_file()
     settings = in_file
     if theme is not None:
         os.environ.pop("TEXTUAL_THEME", None)

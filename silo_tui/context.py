@@ -27,8 +27,8 @@ from silo_tui.model.words.text import saved_words
 from silo_tui.sessions import kept
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
+from silo_tui.settings.file import SettingsProblem
 from silo_tui.settings.options import Settings
-from silo_tui.settings.reading import SettingsProblem
 from silo_tui.tour import Tour
 from silo_tui.widgets import messages
 from silo_tui.widgets.bars import OPENS, KeyBar, left_a_file

@@ -4,7 +4,7 @@ Views, streams, pins and control are leases that it renews; the connection comes
 """
 
 import contextlib
-import secrets
+import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, NoReturn
@@ -34,7 +34,6 @@ from silo.net.keys import ClientId
 from silo.parameters.requests import ParameterRequests
 from silo.recorder.requests import RecorderRequests
 from silo.recordings.requests import RecordingRequests
-from silo.requests import AnyReply
 from silo.rpc.declaring import Ask, Do, ReplyT, Request
 from silo.rpc.leases import Closing
 from silo.rpc.published import Event
@@ -45,13 +44,13 @@ from silo.state.requests import EventRequests, Hello, HelloReply, StateRequests,
 from silo.version import VERSION
 
 if TYPE_CHECKING:
-    import os
     from pathlib import Path
 
     from silo.core.arrays.columns import HistoryColumns
     from silo.history.arrays import Pin, SampleArrays, Stream
     from silo.live.topic import Topic
     from silo.live.view import View
+    from silo.requests import AnyReply
 
 # members of before, which work for one release: first silo's own, of its terminal and its bridges
 _OTHER_NAMES = {
@@ -238,7 +237,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
             raise ElementError(f"{type(request).__name__} can't be sent: {error}; nothing was asked") from None
         return checked(request, reply)
 
-    def _told_why(self, request: Request[ReplyT], why: str) -> AnyReply:
+    def _told_why(self, request: Request[ReplyT], why: str) -> "AnyReply":
         """Ask under the key for those whom rules keep from `do`: the robot says why, and tells who sits before it."""
         with contextlib.suppress(NoAnswerError):  # a robot, or rules, of before
             return self._connection.exchange(request, self._timeout_s, refused=True)
@@ -640,7 +639,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         from silo.history.arrays import Pin
 
         request = OpenPin(
-            pin=f"{secrets.token_hex(8)}-1",  # of its own, because it outlives the session
+            pin=f"{os.urandom(8).hex()}-1",  # of its own, because it outlives the session
             names=texts("names", names, "['/log/joints/q']"),
             start_ns=start_ns,
             end_ns=end_ns,

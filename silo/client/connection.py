@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import zenoh
 
@@ -31,7 +31,6 @@ from silo.net import keys
 from silo.net.found import LoggerAddress
 from silo.net.session import owner_is_gone
 from silo.net.sessions import SessionLease, borrow, give_back, undeclare
-from silo.requests import AnyReply
 from silo.rpc.clocks import TheirClock
 from silo.rpc.declaring import Do, Request
 from silo.rpc.foreign import Foreign
@@ -39,6 +38,9 @@ from silo.rpc.published import Event
 from silo.rpc.refusals import checked
 from silo.state.requests import Hello, HelloReply
 from silo.version import VERSION
+
+if TYPE_CHECKING:
+    from silo.requests import AnyReply
 
 POLL_S = 0.05
 RETRY_S = 0.2
@@ -226,7 +228,7 @@ class Connection:
 
     def exchange(
         self, request: Request[Any], timeout_s: float, *, as_change: bool = False, refused: bool = False
-    ) -> AnyReply:
+    ) -> "AnyReply":
         """Ask and wait; what only reads is asked again where the link was lost. Raises ConnectionLostError."""
         until_s = time.monotonic() + timeout_s
         while True:
@@ -257,7 +259,7 @@ class Connection:
         # while a client closes, its thread still asks: it is that thread that lets the session go
         return Pending(self._borrowed or self.borrowed(), self.root, request, timeout_s, self._clock)
 
-    def _learn(self, reply: AnyReply) -> AnyReply:
+    def _learn(self, reply: "AnyReply") -> "AnyReply":
         """Return a reply; of a hello the clock of the helper process is taken in."""
         if isinstance(reply, HelloReply):
             self._clock.learn(reply.clock_s)

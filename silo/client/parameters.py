@@ -1,7 +1,7 @@
 """The parameters of a logger, from its client: a mapping of names to values that asks the robot."""
 
 import contextlib
-import secrets
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -68,7 +68,7 @@ class ClientParameters(MutableMapping[str, ParameterValue]):
         """
         after_s = real("revert_after", revert_after, 0, LONGEST_REVERT_S, "s")
         plain = {name: _plain(value) for name, value in values.items()}
-        return self._client._set_parameters(plain, secrets.token_hex(8), after_s)
+        return self._client._set_parameters(plain, os.urandom(8).hex(), after_s)
 
     def confirm(self, change: ParametersSet) -> str:
         """Keep what would be taken back.
@@ -168,7 +168,7 @@ def _items(value: Any) -> "tuple[ParameterScalar, ...]":
 
 def excite(client: ParameterRequests, what: Excitation, wait: Wait | None) -> ExcitationState:
     """Have a parameter excited, and return how it ended; whatever interrupts this ends it."""
-    name = secrets.token_hex(8)
+    name = os.urandom(8).hex()
     wait = wait or _sleep
     try:
         state = client._excite(what, name)

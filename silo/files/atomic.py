@@ -7,10 +7,8 @@ which is flushed to the disk and then renamed; on any failure, Ctrl-C included, 
 import ctypes
 import errno
 import fcntl
-import hashlib
 import io
 import os
-import secrets
 import shutil
 import time
 from collections.abc import Iterator
@@ -83,6 +81,8 @@ def claimed(folder: str | os.PathLike[str], what: str, within_s: float) -> Itera
     what one that was killed leaves is swept as `sweep_parts` does. In a file system without locks everybody has it at
     once. Raises `SaveError` where another one still has it after `within_s`, OSError.
     """
+    import hashlib  # loads OpenSSL: whoever only reads what a file is called needs none
+
     path = Path(folder) / f".silo-claim-{hashlib.sha256(what.encode()).hexdigest()[:24]}{PART_ENDING}"
     deadline_s = time.monotonic() + within_s
     while (descriptor := _claim(path)) is None:
@@ -358,7 +358,7 @@ def _free(folder: Path) -> str:
 
 def _temporary_name(final: Path, ending: str = PART_ENDING) -> Path:
     # short and random: a final name of 255 bytes leaves no room for an ending
-    return final.parent / f".silo-{os.getpid()}-{secrets.token_hex(4)}{ending}"
+    return final.parent / f".silo-{os.getpid()}-{os.urandom(4).hex()}{ending}"
 
 
 def _remove(part: Path) -> None:

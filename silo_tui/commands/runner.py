@@ -16,7 +16,7 @@ from silo_tui.actions import BY_WORD, FILE_SCOPES, NOT_EDITED, Command, key_of, 
 from silo_tui.commands import flows
 from silo_tui.context import Context, SiloScreen
 from silo_tui.layouts import files, views
-from silo_tui.layouts.layout import KeptLayout, read, write
+from silo_tui.layouts.layout import KeptLayout
 from silo_tui.layouts.presets import BY_NAME, NEAR, PRESETS, near_limit, within
 from silo_tui.modal import ask, run_alone
 from silo_tui.model.words import command_line
@@ -318,6 +318,8 @@ async def view_shown(context: Context, name: str) -> str:
         elif preset is not None:
             layout, problems = within(preset, context.session.rows.filter.text), []
         elif name.startswith(ROBOT):
+            from silo_tui.layouts.texts import read
+
             plain = name.removeprefix(ROBOT)
             layout, problems = read((await context.link.read(lambda client: client._kept_view(plain))).text)
         else:
@@ -360,6 +362,8 @@ async def tell_views(context: Context) -> None:
 
 
 async def _keep_view(context: Context, name: str, layout: KeptLayout) -> None:
+    from silo_tui.layouts.texts import write
+
     def keep(client: "Client", again: bool) -> str:
         return client._keep_view(name, write(layout), overwrite=again)
 

@@ -9,11 +9,10 @@ from pathlib import Path
 
 from silo.core.names import did_you_mean, nearest
 from silo.errors import SaveError
-from silo.files.atomic import atomic_file
 from silo.net.configuration import config_folder
-from silo_tui.layouts.layout import KeptLayout, read, write
+from silo_tui.layouts.layout import KeptLayout
 from silo_tui.sessions.kept import lives
-from silo_tui.settings.reading import read_text
+from silo_tui.settings.file import read_text
 
 ENDING = ".yaml"
 _NAME = re.compile(r"[\w][\w.+ -]{0,79}")
@@ -82,6 +81,8 @@ def load(name: str) -> tuple[KeptLayout, list[str]]:
 
 def load_file(file: Path) -> tuple[KeptLayout, list[str]]:
     """Return the view in a file, and what of it was left out. ValueError when it can't be read."""
+    from silo_tui.layouts.texts import read
+
     try:
         return read(read_text(file))
     except (OSError, UnicodeDecodeError) as error:
@@ -91,6 +92,9 @@ def load_file(file: Path) -> tuple[KeptLayout, list[str]]:
 
 def save(file: Path, layout: KeptLayout) -> None:
     """Write a view, over what was there. SaveError, then nothing was changed."""
+    from silo.files.atomic import atomic_file
+    from silo_tui.layouts.texts import write
+
     try:
         file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:

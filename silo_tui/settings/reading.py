@@ -3,23 +3,18 @@
 import re
 from collections.abc import Container, Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-import msgspec
 import yaml
 
 from silo.core.names import did_you_mean, nearest
-from silo.net.configuration import config_folder
 from silo.settings.yaml_nodes import compose, describe, explain, is_null, key_name, line_of
 from silo_tui.actions import BY_ID, RENAMED, key_text
 from silo_tui.keymap import TWO_LAYERS, clashes
+from silo_tui.settings.file import LEFT_OUT, SettingsProblem, path, read_text
 from silo_tui.settings.keys import label, read_path
 from silo_tui.settings.options import OPTION, OPTIONS, Option, Settings
 
-NAME = "tui.yaml"
-MOST_BYTES = 1_000_000
-LEFT_OUT = ". Left out"
 KEYS_ALONE = (
     "keys without a keymap change those of `keymap: classic`, the default till 0.2; write that line, or two-layer"
 )
@@ -27,29 +22,8 @@ _SAME = {"true": "on", "yes": "on", "false": "off", "no": "off"}
 _SIGN_FIRST = re.compile(r"[:\[,-]\s*[*&!?%@`|>{}#,]")
 
 
-class SettingsProblem(msgspec.Struct, frozen=True):
-    """What is wrong in which line of the file (0: in none)."""
-
-    line: int
-    reason: str
-
-    @property
-    def why(self) -> str:
-        """The reason alone."""
-        return self.reason.removesuffix(LEFT_OUT).rstrip(".")
-
-    def __str__(self) -> str:
-        where = f"{NAME} line {self.line}" if self.line else NAME
-        return f"{where}: {self.reason.replace('?.', '?')}"
-
-
 class _MistakeError(Exception):
     """One line can't be taken."""
-
-
-def path() -> Path:
-    """Return where the settings are."""
-    return config_folder() / NAME
 
 
 def read_file() -> tuple[Settings, list[SettingsProblem]]:
@@ -61,19 +35,6 @@ def read_file() -> tuple[Settings, list[SettingsProblem]]:
     except UnicodeDecodeError as error:
         return Settings(), [SettingsProblem(0, f"byte {error.start + 1} is no UTF-8; the defaults count")]
     return read(text)
-
-
-def read_text(file: Path) -> str:
-    """Return what the file says, nothing where there is none. OSError, UnicodeDecodeError."""
-    if not file.exists():
-        return ""
-    if not file.is_file():
-        raise OSError(0, "it is no file")
-    with file.open("rb") as opened:
-        data = opened.read(MOST_BYTES + 1)
-    if len(data) > MOST_BYTES:
-        raise OSError(0, f"it has more than {MOST_BYTES // 1_000_000} MB")
-    return data.decode("utf-8")
 
 
 def read(text: str) -> tuple[Settings, list[SettingsProblem]]:

@@ -12,6 +12,7 @@ from silo.files.atomic import atomic_file
 from silo.settings.yaml_nodes import key_name
 from silo_tui.actions import RENAMED
 from silo_tui.settings import reading
+from silo_tui.settings.file import NAME, path, read_text
 from silo_tui.settings.keys import typed_keys
 from silo_tui.settings.options import Settings, changed, typed
 
@@ -21,20 +22,20 @@ def write_file(old: Settings, new: Settings) -> Path:
 
     The file is read again before: what was changed in an editor meanwhile stays.
     """
-    path = Path(os.path.realpath(reading.path()))  # a link into a folder of dot files stays a link
+    target = Path(os.path.realpath(path()))  # a link into a folder of dot files stays a link
     try:
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        text = reading.read_text(path)
-        mode = path.stat().st_mode & 0o777 if text else None
+        target.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        text = read_text(target)
+        mode = target.stat().st_mode & 0o777 if text else None
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise SaveError(f"can't write '{path}': {reason}; nothing was changed") from error
+        raise SaveError(f"can't write '{target}': {reason}; nothing was changed") from error
     data = rewritten(text, old, new).encode()
-    with atomic_file(path) as file:
+    with atomic_file(target) as file:
         if mode is not None:
             os.fchmod(file.fileno(), mode)
         file.write(data)
-    return path
+    return target
 
 
 def rewritten(text: str, old: Settings, new: Settings) -> str:
@@ -52,7 +53,7 @@ def rewritten(text: str, old: Settings, new: Settings) -> str:
     if reading.read(made)[0].keymap != wanted.keymap:  # which counts without a line depends on whether there are keys
         made = _with_value(made, "keymap", wanted.keymap)
     if reading.read(made)[0] != wanted:
-        raise SaveError(f"{reading.NAME} can't take the changes as it is: look at its lines; nothing was changed")
+        raise SaveError(f"{NAME} can't take the changes as it is: look at its lines; nothing was changed")
     return made
 
 

@@ -16,7 +16,7 @@ from silo_tui.actions import BY_ID
 from silo_tui.context import SiloScreen
 from silo_tui.model.words.command_line import Spelled
 from silo_tui.sessions import kept
-from silo_tui.settings.reading import SettingsProblem
+from silo_tui.settings.file import SettingsProblem
 from silo_tui.widgets.inputs import Fleeting
 from silo_tui.widgets.messages import READ_S, MessageLine
 from tests.stand_ins.desk import NAME, Plain, Sheet

@@ -46,6 +46,24 @@ def test_a_first_screen_waits_for_no_plot_no_file_and_no_form():
     assert not {one for one in loaded for each in waits if one == each or one.startswith(f"{each}.")}
 
 
+def test_a_first_screen_needs_no_yaml_no_checksum_and_no_decoder_of_requests():
+    loaded = modules_after(
+        "import silo_tui.app, silo_tui.screens.table, silo.client.client, silo.fleet.fleet, silo_tui.settings.file"
+    )
+    assert not loaded & {"yaml", "_hashlib", "csv", "silo.requests", "silo_tui.layouts.texts"}
+
+
+def test_small_classes_of_a_first_screen_are_structs_as_a_dataclass_takes_half_a_millisecond_to_be_made():
+    code = (
+        "import silo_tui.app, silo_tui.screens.table, silo.client.client, silo.fleet.fleet, dataclasses, sys\n"
+        "made = [each for one in list(sys.modules.values()) for each in vars(one).values()\n"
+        "        if one.__name__.startswith('silo') and isinstance(each, type) and dataclasses.is_dataclass(each)]\n"
+        "print(len({each for each in made if each.__module__.startswith('silo')}), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert int(done.stderr) <= 12
+
+
 def test_help_needs_no_textual():
     assert "textual" not in modules_after("import silo_tui.cli")
 

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from silo.errors import SaveError
 from silo_tui.layouts import files
-from silo_tui.layouts.layout import FIELDS, KeptLayout, read, write
+from silo_tui.layouts.layout import KeptLayout
+from silo_tui.layouts.texts import FIELDS, read, write
 
 names = st.text("aZé19 /_.:#-~*'\"[{,", max_size=12).map(str.strip)
 numbers = st.floats(-1e12, 1e12)

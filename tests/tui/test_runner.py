@@ -13,8 +13,9 @@ from silo.rpc.refusals import RefusedWhy
 from silo_tui.commands import runner
 from silo_tui.commands.runner import CommandRunner
 from silo_tui.layouts import files, views
-from silo_tui.layouts.layout import KeptLayout, write
+from silo_tui.layouts.layout import KeptLayout
 from silo_tui.layouts.presets import BY_NAME
+from silo_tui.layouts.texts import write
 from silo_tui.model.words.command_line import BY_KEY, read
 from tests.stand_ins.desk import ESC, Desk, Line, Plain, Sheet
 from tests.stand_ins.fake_signals import refused

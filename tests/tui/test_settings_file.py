@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from silo.errors import SaveError
 from silo_tui.actions import BY_ID, COMMANDS
 from silo_tui.keymap import clashes
+from silo_tui.settings.file import path
 from silo_tui.settings.keys import key_problem, read_key, read_path, typed_keys
 from silo_tui.settings.options import OPTIONS, Settings, typed
-from silo_tui.settings.reading import KEYS_ALONE, path, read, read_file
+from silo_tui.settings.reading import KEYS_ALONE, read, read_file
 from silo_tui.settings.writing import rewritten, write_file
 
 WHOLE = """\

@@ -6,8 +6,9 @@ import pytest
 from click.testing import CliRunner
 
 from silo_tui.cli import _run, command
+from silo_tui.settings.file import path
 from silo_tui.settings.options import OPTIONS, Settings
-from silo_tui.settings.reading import path, read, read_file
+from silo_tui.settings.reading import read, read_file
 from silo_tui.settings.writing import write_file
 from silo_tui.theme import theme_name
 from silo_tui.widgets.bars import KeyBar

@@ -3,7 +3,6 @@
 Pure functions on lines of the event log.
 """
 
-import csv
 import io
 from collections.abc import Callable, Collection, Sequence
 from datetime import datetime, timezone
@@ -126,6 +125,8 @@ ORDERS: tuple[Order[LoggedEvent], ...] = (
 
 def csv_text(events: Sequence[LoggedEvent]) -> str:
     """Return a line per event: time (UTC, ISO), tick, kind, words, who."""
+    import csv
+
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(["time", "time_ns", "tick", "kind", "what", "who", "run"])

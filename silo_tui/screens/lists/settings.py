@@ -20,9 +20,10 @@ from silo_tui.keymap import clashes, keys_in
 from silo_tui.modal import Dialog, ask
 from silo_tui.model.lists.ordering import Order
 from silo_tui.screens.lists.list_screen import ListScreen
+from silo_tui.settings.file import path
 from silo_tui.settings.keys import key_problem, label
 from silo_tui.settings.options import OPTIONS, Option, Settings, typed
-from silo_tui.settings.reading import path, read
+from silo_tui.settings.reading import read
 from silo_tui.settings.writing import write_file
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Line
