@@ -13,11 +13,11 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import zenoh
+from msgspec.structs import replace
 
 from silo.core.elements import State
 from silo.core.runtime import process_start

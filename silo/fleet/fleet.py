@@ -10,11 +10,11 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
-from dataclasses import replace
 from typing import Any
 
 import msgspec
 import zenoh
+from msgspec.structs import replace
 
 from silo.decoding import msgpack_decoder
 from silo.errors import ConnectionLostError, SegmentError, SiloError, VersionError
@@ -337,13 +337,13 @@ class Fleet(Closing):
             key=lambda one: (one.found.host, one.found.name, one.found.pid, one.found.id),
         )
         ready = self._tried >= {"", *self._ways} and bool(self._tried)
-        told = msgspec.structs.replace(
+        told = replace(
             self._now, members=tuple(members), near=self._near, ready=ready,
             routers=tuple(one for _, one in sorted(self._routers.items()) if one is not None and one.denied),
             unreachable={name: str(error) for name, error in sorted(self._failed.items())},
         )  # fmt: skip
         if told != self._now:
-            self._now = msgspec.structs.replace(told, number=self._now.number + 1)
+            self._now = replace(told, number=self._now.number + 1)
             self._changed.notify_all()
 
 
@@ -358,7 +358,7 @@ class FleetLink:
     ) -> None:
         """Who is `patient` leaves a remote alone for a while that didn't answer."""
         self._name, self._found, self._told, self._plan, self._patient = name, found, told, plan, patient
-        self._question = plan.question and msgspec.structs.replace(plan.question, client=client_name())
+        self._question = plan.question and replace(plan.question, client=client_name())
         self._stop = threading.Event()
         self.again = threading.Event()
         self._here: dict[str, keys.Root] = {}  # by the key of its member, who has a token now

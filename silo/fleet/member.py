@@ -3,7 +3,6 @@
 import enum
 import functools
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import msgspec
 
@@ -35,8 +34,7 @@ class Stands(enum.IntEnum):
     CLOSED = 10
 
 
-@dataclass(frozen=True)
-class Member:
+class Member(msgspec.Struct, frozen=True, dict=True):
     """A logger of the fleet. `here`: its helper process lives, and so does the link to it.
 
     `summary` is the newest, from before it was lost as well; None where it gave none, and `problem` says why, `mute` in

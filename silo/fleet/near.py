@@ -2,10 +2,10 @@
 
 import re
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import msgspec
+from msgspec.structs import replace
 
 from silo.core.runtime import DOWN_SUFFIX, down_marks, user_name
 from silo.net import keys

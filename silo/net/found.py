@@ -7,9 +7,10 @@ The first two may fit several loggers, the third two robots of one cloned image;
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import NamedTuple
+
+import msgspec
 
 from silo.errors import ConnectionLostError
 from silo.net.keys import Root
@@ -19,8 +20,7 @@ ADDRESS = re.compile(r"(?:[A-Za-z0-9][A-Za-z0-9_.-]*(?:~[0-9a-f]+)?/)?[A-Za-z0-9
 SCHEME = "silo://"
 
 
-@dataclass(frozen=True)
-class LoggerAddress:
+class LoggerAddress(msgspec.Struct, frozen=True):
     """A logger that listens. `pid` is the robot program's; `socket` is empty for one that is reached by `config`."""
 
     name: str

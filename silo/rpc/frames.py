@@ -1,7 +1,6 @@
 """What a view shows, for those who draw it and know no network."""
 
-from dataclasses import dataclass, field
-
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,8 +9,7 @@ from silo.core.elements import State
 from silo.rpc.published import NotLive
 
 
-@dataclass(frozen=True)
-class Frame:
+class Frame(msgspec.Struct, frozen=True):
     """What a view shows. `held`, `lost`: int64 per element of `elements`; `newest`: float64 per entry of them.
 
     `entries` names the entries. `texts` holds by position in `newest` each value that a float64 can't tell (see
@@ -49,8 +47,8 @@ class Frame:
     since_ns: int
     sizes: dict[int, int]
     missed: int
-    failed: dict[int, int] = field(default_factory=dict)
-    not_live: dict[int, NotLive] = field(default_factory=dict)
+    failed: dict[int, int] = msgspec.field(default_factory=dict)
+    not_live: dict[int, NotLive] = msgspec.field(default_factory=dict)
     idle_s: float = 0.0
 
     @property

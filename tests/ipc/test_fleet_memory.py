@@ -2,10 +2,10 @@
 
 import stat
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from silo.cli import codes
 from silo.cli.main import run

@@ -5,10 +5,10 @@ import resource
 import signal
 import subprocess
 import weakref
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 import silo
 from silo.cli.codes import EXIT_NO_LOGGER

@@ -1,12 +1,12 @@
 """`silo-tui host/name`: which logger is meant, or which file, and what is said of it."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
+from msgspec.structs import replace
 
 from silo.errors import ConnectionLostError, LogNotFoundError, VersionError
 from silo.fleet.member import Member

@@ -61,7 +61,7 @@ def test_small_classes_of_a_first_screen_are_structs_as_a_dataclass_takes_half_a
         "print(len({each for each in made if each.__module__.startswith('silo')}), file=sys.stderr)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert int(done.stderr) <= 12
+    assert int(done.stderr) <= 7
 
 
 def test_help_needs_no_textual():

@@ -2,7 +2,8 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from silo.core.elements import State
 from silo.core.quantities.writing import duration_text, idle_words, many, size_text, wall_clock
@@ -24,8 +25,7 @@ ROLE = {
 }  # as what each of them is drawn, by `silo_tui.theme.ROLES`
 
 
-@dataclass(frozen=True)
-class FoundLogger:
+class FoundLogger(msgspec.Struct, frozen=True):
     """One logger of the list: how to name it, whom it belongs to, how it stands, what it answered last."""
 
     name: str

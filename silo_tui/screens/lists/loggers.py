@@ -5,10 +5,10 @@ Shown when there are several, and while there is none: then it says what to star
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partialmethod
 from pathlib import Path
 
+from msgspec.structs import replace
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.widgets import Static
