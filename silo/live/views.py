@@ -184,6 +184,9 @@ class ServedView(Feed[OpenView]):
         news: list[tuple[_Plots, Rows]] = []
         first, last = 2**62, -(2**62)
         column_ns = self.request.column_ns
+        begins = not any(plots.begun for plots in self._plots.values())
+        # one ring that hasn't moved for minutes would make a beginning as wide: 3 MB, for a row that the history has
+        most = min(MAX_COLUMNS, int(BACKLOG_S * 1e9) // column_ns + 2) if begins else MAX_COLUMNS
         for ring, plots in self._plots.items():
             rows = self._new_rows(ring, plots)
             if len(rows):
@@ -192,8 +195,8 @@ class ServedView(Feed[OpenView]):
                 last = max(last, int(rows.time_ns.max()) // column_ns)
         if not news:
             return ColumnGrid(len(self.request.plots), 0, 0)
-        if first <= last - MAX_COLUMNS:
-            first = last - MAX_COLUMNS + 1
+        if first <= last - most:
+            first = last - most + 1
             self._since_ns = max(self._since_ns, first * column_ns)
         grid = ColumnGrid(len(self.request.plots), first, last - first + 1)
         for plots, rows in news:

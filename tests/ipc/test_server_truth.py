@@ -212,6 +212,18 @@ def test_the_first_frame_says_from_when_on_it_is_whole(bench, client, until):
     assert second.since_ns == 0
 
 
+def test_a_view_begins_with_a_second_however_old_its_first_row_is(odd, until):
+    tick, clock = odd
+    tick(float=1.0)
+    clock[0] += 600 * 10**9
+    tick(float=2.0)
+    with Client.connect("odd") as client, client.view(plots=["/log/float"], rate_hz=30, column_ns=COLUMN_NS) as view:
+        first = until(view.frame)
+    assert first.low.shape[1] <= 12
+    assert first.low[0, -1] == 2.0
+    assert clock[0] - 2 * 10**9 < first.since_ns <= clock[0]
+
+
 def test_a_store_asks_for_the_history_until_it_reaches_the_frames():
     store = ColumnStore(["a"], 10, 100)
     assert not store.gapped
