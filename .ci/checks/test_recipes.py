@@ -20,7 +20,7 @@ RUN = {
     "threads": (r"200 samples of tau, 20 of distance\nat the times of tau: ", (), ()),
     "processes": (r"100 samples of left, 100 of right, ", (), ()),
     "asyncio_loop": (r"400 samples logged, some heard meanwhile\n", (), ()),
-    "episodes": (r"3 episodes, the best is \d\nsignal .*\n(.*\n)+5 signals differ, 0 are alike\n", (), ()),
+    "episodes": (r"3 episodes, the best is \d\nsignal .*\n(.*\n)+5 entries differ (.*), 0 are alike\n", (), ()),
     "added_format": (r"10 samples of height, at most 0\.59 m\n", (), ()),
     "notebook": (r"500 samples, above 1.9 rad/s in \d+ stretches\n", ("matplotlib",), ()),
     "realtime": (r"500 ticks; .*\nlate by \d+ us \(median\), \d+ us \(worst\)\n", (), ()),

@@ -23,7 +23,7 @@ from silo.core.arguments import real, shown, text
 from silo.core.arrays.enumerations import contradiction, to_compare
 from silo.core.arrays.values import as_floats, difference, from_base
 from silo.core.calls import told, told_class, told_names
-from silo.core.quantities.writing import and_more, html_table
+from silo.core.quantities.writing import and_more, html_table, many
 from silo.core.recording import RecordedElement, Recording, stamps_of
 from silo.errors import ElementError
 
@@ -110,7 +110,7 @@ class NoMomentError(ElementError):
 class Comparison:
     """What differs between two runs: `rows`, the most different first. Print it, or `plot()` it.
 
-    `shift_s` is how far the second run was moved. `alike` counts the signals without a difference, `only_a` and
+    `shift_s` is how far the second run was moved. `alike` counts the entries without a difference, `only_a` and
     `only_b` are names that one run has, `not_compared` says of others why not. `partly` says of signals that go on
     longer in one run which time both have, and of enumerations whose words have other numbers which.
     """
@@ -145,16 +145,27 @@ class Comparison:
 
     def __str__(self) -> str:
         lines = table(HEADS, [row.cells for row in self.rows], 120, "llrrrrr") if self.rows else []
-        return "\n".join([*lines, *self._notes()])
+        return "\n".join([*lines, self.counted, *self.notes])
 
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
-        return html_table("differences of two runs", HEADS, [row.cells for row in self.rows], "; ".join(self._notes()))
+        return html_table(
+            "differences of two runs", HEADS, [row.cells for row in self.rows], "; ".join([self.counted, *self.notes])
+        )
 
-    def _notes(self) -> list[str]:
-        differ = "1 signal differs" if len(self.rows) == 1 else f"{len(self.rows)} signals differ"
-        notes = [f"{differ}, {self.alike} {'is' if self.alike == 1 else 'are'} alike"]
+    @property
+    def counted(self) -> str:
+        """How many entries differ, in which order they stand, how many are alike, how many could not be compared."""
+        differ = "1 entry differs" if len(self.rows) == 1 else f"{len(self.rows)} entries differ"
+        order = " (first the largest rms for how far it moves)" if len(self.rows) > 1 else ""
+        blind = f", {many(len(self.not_compared), 'signal')} not compared" if self.not_compared else ""
+        return f"{differ}{order}, {self.alike} {'is' if self.alike == 1 else 'are'} alike{blind}"
+
+    @property
+    def notes(self) -> list[str]:
+        """What else is to be said: of the shift, of signals of one run alone, of those compared partly or not."""
+        notes = []
         if self.shift_s:
             notes.append(f"the second run is moved by {self.shift_s:.6g} s")
         for which, names in (("first", self.only_a), ("second", self.only_b)):
@@ -163,7 +174,12 @@ class Comparison:
         for words, count in Counter(self.partly.values()).most_common(5):
             which = next(name for name, each in self.partly.items() if each == words)
             notes.append(f"{words}: {which}{f' and {count - 1} more' if count > 1 else ''}")
-        notes += [f"not compared: {name}: {why}" for name, why in list(self.not_compared.items())[:10]]
+        reasons: dict[str, dict[str, str]] = {}
+        for name, why in self.not_compared.items():
+            reasons.setdefault(why.partition(";")[0], {})[name] = why
+        for short, of in reasons.items():
+            whole = set(of.values())
+            notes.append(f"not compared: {and_more(list(of), 3)}: {whole.pop() if len(whole) == 1 else short}")
         return notes
 
     def plot(self, name: str = "", **options: Any) -> Any:

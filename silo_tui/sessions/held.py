@@ -16,6 +16,7 @@ from silo.errors import RefusedError, SiloError
 from silo.expressions.search import FoundMoments, Looking
 from silo.expressions.span import NAN, Between, between
 from silo_tui.model.drawing.plots import Plotted
+from silo_tui.model.drawing.window import SECOND_NS
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.samples.searching import found_in, joined, reading_of
 from silo_tui.model.samples.source import PlotSource, Samples
@@ -52,6 +53,7 @@ class HeldSource:
         self._buffers = buffers
         self._pins: list[LinkPin] = []
         self._oldest_ns = 0  # in the buffers, as they said last
+        self._held_from_ns = 0  # and as they said when it was held
         self._closed = False
         self._lost = False  # whether they are of another run by now
         self._covering = asyncio.Lock()
@@ -116,12 +118,14 @@ class HeldSource:
 
     @property
     def text(self) -> str:
-        """How much is pinned and how much of it is here: `41 s held, 5.0 s of it fetched`."""
+        """How much is pinned and how much of it is here: `41 s held, 5.0 s of it fetched`; and what was lost of it."""
         others = self._pieces if len(self._pieces) > 1 else ()
-        if not others or self.main.problem or not self._pins:
+        if self.main.problem or not self._pins:
             return self.main.text
         share = "all" if all(piece.complete for piece in others) else f"{text.span(self.fetched_s, 2)} of it"
-        return f"{self.held_text} held, {share} fetched"
+        words = f"{self.held_text} held, {share} fetched" if others else self.main.text
+        lost_ns = sum(end - begin for begin, end in self._gaps(self._held_from_ns, min(self._oldest_ns, self.end_ns)))
+        return f"{words}, {text.span(lost_ns / SECOND_NS, 2)} before it overwritten" if lost_ns else words
 
     def covers(self, time_ns: int) -> bool:
         """Return whether a moment is pinned."""
@@ -153,6 +157,7 @@ class HeldSource:
             return pin.text
         self._take(pin)
         self._oldest_ns = pin.oldest_ns
+        self._held_from_ns = self._held_from_ns or pin.oldest_ns
         self.main.opened(pin, pin.begin_ns, pin.end_ns)
         return pin.text
 

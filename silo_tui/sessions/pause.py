@@ -12,11 +12,14 @@ from silo.core.arrays.columns import ColumnStore
 from silo.core.elements import BufferType
 from silo.errors import RefusedError, SiloError
 from silo_tui.model.drawing.plots import Plotted
+from silo_tui.model.drawing.window import SECOND_NS, SPANS_S
 from silo_tui.model.samples.source import HeldRows
 from silo_tui.model.words import text
 from silo_tui.sessions.held import HeldSource
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.pinned import Buffers
+
+PINNED_BYTES = 16 * 2**20  # of what was before the picture: all clients of a helper process share 64 MB
 
 
 class Pause:
@@ -30,6 +33,7 @@ class Pause:
         self.note = ""  # what could not be had
         self._since_s = 0.0
         self.source: HeldSource | None = None
+        self._deep_ns = 0  # how much is pinned at once
         self._unreached = False  # nothing could be pinned, because nobody answered
         self._settled = asyncio.Event()
         self._settled.set()
@@ -87,7 +91,7 @@ class Pause:
     def hold(
         self, plots: Sequence[Plotted], end_ns: int, span_ns: int, shown: ColumnStore, newest_ns: int = 0
     ) -> HeldSource:
-        """Hold the picture that ends there, and what was before it for at least as long.
+        """Hold the picture that ends there, and what was before it: for at least as long, and as the buffers have it.
 
         `newest_ns` is now, where the picture is an earlier one.
         """
@@ -97,6 +101,11 @@ class Pause:
         self._since_s = time.monotonic()
         plots = [plotted for plotted in plots if self._live.is_live(plotted.element.name)]
         buffers = Buffers(self._session) if self._session.link is not None else None
+        elements = {plotted.element.name: plotted.element for plotted in plots}
+        bytes_s = sum(
+            (16 + 8 * len(one.entries)) * SECOND_NS / self._live.period_ns(name) for name, one in elements.items()
+        )
+        self._deep_ns = round(min(SPANS_S[-1], PINNED_BYTES / max(1, bytes_s)) * SECOND_NS)
         self.source = HeldSource(self._live, plots, (end_ns - 2 * span_ns, end_ns), newest_ns, shown, buffers)
         return self.source
 
@@ -116,6 +125,10 @@ class Pause:
         self._changed()
         while self.source is source and await main.fetch_rest():
             self._changed()
+        for piece in source.pieces:
+            if piece is not main:
+                await piece.fetch_columns(column_ns)
+                self._changed()
 
     async def _open(self) -> bool:
         """Have the logger pin it; False where there is nothing to fetch."""
@@ -124,6 +137,8 @@ class Pause:
             return False
         try:
             note = await source.open()
+            # at once: a window that is wider later asks for what is overwritten by then
+            note = await source.cover(source.end_ns - self._deep_ns, source.end_ns) or note
         except SiloError as error:
             self._unreached = not isinstance(error, RefusedError)
             source.main.unpinned("nothing is pinned: " + ("no link" if self._unreached else str(error)))

@@ -180,8 +180,8 @@ def test_what_cannot_be_done_is_told_of(call, words, log, folder):
 def test_equal_runs_have_no_difference(log):
     found = silo.compare(log, log)
     assert not found
-    assert "0 signals differ, 5 are alike" in str(found)
-    assert "0 signals differ, 1 is alike" in str(silo.compare(log, log, "x"))
+    assert "0 entries differ, 5 are alike" in str(found)
+    assert "0 entries differ, 1 is alike" in str(silo.compare(log, log, "x"))
 
 
 def test_runs_are_compared_from_their_starts(log, tmp_path):

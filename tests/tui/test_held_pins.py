@@ -180,6 +180,15 @@ async def test_where_the_buffers_have_lost_it_that_is_said(robot):
     assert held._out_of_reach == "no link"
 
 
+async def test_what_was_held_and_is_overwritten_by_now_is_said(robot):
+    held = await opened_of(robot)
+    await held.fetch(90 * SECOND, 100 * SECOND)
+    assert held.text == "10 s held, all fetched"
+    robot.oldest_ns = 80 * SECOND
+    await held.cover(50 * SECOND, 70 * SECOND)
+    assert held.text == "10 s held, all fetched, 30 s before it overwritten"
+
+
 @pytest.mark.parametrize(
     ("problem", "words"), [(ConnectionLostError("cut"), "no link"), (RefusedError("too many pins"), "too many pins")]
 )

@@ -94,7 +94,7 @@ async def test_cursor_b_samples_home_end_and_all_work_in_it(new_fake, opened):
     async with opened(fake.run(30), size=(100, 30)) as screen:
         await open_large(screen)
         await screen.press("space")
-        await screen.shows("held, all fetched")
+        await screen.shows("30 s held, ")
         await screen.press("left", "B", "comma", "comma")
         await screen.until(lambda: large(screen).window.other_ns is not None, "cursor B")
         await screen.shows("slope/s")

@@ -9,6 +9,7 @@ from textual.widgets import Input
 from silo.core.elements import BufferType
 from silo.history.requests import PinOpened
 from silo_tui.screens.dialogs.questions import Prompt
+from silo_tui.sessions import pause
 from tests.stand_ins.fake_signals import HZ, START_NS, scalar, signal
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
@@ -45,6 +46,12 @@ def logged(time_ns):
     return signal(TORQUE, np.round((time_ns - START_NS) / 1e9 * HZ) / HZ)
 
 
+@pytest.fixture(autouse=True)
+def shallow(monkeypatch):
+    """No room for more than the picture and as much before it: there is something that no pin has."""
+    monkeypatch.setattr(pause, "PINNED_BYTES", 0)
+
+
 @pytest.fixture
 def deep(new_fake):
     """A logger whose buffers hold all that it logged."""
@@ -75,6 +82,24 @@ async def test_what_is_pinned_stays_when_the_buffers_overwrite_it(new_fake, open
         await screen.until(lambda: store_of(screen).end * store_of(screen).column_ns <= before, "an earlier window")
         await screen.until(lambda: filled(screen), "all of the earlier window")
         time_ns, values = await held.samples(TORQUE, held.begin_ns, held.end_ns)
+        np.testing.assert_array_equal(values, logged(time_ns))
+
+
+async def test_a_window_that_is_wider_later_shows_what_the_buffers_held_at_the_pause(new_fake, opened, monkeypatch):
+    monkeypatch.setattr(pause, "PINNED_BYTES", 2**24)
+    fake = new_fake([scalar(TORQUE, "Nm", buffer=BufferType.LOOPING, size=4000)])
+    async with opened(fake.run(25)) as screen:
+        await screen.press("m")
+        await screen.press("plus", "plus")
+        await screen.until(lambda: monitor(screen).window.span_s == 2.0 and filled(screen), "two seconds")
+        await screen.press("space")
+        await screen.shows("10 s held, 4 s of it fetched")
+        fake.advance(16)
+        await screen.press("minus", "minus")
+        await screen.shows("10 s held, all fetched")
+        held = monitor(screen).pause.source
+        time_ns, values = await held.samples(TORQUE, held.begin_ns, held.end_ns)
+        assert time_ns[-1] - time_ns[0] > 9.9e9
         np.testing.assert_array_equal(values, logged(time_ns))
 
 

@@ -7,13 +7,16 @@ import numpy as np
 import pytest
 
 import silo
+from silo.analysis.compare import compare
 from silo.analysis.log import Log
 from silo.core.elements import BufferType, Entry, LoggedEvent, Stretch
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import ElementError
 from silo.files import write
 from silo_tui.app import SiloApp
+from silo_tui.model.lists import runs
 from silo_tui.model.lists.runs import together
+from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.screens.lists.runs import RunsScreen
 from tests.stand_ins.saved import cut_in_two, recorded_in_two
@@ -123,9 +126,32 @@ async def test_two_marked_runs_are_compared(fake, opened, folder):
         await screen.shows("two are compared, 1 are marked")
         await screen.do("mark", "mark", "compare_runs")
         await screen.shows("run1, then run2")
-        await screen.shows("1 signal differs")
+        await screen.shows("1 entry differs")
+        body = screen.app.screen.query_one(".dialog-body")
+        assert body.region.width > 68  # the table is as wide as the screen lets it
         await screen.press("escape")
         await screen.until(lambda: screen.app.screen.scope == "runs")
+
+
+def test_the_table_of_differences_stands_before_what_was_not_compared(monkeypatch):
+    found = compare(Log(run_of(0)), Log(run_of(1)))
+    reasons = {f"/log/{number}": f"there is no time in common; from {number} s" for number in range(12)}
+    monkeypatch.setattr(runs, "compare", lambda a, b: replace(found, not_compared=reasons))
+    lines = runs.differences(Log(run_of(0)), Log(run_of(1)), 71).splitlines()
+    assert lines[0] == "1 entry differs, 0 are alike, 12 signals not compared"
+    assert lines[2].startswith("signal") and lines[3].startswith("/log/tau")
+    assert lines[-1] == "not compared: /log/0, /log/1, /log/2 and 9 more: there is no time in common"
+
+
+async def test_home_and_end_move_a_long_body(fake, opened):
+    async with opened(fake) as screen:
+        await screen.do()
+        screen.app.push_screen(Question("Much", "\n".join(str(line) for line in range(200)), [Choice("", "Close")]))
+        await screen.until(lambda: screen.app.screen.query(".dialog-body"))
+        body = screen.app.screen.query_one(".dialog-body")
+        for key, where in (("end", lambda: body.max_scroll_y), ("home", lambda: 0), ("G", lambda: body.max_scroll_y)):
+            await screen.press(key)
+            await screen.until(lambda where=where: body.scroll_offset.y == where() and body.max_scroll_y, key)
 
 
 def test_together_stand_the_moments_that_are_alike():

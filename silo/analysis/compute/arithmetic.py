@@ -267,7 +267,7 @@ def in_common(one: One, other: Other) -> tuple[One, Other, str]:
 
     Raises `ElementError` where there is no time in common.
     """
-    mine, theirs = aligned(one, other, f"compare '{one.name}'", two_clocks=True)
+    mine, theirs = aligned(one, other, "compare them", two_clocks=True)
     span = common_words(one, other, mine)
     other = other._as_if_started(one.start_ns)
     return mine, theirs, span and f"compared from {span}: the first {one._span}, the second {other._span}"

@@ -337,9 +337,10 @@ class Samples:
         raise self._nothing_in_common(other, what)
 
     def _nothing_in_common(self, other: "Samples", what: str) -> ElementError:
+        names = (f"'{self.name}'", f"'{other.name}'") if self.name != other.name else ("the first", "the second")
         return ElementError(
-            f"can't {what}: there is no time in common; since the start of its log '{self.name}' {self._span}, "
-            f"'{other.name}' {other._span}"
+            f"can't {what}: there is no time in common; since the start of its log {names[0]} {self._span}, "
+            f"{names[1]} {other._span}"
         )
 
 

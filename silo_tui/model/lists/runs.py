@@ -28,7 +28,6 @@ from silo_tui.model.words.names import cells, fitted_among, fitting_names
 Key = Callable[[ListedRun], float]
 MOST_TICKS = 2_000_000
 MOST_DIFFERENT = 200
-DIALOG_WIDTH = 68
 NAME_WIDTH = 22  # at least
 SAID_WIDTH = 20  # at least, where there is anything to be said
 VALUE_WIDTH = 12
@@ -106,15 +105,13 @@ def _line(told: tuple[str, ...], values: Sequence[str], widths: Widths) -> str:
     return f"{name:<{widths.name}} {begun:<14} {span:>8}{shown} {lost:>6} {limits:>6}{kinds} {said}".rstrip()
 
 
-def differences(one: Log, other: Log) -> str:
-    """Return what differs between two runs, the most different signals first: lines for a narrow screen."""
+def differences(one: Log, other: Log, width: int) -> str:
+    """Return what differs between two runs: how much, the rows of it, then what else is to be said; lines that fit."""
     found = compare(one, other)
-    lines = str(found).splitlines()
-    notes = lines[len(found.rows) + 1 :] if found.rows else lines
-    cells = [(row.name, *row.cells[1:5]) for row in found.rows[:MOST_DIFFERENT]]
-    told = table(HEADS[:5], cells, DIALOG_WIDTH, "llrrr") if cells else []
-    more = len(found.rows) - len(cells)
-    return "\n".join([*notes, *([""] if told else []), *told, *([f"and {more} more"] if more else [])])
+    told = table(HEADS, [row.cells for row in found.rows[:MOST_DIFFERENT]], width, "llrrrrr") if found.rows else []
+    if (more := len(found.rows) - MOST_DIFFERENT) > 0:
+        told.append(f"and {more} more")
+    return "\n".join([found.counted, *([""] if told else []), *told, "", *found.notes])
 
 
 def together(logs: Sequence[tuple[str, Log]], event: str = "") -> Recording:

@@ -63,7 +63,8 @@ def _pattern(names: list[list[str]]) -> str:
 class Cost(msgspec.Struct, frozen=True):
     """What a table takes: memory of its buffers, bytes per second to a file and to topics, seconds that are held.
 
-    `shortest` is the element that holds the least, empty where nothing is saved; `samples_s` are those that go to a
+    The seconds are infinite for what grows. `shortest` is the element that holds the least, empty where nothing is
+    saved; `samples_s` are those that go to a
     file per second, one of a vector being one.
     """
 
@@ -92,9 +93,10 @@ def cost_of(
     rings = np.unique(values[:, on], axis=1)
     memory = float((sizes * buffers)[on].sum() + ROW_BYTES * rings[Field.SIZE].sum())
     meant = saved if held is None else saved & np.array([each.name in held for each in elements], np.bool_)
-    meant = meant & (values[Field.BUFFER] != int(BufferType.GROWING))  # which hold all there is
-    held_s = np.where(meant, buffers / np.where(rate > 0, rate, np.inf), np.inf)
-    at = int(np.argmin(held_s)) if meant.any() else -1
+    grows = values[Field.BUFFER] == int(BufferType.GROWING)  # which holds all there is
+    held_s = np.where(grows, np.inf, buffers / np.where(rate > 0, rate, np.inf))
+    places = np.flatnonzero(meant)
+    at = int(places[np.argmin(held_s[places])]) if len(places) else -1
     return Cost(
         memory, float((sizes * rate)[saved].sum()), float((sizes * rate)[published].sum()),
         float(held_s[at]) if at >= 0 else 0.0, float(held_s[meant].max()) if at >= 0 else 0.0,

@@ -3,6 +3,7 @@
 First stands what one most likely wants; where that loses or stops something, or is about many, what does nothing.
 """
 
+import math
 import re
 from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
@@ -31,8 +32,8 @@ from silo_tui.model.table.state import PendingChange
 from silo_tui.model.words.names import below
 from silo_tui.widgets.inputs import Fleeting, Line
 
-MOVED_BY = "jkq"  # letters that are bound
-MOVES = "j k Move  PgDn PgUp Scroll  Esc Back"
+MOVED_BY = "jkqG"  # letters that are bound
+MOVES = "j k Move  PgDn PgUp Home End Scroll  Esc Back"
 MAX_LINES = 400
 MAX_GROUPS = 60
 LARGEST = 2  # groups: at 80x24 what they cost stands below them
@@ -60,6 +61,8 @@ class Question(Dialog[str | None]):
         Binding("escape,q", "leave", "Back", show=False),
         Binding("pagedown,ctrl+d", "scroll(1)", show=False, priority=True),  # the choices would take them for theirs
         Binding("pageup,ctrl+u", "scroll(-1)", show=False, priority=True),
+        Binding("home", "ends(False)", show=False, priority=True),
+        Binding("end,G", "ends(True)", show=False, priority=True),
         Binding("j", "move(1)", show=False),
         Binding("k", "move(-1)", show=False),
     ]
@@ -71,8 +74,13 @@ class Question(Dialog[str | None]):
         choices: Sequence[Choice],
         begin: str | None = None,
         about: Callable[[str], Awaitable[Text]] | None = None,
+        *,
+        broad: bool = False,
     ) -> None:
-        """`begin` has the focus at first, else the first choice. `about` tells more of one, below."""
+        """`begin` has the focus at first, else the first choice. `about` tells more of one, below.
+
+        A `broad` one takes the width of the screen: its body is a table.
+        """
         super().__init__()
         assert not {choice.key for choice in choices} & {*MOVED_BY}, "these move here, or leave"
         self._begin = next((at for at, choice in enumerate(choices) if choice.value == begin), 0)
@@ -81,11 +89,12 @@ class Question(Dialog[str | None]):
         self._choices = list(choices)
         self.loses = any(choice.loses for choice in choices)
         self._about = about
+        self._broad = broad
         self.told = ""  # the choice that more is told of
 
     def compose(self) -> ComposeResult:
         tall = self._about is not None
-        with Vertical(classes="dialog tall" if tall else "dialog"):
+        with Vertical(classes=f"dialog{' tall' if tall else ''}{' broad' if self._broad else ''}"):
             yield Static(self._title, classes="dialog-title", markup=False)
             if self._body and tall:
                 yield Static(self._body, classes="quiet", markup=False)
@@ -180,12 +189,25 @@ class Question(Dialog[str | None]):
 
     def action_scroll(self, pages: int) -> None:
         """Move a long body; where there is none, choices that have no room."""
-        bodies = [body for body in self.query(".dialog-body").results(VerticalScroll) if body.max_scroll_y > 0]
+        bodies = self._long_bodies
         for body in bodies:
             body.scroll_relative(y=pages * max(1, body.size.height - 1), animate=False)
         options = cast(Any, self.query_one(OptionList))
         if not bodies and options.max_scroll_y > 0:
             (options.action_page_down if pages > 0 else options.action_page_up)()
+
+    @property
+    def _long_bodies(self) -> list[VerticalScroll]:
+        return [body for body in self.query(".dialog-body").results(VerticalScroll) if body.max_scroll_y > 0]
+
+    def action_ends(self, last: bool) -> None:
+        """Go to the beginning or the end of a long body; where there is none, to the first or the last choice."""
+        bodies = self._long_bodies
+        for body in bodies:
+            (body.scroll_end if last else body.scroll_home)(animate=False)
+        options = self.query_one(OptionList)
+        if not bodies:
+            (options.action_last if last else options.action_first)()
 
     def action_move(self, step: int) -> None:
         """Go to another choice."""
@@ -304,6 +326,7 @@ def cost_text(now: Cost, after: Cost, short_name: str, room_bytes: int = 0) -> T
     topics = [size_text(each.topic_bytes_s) + "/s" for each in (now, after)]
     _cost(lines, "topics", topics, after.topic_bytes_s > now.topic_bytes_s)
     note = f"of these, shortest: {short_name}" if short_name else ""
+    note = "all: until memory is full" if math.isinf(after.shortest_s) else note
     _cost(lines, "held", held, after.shortest_s < now.shortest_s, note, sign="▼")
     return lines
 
@@ -312,7 +335,7 @@ def _held(cost: Cost) -> str:
     """Return for how long the edited signals are held, as one time or two, their unit once where it is seconds."""
     if not cost.shortest:
         return "nothing"
-    shortest, longest = duration(cost.shortest_s), duration(cost.longest_s)
+    shortest, longest = ("all" if math.isinf(each) else duration(each) for each in (cost.shortest_s, cost.longest_s))
     if shortest == longest:
         return longest
     return f"{shortest.removesuffix(' s')} … {longest}" if longest.endswith(" s") else f"{shortest} … {longest}"

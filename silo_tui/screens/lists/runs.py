@@ -174,14 +174,15 @@ class RunsScreen(ListScreen[ListedRun]):
         run_alone(self, "opening", self._show_differences, *reversed(targets))
 
     async def _show_differences(self, one: ListedRun, other: ListedRun) -> None:
+        room = self.app.size.width * 96 // 100 - 5  # of a broad dialog: its border, its padding, a scrollbar
         try:
-            words = await asyncio.to_thread(lambda: rows.differences(one.open(), other.open()))
+            words = await asyncio.to_thread(lambda: rows.differences(one.open(), other.open(), room))
         except (SiloError, OSError) as error:
             self.context.fail(f"{one.facts.path} and {other.facts.path} can't be compared: {error}")
             return
-        body = f"{words}\n\n`silo compare` in a shell has options: from an event on, within a tolerance, as a plot."
+        body = f"{words}\n`silo compare` in a shell has options: from an event on, within a tolerance, as a plot."
         self.say("")
-        self.app.push_screen(Question(f"{one.name}, then {other.name}", body, [Choice("", "Close")]))
+        self.app.push_screen(Question(f"{one.name}, then {other.name}", body, [Choice("", "Close")], broad=True))
 
     def command_overlay_runs(self) -> None:
         targets = self.targets("no run is here")
