@@ -328,7 +328,7 @@ COMMANDS: tuple[Command, ...] = (
             _RECORDINGS, 6, writes=True, asks=True),
     # ------------------------------------------------------------------------------------- runs of this machine
     Command("runs", "f3", "Runs", "the runs of a folder of this machine, by what was measured", "Go",
-            _TABLES + _LOGGERS,
+            _TABLES + _PLOTS + _HAPPENED + _CONDITIONS + _PARAMETERS + _RECORDINGS + _LOGGERS,
             typed=_read(("runs",), "logs", ":runs FOLDER", "the runs of a folder of this machine", 8)),
     Command("open_run", "enter", "Open", "look into it; Esc comes back", "Runs", _RUNS, 1),
     Command("overlay_runs", "O", "Overlay", "what is marked over each other, by time since start or an event", "Runs",

@@ -265,7 +265,8 @@ def _way_to(place: str, scope: str) -> str:
         return f"{'' if scope == 'monitor' else _way_to('monitor', scope) + ', then '}{key_of('detail')}"
     if place == "monitor" and scope != "table":
         return f"{key_of('go_home')}, then {key_of('monitor')}"
-    return key_of("go_home" if place == "table" else place) if place in ("table", *BY_ID) else ""
+    way = "go_home" if place == "table" else place
+    return key_of(way) if way in BY_ID and {scope, "any"} & set(BY_ID[way].scopes) else ""
 
 
 def clashes(keymap: str, keys: Mapping[str, str]) -> Iterator[tuple[str, str, str, str]]:

@@ -222,3 +222,10 @@ def test_no_sentence_names_a_key_by_its_letter():
             if letter.search(said) and path.name not in ("cli.py", "actions.py", "events.py"):  # of Ctrl+C and `M`
                 found.append((path.name, said[:80]))
     assert found == []
+
+
+@pytest.mark.parametrize("scope", SCOPES)
+def test_a_way_that_is_told_is_a_key_of_where_one_is(scope):
+    there = {"runs"} & {command.id for command in commands_for(scope)}
+    _, sentence = where([BY_ID["compare_runs"]], scope)
+    assert ("F3" in sentence or "g f" in sentence) == bool(there) or scope.startswith("file")
