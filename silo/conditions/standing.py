@@ -54,6 +54,8 @@ class LimitWord(Word):
 
 _RANKS = {word: rank for rank, words in enumerate((("HH", "LL"), ("H", "L"), ("==",), ("OK", "?"), ("~~",)))
           for word in words}  # fmt: skip
+_BOUND_WORDS = LimitWord.RED_LOW, LimitWord.RED_HIGH, LimitWord.YELLOW_LOW, LimitWord.YELLOW_HIGH
+SIDES = dict(zip((*_BOUND_WORDS, LimitWord.OK), (-2, 2, -1, 1, 0), strict=True))
 
 
 class LimitStatus(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -118,6 +120,18 @@ class LimitStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     def is_over(self) -> bool:
         """Whether it is now."""
         return self.word not in (LimitWord.OK, LimitWord.BLIND, LimitWord.OTHER)
+
+    def word_of(self, value: float) -> LimitWord:
+        """Return the range of a value that is newer than what was judged; what was, where more than it tells that."""
+        if self.word not in SIDES or self.persistence > 1 or self.when:
+            return self.word
+        side = SIDES[self.word]
+        for word, bound in zip(_BOUND_WORDS, (self.bounds[0], self.bounds[3], *self.bounds[1:3]), strict=True):
+            its = SIDES[word]
+            slack = self.hysteresis if its * side > 0 and abs(its) <= abs(side) else 0.0
+            if bound is not None and (value - bound) * (1 if its > 0 else -1) > -slack:
+                return word
+        return LimitWord.OK
 
 
 def worst_first(found: list[LimitStatus]) -> list[LimitStatus]:

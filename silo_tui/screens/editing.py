@@ -8,7 +8,7 @@ import msgspec
 from textual.geometry import Region
 
 from silo.core.conditions import AROUND_S, TriggerOptions
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import and_more, many
 from silo.errors import SiloError
 from silo.settings.typed import ElementSettings, examples, read_settings
 from silo_tui.actions import BY_ID, Command, key_of
@@ -178,7 +178,7 @@ class Editing(ElementsScreen):
         elif field.cycles:
             self._choose_value(field, value)
         else:
-            self._open_editor(str(value), select=True)
+            self._open_editor("" if len(self._values_of(field)) > 1 else str(value), select=True)
 
     def _choose_value(self, field: Field, value: int) -> None:
         """Let one of a few values be chosen from a list."""
@@ -186,7 +186,7 @@ class Editing(ElementsScreen):
         words = field.option.words
         choices = [Choice(str(int(each.value)), phrase_for(field, int(each.value)), each.cell[0]) for each in words]
         title = f"{field.label} of {many(count, 'element')}"
-        question = Question(title, f"now {phrase_for(field, value)}", choices, str(value))
+        question = Question(title, f"now {and_more(self._values_of(field), 3)}", choices, str(value))
         ask(self, question, lambda answer: self._set(field, int(answer)))
 
     def _open_editor(self, value: str, *, select: bool) -> None:
@@ -199,9 +199,13 @@ class Editing(ElementsScreen):
         if not select:  # what begins with = may be words of several fields
             region = Region(max(0, min(region.x, self.size.width - WORDS_WIDTH - 2)), region.y, WORDS_WIDTH, 1)
             words = "; or words: div=5 size=10s buf=loop"
+        now = self._values_of(field)
+        differ = f", now {and_more(now, 3)}" if len(now) > 1 else ""
         self.query_one(CellEditor).open(field, region, value, select=select)
         hidden = "" if field in self.table.field_spans() else f" (its column is not shown: {key_of('columns')})"
-        self.info.ask(f"{field.label} of {many(count, 'element')}{hidden}, e.g. {examples(field.option)}{words}")
+        self.info.ask(
+            f"{field.label} of {many(count, 'element')}{differ}{hidden}, e.g. {examples(field.option)}{words}"
+        )
         self.query_one(KeyBar).show_instead(EDITOR_KEYS)
 
     def _again(self, edit: Callable[[], None]) -> None:
@@ -220,11 +224,17 @@ class Editing(ElementsScreen):
         return self.session.why_fixed() if command_id in FIELDS_BY_COMMAND else ""
 
     def value_now(self, command_id: str) -> str:
-        """Return the value that a command would change, of the first element that it is about."""
-        field, targets = FIELDS_BY_COMMAND.get(command_id), self.session.rows.targets()
-        if field is None or not len(targets):
-            return ""
-        return phrase_for(field, self.session.table.value(field, targets[0]))
+        """Return the value that a command would change, or that those that it is about have several."""
+        field = FIELDS_BY_COMMAND.get(command_id)
+        found = self._values_of(field) if field is not None else []
+        return (found[0] if len(found) == 1 else "differ") if found else ""
+
+    def _values_of(self, field: Field) -> list[str]:
+        """The different values of what is edited, in words."""
+        targets = self.session.rows.targets().tolist()
+        return [
+            phrase_for(field, each) for each in dict.fromkeys(self.session.table.value(field, at) for at in targets)
+        ]
 
     def _set(self, field: Field, value: int) -> None:
         if self.repeated in FIELDS_BY_COMMAND:

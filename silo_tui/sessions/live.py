@@ -343,10 +343,12 @@ class Session:
         try:
             self.triggers = (await self.connection.read(lambda client: client.triggers())).triggers
             self.limits = (await self.connection.read(lambda client: client.alarms())).limits
+            self.table.limits = {one.name: one for one in self.limits}
             self.bounds = {one.name: one.bounds for one in self.limits if any(each is not None for each in one.bounds)}
             self._take_beyond(self._beyond())
         except RefusedError:
-            self.triggers, self.limits, self.bounds = [], [], {}  # of a helper process of an older silo
+            self.triggers, self.limits = [], []  # of a helper process of an older silo
+            self.bounds, self.table.limits = {}, {}
             self._take_beyond({})
             raise
         except (SiloError, asyncio.CancelledError):

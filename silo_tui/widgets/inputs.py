@@ -176,8 +176,7 @@ class CellEditor(Fleeting):
     def open(self, field: Field, region: Region, value: str, *, select: bool) -> None:
         """Appear over a cell of the screen."""
         self.field = field
-        # what stands before it stays: a blank is all that lies under it on the left
-        self.styles.width = max(region.width + 2, 6)
-        self.styles.offset = (max(0, region.x - 1), region.y)
+        self.styles.width = max(region.width + 1, 5)  # with room for the cursor; the blank before it stays
+        self.styles.offset = (region.x, region.y)
         self.select_on_focus = select
         self.begin(value)

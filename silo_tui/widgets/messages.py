@@ -200,10 +200,11 @@ def _cursor_words(session: Session) -> str:
     rows, parts = session.rows, []
     if rows.row is None:
         return ""
-    if session.fresh and (letters := sign_of(session.table, rows.row)):
-        parts.append(f"{letters} {MEANINGS[letters]}")
     element = session.table.elements[rows.row]
-    reading, position = session.live.readings.get(element.name), rows.entry or 0
+    reading = session.live.readings.get(element.name)
+    if session.fresh and (letters := sign_of(session.table, rows.row, reading)):
+        parts.append(f"{letters} {MEANINGS[letters]}")
+    position = rows.entry or 0
     if reading is not None and (rows.entry is not None or len(element.entries) == 1):
         word = reading.texts.get(position, "")
         parts += [word] if element.entries[position].dtype[1:2] in "iu" and len(word) > LONG else []

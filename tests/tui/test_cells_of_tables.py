@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from silo.analysis.reports import ElementReport
+from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import BufferType, ElementInfo, ElementOptions, Entry, Table
 from silo.live.quantities import FROZEN, NOT_FINITE
 from silo.rpc.published import NotLive
@@ -40,6 +41,26 @@ def sight_of(name, reading=None, chosen=0, facts=None, signs=0, **more):
     if reading is not None:
         live.readings[name] = reading
     return Sight(table, live, lambda row: chosen, lambda row: "▁▂", **more)
+
+
+@pytest.mark.parametrize(
+    ("value", "judged", "more", "letters"),
+    [
+        (0.5, LimitWord.OK, {}, ""), (1.5, LimitWord.OK, {}, "H"), (2.5, LimitWord.YELLOW_HIGH, {}, "HH"),
+        (-3.0, LimitWord.RED_HIGH, {}, "LL"), (0.5, LimitWord.YELLOW_HIGH, {}, ""),
+        (0.95, LimitWord.YELLOW_HIGH, {"hysteresis": 0.1}, "H"), (0.95, LimitWord.OK, {"hysteresis": 0.1}, ""),
+        (1.95, LimitWord.YELLOW_HIGH, {"hysteresis": 0.1}, "H"), (1.95, LimitWord.RED_HIGH, {"hysteresis": 0.1}, "HH"),
+        (0.85, LimitWord.RED_HIGH, {"hysteresis": 0.1}, ""),
+        (1.5, LimitWord.OK, {"persistence": 3}, ""), (0.5, LimitWord.YELLOW_HIGH, {"when": "on"}, "H"),
+        (NAN, LimitWord.YELLOW_HIGH, {}, ""), (1.5, LimitWord.STALE, {}, "=="),
+    ],
+)  # fmt: skip
+def test_the_sign_of_a_limit_is_of_the_value_that_stands_beside_it(value, judged, more, letters):
+    sight = sight_of("/t", read(value))
+    one = LimitStatus("/t", "t", judged, bounds=(-2.0, None, 1.0, 2.0), **more)
+    sight.table.limits = {"/t": one}
+    sight.table.take_beyond({"/t": judged.value} if one.is_over else {})
+    assert cells.sign(sight, ROW["/t"], 2)[0] == letters
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 import silo_tui
-from silo_tui.actions import COMMANDS, commands_for, key_of, key_that_retries, use_keys, why_no_use
+from silo_tui.actions import BY_ID, COMMANDS, commands_for, key_of, key_that_retries, use_keys, why_no_use
+from silo_tui.keymap import where
 
 # T table, P plots, D large plot, G triggers, A alarms, R recordings, E events, L loggers, H settings, K parameters,
 # U runs, B Bode plot; each on a logger, and, where there is one, on a file

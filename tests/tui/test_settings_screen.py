@@ -65,7 +65,11 @@ async def test_every_option_can_be_changed_and_goes_back_to_its_default(fake, op
 async def test_columns_are_chosen_and_the_table_follows(fake, opened):
     async with opened(fake) as screen:
         assert " buf " in screen.text
-        await screen.press("f2", *["j"] * (len(OPTIONS) - 1), "e")
+        await screen.press("f2", *["j"] * (len(OPTIONS) - 1))
+        await screen.shows("[x] unit  [x] on  [x] div")
+        await screen.press("right")
+        await screen.shows("columns: Enter takes it")
+        await screen.shows("e.g. unit on div; nothing: all")
         await screen.enter("size div", "escape")
         await screen.until(lambda: " buf " not in screen.text)
         assert " div " in screen.text

@@ -4,7 +4,7 @@ import time
 from collections.abc import Sequence
 
 from silo.conditions.requests import TriggerTried
-from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
+from silo.conditions.standing import SIDES, LimitStatus, LimitWord, TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import ElementInfo, FileType
 from silo.core.names import Names
@@ -18,9 +18,6 @@ UNNAMED = "it stands in names of files"  # what a trigger has a name for
 MOST_PLOTS = 6  # of what a condition is about, at once
 NAME, WHEN = 10, 20  # cells of a trigger's name, and those that its condition keeps
 LOUD = (TriggerWord.FIRING,)
-_SIDES = {
-    LimitWord.RED_LOW: -2, LimitWord.YELLOW_LOW: -1, LimitWord.OK: 0, LimitWord.YELLOW_HIGH: 1, LimitWord.RED_HIGH: 2,
-}  # fmt: skip
 CAUTION = (TriggerWord.HOLDOFF, TriggerWord.BLIND, TriggerWord.OTHER)
 
 
@@ -106,11 +103,11 @@ def limit_row(one: LimitStatus, short: str, width: int, now_ns: int | None = Non
 def waits_for(one: LimitStatus) -> str:
     """Return what an alarm waits for whose newest value is in another range than it says; empty where it is in that."""
     waits = one.persistence > 1 or one.hysteresis
-    if one.value is None or one.word not in _SIDES or not waits:
+    if one.value is None or one.word not in SIDES or not waits:
         return ""
     given = zip(one.bounds, (-1, -1, 1, 1), strict=True)
     now = sum(side for bound, side in given if bound is not None and (one.value - bound) * side > 0)
-    said = _SIDES[one.word]
+    said = SIDES[one.word]
     if now == said:
         return ""
     row = f"after {one.persistence} samples in a row" if one.persistence > 1 else ""

@@ -24,6 +24,7 @@ WHY_NOT_LIVE: dict[NotLive | None, str] = {
 }  # fmt: skip
 NOT_OF_DERIVED = (Field.ACTION, Field.BUFFER, Field.SIZE)
 _OF_LIMITS = sum(set(LIMIT_BITS.values()))
+_OF_BOUNDS = _OF_LIMITS & ~LIMIT_BITS["=="]
 
 Cell = tuple[str, str]  # words, and the name of their style
 
@@ -219,15 +220,22 @@ def sign(sight: Sight, row: int, width: int) -> Cell:
     """Return the worst that is the matter."""
     if not sight.fresh and sight.live.readings:
         return OLD, "quiet"
-    letters = sign_of(sight.table, row)
+    reading = _reading(sight, row)
+    letters = sign_of(sight.table, row, None if isinstance(reading, tuple) else reading)
     return letters, _style(letters)
 
 
-def sign_of(table: TableState, row: int) -> str:
-    """Return the letters of the worst that is the matter with a row; empty for nothing."""
-    bits = int(table.signs[row])
+def sign_of(table: TableState, row: int, reading: Reading | None = None) -> str:
+    """Return the letters of the worst that is the matter with a row; empty for nothing.
+
+    Limits are judged once a second; beside a number the sign is that of the number.
+    """
+    bits, one = int(table.signs[row]), table.limits.get(table.names[row])
     if not table.server[Field.ENABLED, row]:
         bits &= _OF_LIMITS  # what is off isn't measured; its limits may be judged by others
+    elif one is not None and reading is not None:
+        shown = reading.with_value(0, table.facts.detail(one.name, "value")).newest[0]
+        bits = bits & ~_OF_BOUNDS | LIMIT_BITS.get(one.word_of(float(shown)).value, 0)
     return worst(bits)
 
 

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.conditions.standing import LimitStatus
 from silo.core.elements import Edit, ElementInfo, FieldChange, Table
 from silo.core.names import component_name, is_word
 from silo_tui.model.samples.live import has_norm
@@ -66,6 +67,7 @@ class TableState:
         self._levels: tuple[list[str], str, frozenset[str]] = ([], "", frozenset())  # of which names and prefix
         self.prefix = ""  # that all names share, without a slash at its end; not shown
         self.facts = NOTHING  # the newest survey
+        self.limits: Mapping[str, LimitStatus] = {}  # by names of scalars
         self._beyond: dict[str, str] = {}  # the worst word of each element that is beyond its limits
         self._beyond_bits: NDArray[np.int64] = np.zeros(0, np.int64)
         self.revision = -1

@@ -75,7 +75,7 @@ def row_text(row: SettingRow, settings: Settings, saved: Settings, *, width: int
 def _values(line: Text, option: Option, value: Any, width: int | None) -> Text:
     if not option.words:
         return line.append(typed(value), style="bold").append(f"   {option.meaning}, {option.range_text}")
-    chosen = value if option.several else (value,)
+    chosen = (value or option.words) if option.several else (value,)
     for word in option.words:
         is_chosen = word in chosen
         mark = ("[x] " if is_chosen else "[ ] ") if option.several else ("► " if is_chosen else "  ")
@@ -148,14 +148,19 @@ class SettingsScreen(ListScreen[SettingRow]):
             self._choose(1)
         elif row.option is not None:
             self._typed_of, value = row.option, getattr(self.context.settings, row.option.name)
-            self.query_one(KeyBar).show_instead(TYPING_KEYS)
-            self.query_one("#settings-value", Line).begin(" ".join(value) if row.option.several else typed(value))
+            line = self.query_one("#settings-value", Line)
+            line.placeholder = f"e.g. {' '.join(row.option.words[:3])}; nothing: all" if row.option.several else ""
+            self.query_one(KeyBar).show_instead(f"{row.option.name}: {TYPING_KEYS}")
+            line.begin(" ".join(value) if row.option.several else typed(value))
 
     enter = command_change_setting
 
     def _choose(self, step: int) -> None:
         option = row.option if (row := self.chosen) is not None else None
-        if option is None or not option.words or option.several:
+        if option is not None and option.several:
+            self.command_change_setting()
+            return
+        if option is None or not option.words:
             self.say(f"{key_of('change_setting')} changes this one")
             return
         place = option.words.index(getattr(self.context.settings, option.name))
