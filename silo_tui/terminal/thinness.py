@@ -151,8 +151,8 @@ def head_words(thinness: Thinness, painted: Painted, link: list[str], room: int,
     """Return what the head says, in `room` cells: that the link is thin, or the processors are busy, the rate, what is
     known of the link.
     """
-    why = [painted.words, *(["BUSY"] if busy and painted.words else [])]
-    parts = list(filter(None, ["THIN", painted.words, *link] if thinness.step else why[::-1]))
+    why = ["BUSY" if busy else "SCREEN", painted.words] if painted.words else []
+    parts = list(filter(None, ["THIN", painted.words, *link])) if thinness.step else why
     while len(parts) > 1 and len(" ".join(parts)) > room:
         parts.pop()  # a number that is cut would be another one
     return " ".join(parts)

@@ -83,6 +83,7 @@ class StatusBar(FittingLine):
         self.session = session
         self._read_only = read_only
         self._drawn = ""
+        self._room = 80  # for what isn't of the link
         self.mode = ""  # stands reversed behind the state
 
     def update(self) -> None:
@@ -99,7 +100,8 @@ class StatusBar(FittingLine):
         """As much as there is room for: what is as always gives way first, an alarm and a loss never."""
         width = self.content_size.width
         thinly = len(thin_head(self.app, 0))
-        line = self.line(width - (thinly + 2 if thinly else 0))
+        self._room = width - (thinly + 2 if thinly else 0)
+        line = self.line(self._room)
         if thin := thin_head(self.app, width - line.cell_len - 2):
             line.append(f"  {thin}", style=color(self.app.theme_variables, "warning"))
         return line
@@ -109,7 +111,7 @@ class StatusBar(FittingLine):
         session, status, wide = self.session, self.session.status, self.size.width >= 100
         variables = self.app.theme_variables
         if session.at_s is not None:
-            told = session.facts_words(self.content_size.width, wide=wide)
+            told = session.facts_words(self._room, wide=wide)
             return [
                 LinePart(rank, words, bold(variables, style) if style in ROLES else style)
                 for rank, words, style in told

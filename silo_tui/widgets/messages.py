@@ -152,7 +152,7 @@ class InfoLine(MessageLine):
         if not parts and not self.said and len(rows.tree.lines):
             branches = len(rows.tree.branches)
             in_spaces = f"{len(rows.shown)} in {many(branches, 'name space')}"
-            parts.append(LinePart(2, in_spaces if branches else f"{rows.place} of {len(rows.shown)}"))
+            parts.append(LinePart(2, in_spaces if branches else f"row {rows.place} of {len(rows.shown)}"))
         return parts if self.said else [*parts, LinePart(1, _cursor_words(session))]
 
 

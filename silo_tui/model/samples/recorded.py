@@ -104,8 +104,8 @@ class RecordingSource:
 
     @property
     def begin_ns(self) -> int:
-        """The first time stamp; of a capture the first that was asked for: slow signals bring a sample from before."""
-        return int(self.time_ns[self._begin])
+        """The first time stamp, from which the seconds of a file count everywhere."""
+        return int(self.time_ns[0])
 
     @property
     def end_ns(self) -> int:
@@ -114,8 +114,8 @@ class RecordingSource:
 
     @property
     def ticks(self) -> int:
-        """How many ticks there are from the first time stamp on."""
-        return len(self.time_ns) - self._begin
+        """How many ticks there are."""
+        return len(self.time_ns)
 
     @property
     def happened(self) -> Sequence[LoggedEvent]:

@@ -147,7 +147,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
             self.look_soon()
 
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
-        name = str(event.widget.id).removeprefix("form-")
+        self._start = name = str(event.widget.id).removeprefix("form-")
         for line in self.query("#form-about").results(Static):
             line.update(f"{name}: {self.ABOUT[name]}" if name in self.ABOUT else "")
 
@@ -248,11 +248,14 @@ async def taken(
     refused, problem = whole, await _refused(send(whole)) if whole is not None else ""
     if whole is not None and not problem:
         return None
-    while (answer := await context.app.push_screen_wait(form(refused, problem))) is not None:
+    dialog = form(refused, problem)
+    while (answer := await context.app.push_screen_wait(dialog)) is not None:
         problem = await _refused(send(answer))
         if not problem:
             return None
-        refused = answer
+        refused, last = answer, dialog._start
+        dialog = form(refused, problem)
+        dialog._start = last or dialog._start  # where one was, as why it was refused stands below it
     return refused
 
 

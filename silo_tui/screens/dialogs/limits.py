@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 LINES = (("signal",), ("LL", "L"), ("H", "HH"), ("persist", "hyst"), ("stale", "when"))
 HINTS = {
     "signal": "e.g. {0}", **BOUNDS,
-    "persist": "samples in a row: 1", "hyst": "ends so far inside: 0", "stale": "the same for: 0.5s",
+    "persist": "samples in a row: 1", "hyst": "ends so far inside: 0", "stale": "the same for, e.g. 0.5s",
     "when": "a condition that must hold",
 }  # fmt: skip
 HELP = "type a number into LL, L, H or HH (empty: no such bound), or a time into stale: so long it may stay the same"

@@ -19,7 +19,7 @@ from silo_tui.sessions.live import Session
 LINES = (("signals",), ("to", "name"), ("split", "keep"))
 HINTS = {
     "signals": "all, marked, or names: joints/* imu", "to": "a folder: recordings", "name": "else the logger's",
-    "split": "1GB or 10min", "keep": "all, or the newest 50GB",
+    "split": "e.g. 1GB or 10min", "keep": "all, or e.g. 50GB",
 }  # fmt: skip
 ALL, MARKED = "all", "marked"
 

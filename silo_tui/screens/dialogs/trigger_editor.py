@@ -12,8 +12,8 @@ from silo_tui.sessions.live import Session
 LINES = (("name",), ("when",), ("rearm", "mode"), ("pre", "post"), ("persist", "holdoff"), ("save", "keep"))
 HINTS = {
     "name": "a word for names of files", "when": "e.g. abs({0}) > 0.6 and {1} < 20",
-    "rearm": "once 'when' was false", "pre": "5s", "post": "1s", "persist": "20ms", "holdoff": "10s",
-    "mode": "normal or single, rising", "save": "silo csv bag", "keep": "newest so many, 0 all",
+    "rearm": "once 'when' was false", "pre": "0", "post": "0", "persist": "0", "holdoff": "0",
+    "mode": "normal rising", "save": "silo", "keep": "newest so many, 0 all",
 }  # fmt: skip
 
 
@@ -58,7 +58,7 @@ class TriggerEditor(Form[TriggerOptions]):
     def __init__(self, session: Session, options: TriggerOptions, *, is_new: bool, problem: str = "") -> None:
         where = f"on {session.name}"
         title = f"New trigger {where}" if is_new else f"Trigger {options.name} {where}"
-        super().__init__(title, LINES, fields_of(options), HINTS, problem, "name" if is_new else "when", session.table)
+        super().__init__(title, LINES, fields_of(options), HINTS, problem, "when" if options.name else "name", session.table)
         self._session = session
         self._options = options
 
