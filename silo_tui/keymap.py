@@ -188,8 +188,21 @@ def keys_in(keymap: str, command: str, own: Mapping[str, str] = MappingProxyType
     return ",".join([own[command], *(key for key in given.split(",") if " " in key)])
 
 
+def with_alike(keymap: str, own: Mapping[str, str]) -> Mapping[str, str]:
+    """Return keys of the user with those of commands that are the same on other screens, where such a key is free."""
+    found = dict(own)
+    for command, key in own.items():
+        for each in COMMANDS:
+            same = each.label == BY_ID[command].label and TWO_LAYERS.get(each.id, "") == TWO_LAYERS.get(command)
+            if same and each.id not in found:
+                taken = clashes(keymap, {**found, each.id: key})
+                found |= {} if any(each.id in clash[:2] for clash in taken) else {each.id: key}
+    return found
+
+
 def use_keys(keymap: str, own: Mapping[str, str]) -> None:
     """Let all keys be these, and all that is shown and said name them."""
+    own = with_alike(keymap, own)
     actions.use_keys({command: keys_in(keymap, command, own) for command in {**BASES[keymap], **own}})
     in_bar.cache_clear()
 

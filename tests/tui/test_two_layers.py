@@ -31,6 +31,16 @@ def test_no_key_stands_twice(base):
     assert list(clashes(base, {})) == []
 
 
+def test_a_key_that_is_given_holds_on_all_screens_that_have_the_same_where_it_is_free():
+    try:
+        use_keys("two-layer", {"mark_shown": "M"})
+        assert (key_of("mark_shown"), key_of("list_mark_all")) == ("M", "M")
+        use_keys("classic", {"mark_shown": "F"})  # recordings, on lists
+        assert (key_of("mark_shown"), key_of("list_mark_all")) == ("F", "*")
+    finally:
+        use_keys("two-layer", {})
+
+
 @pytest.mark.parametrize(
     ("row", "why"),
     [

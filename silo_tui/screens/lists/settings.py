@@ -15,7 +15,7 @@ from textual.containers import Vertical
 from textual.widgets import Static
 
 from silo.errors import SiloError
-from silo_tui.actions import BY_ID, COMMANDS, key_of, key_text
+from silo_tui.actions import BY_ID, COMMANDS, key_of, key_text, with_keys
 from silo_tui.keymap import clashes, keys_in
 from silo_tui.modal import Dialog, ask
 from silo_tui.model.lists.ordering import Order
@@ -62,9 +62,10 @@ def row_text(row: SettingRow, settings: Settings, saved: Settings, *, width: int
         own = row.command in settings.keys
         is_new = settings.keys.get(row.command) != saved.keys.get(row.command)
         line = Text(f"{'*' if is_new else ' '} {'key ' + row.command:<{NAMES}} ")
-        line.append(
-            msgspec.structs.replace(command, keys=settings.keys.get(row.command, command.keys)).key_text, style="bold"
+        now = (
+            msgspec.structs.replace(command, keys=settings.keys[row.command]) if own else with_keys(BY_ID[row.command])
         )
+        line.append(now.key_text, style="bold")  # that of another screen, where the user gave the same there one
         if own:
             line.append(f"  (yours; was {command.key_text})")
         line.append(f"  {command.label}: {command.help}" if command.help != command.label else f"  {command.label}")
