@@ -43,6 +43,14 @@ def sight_of(name, reading=None, chosen=0, facts=None, signs=0, **more):
     return Sight(table, live, lambda row: chosen, lambda row: "▁▂", **more)
 
 
+def test_a_row_that_came_up_by_its_value_shows_the_one_it_was_ordered_by():
+    sight = sight_of("/t", read(1.5))
+    values = np.full(len(ELEMENTS), NAN)
+    values[ROW["/t"]] = 2.5
+    sight.table.facts = Facts({"value": values})
+    assert cells.value(sight, ROW["/t"], 11) == ("2.5000", "value")
+
+
 @pytest.mark.parametrize(
     ("value", "judged", "more", "letters"),
     [

@@ -183,6 +183,9 @@ def value(sight: Sight, row: int, width: int) -> Cell:
     name = sight.shown_name(row)
     width, decimals = width - sight.digits_fewer, _decimals(sight, name)
     told = sight.table.facts.detail(name, "value")
+    surveyed = sight.table.facts.of("value", len(sight.table)) if len(element.entries) == 1 else None
+    if math.isnan(told) and surveyed is not None:  # it came on the screen by this value
+        told = float(surveyed[row])
     if len(element.entries) == 1 or chosen >= 2:
         reading = reading.with_value(max(0, chosen - 2), told)
     if chosen:

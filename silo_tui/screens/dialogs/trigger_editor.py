@@ -58,7 +58,9 @@ class TriggerEditor(Form[TriggerOptions]):
     def __init__(self, session: Session, options: TriggerOptions, *, is_new: bool, problem: str = "") -> None:
         where = f"on {session.name}"
         title = f"New trigger {where}" if is_new else f"Trigger {options.name} {where}"
-        super().__init__(title, LINES, fields_of(options), HINTS, problem, "when" if options.name else "name", session.table)
+        super().__init__(
+            title, LINES, fields_of(options), HINTS, problem, "when" if options.name else "name", session.table
+        )
         self._session = session
         self._options = options
 
