@@ -82,7 +82,7 @@ NOW = Cost(1e6, 8e3, 4e3, 10.0, 10.0, HEAT, 400.0)
         ({"disk_bytes_s": 7e3}, 0, ["to a file 8 kB/s 7 kB/s"]),
         ({"shortest_s": 5.0}, 0, ["held 10 s 5 … 10 s ▼ of these, shortest: t"]),
         ({"shortest_s": 50.0, "longest_s": 7200.0}, 0, ["held 10 s 50 s … 2 h of these, shortest: t"]),
-        ({"shortest_s": math.inf, "longest_s": math.inf}, 0, ["held 10 s all all: until memory is full"]),
+        ({"shortest_s": math.inf, "longest_s": math.inf}, 0, ["held 10 s all until memory is full"]),
         ({"longest_s": math.inf}, 0, ["held 10 s 10 s … all of these, shortest: t"]),
         ({"shortest": ""}, 0, ["held 10 s nothing of these, shortest: t"]),
     ],

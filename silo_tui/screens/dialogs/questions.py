@@ -326,7 +326,7 @@ def cost_text(now: Cost, after: Cost, short_name: str, room_bytes: int = 0) -> T
     topics = [size_text(each.topic_bytes_s) + "/s" for each in (now, after)]
     _cost(lines, "topics", topics, after.topic_bytes_s > now.topic_bytes_s)
     note = f"of these, shortest: {short_name}" if short_name else ""
-    note = "all: until memory is full" if math.isinf(after.shortest_s) else note
+    note = "until memory is full" if math.isinf(after.shortest_s) else note
     _cost(lines, "held", held, after.shortest_s < now.shortest_s, note, sign="▼")
     return lines
 
