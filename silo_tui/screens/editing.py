@@ -200,7 +200,7 @@ class Editing(ElementsScreen):
             region = Region(max(0, min(region.x, self.size.width - WORDS_WIDTH - 2)), region.y, WORDS_WIDTH, 1)
             words = "; or words: div=5 size=10s buf=loop"
         now = self._values_of(field)
-        differ = f", now {and_more(now, 3)}" if len(now) > 1 else ""
+        differ = f", now {and_more(now, 3)}" if select and len(now) > 1 else ""
         self.query_one(CellEditor).open(field, region, value, select=select)
         hidden = "" if field in self.table.field_spans() else f" (its column is not shown: {key_of('columns')})"
         self.info.ask(

@@ -131,7 +131,7 @@ class TestWords:
         assert waits_for(replace(one, hysteresis=hysteresis)) == says
 
     @pytest.mark.parametrize(
-        ("alarms", "says"), [(1, "1 was over, seen by nobody │ 1 limit"), (2, "2 were over, seen by nobody │ 2 limits")]
+        ("alarms", "says"), [(1, "1 was over, not seen since │ 1 limit"), (2, "2 were over, not seen since │ 2 limits")]
     )
     def test_alarms_that_are_over_and_that_nobody_has_seen_are_counted(self, alarms, says):
         over = LimitStatus("/log/y", "/log/y", LimitWord.OK, alarm=True)

@@ -124,7 +124,7 @@ def alarms_words(found: Sequence[LimitStatus]) -> str:
     missed = sum(one.alarm and not one.is_over for one in found)
     blind = sum(one.word is LimitWord.BLIND for one in found)
     parts = [f"{now} over limits now"]
-    parts += [f"{missed} {'was' if missed == 1 else 'were'} over, seen by nobody"] if missed else []
+    parts += [f"{missed} {'was' if missed == 1 else 'were'} over, not seen since"] if missed else []
     return f"{', '.join(parts)} │ {many(len(found), 'limit')}{f', {blind} blind' if blind else ''}"
 
 

@@ -33,7 +33,7 @@ from silo_tui.model.words.names import below
 from silo_tui.widgets.inputs import Fleeting, Line
 
 MOVED_BY = "jkqG"  # letters that are bound
-MOVES = "j k Move  PgDn PgUp Home End Scroll  Esc Back"
+MOVES = "j k Move  PgDn PgUp Scroll  Esc Back"
 MAX_LINES = 400
 MAX_GROUPS = 60
 LARGEST = 2  # groups: at 80x24 what they cost stands below them
