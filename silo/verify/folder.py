@@ -445,13 +445,13 @@ def _not_kept(run: _Run, gone: bool) -> Iterator[Verdict]:
     kept = [*(span for part in run.parts for span in part.covered()), *(span for _, span, _ in run.saved), *run.held]
     lacks = without([(0, run.ticks - 1)], kept) if run.ticks else []
     for name, (had, by_budget) in run.trimmed.items():
-        gone = without(lacks, without(lacks, had))
-        if gone:
+        deleted = without(lacks, without(lacks, had))
+        if deleted:
             why = f"recording '{name}' had them, and its budget deleted them, as it is to"
             if not by_budget:
                 why = f"recording '{name}' had them, and its parts that did are no longer there"
-            text = f"run {run.run}: {spans_text(gone)} of {run.ticks} ticks are in no file: {why}"
-            yield Verdict("not kept", text, run.logger, run.run, tuple(gone))
+            text = f"run {run.run}: {spans_text(deleted)} of {run.ticks} ticks are in no file: {why}"
+            yield Verdict("not kept", text, run.logger, run.run, tuple(deleted))
         lacks = without(lacks, had)
     lacks = without(lacks, run.paused)
     if not lacks:

@@ -214,7 +214,7 @@ def test_a_forked_child_does_not_write_into_its_parents_buffers(counting):
         try:
             kept()
             logger.collect()
-            with pytest.raises(StateError, match="'.*' is that of the process that process .* was forked from"):
+            with pytest.raises(StateError, match=r"'.*' is that of the process that process .* was forked from"):
                 logger.save()
             os._exit(0 if not logger.is_running and logger.ticks == 0 else 1)
         finally:
