@@ -94,7 +94,7 @@ def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
         ticks=len(times),
         rate_hz=(len(times) - 1) / span if span > 0 else None,
         frequency_hz=recording.frequency_hz,
-        lost=sum(element.lost for element in recording.elements),
+        lost=recording.lost,
         warnings=tuple(recording.warnings),
         elements=elements,
         failed=sum(element.failures.count for element in recording.elements),

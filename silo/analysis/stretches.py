@@ -197,6 +197,7 @@ def joined(parts: Sequence[Recording]) -> Recording:
         elements=tuple(_as_one(found, time_ns, own, ends) for found in by_name.values()),
         started_ns=first.started_ns,
         time_looping=first.time_looping,
+        cut_off=sum(piece.part.cut_off for piece in pieces),
         warnings=_warnings(pieces, told),
         events=tuple(once_each(events)),
         stretch=Stretch(last.stretch.run, parts=len(pieces), recorder=last.stretch.recorder),

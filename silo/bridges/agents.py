@@ -120,7 +120,7 @@ class Shelf:
         for begin, end in zip(places[:-1].tolist(), places[1:].tolist(), strict=True):
             rows.append([round(float(signal.times[begin]), 9), *_ends(values[begin:end])])
         answer = {"run": run, "expression": expression, "unit": signal.unit, "samples": len(values),
-                  "not_finite": int((~np.isfinite(values)).sum()), "lost_in_run": _lost_of(log),
+                  "not_finite": int((~np.isfinite(values)).sum()), "lost_in_run": log.recording.lost,
                   "columns": ["time_s", "min", "max"], "points": rows}  # fmt: skip
         return _told(answer, 0, "points", "")
 
@@ -133,7 +133,7 @@ class Shelf:
         events = [one for one in log.events if low <= one.seconds <= high]
         shown = events[: _bounded("limit", limit, MOST_ROWS)]
         rows = [{"time_s": one.seconds, "kind": one.kind, "text": one.text, "who": one.who} for one in shown]
-        return _told({"run": run, "lost": _lost_of(log), "events": rows}, len(events) - len(shown), "events",
+        return _told({"run": run, "lost": log.recording.lost, "events": rows}, len(events) - len(shown), "events",
                      f"{_MORE}, or begin later (start_s)")  # fmt: skip
 
     def plot(self, run: str, signals: list[str], start_s: float | None = None, stop_s: float | None = None) -> bytes:
@@ -228,10 +228,6 @@ def _bounded(word: str, value: int, most: int) -> int:
     if not 1 <= value <= most:
         raise ElementError(f"{word} must be from 1 to {most}, got {value}")
     return value
-
-
-def _lost_of(log: Log) -> int:
-    return sum(element.lost for element in log.recording.elements)
 
 
 def _is_whole(values: NDArray[Any]) -> bool:

@@ -230,6 +230,7 @@ class Recording:
         about: where it comes from: host, versions, the program's commit, and what the program said of it.
         stretch: which part of a run that was cut, or file of a recording, it is, or of how many; None of any other.
         gaps: of parts as one, between which stamps ticks are missing: the last before, and the first behind.
+        cut_off: samples that the file was to have, and ends before.
     """
 
     logger: str
@@ -247,6 +248,12 @@ class Recording:
     about: Mapping[str, str] = field(default_factory=dict)
     stretch: Stretch | None = None
     gaps: tuple[tuple[int, int], ...] = ()
+    cut_off: int = 0
+
+    @property
+    def lost(self) -> int:
+        """Samples that are missing: buffers had no room for them, or the file ends before."""
+        return sum(element.lost for element in self.elements) + self.cut_off
 
     def __repr__(self) -> str:
         span = (int(self.time_ns[-1]) - int(self.time_ns[0])) * 1e-9 if len(self.time_ns) else 0.0

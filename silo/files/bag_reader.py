@@ -137,14 +137,16 @@ def _opened(file: Path, data: memoryview, check: bool = False) -> Recording | No
         raise ValueError("cut off before its time stamps")
     times: NDArray[np.int64] = _attached(data, index, TIME_ATTACHMENT, unpack_times)
     _check(facts, len(times))
+    missing = 0
     if any(_missing(element, index) for element in facts.elements):
         index = _walked(data)
-        facts = _cut(facts, index)
+        missing = sum(max(0, _missing(element, index)) for element in facts.elements)
+        facts = _cut(facts, index, missing)
     elif not index.complete:
         cut = "the file is cut off: its index is missing, which other readers need; all samples are there"
         facts = msgspec.structs.replace(facts, warnings=(*facts.warnings, cut))
     bag = BagElements(file, data, facts, index, len(times))
-    return alike(Recording, facts, time_ns=times, elements=bag.elements, warnings=bag.warnings)
+    return alike(Recording, facts, time_ns=times, elements=bag.elements, warnings=bag.warnings, cut_off=missing)
 
 
 def _walked(data: memoryview) -> Index:
@@ -160,9 +162,8 @@ def _missing(element: PlacedElement, index: Index) -> int:
     return max((element.count - one.absent - index.counts.get(one.channel, 0) for one in entries), default=0)
 
 
-def _cut(facts: RecordingFacts, index: Index) -> RecordingFacts:
+def _cut(facts: RecordingFacts, index: Index, missing: int) -> RecordingFacts:
     """What there is of a file that was cut off."""
-    missing = sum(max(0, _missing(element, index)) for element in facts.elements)
     cut = (f"the file is cut off: {missing} samples are missing at the end",) if missing else ()
     elements = []
     for element in facts.elements:

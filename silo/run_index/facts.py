@@ -52,7 +52,8 @@ class RunFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     problem: why it can't be read, then all else is empty. run: its id, of a run that was cut that of its first stretch;
     empty where the file doesn't tell. Of a file that is one of several, part is the stretch, and recorder who wrote it.
     stamp_ns: the first time stamp, by the clock of the logger. offset: the tick of its stretch behind its last one, 0
-    where nobody noted it. names: alike in files that have the same elements.
+    where nobody noted it. names: alike in files that have the same elements. cut_off: how many of `lost` the file ends
+    before.
     """
 
     path: str
@@ -84,6 +85,7 @@ class RunFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     stamp_ns: int = 0
     offset: int = 0
     names: str = ""
+    cut_off: int = 0
 
 
 Piece = tuple[str, int | None]  # of a run of several files: one of them, and an episode in it; None: all of it
@@ -181,7 +183,8 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
         marks=happened[0],
         limits=happened[1],
         triggers=happened[2],
-        lost=sum(element.lost for element in recording.elements),
+        lost=recording.lost,
+        cut_off=recording.cut_off,
         failed=sum(element.failures.count for element in recording.elements),
         warnings=len(recording.warnings),
         size_bytes=size_bytes,
@@ -372,7 +375,7 @@ def merged(files: Sequence[RunFacts]) -> tuple[RunFacts, tuple[tuple[Piece, ...]
         part=0,
         **{
             name: sum(getattr(one, name) for one in files) + missing.get(name, 0)
-            for name in ("marks", "limits", "triggers", "lost", "failed", "warnings", "size_bytes")
+            for name in ("marks", "limits", "triggers", "lost", "failed", "warnings", "size_bytes", "cut_off")
         },
     )
     return facts, tuple(map(tuple, pieces))

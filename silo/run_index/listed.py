@@ -101,10 +101,11 @@ class ListedRun:
 
     @property
     def more_words(self) -> str:
-        """That there are more files of it, of which this has more: other saves, a recording; empty for none."""
+        """That it is cut off, and that there are more files of it, of which this has all; empty for neither."""
         folders = {path.rpartition("/")[0] for path in self.others} - {self.facts.path.rpartition("/")[0]}
         where = f" in {and_more(sorted(folders), 2)}" if folders else ""
-        return f"{many(len(self.others), 'more file')}{where}" if self.others else ""
+        more = f"{many(len(self.others), 'more file')}{where}" if self.others else ""
+        return ", ".join(filter(None, ["cut off" if self.facts.cut_off else "", more]))
 
     def open(self) -> "Log":
         """Open the log. Raises as `silo.open_log`."""

@@ -440,7 +440,7 @@ def verify(folder: Path) -> Verified:
     )
 
 
-def _not_kept(run: _Run, gone: bool) -> Iterator[Verdict]:
+def _not_kept(run: _Run, lacks_files: bool) -> Iterator[Verdict]:
     """The ticks of a run that stand nowhere, as no recording was to have them, and no save had them, or it is gone."""
     kept = [*(span for part in run.parts for span in part.covered()), *(span for _, span, _ in run.saved), *run.held]
     lacks = without([(0, run.ticks - 1)], kept) if run.ticks else []
@@ -456,7 +456,9 @@ def _not_kept(run: _Run, gone: bool) -> Iterator[Verdict]:
     lacks = without(lacks, run.paused)
     if not lacks:
         return
-    why = f"its memory was let go of, and nobody had saved them{', unless what is gone has them' if gone else ''}"
+    why = (
+        f"its memory was let go of, and nobody had saved them{', unless what is gone has them' if lacks_files else ''}"
+    )
     if run.held or run.saved:
         why = "buffers keep the newest samples, and these were overwritten, as they are made to be"
     there = (("saved are", [span for _, span, _ in run.saved]), ("in memory are", run.held))

@@ -686,6 +686,31 @@ def test_a_save_that_has_what_no_recording_has_is_listed_by_itself(saved, record
     assert (["1.silo"] in found) == is_listed
 
 
+@pytest.mark.parametrize("ending", ["silo", "mcap"])
+def test_a_file_that_is_cut_off_lost_what_it_lacks(tmp_path, ending):
+    log = silo.Logger("bot", frequency=100, folder=tmp_path, script=tmp_path / "none.yaml")
+    log.array("x")
+    log.array("y")
+    log.start()
+    for _ in range(1000):
+        log.collect()
+    (tmp_path / "there").mkdir()
+    path = tmp_path / "there" / f"run.{ending}"
+    log.save("silo", name="whole")
+    log.close()
+    silo.open_log(tmp_path / "whole.silo").save(tmp_path / f"run.{ending}")
+    whole = (tmp_path / f"run.{ending}").read_bytes()
+    path.write_bytes(whole[: -len(whole) // 3])
+    with pytest.warns(silo.LogWarning, match="cut off"):
+        there = silo.open_log(path)
+    count = sum(one.count for one in there.recording.elements)
+    (run,) = silo.runs(path.parent)
+    assert run.facts.lost == 2000 - count > 0
+    assert not silo.runs(path.parent, where="lost == 0")
+    assert "cut off" in shell("runs", path.parent).stdout
+    assert f"lost {run.facts.lost}" in shell("info", path).stdout
+
+
 def test_a_part_that_is_missing_in_the_middle_counts_as_lost(cut):
     (lost,) = cut.glob("*_part2.silo")
     lost.unlink()

@@ -280,10 +280,9 @@ def _repaired(data: memoryview, header: Header, stem: str) -> Recording:
             return (np.arange(stamps) * (1e9 / frequency)).astype(np.int64)
 
     offset = announced if header.offset is None else header.offset
+    told = list(_told(header, columns))
     found = [
-        one
-        for facts_of, members in _told(header, columns)
-        for one in _in_ticks(header, facts_of, members, announced, stamps, offset)
+        one for facts_of, members in told for one in _in_ticks(header, facts_of, members, announced, stamps, offset)
     ]
     kept = [column for _, members in found for column in members]
     lines = [column.line._replace(samples=column.whole) for column in kept]
@@ -295,6 +294,7 @@ def _repaired(data: memoryview, header: Header, stem: str) -> Recording:
         if found
         else (),
         time_looping=looping,
+        cut_off=sum(max(one.line.samples - one.whole for one in members) for _, members in told),
         warnings=(*facts.warnings, *header.warnings),
         events=tuple(header.events),
     )
