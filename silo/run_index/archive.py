@@ -41,7 +41,7 @@ from silo.run_index.index import RunIndex, Told
 from silo.run_index.labels import Labels
 from silo.run_index.listed import ArchivedFacts, KnownFiles, ListedRun
 from silo.run_index.runs import RunList
-from silo.run_index.tables import COLUMNS, FACTS, Folders, read_numbers, read_signals, typed
+from silo.run_index.tables import COLUMNS, FACTS, HIVE, Folders, read_numbers, read_signals, typed
 
 EXTRA = "archive"
 MARK = "silo-archive.json"
@@ -310,7 +310,7 @@ class Archive:
         """Write a run; return its size and what it sums up to."""
         prefix = f"{recording.prefix.rstrip('/')}/"
         with self._local(file) as path:
-            writer_for(path)(recording, path, None, without=prefix)
+            writer_for(path)(recording, path, None, without=prefix, taken=HIVE)
             with path.open("rb") as written:
                 digest = _sha256(written)
             return path.stat().st_size, digest

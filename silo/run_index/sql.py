@@ -92,10 +92,11 @@ class _Tables:
         """The columns of the wide table: DuckDB tells names apart by letters, not by their case.
 
         Of names that differ by case alone none stays as it is: each would be found by the others. Nor does one of a
-        signal that is called like a column of each table.
+        signal that is called like a column of each table. What is numbers in one run is numbers in all, of
+        enumerations, too; texts of others have a column beside it.
         """
-        texts = self._polars.col("kind") != "number"
-        signals = list(self._known("signals").group_by("signal").agg(texts).sort("signal").iter_rows())
+        kinds = self._polars.col("kind").unique()
+        signals = list(self._known("signals").group_by("signal").agg(kinds).sort("signal").iter_rows())
         alike = Counter([*COLUMNS["wide"], *(name.lower() for name, _ in signals)])
         own = unique_names(str, str.lower)
         column = {name: own(name) for name, _ in signals if alike[name.lower()] == 1}
@@ -104,7 +105,13 @@ class _Tables:
                 own(name)
         column |= {name: own(name) for name, _ in signals if name not in column}
         self._meant = {column[name]: name for name, _ in signals}
-        return {column[name]: self._polars.String if any(texts) else self._polars.Float64 for name, texts in signals}
+        types = {column[name]: self._polars.Float64 if "number" in kinds else self._polars.String
+                 for name, kinds in signals}  # fmt: skip
+        for name, kinds in signals:
+            if {"number", "text"} <= {*kinds}:
+                beside = own(f"{column[name]}_text")
+                self._meant[beside], types[beside] = name, self._polars.String
+        return types
 
     def _samples(self, predicate: Any, columns: list[str] | None) -> Iterator[Any]:
         polars, column = self._polars, self._polars.col
@@ -135,12 +142,14 @@ class _Tables:
         asked = [one for one in dict.fromkeys(asked) if one in self._meant]
         runs = self._kept_by(predicate, self._known("runs").filter(polars.col("problem") == ""), ("run",))
         self._fits(int(runs["ticks"].sum() or 0) * _CELL_BYTES * (3 + len(asked)), "name columns and runs")
-        there: dict[str, set[str]] = {}
-        for run, signal in self._known("signals").select("run", "signal").iter_rows():
-            there.setdefault(run, set()).add(signal)
+        there: dict[str, dict[str, str]] = {}
+        for run, signal, kind in self._known("signals").select("run", "signal", "kind").iter_rows():
+            there.setdefault(run, {})[signal] = kind
         for run in runs["run"]:
-            mine = {own: self._meant[own] for own in asked if self._meant[own] in there.get(run, ())}
-            frame = self._drawer.read(run, list(mine.values()))
+            kinds = {own: there.get(run, {}).get(self._meant[own], "") for own in asked}
+            read_as = {own: _read_as(self._meant[own], kind, schema[own]) for own, kind in kinds.items()}
+            mine = {own: name for own, name in read_as.items() if name}
+            frame = self._drawer.read(run, list(dict.fromkeys(mine.values())))
             missing = [polars.lit(None, schema[own]).alias(own) for own in asked if own not in mine]
             rest = [polars.lit(None, schema[own]).alias(own) for own in self._meant if own not in asked]
             parts = [polars.col(name).cast(schema[own]).alias(own) for own, name in mine.items()]
@@ -161,6 +170,14 @@ class _Tables:
                 f"this reads about {size_text(size)} of samples at once, and {size_text(room)} may be taken; "
                 f"{way_out}, or narrow the runs first (where=)"
             )
+
+
+def _read_as(signal: str, kind: str, column: Any) -> str:
+    """What a column of numbers, or of texts, reads of a signal; of an enumeration it is either; empty for nothing."""
+    is_numbers = bool(column.is_numeric())
+    if kind == "enum":
+        return f"#{signal}" if is_numbers else signal
+    return signal if kind and (kind == "number") == is_numbers else ""
 
 
 def _near(condition: str, names: Sequence[str]) -> str:

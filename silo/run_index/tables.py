@@ -62,7 +62,8 @@ COLUMNS: dict[str, dict[str, str]] = {
 }  # fmt: skip
 T, TIME = "##t", "##time"  # columns that no signal is called like
 _SECONDS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "d": 86400.0}  # in one of each; a date without a time is days
-_OWN = ("time_ns", "time", "events")  # columns of an archived log that are no signals
+HIVE = ("robot", "date", "run")  # of an archive, by its folders: other readers have a column of each
+_OWN = ("time_ns", "time", "events", *HIVE)  # columns of an archived log that are no signals
 FACTS = tuple(name for name in COLUMNS if name not in ("samples", "wide"))  # those that no log is read for
 
 

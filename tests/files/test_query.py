@@ -271,6 +271,43 @@ def test_dates_and_durations_are_seconds_in_all_tables(tmp_path, kept):
     assert asked.sql("select count(late) from wide").item() == 4
 
 
+@pytest.mark.parametrize("kept", [False, True], ids=["logs", "archive"])
+def test_numbers_stay_numbers_where_other_runs_have_words(tmp_path, kept):
+    at = np.arange(12)
+    logs = {"number": element("mode", at.astype(float)), "text": element("mode", np.array(["a", "b"] * 6, "U4")),
+            "enum": element("mode", at % 2, labels={0: "STAND", 1: "TROT"})}  # fmt: skip
+    (tmp_path / "logs").mkdir()
+
+    def asked(*names):
+        for name in names:
+            silo.Log(Recording("dog", at, 12, [logs[name]])).save(tmp_path / "logs" / f"{name}.silo")
+        there = Archive(str(tmp_path / "archive")) if kept else silo.runs(tmp_path / "logs")
+        return there if not kept or there.add(silo.runs(tmp_path / "logs")) else None
+
+    assert asked("enum").sql("select max(mode) from wide").item() == "TROT"
+    mixed = "select run, min(mode), max(mode) from wide group by run order by run"
+    assert asked("number").sql(mixed).rows() == [("enum.silo", 0, 1), ("number.silo", 0, 11)]
+    mixed = "select run, max(mode), max(mode_text) from wide group by run order by run"
+    assert asked("text").sql(mixed).rows() == [
+        ("enum.silo", 1, "TROT"), ("number.silo", 11, None), ("text.silo", None, "b")
+    ]  # fmt: skip
+
+
+def test_elements_that_are_called_like_folders_of_an_archive_are_not_hidden_by_them(tmp_path):
+    at = np.arange(5)
+    for run in ("a", "b"):
+        elements = [element("x", at), *([element(name, at + 100) for name in ("run", "robot")] if run == "a" else [])]
+        silo.Log(Recording("dog", at, 5, elements)).save(tmp_path / f"{run}.silo")
+    there = Archive(str(tmp_path / "archive"))
+    there.add(silo.runs(tmp_path))
+    whole = polars.scan_parquet(
+        f"{there.where}/wide/**/*.parquet", hive_partitioning=True, missing_columns="insert", extra_columns="ignore"
+    )
+    assert whole.select("run", "robot", "run_2").collect().row(-6) == ("a.silo", "dog", 104)
+    assert there.sql("select max(run_2) from wide").item() == 104
+    assert there.sql("select max(value) from samples where signal = 'robot'").item() == 104
+
+
 def test_programs_are_told_times_to_the_nanosecond(tmp_path):
     stamps = 1_700_000_000 * 10**9 + np.arange(2) * 10_000_001
     silo.Log(Recording("dog", stamps, 2, [element("x", np.arange(2.0))])).save(tmp_path / "run.silo")

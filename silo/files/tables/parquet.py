@@ -5,7 +5,7 @@ Types are kept (long double becomes float64); units, kinds, labels and dividers 
 metadata of the columns. Written in row groups, so that memory stays bounded.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +24,12 @@ _GROUP_CELLS = 8_000_000
 _MAX_ROWS = 1 << 16
 
 
-def write_parquet(recording: Recording, path: Path, progress: Progress = silent, *, without: str = "") -> None:
+def write_parquet(
+    recording: Recording, path: Path, progress: Progress = silent, *, without: str = "", taken: Sequence[str] = ()
+) -> None:
     """Write `time_ns` (int64), `time` (UTC, nanoseconds) and one column per entry; complex ones are two columns.
 
-    Columns are called as entries are, but for what `without` says that they begin with.
+    Columns are called as entries are, but for what `without` says that they begin with; none like one of `taken`.
 
     Where something happened there is a column `events` too, with its words; all of it, as JSON, is in the metadata,
     as are the recording's `warnings`.
@@ -45,7 +47,7 @@ def write_parquet(recording: Recording, path: Path, progress: Progress = silent,
         *(name.removeprefix(without) for name, _, _ in columns),
         *(["events"] if events else []),
     ]
-    names = list(map(unique_names(str), wanted))
+    names = list(map(unique_names(str), [*taken, *wanted]))[len(taken) :]
     time_type = arrow.timestamp("ns", tz="UTC")
     fields = [arrow.field(names[0], arrow.int64(), nullable=False), arrow.field(names[1], time_type, nullable=False)]
     for name, (_, element, values) in zip(names[2:], columns, strict=False):
@@ -53,10 +55,10 @@ def write_parquet(recording: Recording, path: Path, progress: Progress = silent,
     signals = fields[2:]
     if events:
         fields.append(arrow.field(names[-1], arrow.string(), metadata={"kind": "events"}))
-    taken = iter(names[2:])
+    left = iter(names[2:])
     places: list[Place] = []
     for entry in (entry for element in recording.elements for entry in element.entries):
-        parts = [next(taken) for _ in _real(entry)]
+        parts = [next(left) for _ in _real(entry)]
         places.append((parts[0], len(parts) - 2))  # -1 of one that is alone, 0 of one that the next belongs to
     facts = {NAME: packed(recording, recording.elements, places)}
     schema = arrow.schema(fields, metadata=_about_log(recording) | facts)
