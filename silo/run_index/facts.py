@@ -18,7 +18,7 @@ from silo.analysis.parameters import parameters_of
 from silo.analysis.plots.curves import as_numbers, is_text, picked
 from silo.analysis.plots.events import episodes_of
 from silo.analysis.reports import moments, numbers_of
-from silo.core import spans
+from silo.core.arrays import spans
 from silo.core.arrays.values import from_base
 from silo.core.elements import MARKER, LoggedEvent
 from silo.core.episodes.words import Episode, said_by

@@ -17,11 +17,11 @@ from pathlib import Path
 import msgspec
 import zstandard
 
+from silo.core.arrays.spans import Span, doubled, merged, spans_text, without
 from silo.core.elements import DAMAGED, Action, BufferType, LoggedEvent
 from silo.core.quantities.writing import and_more, many
 from silo.core.recording import Recording
 from silo.core.runtime import list_segments, read_own
-from silo.core.spans import Span, doubled, merged, spans_text, without
 from silo.errors import LogNotFoundError, SegmentError, SiloError
 from silo.files.event_log import event_log_path, loggers_with_events, older_event_log, read_events
 from silo.files.formats import read_recording

@@ -6,7 +6,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo.core.spans import doubled, merged, spans_text, without
+from silo.core.arrays.spans import doubled, merged, spans_text, without
 
 SPANS = st.lists(
     st.tuples(st.integers(0, 40), st.integers(0, 8)).map(lambda one: (one[0], one[0] + one[1])), max_size=8
