@@ -427,9 +427,15 @@ def verify(folder: Path) -> Verified:
         verdicts += _lost(run)
         verdicts += _events(run, there)
     verdicts += _totals(runs)
+    last = {run.logger: run for run in runs}
     named = {one.run for one in verdicts if one.kind == "missing"}
     asked = [one for one in verdicts if one.kind == "not recorded"]
-    not_kept = (verdict for run in runs if run.run not in named for verdict in _not_kept(run, run.logger in there.gone))
+    not_kept = (
+        verdict
+        for run in runs
+        if run.run not in named
+        for verdict in _not_kept(run, run.logger in there.gone, last[run.logger] is run)
+    )
     return Verified(
         str(folder),
         tuple(map(_covered, runs)),
@@ -440,7 +446,7 @@ def verify(folder: Path) -> Verified:
     )
 
 
-def _not_kept(run: _Run, lacks_files: bool) -> Iterator[Verdict]:
+def _not_kept(run: _Run, lacks_files: bool, newest: bool) -> Iterator[Verdict]:
     """The ticks of a run that stand nowhere, as no recording was to have them, and no save had them, or it is gone."""
     kept = [*(span for part in run.parts for span in part.covered()), *(span for _, span, _ in run.saved), *run.held]
     lacks = without([(0, run.ticks - 1)], kept) if run.ticks else []
@@ -454,13 +460,21 @@ def _not_kept(run: _Run, lacks_files: bool) -> Iterator[Verdict]:
             yield Verdict("not kept", text, run.logger, run.run, tuple(deleted))
         lacks = without(lacks, had)
     lacks = without(lacks, run.paused)
+    if not run.ended and not run.memory and newest:
+        unseen = without(lacks, [(0, max((last for _, last in kept), default=-1))])
+        if unseen:
+            why = (
+                "nothing tells of its end, and no memory of it can be seen from here: it may be another user's, or gone"
+            )
+            text = f"run {run.run}: {spans_text(unseen)} of {run.ticks} ticks are in no file: {why}"
+            yield Verdict("not kept", text, run.logger, run.run, tuple(unseen))
+            lacks = without(lacks, unseen)
     if not lacks:
         return
-    why = (
-        f"its memory was let go of, and nobody had saved them{', unless what is gone has them' if lacks_files else ''}"
-    )
+    why = "its memory was let go of, and nobody had saved them"
     if run.held or run.saved:
         why = "buffers keep the newest samples, and these were overwritten, as they are made to be"
+    why += ", unless what is gone has them" if lacks_files else ""
     there = (("saved are", [span for _, span, _ in run.saved]), ("in memory are", run.held))
     held = "".join(f"; {what} {spans_text(merged(spans))}" for what, spans in there if spans)
     text = f"run {run.run}: {spans_text(lacks)} of {run.ticks} ticks are in no file, and nothing recorded them: {why}"

@@ -521,6 +521,24 @@ def test_a_part_of_a_cut_run_that_is_gone_is_named(tmp_path):
     assert [one.text.partition(" was ")[2] for one in verify(tmp_path).problems] == ["cut, and lacks part 2"]
 
 
+def test_ticks_that_a_memory_may_have_which_can_not_be_seen_are_not_called_overwritten(tmp_path):
+    log = silo.Logger("bot", frequency=1000, folder=tmp_path, script=tmp_path / "none.yaml", max_time=0)
+    log.array("x", buffer="looping", size=3000)
+    log.start()
+    for _ in range(200):
+        log.collect()
+    started_ns = silo.open_log(log.save("silo", name="a").path).recording.started_ns
+    log.close()
+    events = [LoggedEvent("started", "started", started_ns, 0, 0, "bot", "r1", 1)]
+    append_events(tmp_path, "bot", [*events, LoggedEvent("mark", "here", started_ns + 1, 999, 0, "bot", "r1", 2)])
+    (told,) = verify(tmp_path).not_kept
+    assert told.spans == ((200, 999),)
+    assert "no memory of it can be seen from here" in told.text
+    append_events(tmp_path, "bot", [LoggedEvent("stopped", "stopped", started_ns + 2, 999, 0, "bot", "r1", 3)])
+    (told,) = verify(tmp_path).not_kept
+    assert "can be seen" not in told.text
+
+
 def test_totals_that_are_not_those_of_the_parts_disagree(kept):
     kept.recorded(300, stopped=False)
     kept.happens("recording", "recording 'bot' ended; 1 file, 5 samples, 0 lost", 299)
