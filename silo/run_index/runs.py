@@ -278,7 +278,8 @@ def told_of(run: ListedRun) -> dict[str, Any]:
 
     facts: dict[str, Any] = msgspec.to_builtins(run.facts)
     whole = {one: getattr(run.facts, one) for one in ("kind", "robot", "task", "span_s", "ticks", "elements", "lost")}
-    return {"path": str(run.path), **{key: value for key, value in facts.items() if key != "path"}, **whole,
+    own = ("path", "offset", "names")  # what the files of a run are told apart by
+    return {"path": str(run.path), **{key: value for key, value in facts.items() if key not in own}, **whole,
             "begun": run.begun.isoformat(), "tags": list(run.tags), "notes": list(run.notes)}  # fmt: skip
 
 
