@@ -153,6 +153,9 @@ class MenuReader:
         count = max(-(-len(entries) // MOST_ROWS), min(3, width // LEAST_COLUMN, len(entries)))
         rows, column = -(-len(entries) // count), width // count
         title = BY_ID[self._menu].help.removeprefix("the menu of ")
+        if self._menu == "menu_plots" and screen.scope in BY_ID["earlier"].scopes:  # what has no letter in it
+            zoom, pan = (" ".join(map(key_of, pair)) for pair in (("closer", "wider"), ("earlier", "later")))
+            title = f"plots: {zoom} zoom, {pan} go back and on"
         if len(of_all) == 1:
             title += f"  (now: {one})" if (one := of_all.pop()) else ""
         else:

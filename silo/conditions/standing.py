@@ -123,7 +123,8 @@ class LimitStatus(msgspec.Struct, frozen=True, omit_defaults=True):
 
     def word_of(self, value: float) -> LimitWord:
         """Return the range of a value that is newer than what was judged; what was, where more than it tells that."""
-        if self.word not in SIDES or self.persistence > 1 or self.when:
+        bounded = any(bound is not None for bound in self.bounds)
+        if self.word not in SIDES or self.persistence > 1 or self.when or not bounded:
             return self.word
         side = SIDES[self.word]
         for word, bound in zip(_BOUND_WORDS, (self.bounds[0], self.bounds[3], *self.bounds[1:3]), strict=True):
