@@ -125,7 +125,9 @@ class HeldSource:
         share = "all" if all(piece.complete for piece in others) else f"{text.span(self.fetched_s, 2)} of it"
         words = f"{self.held_text} held, {share} fetched" if others else self.main.text
         lost_ns = sum(end - begin for begin, end in self._gaps(self._held_from_ns, min(self._oldest_ns, self.end_ns)))
-        return f"{words}, {text.span(lost_ns / SECOND_NS, 2)} before it overwritten" if lost_ns else words
+        lost_s = lost_ns / SECOND_NS
+        is_some = lost_s > self.held_s / 100  # a few ticks go between the picture and what was before it
+        return f"{words}, {text.span(lost_s, 2)} before it overwritten" if is_some else words
 
     def covers(self, time_ns: int) -> bool:
         """Return whether a moment is pinned."""
