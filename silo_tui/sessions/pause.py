@@ -128,6 +128,8 @@ class Pause:
         for piece in source.pieces:
             if piece is not main:
                 await piece.fetch_columns(column_ns)
+                if main.complete and piece.held_s <= main.held_s:  # it comes as quickly
+                    await piece.fetch(piece.begin_ns, piece.end_ns)
                 self._changed()
 
     async def _open(self) -> bool:
