@@ -299,10 +299,8 @@ def by_run(
 def _have_more(group: Sequence[RunFacts], kept: Sequence[Sequence[RunFacts]], elements: Elements) -> bool:
     """Whether files have samples of ticks of which others have none of that element."""
     files = [one for some in kept for one in some if one.ticks]
-    named: dict[str, frozenset[str]] = {}
-    for one in (*group, *files):
-        if one.names not in named:
-            named[one.names] = elements(one.path)
+    paths = {one.names: one.path for one in (*group, *files)}
+    named = {names: elements(path) if len(paths) > 1 else frozenset() for names, path in paths.items()}
     of = grouped(((max(1, one.part), one.names), _ticks(one)) for one in files)
     beside = {key: spans.merged(some) for key, some in of.items()}
     for one in group:

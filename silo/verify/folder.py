@@ -5,13 +5,13 @@ that disagree. What somebody told to be missing is told again, apart from that. 
 """
 
 import contextlib
-import glob
 import mmap
 import re
 import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import msgspec
@@ -348,9 +348,10 @@ class _Folder:
                 )
                 run.trimmed[written.recorder] = had, entry.deleted > 0
 
-    def _is_there(self, name: str) -> bool:
-        """Whether a file stands here or below."""
-        return (self.folder / name).exists() or any(self.folder.rglob(glob.escape(name)))
+    @cached_property
+    def _names(self) -> frozenset[str]:
+        """What stands here and below."""
+        return frozenset(path.name for path in self.folder.rglob("*"))
 
     def _saves_that_lack(self, logger: str) -> Iterator[Verdict]:
         """The saves of which no format is there, by the event log; with who told to have deleted them."""
@@ -367,7 +368,7 @@ class _Folder:
         for event, every in saved:
             files = [path for path in every if path.parent in here or not path.parent.is_dir()
                      or path.parent.resolve() == self.folder.resolve()]  # fmt: skip
-            if files and not any(self._is_there(path.name) for path in files):
+            if files and not self._names & {path.name for path in files}:
                 names = and_more([path.name for path in files], _MOST_SHOWN)
                 by = next((f"event {one.number}: {one.text}" for one in told if files[0].stem in one.text), "")
                 yield Verdict("missing", f"{names} was saved (event {event.number}), and is gone", logger, told=by)
@@ -380,7 +381,7 @@ class _Folder:
                 continue
             keep = self.keeps.get((logger, entry.trigger), 1)
             is_kept = not keep or newer[entry.trigger] < keep
-            if is_kept and not any(self._is_there(one.name) for one in entry.files):
+            if is_kept and not self._names & {one.name for one in entry.files}:
                 names = and_more([one.name for one in entry.files], _MOST_SHOWN)
                 text = f"{names} is gone: it was capture {entry.number} of '{entry.trigger}' in run {entry.run}"
                 yield Verdict("missing", text, logger, entry.run)
