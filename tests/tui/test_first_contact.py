@@ -242,7 +242,7 @@ async def test_after_an_apply_fill_counts_against_the_buffers_of_the_recording(f
 async def test_an_open_editor_says_what_to_type_and_which_keys_count(fake, opened):
     async with opened(fake) as screen:
         await screen.do("asterisk", "toggle", "edit_size")
-        await screen.shows("size of 72 elements, e.g. 1000 10k 10s *2 /2 +10")
+        await screen.shows("size of 72 elements, now 4000, 100, e.g. 1000 10k 10s *2 /2 +10")
         await screen.shows("Enter sets it")
         assert "72 marked" not in screen.text
         await screen.press("escape")

@@ -116,7 +116,6 @@ class TestScreens:
             await screen.enter("/tmp")
             await screen.shows("the folder is outside of the logger's")
             monkeypatch.undo()
-            await screen.press("tab")
             assert screen.app.screen.fields["to"] == "/tmp"
             await screen.press(*["backspace"] * 4)
             await screen.enter("walks")

@@ -59,7 +59,7 @@ def test_what_a_life_cycle_forbids_no_part_does(parts):
     life.running = True
     with pytest.raises(StateError, match="can't change elements while logger 'arm' runs"):
         scripted.set("q", divider=2)
-    life.forget()
+    life.closed = True
     for call in (lambda: scripted.array("x"), lambda: conditions.derive("d", "q_0")):
         with pytest.raises(StateError, match="logger 'arm' is closed"):
             call()
