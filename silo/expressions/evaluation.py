@@ -430,10 +430,11 @@ class Evaluator:
 
     def _whole_recalled(self, part: Remembered, grid: _Grid) -> Ints | None:
         made, own, memory = self._made_whole.get(part), self._grid_of(part), self._memories[part]
-        if own is None or (made is None and len(own.ticks)):
+        known = memory.last_whole is not None or bool(np.isnan(memory.last).all())  # else it may have a fraction
+        if own is None or (made is None and (len(own.ticks) or not known)):
             return None
         if made is None:
-            made = np.zeros((0, *np.shape(memory.last)), np.int64)
+            made = np.zeros((0, *trailing(part.part)), np.int64)
         if own is grid or (grid.alike and own.alike):
             return made
         before = _whole_before(memory.last_whole, memory.last, made.shape[1:])
@@ -526,8 +527,13 @@ class Evaluator:
         if before is None:
             made[0], before = np.nan, whole[0]  # what came before was rounded
         every = np.concatenate([before[None], whole])
-        found = self._made_whole[part] = every[:-1] if part.function == "prev" else np.diff(every, axis=0)
-        return made if part.function == "prev" else np.where(np.abs(made) < _LARGEST, found, made)
+        if part.function == "prev":
+            self._made_whole[part] = every[:-1]
+            return made
+        found = np.diff(every, axis=0)
+        if part.function == "diff":
+            self._made_whole[part] = found
+        return np.where(np.abs(made) < _LARGEST, found, made)
 
 
 _NO_VALUES = np.zeros(0)
@@ -571,13 +577,13 @@ def _power(base: Part, exponent: Part) -> Ints | None:
 
 
 def _whole_before(known: Ints | None, sample: Any, shape: tuple[int, ...]) -> Ints | None:
-    """A value of the batch before as int64: any number where there was none, None where it may have been rounded."""
+    """A value of the batch before as int64: any number where there was none, None where it may be another one."""
     if known is not None:
         return known
-    there = ~np.isnan(sample)
-    if (np.abs(sample[there] if np.ndim(sample) else sample * there) > EXACT).any():
+    values = np.where(np.isnan(sample), 0.0, sample)
+    if (np.abs(values) > EXACT).any() or (values % 1).any():
         return None
-    return np.broadcast_to(np.asarray(np.where(there, sample, 0), np.int64), shape)
+    return np.broadcast_to(np.asarray(values, np.int64), shape)
 
 
 def trailing(part: Part) -> tuple[int, ...]:

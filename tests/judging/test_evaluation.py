@@ -129,19 +129,19 @@ values = st.one_of(st.integers(-3, 3).map(float), st.sampled_from([math.nan, 0.5
 
 @st.composite
 def recordings(draw):
-    """Streams of all sources: some rows are missing, the clock may jump."""
+    """Streams of all sources: some begin late, some rows are missing, the clock may jump."""
     ticks = draw(st.integers(1, 24))
     jump_at, jump = draw(st.integers(0, 24)), draw(st.sampled_from([0, 0, -4, 9]))
     streams = {}
     for source, divider in DIVIDERS.items():
         lost = draw(st.sets(st.integers(0, ticks // divider), max_size=3))
-        rows = []
+        rows, begins = [], draw(st.sampled_from([0, 0, 0, 4, 11]))
         for tick in range(0, ticks, divider):
             row = {
                 (at, n): draw(values) for at, e in enumerate(ELEMENTS) if e.source == source
                 for n in range(len(e.entries))
             }  # fmt: skip
-            if tick // divider not in lost:
+            if tick // divider not in lost and tick >= begins:
                 rows.append((tick, 10**9 + (tick + (jump if tick >= jump_at else 0)) * 10**6, row))
         streams[source] = Stream(divider, rows)
     cuts = draw(st.lists(st.integers(0, ticks), max_size=5).map(sorted))
@@ -215,6 +215,10 @@ OF_INTEGERS = (
     "a - prev(a)", "prev(a) - c", "c - prev(b)", "prev(a) == b", "prev(prev(a)) - a", "any(prev(v) == w)",
     "diff(c) - prev(diff(c))",
     "prev(a - b) * 2 - prev(c) + a", "prev(slow/x) < prev(b) - a", "prev(gone) - a", "prev(mode) + slow/y",
+    "rate(a) * 2", "rate(a) > 5", "-rate(b) + c - a", "rate(mode) + slow/y", "mode + prev(slow/y)",
+    "mode + diff(slow/x)", "mode + mean(slow/y, 4ms)", "mode + max(slow/x, 4ms)", "sum(prev(v) * 2 - a)",
+    "sum(prev(w) * 2) + a", "any(prev(v) > c)", "prev(mode) * 2 - mode", "mode - prev(slow/y) * 2",
+    "mean(mode, 6ms) + slow/y + mode",
     "a % 7", "a % 256 - prev(a) % 256", "(a - b) % 3", "a % (b - c)", "sum(v % 100)", "-a % 1000",
     "a % (c - c)", "slow/x % 2",
     f"a - {STAMP}", f"a == {STAMP + 1}", f"{STAMP - 3} - a <= b - {STAMP}", f"-{STAMP} + c", f"prev(a) >= {STAMP + 2}",
