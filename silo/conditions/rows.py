@@ -24,7 +24,7 @@ class JudgedRows:
         self._infos = [*(element.info for element in schema.elements), *off]
         sources = [*map(self._ring_of, schema.elements), *[OFF] * len(off)]
         known = [
-            Known(info.name, info.entries, info.unit, source, info.options.divider)
+            Known(info.name, info.entries, info.unit, source, info.options.divider, info.kind)
             for info, source in zip(self._infos, sources, strict=True)
         ]
         self.catalogue = Catalogue(known, schema.prefix, schema.conditions.derived)

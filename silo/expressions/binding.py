@@ -47,6 +47,14 @@ class Known:
     unit: str
     source: int
     divider: int
+    kind: str = ""  # of the element
+
+    @property
+    def is_complex(self) -> bool:
+        """Whether its entries are real and imaginary parts in turns."""
+        suffixes = [entry.suffix for entry in self.entries]
+        floats = all(np.dtype(entry.dtype).kind == "f" for entry in self.entries[:1])
+        return bool(suffixes) and floats and is_complex(self.kind, (len(suffixes) // 2,), suffixes)
 
 
 class Catalogue:
@@ -242,10 +250,12 @@ class _Binder:
 
     def bind(self, node: Node, *, parts: bool = False) -> _Found:
         """`parts`: of complex numbers their real and imaginary parts will do, each by itself."""
+        if not parts:
+            self._refuse_complex(node)
         if isinstance(node, Number):
             return _Found(Constant(node.value, node.whole), unit=node.unit or None, literal=True)
         if isinstance(node, Name):
-            return self._name(node, parts=parts)
+            return self._name(node)
         if isinstance(node, ComparisonChain):
             return self._comparison(node)
         if isinstance(node, Operation):
@@ -254,12 +264,12 @@ class _Binder:
 
     # --------------------------------------------------------------------------------------------------- names
 
-    def _name(self, node: Name, labels: Mapping[int, str] | None = None, *, parts: bool = False) -> _Found:
+    def _name(self, node: Name, labels: Mapping[int, str] | None = None) -> _Found:
         found = self._catalogue.find(node.text)
         if not found and (derived := self._catalogue.before(node.text)) is not None:
             one, catalogue = derived
             inner = parse(one.expression)
-            part = _Binder(inner, catalogue).bind(inner.root, parts=parts)
+            part = _Binder(inner, catalogue).bind(inner.root, parts=True)
             return replace(part, unit=one.unit if one.unit not in ("", "-") else part.unit)
         pattern = is_glob(node.text)
         bare = re.sub(r"\[(\d+)\]$", r"_\1", node.text)
@@ -272,11 +282,6 @@ class _Binder:
         for place, entry in found:
             element = self._catalogue.elements[place]
             numbers = range(len(element.entries)) if entry is None else (entry,)
-            suffixes = [one.suffix for one in element.entries]
-            if entry is None and not parts and suffixes and is_complex("", (len(suffixes) // 2,), suffixes):
-                first = self._catalogue.name(place, 0).removeprefix(f"{self._catalogue.prefix.rstrip('/')}/")
-                words = f"norm({node.text}) is its magnitude; for all else name its parts, as {first}"
-                raise self._error(f"'{node.text}' is complex: {words}", node)
             for number in numbers:
                 if np.dtype(element.entries[number].dtype).kind not in _NUMERIC:
                     raise self._error(
@@ -294,6 +299,34 @@ class _Binder:
             BoundSignal(tuple(columns), vector), len(columns) if vector else 0, None if unit in ("", "-") else unit,
             np.dtype(entries[0].dtype).kind == "b", labels=(entries[0].labels or {}) if same else {},
         )  # fmt: skip
+
+    def _complex(self, node: Node) -> Known | None:
+        """The complex element that something has as many parts as, and is calculated of part by part; else None."""
+        if isinstance(node, Name):
+            found = self._catalogue.find(node.text)
+            known = self._catalogue.elements[found[0][0]] if len(found) == 1 and found[0][1] is None else None
+            return known if known is not None and known.is_complex else None
+        if isinstance(node, Call):
+            return self._complex(node.arguments[0]) if node.function in _BY_PARTS[1:] else None
+        if isinstance(node, Operation) and self._is_linear(node):
+            return next(filter(None, map(self._complex, node.operands)))
+        return None
+
+    def _is_linear(self, node: Operation) -> bool:
+        """Whether an operation with complex numbers is one with each of their parts."""
+        found = [self._complex(one) is not None for one in node.operands]
+        factor = [isinstance(one, Number) for one in node.operands]
+        if node.operator in ("*", "/"):
+            return (found[0] and factor[1]) or (node.operator == "*" and factor[0] and found[1])
+        return node.operator in ("neg", "+", "-") and all(found)
+
+    def _refuse_complex(self, node: Node) -> None:
+        known = self._complex(node)
+        if known is not None:
+            short = known.name.removeprefix(f"{self._catalogue.prefix.rstrip('/')}/")
+            norm = f"; norm({short}) is its magnitude" if len(known.entries) == 2 else ""
+            part = short + known.entries[0].suffix
+            raise self._error(f"'{short}' is complex, which has no place here: name its parts, as {part}{norm}", node)
 
     def _unknown(self, node: Name, labels: Mapping[int, str]) -> str:
         text = node.text
@@ -328,6 +361,7 @@ class _Binder:
         # labels last: which are meant tells what they are compared with
         for at, one in enumerate(node.operands):
             if isinstance(one, Name) and (self._catalogue.find(one.text) or self._catalogue.before(one.text)):
+                self._refuse_complex(one)
                 found[at] = self._name(one)
         sides: list[_Found] = []
         for at, one in enumerate(node.operands):
@@ -353,8 +387,8 @@ class _Binder:
         return _Found(pairs[0] if len(pairs) == 1 else Computed("and", pairs), width, logical=True)
 
     def _operation(self, node: Operation) -> _Found:
-        sides = [self.bind(one) for one in node.operands]
         operator = node.operator
+        sides = [self.bind(one, parts=self._is_linear(node)) for one in node.operands]
         if operator == "neg":
             inner = sides[0]
             if isinstance(inner.part, Constant):

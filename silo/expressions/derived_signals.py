@@ -75,7 +75,9 @@ def derived_infos(elements: Sequence[ElementInfo], prefix: str, derived: Sequenc
     if not derived:
         return []
     known = [
-        Known(info.name, info.entries, info.unit, place if info.options.enabled else OFF, info.options.divider)
+        Known(
+            info.name, info.entries, info.unit, place if info.options.enabled else OFF, info.options.divider, info.kind
+        )
         for place, info in enumerate(elements)
     ]
     names = {info.name for info in elements}

@@ -138,7 +138,7 @@ class RecordingJudge:
         self._layouts = {source: own.get(key[3]) or _Ticks(*key[:3]) for key, source in numbers.items()}
         known = [
             Known(element.name, tuple(_entry(element, entry) for entry in element.entries), element.unit, source,
-                  self._layouts[source].divider)
+                  self._layouts[source].divider, element.kind)
             for element, source in zip(self._elements, self._sources, strict=True)
         ]  # fmt: skip
         self.catalogue = Catalogue(known, recording.prefix, recording.conditions.derived)

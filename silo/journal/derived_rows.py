@@ -57,9 +57,16 @@ def derived_plan(schema: SegmentSchema, table: Sequence[ElementInfo], derived: S
     logged = {element.info.name for element in schema.elements}
     off = [info for info in table if info.name not in logged]
     known = [
-        Known(one.info.name, one.info.entries, one.info.unit, _source_ring(one, schema), one.info.options.divider)
+        Known(
+            one.info.name,
+            one.info.entries,
+            one.info.unit,
+            _source_ring(one, schema),
+            one.info.options.divider,
+            one.info.kind,
+        )
         for one in schema.elements
-    ] + [Known(info.name, info.entries, info.unit, OFF, info.options.divider) for info in off]
+    ] + [Known(info.name, info.entries, info.unit, OFF, info.options.divider, info.kind) for info in off]
     rings, elements = list(schema.rings), list(schema.elements)
     signals: dict[int, DerivedSignal] = {}
     for one, bound, why in bound_derived(Catalogue(known, schema.prefix, derived)):

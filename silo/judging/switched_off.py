@@ -79,7 +79,7 @@ def off_problem(
     """Return what of a trigger can't be with the elements that are off now, fit to stand behind its name."""
     known = [
         Known(info.name, info.entries, info.unit, info.options.divider if info.options.enabled else OFF,
-              info.options.divider)
+              info.options.divider, info.kind)
         for info in elements
     ]  # fmt: skip
     return trigger_conditions(options, Catalogue(known, prefix, derived)).problem

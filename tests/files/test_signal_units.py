@@ -285,17 +285,21 @@ def test_durations_and_dates_have_the_unit_that_they_count(tmp_path, expression,
     assert found.values.tolist() == pytest.approx(expected, nan_ok=True)
 
 
-@pytest.mark.parametrize("expression", ["abs(z)", "z * z", "z == 3", "max(z)", "-z > 0", "norm(z + 1)", "zz > 1"])
+@pytest.mark.parametrize("expression", ["abs(z)", "z * z", "z == 3", "max(z)", "-z > 0", "norm(z + 1)", "zz > 1", "all(diff(z) > 0)", "2 / z"])
 def test_parts_of_complex_numbers_are_not_calculated_with_as_if_they_were_numbers(tmp_path, expression):
     log = silo.Logger("cx", folder=tmp_path, frequency=100, script=tmp_path / "none.yaml")
     z, zz = log.array("z", (), "c16"), log.array("zz", 2, "c16")
+    log.array("zz_as_one", (), "c8")
+    log.array("pair", (), [("real", "f8"), ("imag", "f8")])[...] = 2, 2
     log.start()
     for tick in range(3):
         z[...], zz[:] = 3 + 4j * tick, (1j, 2)
         log.collect()
     found = silo.open_log(log.save("silo").path)
-    with pytest.raises(ElementError, match=r"is complex: norm\(zz?\) is its magnitude.*as z(z_0)?_real"):
+    with pytest.raises(ElementError, match=r"'zz?' is complex.*name its parts, as z(z_0)?_real"):
         found.eval(expression)
     assert found.eval("norm(z)").values.tolist() == [3.0, 5.0, math.hypot(3, 8)]
     assert found.eval("norm(diff(z))").values.tolist()[1:] == [4.0, 4.0]
+    assert found.eval("norm(-z * 2 + z / 2 - zz_as_one)").values.tolist()[0] == 4.5
+    assert found.eval("max(pair) + abs(pair)").values[0].tolist() == [4.0, 4.0]
     assert found.eval("z_imag + zz_1_real").values.tolist() == [2.0, 6.0, 10.0]
