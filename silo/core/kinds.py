@@ -297,6 +297,13 @@ def is_complex(kind: str, shape: tuple[int, ...], suffixes: Sequence[str]) -> bo
     )
 
 
+def in_parts(kind: str, shape: tuple[int, ...] | None, entries: Sequence[Any]) -> bool:
+    """Whether the entries of an element are parts of complex numbers as they were logged; without a shape, of any."""
+    suffixes = [entry.suffix for entry in entries]
+    floats = bool(entries) and entries[0].dtype[1:2] == "f"
+    return floats and is_complex(kind, (len(suffixes) // 2,) if shape is None else tuple(shape), suffixes)
+
+
 def struct_text(dtype: Any) -> str:
     """The fields of a NumPy structure as text, little-endian, without gaps between them; empty for any other type."""
     return msgspec.json.encode(_fields(dtype)).decode() if dtype.fields is not None else ""

@@ -17,7 +17,7 @@ from silo.core import units
 from silo.core.arrays.function_units import UnitRule
 from silo.core.conditions import Derived
 from silo.core.elements import Entry
-from silo.core.kinds import is_complex
+from silo.core.kinds import in_parts
 from silo.core.names import Found, Names, did_you_mean, is_glob, nearest
 from silo.core.quantities.writing import and_more
 from silo.errors import ElementError
@@ -52,9 +52,7 @@ class Known:
     @property
     def is_complex(self) -> bool:
         """Whether its entries are real and imaginary parts in turns."""
-        suffixes = [entry.suffix for entry in self.entries]
-        floats = all(np.dtype(entry.dtype).kind == "f" for entry in self.entries[:1])
-        return bool(suffixes) and floats and is_complex(self.kind, (len(suffixes) // 2,), suffixes)
+        return in_parts(self.kind, None, self.entries)
 
 
 class Catalogue:

@@ -79,7 +79,7 @@ def _samples_of(name: SampledName, rows: SampledRows, missed: int) -> SampleArra
         raise ConnectionLostError(f"the helper process sends rows of {name.name} that make no sense")
     found = np.frombuffer(rows.data, "<i8").reshape(rows.count, words) if rows.count else np.zeros((0, 2), np.int64)
     fields = [entry.suffix or f"f{at}" for at, entry in enumerate(name.entries)]
-    values = shaped(Packer(name.entries, fields).of(found), name.shape, [entry.suffix for entry in name.entries])
+    values = shaped(Packer(name.entries, fields).of(found), name.shape, parts=name.is_complex)
     return SampleArrays(found[:, 0].copy(), found[:, 1].copy(), values, name.divider, missed)
 
 

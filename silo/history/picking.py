@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import BufferType
+from silo.core.kinds import in_parts
 from silo.history.requests import By, SampledEntry, SampledName
 from silo.segment.layout import ElementSchema, EntrySchema, SegmentSchema
 from silo.segment.picking import STAMPS, moved, words_with
@@ -103,7 +104,9 @@ def pick(
         for name, element, entries, whole in some:
             shape = tuple(element.info.shape) if whole else ()
             sent = [SampledEntry(each.entry.suffix, each.dtype, next(offsets), each.swapped) for each in entries]
-            found.append(SampledName(name, len(groups), element.info.options.divider, shape, sent))
+            info = element.info
+            complex_ = whole and in_parts(info.kind, info.shape, info.entries)
+            found.append(SampledName(name, len(groups), info.options.divider, shape, sent, complex_))
         groups.append(RingGroup(ring, after, words))
     return RowSelection(tuple(groups), found, missing)
 

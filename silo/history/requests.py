@@ -20,7 +20,7 @@ class SampledName(msgspec.Struct, frozen=True):
     """Where the samples of a name stand: in rows of the group `group`, one at every `divider` ticks.
 
     A name may have two groups: its own buffer, and what came after that was full. `shape` is that of the element, empty
-    for a single entry.
+    for a single entry. `is_complex`: the entries are real and imaginary parts in turns.
     """
 
     name: str
@@ -28,6 +28,7 @@ class SampledName(msgspec.Struct, frozen=True):
     divider: int
     shape: tuple[int, ...]
     entries: list[SampledEntry]
+    is_complex: bool = False
 
 
 class SampledRows(msgspec.Struct, frozen=True):

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import zenoh
 
+from silo.core.kinds import in_parts
 from silo.core.names import grouped
 from silo.errors import SegmentError
 from silo.net.keys import Root, escape
@@ -32,7 +33,11 @@ def encoding_of(element: ElementSchema) -> str:
     if len(types) == 1:
         dtype = stored_type(types.pop(), swapped=False)
         # bytes that are the same may as well be read as what was logged
-        like = shaped(np.empty((0, len(entries)), dtype), element.info.shape, [one.entry.suffix for one in entries])
+        like = shaped(
+            np.empty((0, len(entries)), dtype),
+            element.info.shape,
+            parts=in_parts(element.info.kind, element.info.shape, element.info.entries),
+        )
         return f"silo/samples;dtype={like.dtype.str};shape={','.join(map(str, like.shape[1:]))}"
     fields = ",".join(
         f"{_field(entry.entry.suffix)}:{stored_type(entry.entry.dtype, swapped=False).str}" for entry in entries

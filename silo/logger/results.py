@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from silo.core.calls import no_attribute, told_names
 from silo.core.elements import ElementInfo, ElementOptions, SavedFile
+from silo.core.kinds import in_parts
 from silo.core.names import Names
 from silo.core.quantities.writing import MOST_ROWS, html_table, many
 from silo.errors import ArgumentError, StateError, UnknownNameError
@@ -242,6 +243,9 @@ class NewValuesReader:
 
 def sample_values(element: ElementSchema, rows: Rows) -> NDArray[Any]:
     """Return the samples in rows, shape `(n, *shape)`, or a structured array of shape `(n,)` where types differ."""
-    suffixes = [entry.entry.suffix for entry in element.entries]
-    packer = Packer(element.entries, [suffix.removeprefix("_") for suffix in suffixes])
-    return shaped(packer.of(rows.words), element.info.shape, suffixes)
+    packer = Packer(element.entries, [entry.entry.suffix.removeprefix("_") for entry in element.entries])
+    return shaped(
+        packer.of(rows.words),
+        element.info.shape,
+        parts=in_parts(element.info.kind, element.info.shape, element.info.entries),
+    )

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arrays.values import as_exact
-from silo.core.kinds import is_complex
 from silo.core.names import grouped
 from silo.segment.layout import STAMP_WORDS, EntrySchema
 from silo.segment.rows import HasPlace, Placed, Rows, Words, placed, stored_type, strided
@@ -76,14 +75,14 @@ class Packer:
         return made
 
 
-def shaped(values: NDArray[Any], shape: Sequence[int], suffixes: Sequence[str]) -> NDArray[Any]:
-    """Return what a `Packer` made of entries of these suffixes, each sample in the shape of its element.
+def shaped(values: NDArray[Any], shape: Sequence[int], *, parts: bool = False) -> NDArray[Any]:
+    """Return what a `Packer` made, each sample in the shape of its element, where it has as many entries.
 
-    Where it has not as many entries each has all of them in a row.
+    `parts`: the entries are real and imaginary parts in turns.
     """
     if values.ndim == 1:
         return values
-    if values.dtype.itemsize in (4, 8) and values.dtype.kind == "f" and is_complex("", tuple(shape), suffixes):
+    if parts and values.dtype.itemsize in (4, 8) and values.shape[1] == 2 * prod(shape):
         return values.view(f"<c{2 * values.dtype.itemsize}").reshape(len(values), *shape)
     count = values.shape[1]
     fitting = shape if prod(shape) == count else () if count == 1 else (count,)

@@ -285,7 +285,10 @@ def test_durations_and_dates_have_the_unit_that_they_count(tmp_path, expression,
     assert found.values.tolist() == pytest.approx(expected, nan_ok=True)
 
 
-@pytest.mark.parametrize("expression", ["abs(z)", "z * z", "z == 3", "max(z)", "-z > 0", "norm(z + 1)", "zz > 1", "all(diff(z) > 0)", "2 / z"])
+@pytest.mark.parametrize(
+    "expression",
+    ["abs(z)", "z * z", "z == 3", "max(z)", "-z > 0", "norm(z + 1)", "zz > 1", "all(diff(z) > 0)", "2 / z"],
+)
 def test_parts_of_complex_numbers_are_not_calculated_with_as_if_they_were_numbers(tmp_path, expression):
     log = silo.Logger("cx", folder=tmp_path, frequency=100, script=tmp_path / "none.yaml")
     z, zz = log.array("z", (), "c16"), log.array("zz", 2, "c16")

@@ -177,6 +177,7 @@ def test_views_show_the_right_rows_after_an_element_was_removed(bench, client):
 def test_complex_numbers_arrive_as_they_were_logged(runtime, tmp_path):
     log = silo.Logger("bot", frequency=100, folder=tmp_path, script=tmp_path / "none.yaml")
     several, one = log.array("several", (2, 1), "c16", action="both"), log.array("one", (), "c8", action="both")
+    log.array("pair", (), [("real", "f8"), ("imag", "f8")], action="both")
     with log.serve(), Client.connect("bot") as client:
         log.start()
         with client.topic("several") as topic, client.stream(["several", "one"], 0.02) as stream:
@@ -197,5 +198,6 @@ def test_complex_numbers_arrive_as_they_were_logged(runtime, tmp_path):
             assert (values.dtype, values.ndim, values[0]) == (np.complex64, 1, 5 - 6j)
         assert [entry_values(held["several"], at)[0] for at in range(4)] == [1, 2, 3, -4]
         assert [entry_values(held["one"], at)[0] for at in range(2)] == [5, -6]
+        assert client.samples(["pair"])["pair"].values.dtype == np.float64  # as ever: no complex number
         assert client.samples(["one_imag"])["one_imag"].values.dtype == np.float32
     log.close(discard=True)

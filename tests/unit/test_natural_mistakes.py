@@ -74,7 +74,7 @@ MISTAKES = {
     "log.limit(5, None)": "the signal's name must be a text, got 5 (int)",
     "log.limit('joints/q')": "log.limit() needs bounds: write log.limit(name, bounds",
     "log.limit('joints/q', -1, 1)": "log.limit() takes 2 arguments by place (name, bounds), got 3",
-    "log.limit('joints/q', low=-1)": "log.limit() has no argument 'low', did you mean 'bounds'?: write bounds=(None, None, 80, 95)",
+    "log.limit('joints/q', low=-1)": "log.limit() has no argument 'low', did you mean 'bounds'?: write bounds=(None",
     "log.limit('joints/q', (-2, -1, 1, 2), hysterisis=1)": "did you mean 'hysteresis'?",
     "log.derive('power')": "log.derive() needs expression: write log.derive(name, expression",
     "log.derive('power', 'joints/q * 2', units='W')": "did you mean 'unit'?",
