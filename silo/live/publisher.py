@@ -197,10 +197,9 @@ class Publisher:
 
     def needs(self, run: str) -> bool:
         """Whether a stream or topic is at a run, or one before it; not of what is too much memory, the oldest first."""
-        ids = self._held.ids()
-        if run not in ids or self._reading.isdisjoint(ids[: ids.index(run) + 1]):
+        if not any(run in self._held.since(one) for one in self._now_read()):
             return False
-        return self._held.size_bytes(ids[ids.index(run) : -1]) <= MOST_BEHIND_BYTES
+        return self._held.size_bytes(self._held.since(run)[:-1]) <= MOST_BEHIND_BYTES
 
     def _watched_between(self, run: str, present: SegmentReader) -> SegmentReader:
         found = self._held.between(run, present)
@@ -292,10 +291,13 @@ class Publisher:
             self._derived.forget()
 
     def _note_reading(self) -> None:
-        reading = {self._topics.reading, *self.streams.reading} - {""}
+        reading = self._now_read()
         if reading != self._reading:
             self._reading = reading
             self._held.changed()
+
+    def _now_read(self) -> set[str]:
+        return {self._topics.reading, *self.streams.reading} - {""}
 
     def _note(self, sample: zenoh.Sample) -> None:
         """A client came or went; in a thread of Zenoh."""

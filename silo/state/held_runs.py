@@ -31,6 +31,7 @@ class HeldRuns:
         self._runs: dict[str, SegmentReader] = {}  # by their ids, oldest first
         self._conditions: dict[str, Conditions] = {}  # derived signals, limits and triggers that each had last
         self._known: set[str] = set()  # all that there ever were
+        self._numbers: dict[str, int] = {}  # of these, by which they follow one another
         self._looked: set[Path] = set()
         self._told: set[str] = set()  # of which is known that they began
         self._needs: list[Callable[[str], bool]] = []
@@ -91,8 +92,9 @@ class HeldRuns:
     def _add(self, reader: SegmentReader) -> None:
         self._known.add(reader.schema.run)
         with self._lock:
+            self._numbers[reader.schema.run] = number_of(reader.path)
             runs = {**self._runs, reader.schema.run: reader}
-            self._runs = dict(sorted(runs.items(), key=lambda run: number_of(run[1].path)))
+            self._runs = dict(sorted(runs.items(), key=lambda run: self._numbers[run[0]]))
 
     def release(self, *, at_end: bool = False) -> None:
         """Let go of the runs that nobody needs: their memory is free with that. `at_end`: of the present one, too."""
@@ -152,12 +154,17 @@ class HeldRuns:
             readers = [self._runs[run] for run in runs if run in self._runs]
             return sum(512 * os.fstat(reader.fileno()).st_blocks for reader in readers)
 
+    def since(self, run: str) -> list[str]:
+        """Return the ids of the runs that are there from this one on, which need not be there any more."""
+        with self._lock:
+            number = self._numbers.get(run)
+            return [one for one in self._runs if number is not None and self._numbers[one] >= number]
+
     def between(self, run: str, present: SegmentReader) -> SegmentReader:
         """Return a reader of the run behind this one: with many short ones that is not the present one yet."""
-        ids = self.ids()
+        following = next((one for one in self.since(run) if one not in (run, present.schema.run)), "")
         with contextlib.suppress(SegmentError):
-            if run in ids[:-1] and (following := ids[ids.index(run) + 1]) != present.schema.run:
-                return self.open(following) or present
+            return (self.open(following) if following else None) or present
         return present
 
     def conditions(self, run: str) -> Conditions | None:

@@ -96,6 +96,20 @@ def test_topics_and_streams_have_every_run_of_a_burst(bench, client):
         assert burst == list(np.arange(begin + 1, end + 1)), name
 
 
+def test_a_stream_has_every_run_of_a_burst_from_its_opening_on(bench, client):
+    bench.logger.start()
+    bench.ticks(1)
+    wait_until(lambda: client.status().ticks)
+    with client.stream(["x"], 0.2) as stream:
+        for _ in range(20):
+            bench.logger.restart()
+            bench.ticks(10)
+        found = []
+        while len(found) < 200 and (batch := stream.read(DEADLINE_S)) is not None:
+            found += batch["x"].values.tolist()
+    assert found == list(range(2, 202))
+
+
 def test_a_loop_ends_when_its_topic_is_closed(bench, client):
     topic = client.topic("/log/x")
     closing = threading.Timer(0.05, topic.close)

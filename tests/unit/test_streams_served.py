@@ -1,15 +1,19 @@
 """What the frames of a stream hold: a stream begins with what comes, and leaves nothing out from then on."""
 
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 
 from silo.history.requests import OpenStream, StreamFrame
 from silo.live import streams
 from silo.live.feeds import Round
+from silo.live.publisher import MOST_BEHIND_BYTES, Publisher
 from silo.live.streams import ServedStream
 from silo.logger.serving.answers import robot_state
 from silo.segment.reader import SegmentReader
+from silo.state.held_runs import HeldRuns
 from silo.state.replica import Replica
 
 
@@ -117,3 +121,21 @@ def test_who_had_a_stream_before_goes_on_where_it_was_as_far_back_as_is_carried(
     assert begins(run=run) == []
     monkeypatch.setattr(streams, "BEHIND_BYTES", 2 * 24 * 2)
     assert begins(run="another", rows=rows) == [(8, 2), (3, 2)]
+
+
+def test_of_runs_that_wait_for_a_stream_the_oldest_make_room_and_the_next_one_is_read(new_logger):
+    held = HeldRuns(Replica(robot_state(new_logger("bot"), "", -1)), lambda: None)
+    for number, run in enumerate("WXABCP"):
+        held._add(SimpleNamespace(schema=SimpleNamespace(run=run), path=Path(f"bot.1.{number}.segment")))
+    read, present = {"X"}, SimpleNamespace(schema=SimpleNamespace(run="P"))
+    held.size_bytes = lambda runs: MOST_BEHIND_BYTES // 3 * len(list(runs))
+    publisher = SimpleNamespace(_held=held, _now_read=lambda: read)
+    held.open = lambda run: run
+    assert held.between("X", present) == "A"
+    for run in "WXABC":
+        if not Publisher.needs(publisher, run):
+            del held._runs[run]
+    assert held.ids() == ["A", "B", "C", "P"], "W is before the one that is read, X too much"
+    assert [held.between(run, present) for run in "XABC?"] == ["A", "B", "C", present, present]
+    read.clear()
+    assert not Publisher.needs(publisher, "C")
