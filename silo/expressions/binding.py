@@ -91,12 +91,14 @@ class Catalogue:
         element = self.elements[place]
         return element.name if entry is None else element.name + element.entries[entry].suffix
 
-    def unit(self, place: int, entry: int) -> str:
-        """Return the unit of a scalar: of dates and durations what they count, whatever their element is said to be."""
+    def unit(self, place: int, entry: int) -> str | None:
+        """Return the unit of a scalar: of dates and durations what they count, None where that is none."""
         element = self.elements[place]
         dtype = np.dtype(element.entries[entry].dtype)
-        step, count = np.datetime_data(dtype) if dtype.kind in "mM" else ("", 0)
-        return _COUNTED.get(step, "") if count == 1 else element.unit
+        if dtype.kind not in "mM":
+            return element.unit
+        step, count = np.datetime_data(dtype)
+        return _COUNTED.get(step) if count == 1 else None
 
     def near(self, text: str) -> list[str]:
         """Return the three names nearest to one that is not there, as short as they may be written."""
@@ -285,6 +287,9 @@ class _Binder:
                     raise self._error(
                         f"'{self._catalogue.name(place, entry)}' is no number ({element.entries[number].dtype})", node
                     )
+                if self._catalogue.unit(place, number) is None:
+                    words = f"'{self._catalogue.name(place, entry)}' counts what has no unit here"
+                    raise self._error(f"{words} ({element.entries[number].dtype}): log it as m8[ms] or M8[ms]", node)
             columns += [ScalarPlace(place, number, element.source) for number in numbers]
         if not 1 <= len(columns) <= MOST_WIDTH:
             raise self._error(f"'{node.text}' has {len(columns)} values; 1 to {MOST_WIDTH} go together", node)

@@ -548,7 +548,7 @@ class ScriptedTable:
         with self._life.lock:
             self._take_in()  # with what its own script says, which is not to be lost
         target = self._script_path(path)
-        own = target == Path(self._options.script)
+        own = target.resolve() == Path(self._options.script).resolve()
         kept = write_script(target, self._table.infos, self._conditions.now, own=own)
         if kept:
             log.warning("%s: script saved%s", target, kept)

@@ -289,34 +289,39 @@ def by_run(
         # recordings of other elements, and saves of other times, are each a thing of their own
         kept = saved if not recorded else recorded if best in recorded else [best]
         rest = [group for group in [*saved, *recorded] if group not in kept]
-        kept = [*kept, *(group for group in rest if _have_more(group, kept, elements))]
+        kept = [*kept, *(filter(_more_than(kept, elements), rest) if rest else ())]
         paths = {one.path for group in kept for one in group}
         others = tuple(one.path for one in some if one.path not in paths)
         found += [(group, () if place else others) for place, group in enumerate(kept)]
     return found
 
 
-def _have_more(group: Sequence[RunFacts], kept: Sequence[Sequence[RunFacts]], elements: Elements) -> bool:
-    """Whether files have samples of ticks of which others have none of that element."""
+def _more_than(kept: Sequence[Sequence[RunFacts]], elements: Elements) -> Callable[[Sequence[RunFacts]], bool]:
+    """Return what tells whether files have samples of ticks of which these have none of that element."""
     files = [one for some in kept for one in some if one.ticks]
-    paths = {one.names: one.path for one in (*group, *files)}
-    named = {names: elements(path) if len(paths) > 1 else frozenset() for names, path in paths.items()}
+    named: dict[str, frozenset[str]] = {}
     of = grouped(((max(1, one.part), one.names), _ticks(one)) for one in files)
     beside = {key: spans.merged(some) for key, some in of.items()}
-    for one in group:
-        there = [(named[names], some) for (part, names), some in beside.items() if part == max(1, one.part)]
-        if (
-            one.ticks
-            and one.offset
-            and any(
-                spans.without(
-                    [_ticks(one)], [span for names, some in there if not name or name in names for span in some]
-                )
-                for name in named[one.names] or [""]
-            )
-        ):
-            return True
-    return False
+    paths = {one.names: one.path for one in files}
+
+    def names_of(names: str, path: str) -> frozenset[str]:
+        if names not in named:
+            named[names] = elements(path)
+        return named[names]
+
+    def has_more(one: RunFacts) -> bool:
+        if not one.ticks or not one.offset:
+            return False
+        beside_it = [(names, some) for (part, names), some in beside.items() if part == max(1, one.part)]
+        if paths.keys() <= {one.names}:  # of the same elements: which these are need not be asked
+            return bool(spans.without([_ticks(one)], [span for _, some in beside_it for span in some]))
+        there = [(names_of(names, paths[names]), some) for names, some in beside_it]
+        return any(
+            spans.without([_ticks(one)], [span for names, some in there if not name or name in names for span in some])
+            for name in names_of(one.names, one.path) or [""]
+        )
+
+    return lambda group: any(map(has_more, group))
 
 
 def _ticks(one: RunFacts) -> spans.Span:

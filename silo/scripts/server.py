@@ -104,7 +104,9 @@ class ScriptServer(Server, does=[requests]):
         target = script_folder.resolve(path, self._own_script)
         script_folder.check_target(target, self._own_script, overwrite=overwrite)
         now = self.replica.now
-        kept = write_script(target, now.table.elements, now.robot.conditions, own=target == self._own_script)
+        kept = write_script(
+            target, now.table.elements, now.robot.conditions, own=target.resolve() == self._own_script.resolve()
+        )
         text = f"script saved: {target}{kept}"
         self.events.publish(EventKind.SCRIPT_SAVED, text, by=turn.by)
         return text

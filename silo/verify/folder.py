@@ -366,11 +366,13 @@ class _Folder:
         # what this folder was called, where it was moved or copied; saved may be to others, too
         here = {path.parent for _, files in saved for path in files if (self.folder / path.name).exists()}
         for event, every in saved:
-            files = [path for path in every if path.parent in here or not path.parent.is_dir()
-                     or path.parent.resolve() == self.folder.resolve()]  # fmt: skip
+            files = [path for path in every if path.parent in here or path.parent.resolve() == self.folder.resolve()]
             if files and not self._names & {path.name for path in files}:
                 names = and_more([path.name for path in files], _MOST_SHOWN)
-                by = next((f"event {one.number}: {one.text}" for one in told if files[0].stem in one.text), "")
+                gone = {path.name for path in files}
+                by = next(
+                    (f"event {one.number}: {one.text}" for one in told if gone & set(re.split("[ ,]+", one.text))), ""
+                )
                 yield Verdict("missing", f"{names} was saved (event {event.number}), and is gone", logger, told=by)
 
     def _captures_that_lack(self, logger: str) -> Iterator[Verdict]:

@@ -35,7 +35,7 @@ _MOST_DIGITS = 18  # of a number that surely is an int64
 _CELL = re.compile(rb'(?:("(?:[^"]|"")*"?)[^,]*|([^,]*))(?:,|$)')
 _DECIMAL = re.compile(rb"([+-]?)(\d+)(?:\.(\d*))?")
 _TRUTHS = {b"true", b"false"}
-_NO_TIME = (b"", b"nan", b"nat", b"null", b"none")
+_NO_TIME = (b"", b"nan", b"-nan", b"nat", b"null", b"none")
 _ZONE = re.compile(r"(.*\d:\d.*?) ?(?:Z|([+-])(\d\d):?(\d\d)?)")  # behind the time of a day
 _MOST_TOLD = 5
 
@@ -267,8 +267,10 @@ def _timed(cells: Cells, sizes: Any, warnings: list[str]) -> tuple[Cells, Any]:
     words = np.char.lower(np.char.strip(np.char.lstrip(cells.column(0, doubtful), QUOTE)))
     there = np.ones(len(sizes), bool)
     there[doubtful] = ~np.isin(words, _NO_TIME)
-    if there.all() or not there.any():
+    if there.all():
         return cells, sizes
+    if not there.any():
+        raise FileFormatError("its first column holds no time: it is empty")
     numbers = np.setdiff1d(np.arange(2, 2 + len(there) + len(cells.odd)), [number for number, _ in cells.odd])[~there]
     numbers = numbers[sizes[~there].any(axis=1)]  # of a line of commas nothing is left out
     left = f"record {', '.join(map(str, numbers[:_MOST_TOLD]))}{', ...' if len(numbers) > _MOST_TOLD else ''}"
