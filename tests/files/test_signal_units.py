@@ -306,3 +306,13 @@ def test_parts_of_complex_numbers_are_not_calculated_with_as_if_they_were_number
     assert found.eval("norm(-z * 2 + z / 2 - zz_as_one)").values.tolist()[0] == 4.5
     assert found.eval("max(pair) + abs(pair)").values[0].tolist() == [4.0, 4.0]
     assert found.eval("z_imag + zz_1_real").values.tolist() == [2.0, 6.0, 10.0]
+
+
+@pytest.mark.parametrize("dtype", ["m8[10ms]", "m8[ps]", "M8[W]"])
+def test_steps_that_have_no_unit_are_told(tmp_path, dtype):
+    log = silo.Logger("st", folder=tmp_path, frequency=100, script=tmp_path / "none.yaml")
+    log.array("late", (), dtype)
+    log.start()
+    log.collect()
+    with pytest.raises(ElementError, match=r"'/log/late' counts what has no unit here.*log it as m8\[ms\]"):
+        silo.open_log(log.save("silo").path).eval("late > 5ms")

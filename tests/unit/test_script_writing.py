@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+import silo
 from silo.core.elements import Action, BufferType, ElementInfo, ElementOptions, Entry, FieldChange
 from silo.errors import ScriptError
 from silo.settings.script import apply_script, format_script, parse_script, read_script, write_script
@@ -183,3 +184,17 @@ def test_an_unknown_key_that_holds_itself_is_kept(tmp_path: Path) -> None:
     path.write_text("log_elements:\n- name: /a\nloop: &l [1, *l]\n")
     assert write_script(path, [info("/a")]) == "; kept what silo doesn't know: loop"
     assert read_script(path).unknown_keys[0].label == "loop"
+
+
+@pytest.mark.parametrize("way", [None, "s.yaml", "sub/../s.yaml", "link.yaml", "WHOLE"])
+def test_the_own_script_is_that_by_whatever_path_it_is_named(tmp_path, monkeypatch, way):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "s.yaml").write_text("log_elements:\n  - {name: /log/away, enabled: true, divider: 7}\n")
+    (tmp_path / "link.yaml").symlink_to("s.yaml")
+    log = silo.Logger("a", folder=tmp_path, script="s.yaml")
+    log.array("x", ())
+    log.save_script(str(tmp_path / "s.yaml") if way == "WHOLE" else way)
+    log.save_script("other.yaml")
+    assert [one.name for one in read_script("s.yaml").elements] == ["/log/x", "/log/away"]
+    assert [one.name for one in read_script("other.yaml").elements] == ["/log/x"]
