@@ -28,6 +28,7 @@ from silo_tui.model.words.names import cells, fitted_among, fitting_names
 Key = Callable[[ListedRun], float]
 MOST_TICKS = 2_000_000
 MOST_DIFFERENT = 200
+ALL_COLUMNS = 100  # of characters
 NAME_WIDTH = 22  # at least
 SAID_WIDTH = 20  # at least, where there is anything to be said
 VALUE_WIDTH = 12
@@ -108,7 +109,11 @@ def _line(told: tuple[str, ...], values: Sequence[str], widths: Widths) -> str:
 def differences(one: Log, other: Log, width: int) -> str:
     """Return what differs between two runs: how much, the rows of it, then what else is to be said; lines that fit."""
     found = compare(one, other)
-    told = table(HEADS, [row.cells for row in found.rows[:MOST_DIFFERENT]], width, "llrrrrr") if found.rows else []
+    # names before all else: where there is no room for all of it, without units and means
+    columns = range(len(HEADS)) if width >= ALL_COLUMNS else (0, 2, 3, 4, 6)
+    cells = [[row.cells[at] for at in columns] for row in found.rows[:MOST_DIFFERENT]]
+    sides = "".join("llrrrrr"[at] for at in columns)
+    told = table([HEADS[at] for at in columns], cells, width, sides) if found.rows else []
     if (more := len(found.rows) - MOST_DIFFERENT) > 0:
         told.append(f"and {more} more")
     return "\n".join([found.counted, *([""] if told else []), *told, "", *found.notes])

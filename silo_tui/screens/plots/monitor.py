@@ -369,7 +369,9 @@ class MonitorScreen(PlotScreen):
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
         live = self.session.source.live  # what is held stands still, of a logger that goes on
-        paused = (("pause", "Go on"),) if self.window.paused and live else ()
+        paused = (
+            (("pause", "Go on" if self.pause.source is not None else "Hold"),) if self.window.paused and live else ()
+        )
         back, _ = self.way_back()
         return (*paused, ("cursor_left", "Cursor"), ("back", back)) if back else paused
 
