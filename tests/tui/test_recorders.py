@@ -1,5 +1,6 @@
 """Endless recordings in the terminal: begun, watched, ended."""
 
+import msgspec
 import pytest
 from msgspec import structs
 
@@ -90,6 +91,18 @@ class TestScreens:
             assert ("record", names, "walks", "1GB", "2GB", "") in fake.calls
             await screen.shows("walks/robot")
             await screen.shows("REC 1")
+
+    async def test_what_a_budget_deletes_of_an_earlier_recording_is_said_before_it_is_begun(self, fake, opened):
+        ended = msgspec.structs.replace(WALK, name="robot", state=RecorderState.ENDED, size_bytes=6_750_000)
+        fake.recorder_infos = [ended, WALK]
+        async with opened(fake) as screen:
+            await screen.do("recordings", "record")
+            await screen.press("tab", "tab", "tab", "tab")
+            await screen.type("8MB")
+            await screen.shows("6.75 MB of the earlier recording 'robot' go first")
+            await screen.press("tab", "tab", "tab")
+            await screen.type("second")
+            await screen.until(lambda: "go first" not in screen.text)
 
     async def test_lines_that_make_no_sense_are_said_and_nothing_is_recorded(self, fake, opened):
         async with opened(fake) as screen:

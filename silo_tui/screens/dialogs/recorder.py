@@ -91,6 +91,10 @@ class RecordDialog(Form[Wish]):
             return first
         if room:
             kept = f"{first}\nkeeps about the newest {duration(room / bytes_s)}, then the oldest parts of its name go"
+            name = wish.name or session.name
+            earlier = sum(one.size_bytes for one in session.recorders if one.name == name and one.state.over)
+            if earlier:
+                kept += f"\n{size_text(earlier)} of the earlier recording '{name}' go first: another name keeps them"
             half = room // 2  # a part ends there, so that one can go while the next is written
             return f"{kept}\na part ends at {size_text(half)}, half of it" if read_split(wish.split)[0] > half else kept
         if self._free_bytes:
