@@ -218,6 +218,20 @@ class TestScreens:
             await screen.shows("ARMED")
             assert fake.trigger_statuses[0].options.when == "x > 3"
 
+    async def test_the_cursor_is_on_a_trigger_that_was_just_made(self, fake, opened):
+        fake.trigger_statuses = [
+            TriggerStatus(TriggerOptions(name, "x > 1", 1, 1), TriggerWord.ARMED) for name in ("slip", "tilt")
+        ]
+        async with opened(fake) as screen:
+            await screen.press("T")
+            await screen.shows("slip")
+            await screen.press("N")
+            await screen.type("high")
+            await screen.press("tab")
+            await screen.type("x > 3")
+            await screen.press("enter")
+            await screen.until(lambda: screen.app.screen.scope == "triggers" and screen.app.screen.chosen_key == "high")
+
     async def test_they_are_asked_for_again_where_no_answer_came(self, fake, opened, monkeypatch):
         fake.limit_statuses = [HOT]
         asked, alarms = [], fake.alarms

@@ -159,7 +159,12 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
 
     def command_trigger_new(self) -> None:
         new = TriggerOptions("", "", AROUND_S, AROUND_S)
-        self.context.run_flow(ask_trigger(self.context, new, self._set))
+        self.context.run_flow(ask_trigger(self.context, new, self._set_new))
+
+    async def _set_new(self, made: TriggerOptions) -> None:
+        await self._set(made)
+        if made.name in self.shown_keys:
+            self.lines.highlighted = self.shown_keys.index(made.name)  # the next keys are about it
 
     def _set(self, made: TriggerOptions) -> Awaitable[None]:
         return self.carry_out(lambda client: client._set_trigger(made))
