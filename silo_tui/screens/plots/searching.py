@@ -365,11 +365,14 @@ class MomentSearch:
     async def _step_by(self, step: int) -> None:
         await self.screen.pause.settled()
         async with self._stepping:
+            begun_ns = self.screen.now_ns
             try:
-                found = await self._sample_beside(self.screen.now_ns, step)
+                found = await self._sample_beside(begun_ns, step)
             except SiloError as error:
                 self.screen.say(str(error))
                 return
+            if self.screen.now_ns != begun_ns:
+                return  # a key that came later has moved the cursor meanwhile
             if found is None:
                 name = self.screen.session.short_name(self.screen.stack.chosen_plot.name)
                 self.screen.say(f"that is the {'last' if step > 0 else 'first'} sample held of {name}")
