@@ -256,7 +256,8 @@ def test_numbers_in_files_of_the_original_are_read(name, fixtures_folder):
         ("time", ("0", "0.5"), 500_000_000), ("time_s", ("1", "1.000000001"), 1), ("t", ("0", "2e-3"), 2_000_000),
         ("time_ms", ("0", "10"), 10_000_000), ("Time [ms]", ("0.25", "0.5"), 250_000), ("t_us", ("-1", "2.5"), 3500),
         ("timestamp (us)", ("1700000000000000", "1700000000000001"), 1000), ("stamp_ms", ("0", "1e1"), 10_000_000),
-        ("time_min", ("0", "0.000000000001"), 0), ("time [h]", ("0", "0.000000001"), 3600),
+        ("time_min", ("0", "0.000000000001"), 0), ("time [h]", ("0", "0.0000000015"), 5400),
+        ("days", ("0", "1"), 86400 * 10**9),
         ("time/ms", ("0", "1"), 1_000_000), ('"time, usec"', ("0", "1"), 1000), ("t_d", ("0", "1"), 10**9),
         ("TIME_MS", ("0", "1"), 1_000_000), ("stampMs", ("0", "1"), 1_000_000), ("t_millis", ("0", "1"), 1_000_000),
         ("minutes", ("0", "1e0"), 60 * 10**9), ("time_hours", ("-1", "0.5"), 5400 * 10**9),
@@ -272,7 +273,13 @@ def test_the_name_of_the_time_says_its_unit(tmp_path, name, cells, step_ns):
 
 
 @pytest.mark.parametrize(
-    ("name", "cells", "unit"), [("tau", "12", " in seconds"), ("a_ms", "12", " in milliseconds"), ("a", "2026", " in")]
+    ("name", "cells", "unit"),
+    [
+        ("tau", "12", " in seconds"),
+        ("a_ms", "12", " in milliseconds"),
+        ("h", "12", " in seconds"),
+        ("a", "2026", " in"),
+    ],
 )
 def test_a_first_column_that_is_not_called_like_a_time_is_told(tmp_path, name, cells, unit):
     (tmp_path / "x.csv").write_text(f"{name},b\n{cells[0]},1\n{cells[1]},2\n")
@@ -282,14 +289,14 @@ def test_a_first_column_that_is_not_called_like_a_time_is_told(tmp_path, name, c
 
 @pytest.mark.parametrize("cells", [["", "NaN"], ['""', "NaT"], [" ", "null"]])
 def test_records_without_a_time_are_left_out_and_told(tmp_path, cells):
-    rows = ["0,1,5", f"{cells[0]},2,5", "1,3,", f"{cells[1]},4,5", "2,,5,6", "3,6,7"]
+    rows = ["0,1,5", "2,,5,6", f"{cells[0]},2,5", "1,3,", f"{cells[1]},4,5", "3,6,7"]
     (tmp_path / "x.csv").write_text("time_ms,a,b\n" + "\n".join(rows) + "\n")
     read = read_csv(tmp_path / "x.csv")
     assert read.time_ns.tolist() == [0, 1_000_000, 3_000_000]
     values = {element.name: element.entries[0].values.tolist() for element in read.elements}
     assert values["a"] == [1, 3, 6]
     assert [values["b"][0], values["b"][-1]] == [5, 7]
-    assert "record 3, 5 has no time in the first column; 2 left out" in read.warnings
+    assert "record 4, 6 has no time in the first column; 2 left out" in read.warnings
 
 
 @pytest.mark.parametrize(

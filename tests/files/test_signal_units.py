@@ -260,7 +260,8 @@ def test_any_text_is_a_unit_that_combines_and_cancels(one, other):
     [
         ("ms > 5ms", [False, False, True]), ("us > 5ms", [False, False, True]),
         ("ms > 0.005s", [False, False, True]), ("ms - us", [0, 0, 0, math.nan]),
-        ("hours == days", [True, False, False, False]), ("when_s == when_ms", [True] * 4),
+        ("hours == days", [True, False, False, False]),
+        ("days > 23h", [False, True, True, True]), ("when_s == when_ms", [True] * 4),
         ("when_ms - when_s < 1us", [True] * 4), ("max(ms, us) < 7ms", [True, True, True]),
         ("diff(minutes) > 59s", [True, True, True]), ("ms + 1s > 1.0055s", [False, False, True]),
     ],

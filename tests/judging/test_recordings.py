@@ -99,6 +99,13 @@ def test_sums_and_products_of_integers_keep_all_digits(whole, expression, expect
     assert (found.values.dtype, found.values.tolist()) == (np.int64, expected)
 
 
+def test_before_the_first_sample_is_no_number_whatever_it_is_of(whole):
+    for expression in ("prev(n) - n", "diff(n)", "n - prev(n)", "prev(u) * 2"):
+        found = whole.eval(expression).values
+        assert (found.dtype, np.isnan(found).tolist()) == (np.float64, [True] + [False] * 9), expression
+    assert np.isnan(whole.eval("n % (n - n)").values).all()
+
+
 def test_what_threads_evaluate_at_once_of_a_log_is_what_each_would(monkeypatch):
     """One looks at the rates that another's signals have in common; they take turns at each batch."""
     dividers = {f"d{divider}": divider for divider in (2, 3, 10, 15)}

@@ -123,6 +123,20 @@ def test_who_had_a_stream_before_goes_on_where_it_was_as_far_back_as_is_carried(
     assert begins(run="another", rows=rows) == [(8, 2), (3, 2)]
 
 
+def test_a_run_that_is_over_is_sent_at_once_so_that_its_memory_goes(new_logger):
+    log = new_logger("bot", frequency=100)
+    log.array("x")
+    log.start()
+    log.collect()
+    now = Replica(robot_state(log, "", -1)).now
+    stream = ServedStream(OpenStream(stream="a-1", names=["/log/x"], period_s=10.0), None, 0.0, at_once)
+    stream.adopt(now, SegmentReader(log._present.path))
+    stream.due_s = 10.0
+    assert not stream.is_due(Round(now, SegmentReader(log._present.path), 1.0))
+    log.restart()
+    assert stream.is_due(Round(now, SegmentReader(log._present.path), 1.0))
+
+
 def test_of_runs_that_wait_for_a_stream_the_oldest_make_room_and_the_next_one_is_read(new_logger):
     held = HeldRuns(Replica(robot_state(new_logger("bot"), "", -1)), lambda: None)
     for number, run in enumerate("WXABCP"):
