@@ -210,7 +210,7 @@ def measure(size: tuple[int, int], elements: int, options: argparse.Namespace, e
     link = Link(options.link, options.delay)
     terminal = Terminal(command, size, link, environment)
     try:
-        first_s = terminal.until(shows(b"RUNNING", b"Quit", b"elem" if size[0] >= 100 else b"%"))
+        first_s = terminal.until(shows(b"RUNNING", b"Quit", b"elem" if size[0] >= 100 else b" on"))
         first_s = time.monotonic() - terminal.began_s
         terminal.rest(options.warm)
         seen = live(terminal, options.seconds)
