@@ -33,11 +33,9 @@ def encoding_of(element: ElementSchema) -> str:
     if len(types) == 1:
         dtype = stored_type(types.pop(), swapped=False)
         # bytes that are the same may as well be read as what was logged
-        like = shaped(
-            np.empty((0, len(entries)), dtype),
-            element.info.shape,
-            parts=in_parts(element.info.kind, element.info.shape, element.info.entries),
-        )
+        info = element.info
+        parts = in_parts(info.kind, info.shape, info.entries)
+        like = shaped(np.empty((0, len(entries)), dtype), info.shape, parts=parts)
         return f"silo/samples;dtype={like.dtype.str};shape={','.join(map(str, like.shape[1:]))}"
     fields = ",".join(
         f"{_field(entry.entry.suffix)}:{stored_type(entry.entry.dtype, swapped=False).str}" for entry in entries

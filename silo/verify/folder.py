@@ -367,11 +367,16 @@ class _Folder:
         here = {path.parent for _, files in saved for path in files if (self.folder / path.name).exists()}
         for event, every in saved:
             files = [path for path in every if path.parent in here or path.parent.resolve() == self.folder.resolve()]
-            if files and not self._names & {path.name for path in files}:
-                names = and_more([path.name for path in files], _MOST_SHOWN)
-                gone = {path.name for path in files}
+            gone = [path.name for path in files]
+            if gone and self._names.isdisjoint(gone):
+                names = and_more(gone, _MOST_SHOWN)
                 by = next(
-                    (f"event {one.number}: {one.text}" for one in told if gone & set(re.split("[ ,]+", one.text))), ""
+                    (
+                        f"event {one.number}: {one.text}"
+                        for one in told
+                        if {*gone}.intersection(re.split("[ ,]+", one.text))
+                    ),
+                    "",
                 )
                 yield Verdict("missing", f"{names} was saved (event {event.number}), and is gone", logger, told=by)
 

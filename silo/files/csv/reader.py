@@ -61,7 +61,7 @@ _UNITS = (
 )
 # behind a sign or, as in `stampMs`, a capital; or the whole name, but for `h` and the like
 _UNIT = re.compile(
-    r"(?i:(?:[_\s\[(/,.:-]\s*)(?P<behind>{0})\s*[\])]?)$|(?<=[a-z])(?=[A-Z])(?i:(?P<inside>{0}))$|^(?i:(?P<whole>{0}))$".format(
+    r"(?i:(?:[_\s\[(/,.:-]\s*)({0})\s*[\])]?)$|(?<=[a-z])(?=[A-Z])(?i:({0}))$|^(?i:(?P<whole>{0}))$".format(
         "|".join(unit.words for unit in _UNITS)
     )
 )
@@ -304,12 +304,11 @@ def _time(name: str, cells: Words) -> tuple[NDArray[np.int64], str]:
         if not (np.abs(scaled) < _MOST_NS).all():
             raise FileFormatError("a time stamp is out of range: nanoseconds must fit 63 bits, the years 1678 to 2262")
         return scaled.astype(np.int64), f" in {unit.name}"
-    wrong = next((text for text in texts if _DECIMAL.fullmatch(text)), None)
+    others = [text for text, match in zip(texts, matches, strict=True) if match is None]
     with contextlib.suppress(ValueError):
-        if wrong is None:  # else a number would be a year
+        if len(others) == len(texts):  # else a number would be a year
             return np.array([_in_utc(decode_text(text)) for text in texts], "M8[ns]").view(np.int64), ""
-    wrong = next(text for text in texts if not _DECIMAL.fullmatch(text))
-    raise FileFormatError(f"its first column ('{name}') holds no time in {unit.name}: '{decode_text(wrong)[:40]}'")
+    raise FileFormatError(f"its first column ('{name}') holds no time in {unit.name}: '{decode_text(others[0])[:40]}'")
 
 
 def _in_utc(text: str) -> np.datetime64:
