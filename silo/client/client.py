@@ -257,13 +257,17 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         """Return why this user's changes get no answer from a logger that has just `told` who it is; empty: they do."""
         if self.read_only:
             return READ_ONLY
-        mine = self._connection.mine
-        question = msgspec.structs.replace(self._question, id=mine.id, proof=mine.proof)
-        try:
-            reply = self._connection.exchange(question, self._timeout_s, as_change=True)
-        except NoAnswerError:  # access control swallows what isn't allowed: no answer on this key is the answer
-            return told.why_not or viewer_words(self._connection.user, self._connection.root.address)
-        return reply.text if isinstance(reply, Refused) else ""
+        while True:
+            mine = self._connection.mine
+            question = msgspec.structs.replace(self._question, id=mine.id, proof=mine.proof)
+            try:
+                reply = self._connection.exchange(question, self._timeout_s, as_change=True)
+            except NoAnswerError:  # access control swallows what isn't allowed: no answer on this key is the answer
+                asked, told = told, self._call(self._question)
+                if told.status.helper_pid == asked.status.helper_pid:  # else it had ended, and the next one is asked
+                    return told.why_not or viewer_words(self._connection.user, self._connection.root.address)
+            else:
+                return reply.text if isinstance(reply, Refused) else ""
 
     # -------------------------------------------------------------------------------------------------------- control
 

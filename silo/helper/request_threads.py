@@ -112,11 +112,12 @@ class RequestThreads:
         self._root, self._denials = root, denials
         self._authentication, self._control_lock, self._know = authentication, control_lock, know
         self._servers = servers
-        # when more wait, the oldest are dropped, and their clients get an empty answer at once
-        self._asked = session.declare_queryable(root.key("ask"), zenoh.handlers.RingChannel(MAX_WAITING))
+        # when more wait, the oldest are dropped, and their clients get an empty answer at once; "ask" comes last: who is
+        # answered there, and not on the others, takes it that rules keep it from changing anything
         self._to_do = [
             session.declare_queryable(key, zenoh.handlers.RingChannel(MAX_WAITING)) for key in authentication.keys
         ]
+        self._asked = session.declare_queryable(root.key("ask"), zenoh.handlers.RingChannel(MAX_WAITING))
         self._lanes = Lanes(self._do_one, self._tell_late)
         self._ending = False
         self._threads = [

@@ -15,6 +15,7 @@ from silo.cli.codes import EXIT_NO_LOGGER
 from silo.cli.main import run
 from silo.client import connection
 from silo.client.client import Client
+from silo.client.connection import Connection
 from silo.core.elements import State
 from silo.core.runtime import down_mark, down_marks, process_start, sweep_unfinished
 from silo.errors import ConnectionLostError
@@ -29,6 +30,7 @@ from silo.logger.serving import process, serving
 from silo.logger.serving.process import DownMark
 from silo.net.keys import ClientId, Root
 from silo.net.session import close, open_client
+from silo.rpc.declaring import Do
 from silo.rpc.refusals import Refused, answered
 from tests.fuzz.test_wire import Bench as Parts
 from tests.ipc.conftest import no_process
@@ -88,6 +90,31 @@ def test_a_client_comes_to_the_next_helper_process_where_one_dies_while_it_conne
     with Client.connect("bot", timeout_s=min(DEADLINE_S, 60)) as client:
         assert client.table().elements
         assert client.status().helper_pid not in {killed[0], 0}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ask", [Client._hello, lambda client: client.mark("slipped")], ids=["hello", "change"])
+def test_silence_of_a_helper_process_that_was_killed_is_not_taken_for_a_role(bench, client, monkeypatch, ask) -> None:
+    exchange, killed = Connection.exchange, []
+
+    def after_a_death(connection, request, timeout_s, **options):
+        if options.get("as_change") or (request.key == Do.key and not killed):
+            if not killed:
+                killed.append(bench.serving.helper_pid)
+                os.kill(killed[0], signal.SIGKILL)
+                wait_until(lambda: not process_start(killed[0]))
+                raise NoAnswerError("nobody is there")
+            if len(killed) == 1:  # the next one has the question, dies before it answers
+                killed.append(client._call(client._question).status.helper_pid)
+                os.kill(killed[1], signal.SIGKILL)
+        return exchange(connection, request, timeout_s, **options)
+
+    monkeypatch.setattr(Connection, "exchange", after_a_death)
+    try:
+        assert ask(client).may_edit
+    except ConnectionLostError as lost:
+        assert "look whether it was done" in str(lost)
+    assert len(killed) == 2
 
 
 @pytest.mark.slow

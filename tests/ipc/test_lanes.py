@@ -138,3 +138,18 @@ def test_more_than_may_wait_are_refused_at_once(helper, monkeypatch) -> None:
 def test_a_request_is_called_by_words() -> None:
     assert spoken(ApplyEdits(revision=1, edits=[])) == "apply edits"
     assert spoken(Start()) == "start"
+
+
+def test_who_is_answered_by_a_helper_process_that_begins_can_also_send_it_a_change(helper) -> None:
+    declared: list[str] = []
+
+    class Session:
+        def declare_queryable(self, key: str, handler: object) -> "zenoh.Queryable":
+            declared.append(key)
+            return helper.server.declare_queryable(key, handler)
+
+    RequestThreads(  # type: ignore[arg-type]
+        Session(), ROOT, helper.answers, Authentication(ROOT), Everybody(), lambda *_: None, Denials()
+    )
+    assert sorted(declared) == sorted([ROOT.key("ask"), *Authentication(ROOT).keys])
+    assert declared[-1] == ROOT.key("ask")
