@@ -112,8 +112,8 @@ class RequestThreads:
         self._root, self._denials = root, denials
         self._authentication, self._control_lock, self._know = authentication, control_lock, know
         self._servers = servers
-        # when more wait, the oldest are dropped, and their clients get an empty answer at once; "ask" comes last: who is
-        # answered there, and not on the others, takes it that rules keep it from changing anything
+        # when more wait, the oldest are dropped, and their clients get an empty answer at once; "ask" comes last: who
+        # is answered there, and not on the others, takes it that rules keep it from changing anything
         self._to_do = [
             session.declare_queryable(key, zenoh.handlers.RingChannel(MAX_WAITING)) for key in authentication.keys
         ]
