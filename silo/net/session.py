@@ -108,20 +108,16 @@ def sweep(folder: Path) -> list[Path]:
 def _removed_if_dead(path: Path) -> bool:
     lock = Beside.LOCK.of(path)
     try:
-        descriptor = os.open(lock, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
-    except FileNotFoundError:
-        if _listens(path):
-            return False
-        _remove_socket(path)
-        return True
+        descriptor = os.open(lock, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
     except OSError:
         return False
     with closing_file(descriptor), contextlib.suppress(BlockingIOError):
         # held while the files go: a process that starts meanwhile is refused the lock, and tries again
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if is_at(descriptor, lock):
-            _remove_socket(path)
-            return True
+            lives = _listens(path)  # it lost its lock
+            _remove(*([lock] if lives else _files_of(path)))
+            return not lives
     return False
 
 
@@ -138,10 +134,14 @@ def _listens(path: Path) -> bool:
     return True
 
 
-def _remove_socket(path: Path) -> None:
-    for stale in (path, *(one.of(path) for one in reversed(Beside))):  # the lock last
+def _files_of(path: Path) -> list[Path]:
+    return [path, *(one.of(path) for one in reversed(Beside))]  # the lock last
+
+
+def _remove(*files: Path) -> None:
+    for file in files:
         with contextlib.suppress(FileNotFoundError):
-            stale.unlink()
+            file.unlink()
 
 
 def open_server(

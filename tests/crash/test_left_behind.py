@@ -26,6 +26,7 @@ from silo.errors import SaveError, SegmentError
 from silo.files.atomic import atomic_file, atomic_folder, sweep_parts
 from silo.helper.left_logs import recover
 from silo.journal.folders import RECORDINGS, remember_folder
+from silo.net import session as net_session
 from silo.net.session import owner_is_gone, sweep
 from silo.recovery.left import damage
 from silo.recovery.runs import left_of
@@ -210,6 +211,7 @@ import sys
 from pathlib import Path
 from silo.recovery.segments import sweep_segments
 from silo.files.atomic import sweep_parts
+from silo.net import session as net_session
 from silo.net.session import owner_is_gone, sweep
 from silo.core.runtime import runtime_dir
 print("sweeping", flush=True)
@@ -349,6 +351,24 @@ def test_ls_sweeps_the_sockets_of_helpers_that_were_killed(robots, runtime, unti
     until(lambda: owner_is_gone(path))  # a killed process holds its locks a moment longer
     run(["ls"])
     assert [path.name for path in runtime.iterdir() if ".sock" in path.name] == []
+
+
+def test_a_server_can_not_start_at_the_socket_of_a_dead_one_while_it_is_swept(runtime, monkeypatch):
+    refused = []
+
+    def starts_meanwhile(path: Path) -> bool:
+        with Path(f"{path}.lock").open("a") as lock:  # as Zenoh takes it
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                refused.append(path)
+        return False
+
+    monkeypatch.setattr(net_session, "_listens", starts_meanwhile)
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(runtime / "bot.1.sock"))  # its lock is gone already
+    assert sweep(runtime) == refused == [runtime / "bot.1.sock"]
+    assert list(runtime.iterdir()) == []
 
 
 def test_sweeps_beside_servers_that_start_take_none_of_their_sockets(runtime):
