@@ -17,7 +17,7 @@ from silo.core.calls import of, told_class
 from silo.core.elements import DEFAULT_MAX_TIME_S, ControlMode, GroupRole, Storage, Threads
 from silo.core.episodes.block import EpisodeBlock
 from silo.core.quantities.writing import many
-from silo.errors import SiloError, StateError
+from silo.errors import ArgumentError, SiloError, StateError
 from silo.logger.arguments.keywords import AnyStorage, AnyThreads, ControlWord, GroupRoleWord
 from silo.logger.arguments.options import (
     logger_options,
@@ -474,7 +474,7 @@ class Logger(LoggerNames):
 
         Raises:
             StateError: the logger is served already.
-            ArgumentError: `foxglove` is no port, or a word is none of those that there are.
+            ArgumentError: `foxglove` is no port, a word is none of those that there are, or a role has no group.
             ConnectionLostError: the helper process didn't start; it says why.
             SiloError: the port of Foxglove is taken, or `websockets` is missing.
         """
@@ -482,6 +482,8 @@ class Logger(LoggerNames):
 
         group, config = serving_group(group), serving_config(config)
         role, mode = word("group_role", group_role, GroupRole), word("control", control, ControlMode)
+        if group is None and role is not GroupRole.OPERATOR:
+            raise ArgumentError(f'group_role="{role.value}" is what members of a group may do: name it, by group="..."')
         port = None if foxglove is None else whole("foxglove (a port)", foxglove, 0, 65535)
         with self._life.lock:
             self._life.check_open()

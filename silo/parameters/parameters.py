@@ -39,6 +39,7 @@ STALLED_TICKS = 3
 STALLED = "the loop stands still"
 
 MOST_WAITING = 64
+MOST_REVERTS = 1000  # changes that wait to be confirmed
 REVERT_LOOK_S = 0.1  # after which is looked again whether a change is back
 MOST_ENDS = 256  # changes of which is remembered what became of them
 BUSY = f"{MOST_WAITING} changes of parameters wait for a tick already: try again in a moment; nothing was changed"
@@ -291,6 +292,11 @@ class Parameters(Mapping[str, Parameter]):
         landing = self.landing
         if len(landing.waiting) >= MOST_WAITING:
             raise ElementError(BUSY)
+        if revert_s and len(self._reverts) >= MOST_REVERTS:
+            text = (
+                f"{MOST_REVERTS} changes wait to be confirmed already: confirm some, or wait until they are taken back"
+            )
+            raise ElementError(f"{text}; nothing was changed")
         if not values:
             raise ElementError("no parameter is given; nothing was changed")
         fit = self._fitting(values)

@@ -14,7 +14,7 @@ from silo.cli.codes import EXIT_FAILED
 from silo.cli.main import run
 from silo.client.client import Client
 from silo.control.authentication import Authentication
-from silo.errors import ConnectionLostError, ElementError, RefusedError
+from silo.errors import ArgumentError, ConnectionLostError, ElementError, RefusedError
 from silo.fleet.resolving import discover
 from silo.net.access.admission import INSECURE, Admission, admission_of, rules_hold_names
 from silo.net.access.senders import PROVEN, came_by_network, claim_of, local_words, network_words, short_words
@@ -270,6 +270,12 @@ def test_only_the_group_may_read_the_word_of_the_group_and_only_the_owner_its_ow
     path = Path(shared.serve(group=GROUP).socket_path)
     assert Beside.OWN.of(path).stat().st_mode & 0o777 == 0o600
     assert Beside.GROUP.of(path).stat().st_mode & 0o777 == 0o640
+
+
+def test_a_role_without_a_group_is_refused(bench) -> None:
+    bench.serving.close()
+    with pytest.raises(ArgumentError, match="name it"):
+        bench.logger.serve(group_role="viewer")
 
 
 def test_a_role_or_mode_that_there_is_not_is_refused_with_those_that_there_are(shared) -> None:

@@ -11,7 +11,7 @@ from silo.core.recording import MOST_EVENTS, with_events
 from silo.core.tuning.parameters import ParameterInfo, ParameterKind
 from silo.errors import ElementError
 from silo.parameters.landing import between
-from silo.parameters.parameters import MOST_ENDS, MOST_WAITING
+from silo.parameters.parameters import MOST_ENDS, MOST_REVERTS, MOST_WAITING
 from tests.waiting import wait_until
 
 
@@ -215,6 +215,17 @@ def test_what_nobody_confirms_is_taken_back_as_far_as_nobody_changed_it_since(tu
     tuned.parameters.revert_due()
     tuned.collect()
     assert (read(tuned)["kp"], read(tuned)["kd"]) == (40.0, 3.0)
+
+
+def test_so_many_changes_wait_to_be_confirmed_and_no_more(tuned):
+    for number in range(MOST_REVERTS):
+        ask(tuned, {"kp": number % 100}, f"change {number}", revert_s=3600)
+        tuned.collect()
+    with pytest.raises(ElementError, match=r"wait to be confirmed already.*nothing was changed"):
+        ask(tuned, {"kp": 7.0}, "one more", revert_s=3600)
+    ask(tuned, {"kp": 8.0})
+    assert tuned.parameters.confirm(f"change {MOST_REVERTS - 1}")
+    ask(tuned, {"kp": 9.0}, "now", revert_s=3600)
 
 
 def test_what_nobody_confirms_is_taken_back_also_where_it_came_late_or_the_program_had_closed_it(tuned):
