@@ -1,10 +1,12 @@
 """How far a change of parameters had come at a tick: one of a parameter with `rate=` goes there over many ticks.
 
-All that is set together goes the same share of its way (`silo.parameters.landing`). An event tells where a change
-begins and where it goes, and not always when it was over; the samples of the parameters that it changed tell the rest.
+All that is set together goes the same share of its way (`silo.parameters.landing`), but for what is set again
+meanwhile. An event tells where a change begins and where it goes, and not always when it was over; the samples of the
+parameters that it changed tell the rest.
 """
 
-from bisect import bisect_right
+import sys
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -47,7 +49,7 @@ def _samples(element: RecordedElement, time_ns: NDArray[np.int64], before: int) 
 
 
 class Ramp:
-    """The way of one change."""
+    """The way of one change, for what was not set again since."""
 
     def __init__(
         self,
@@ -58,58 +60,77 @@ class Ramp:
     ) -> None:
         """Look at what is known of it. `later` events may set the same again; `stamp` is that of a tick, ns."""
         assert event.change is not None
-        self._event, self._stamp = event, stamp
-        names = {name for name, _, _ in event.change.values}
-        following = next((one for one in later if not names.isdisjoint(name for name, _, _ in values_of(one))), None)
-        self._end = None if following is None else following.tick  # with what belongs together it stops there
-        points = dict(_shares(event, following, samples))
-        self._ticks = sorted(points)
-        self._shares = [points[tick] for tick in self._ticks]
+        self._stamp, self._begin, until = stamp, event.tick, event.change.until
+        self._takes_time, self._whole = until > event.tick, 1.0
+        self._end = until if self._takes_time else sys.maxsize  # from which tick on it stands still
+        numbers = list(_numbers_told(event, later, samples))
+        exact = max(numbers, key=lambda one: (one.is_logged, not one.step, one.until), default=None)
+        shares = [] if exact is None else exact.shares
+        self._ticks, self._shares = [tick for tick, _ in shares], [share for _, share in shares]
+        self._under_way = next((place for place, share in enumerate(self._shares) if 0 < share < 1), None)
+        longest = max(numbers, key=lambda one: (one.until, one is exact), default=None)
+        if longest is not None:
+            for tick, share in longest.shares if longest is not exact else ():
+                # what is rounded tells nothing where it is what it would be
+                if not self._ticks or (tick > self._ticks[-1] and abs(self.share(tick) - share) > longest.step / 2):
+                    self._ticks.append(tick)
+                    self._shares.append(share)
+            self._end = min(self._end, longest.until)
+        behind = bisect_left(self._ticks, self._end)
+        self._whole = self._shares[behind] if behind < len(self._shares) else 1.0
+        self._ticks, self._shares = self._ticks[:behind], self._shares[:behind]
 
     def share(self, tick: int) -> float:
         """Return how much of the way was done at a tick, from 0 to 1; 1 where nothing tells that it takes time."""
-        tick = tick if self._end is None else min(tick, self._end)
-        begin, until = self._event.tick, self._event.change.until if self._event.change is not None else -1
-        under_way = next((place for place, share in enumerate(self._shares) if 0 < share < 1), None)
+        if tick >= self._end:
+            return self._whole
         place = bisect_right(self._ticks, tick) - 1
-        if under_way is None:
-            if place >= 0 or not begin < until:
-                return self._shares[place] if place >= 0 else 0.0 if self._shares[:1] == [0.0] else 1.0
-            return self._done(begin, tick) / max(self._done(begin, until), 1)
-        pace = self._shares[under_way] / max(self._done(begin, self._ticks[under_way]), 1)
         share = self._shares[place] if place >= 0 else 0.0
-        following = self._shares[place + 1] if place + 1 < len(self._shares) else 1.0
+        following = self._shares[place + 1] if place + 1 < len(self._shares) else self._whole
+        if self._under_way is not None:
+            pace = self._shares[self._under_way] / max(self._done(self._begin, self._ticks[self._under_way]), 1)
+        elif self._takes_time:
+            pace = self._whole / max(self._done(self._begin, self._end), 1)
+        else:
+            return share if place >= 0 else 0.0 if self._shares[:1] == [0.0] else 1.0
         if place == len(self._shares) - 1 and self._shares[place - 1 : place] == [share]:
             return share  # it stopped on its way
-        return min(share + pace * self._done(self._ticks[place] if place >= 0 else begin, tick), following)
+        return min(share + pace * self._done(self._ticks[place] if place >= 0 else self._begin, tick), following)
 
     def _done(self, begin: int, tick: int) -> int:
         """Nanoseconds: the row of a tick has what came of the one before it."""
         return max(0, self._stamp(tick - 1) - self._stamp(begin - 1))
 
 
-def _shares(
-    event: LoggedEvent, following: LoggedEvent | None, samples: Callable[[str], TunedSamples | None]
-) -> Iterator[tuple[int, float]]:
-    """How far it had come, by tick, as the samples of a number tell, and what the next change found."""
-    numbers = [(name, way) for name, old, new in values_of(event) if (way := _way(old, new)) is not None]
-    # what is rounded tells less
-    numbers.sort(key=lambda one: isinstance(one[1].first, int))
-    logged, name, way = next(
-        ((found, name, way) for name, way in numbers if (found := samples(name)) is not None),
-        (None, *(numbers[0] if numbers else ("", None))),
-    )
-    if way is None:
-        return
-    if logged is not None and way.place < logged.values.shape[1]:
-        low = int(np.searchsorted(logged.ticks, event.tick))
-        high = len(logged.ticks) if following is None else int(np.searchsorted(logged.ticks, following.tick))
-        shares = np.clip((logged.values[low:high, way.place].astype(float) - way.first) / way.length, 0.0, 1.0)
-        yield from zip(logged.ticks[low:high].tolist(), shares.tolist(), strict=True)
-    if following is not None:
-        then = next((then for other, then, _ in values_of(following) if other == name), None)
+class _Number(NamedTuple):
+    """What a number tells of a change: how far it had come, by tick.
+
+    `step` is the part of the way that is 1 of a whole number; `until` the tick at which it was set again.
+    """
+
+    is_logged: bool
+    step: float
+    until: int
+    shares: list[tuple[int, float]]
+
+
+def _numbers_told(
+    event: LoggedEvent, later: Sequence[LoggedEvent], samples: Callable[[str], TunedSamples | None]
+) -> Iterator[_Number]:
+    for name, old, new in values_of(event):
+        if (way := _way(old, new)) is None:
+            continue
+        again = ((one.tick, then) for one in later for other, then, _ in values_of(one) if other == name)
+        until, then = next(again, (sys.maxsize, None))
+        logged, shares = samples(name), []
+        is_logged = logged is not None and way.place < logged.values.shape[1]
+        if logged is not None and is_logged:
+            part = slice(*np.searchsorted(logged.ticks, [event.tick, until]))
+            numbers = logged.values[part, way.place].tolist()
+            shares = list(zip(logged.ticks[part].tolist(), map(way.share, numbers), strict=True))
         if then is not None:
-            yield following.tick, way.share(_numbers(then)[way.place])
+            shares.append((until, way.share(_numbers(then)[way.place])))
+        yield _Number(is_logged, abs(1 / way.length) if isinstance(way.first, int) else 0.0, until, shares)
 
 
 class _Way(NamedTuple):

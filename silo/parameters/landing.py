@@ -5,10 +5,12 @@ list outlives runs: a change that came while the logger stood still is not lost.
 not in the segment, which changes at each start.
 """
 
+import functools
 import itertools
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import msgspec
 import numpy as np
@@ -28,6 +30,9 @@ SET = "somebody set it"
 OVERTAKEN = "the program changed what belongs to it meanwhile: look at it and ask again"
 
 
+Part: TypeAlias = tuple[ParameterInfo, slice]  # with the place of its words among those of a change
+
+
 @dataclass(eq=False)
 class WaitingChange:
     """A change on its way. It is over once it `landed`, at `tick`, or was `refused`, in words."""
@@ -44,7 +49,6 @@ class WaitingChange:
     tick: int = -1
     landed: bool = False
     refused: str = ""
-    superseded: bool = False
     old: NDArray[np.int64] | None = None
     ramp_ns: float = 0.0
     begun_ns: int = 0
@@ -53,10 +57,10 @@ class WaitingChange:
     record: ChangeRecord | None = None
     excited: Excited | None = None  # it moves around what it is
 
-    @property
-    def names(self) -> set[str]:
+    @functools.cached_property
+    def parts(self) -> "list[Part]":
         """What it changes."""
-        return {info.name for info in self.infos}
+        return _parts(self.infos)
 
 
 class Landing:
@@ -124,11 +128,12 @@ class Landing:
         """What they will be once all that waits has landed."""
         values = dict(zip((info.name for info in self.infos), self.image(), strict=True))
         for change in list(self.waiting):
-            at = 0
-            for info in change.infos:
-                values[info.name] = decoded(info, change.new[at : at + info.words].tobytes())
-                at += info.words
+            values |= {info.name: decoded(info, change.new[part].tobytes()) for info, part in self.going(change)}
         return values
+
+    def going(self, change: WaitingChange) -> list[Part]:
+        """What a change goes on changing: not what another one has set since it landed."""
+        return [one for one in change.parts if not change.landed or self.last.get(one[0].name) == change.token]
 
     def expected(self, groups: set[str]) -> dict[str, int]:
         """By group, which change lands there last of those that are on their way, or landed last."""
@@ -165,10 +170,11 @@ class Landing:
     def _open(self, change: WaitingChange) -> None:
         record = change.record = self.record
         if record is not None:
-            places = [self._places[info.name] for info in change.infos]
+            going = self.going(change)
+            places, new = [self._places[info.name] for info, _ in going], _joined(change.new, going)
             what = change.excited.what if change.excited is not None else None
             with self._recording:
-                change.slot = record.open(change.who, change.where, change.id, places, change.new.tobytes(), what)
+                change.slot = record.open(change.who, change.where, change.id, places, new, what)
 
     # --------------------------------------------------------------------------------- in the thread of the loop
 
@@ -224,8 +230,6 @@ class Landing:
             change.begun_ns = t
         else:
             self._words[change.selection] = change.new
-        for other in list(self.waiting):
-            other.superseded |= other is not change and other.landed and not other.names.isdisjoint(change.names)
         self.revision = next(self._revisions)
         for info in change.infos:
             self.last[info.name] = self.landed[info.group] = change.token
@@ -234,19 +238,23 @@ class Landing:
         return not change.ramp_ns
 
     def _ramp(self, change: WaitingChange, n: int, t: int) -> bool:
-        """Go a step on the way to the new values; all of a change share one fraction, so that their ratios hold."""
+        """Go a step on the way to the new values, all of a change the same share of it, so that their ratios hold; what
+        was set by another one meanwhile stays as that says.
+        """
         assert change.old is not None
-        if not (change.superseded or (self.locked and not change.own and any(info.locked for info in change.infos))):
+        going = self.going(change)
+        if going and not (self.locked and not change.own and any(info.locked for info, _ in going)):
             change.fraction = max(change.fraction, min(1.0, (t - change.begun_ns) / change.ramp_ns))
             found = np.array(self._words[change.selection])
-            self._words[change.selection] = between(change.infos, change.old, change.new, change.fraction)
+            there = between(change.infos, change.old, change.new, change.fraction)
+            for info, part in going:
+                self._words[info.offset : info.offset + info.words] = there[part]
             self.revision = next(self._revisions)
             if change.record is not self.record and n >= 0:  # there was a start, or a cut, meanwhile
                 self._open(change)
                 if change.slot is not None:
                     # where it is over now, the new run has no other tick of it
-                    here = found if change.fraction >= 1.0 else self._words[change.selection]
-                    change.slot.land(n, here.tobytes())
+                    change.slot.land(n, _joined(found if change.fraction >= 1.0 else there, going))
             if change.fraction < 1.0:
                 return False
         if change.slot is not None:
@@ -255,7 +263,7 @@ class Landing:
 
     def _excite(self, change: WaitingChange, excited: Excited, n: int, t: int) -> bool:
         """Go where its course has come to by now, and note its end."""
-        if change.superseded:
+        if not self.going(change):
             excited.let_go(SET)
         elif self.locked and excited.info.locked:
             excited.end_soon(CLOSED)
@@ -281,10 +289,7 @@ def between(
     if fraction >= 1.0:
         return new
     found: NDArray[np.int64] = np.array(old)
-    at = 0
-    for info in infos:
-        part = slice(at, at + info.words)
-        at += info.words
+    for info, part in _parts(infos):
         if info.kind is ParameterKind.FLOAT:
             a, b = old[part].view(np.float64), new[part].view(np.float64)
             found[part] = (a + fraction * (b - a)).view(np.int64)
@@ -293,14 +298,21 @@ def between(
     return found
 
 
+def _parts(infos: Sequence[ParameterInfo]) -> list[Part]:
+    ends = list(itertools.accumulate(info.words for info in infos))
+    return [(info, slice(end - info.words, end)) for info, end in zip(infos, ends, strict=True)]
+
+
+def _joined(words: NDArray[np.int64], parts: Sequence[Part]) -> bytes:
+    return b"".join(words[part].tobytes() for _, part in parts)
+
+
 def _ramp_ns(change: WaitingChange) -> float:
     """How long a change takes that may go so many units per second."""
     if change.excited is not None:
         return float(change.excited.what.duration_s * 1e9)
-    longest, at = 0.0, 0
-    for info in change.infos:
-        part = slice(at, at + info.words)
-        at += info.words
+    longest = 0.0
+    for info, part in change.parts:
         if info.rate and change.old is not None:
             kind = np.float64 if info.kind is ParameterKind.FLOAT else np.int64
             way = change.new[part].view(kind).astype(float) - change.old[part].view(kind).astype(float)

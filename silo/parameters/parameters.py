@@ -95,7 +95,7 @@ class Excitations:
             )
         if self.landing.next_row() < 0:
             raise ElementError(f"{STANDS_STILL}: start it first; nothing was changed")
-        if any(info.name in change.names for change in list(self.landing.waiting)):
+        if any(info.name == one.name for change in list(self.landing.waiting) for one, _ in self.landing.going(change)):
             raise ElementError(f"parameter '{info.name}' is on its way to another value; nothing was changed")
         check_rate(what, frequency_hz)
 
@@ -334,7 +334,7 @@ class Parameters(Mapping[str, Parameter]):
         info = self.excitations.described(self._known[self.full(what.name)].info)
         self._may_change(info, remote=remote)
         self.excitations.check(info, what, frequency_hz)
-        if any(info.name in one.change.names for one in self._reverts):
+        if any(info.name == other.name for one in self._reverts for other in one.change.infos):
             raise ElementError(f"parameter '{info.name}' is to be taken back soon: confirm it first")
         for end in ends_of(info, what):
             expects = self._check({info.name: end})
@@ -374,13 +374,10 @@ class Parameters(Mapping[str, Parameter]):
 
     def _to_take_back(self, change: WaitingChange) -> dict[str, ParameterValue]:
         """What a change that landed changed last, as it was before."""
-        values: dict[str, ParameterValue] = {}
-        at = 0
-        for info in change.infos:
-            if change.old is not None and self.landing.last.get(info.name) == change.token:
-                values[info.name] = decoded(info, change.old[at : at + info.words].tobytes())
-            at += info.words
-        return values
+        old = change.old
+        return (
+            {} if old is None else {i.name: decoded(i, old[part].tobytes()) for i, part in self.landing.going(change)}
+        )
 
     # ------------------------------------------------------------------------------------------------- declared
 

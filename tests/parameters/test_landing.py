@@ -363,6 +363,59 @@ def test_a_ramp_is_on_its_way_at_a_time_and_all_that_was_set_with_it(new_logger)
     assert run.facts.parameters["/log/leg/slow"] == pytest.approx(ramps.slow.value)
 
 
+def test_of_what_was_set_together_that_goes_on_which_was_not_set_again(new_logger):
+    ramps = Ramps(new_logger(frequency=100, clock=Clock()))
+    ramps.ticks(6)
+    ask(ramps.logger, {"slow": 0.5, "on": True, "n": 40})
+    ramps.ticks(11)
+    ask(ramps.logger, {"n": 3})
+    ramps.ticks(20)
+    assert ramps.logger.parameters.landing.after()["/log/leg/n"] == 3
+    first, _ = ramps.told()
+    ramps.logger.restart()  # the rest of it is told there, without what was set again
+    ramps.ticks(33)
+    then, _ = ramps.told()
+    assert ramps.saw[-1] == (0.5, True, 3)
+    assert [one[1:] for one in (*first, *then)] == [one[1:] for one in ramps.saw]
+    assert [one[0] for one in (*first, *then)] == pytest.approx([one[0] for one in ramps.saw], abs=1e-9)
+
+
+def test_what_a_lock_ends_of_two_that_were_set_together_stays_where_it_came_to(new_logger):
+    ramps = Ramps(new_logger(frequency=100, clock=Clock()))
+    ask(ramps.logger, {"slow": 5.0, "n": 400})
+    ramps.ticks(14)
+    ask(ramps.logger, {"n": 3})
+    ramps.ticks(9)
+    ramps.logger.parameters.lock()
+    ramps.ticks(40)
+    told, _ = ramps.told()
+    assert [one[0] for one in told[31:]] == pytest.approx([ramps.slow.value] * 32)
+
+
+@pytest.mark.parametrize("tick", [100, 101, 46])
+def test_a_ramp_that_begins_where_it_is_sampled_and_is_over_before_the_next_sample_is_told(new_logger, tick):
+    ramps = Ramps(new_logger(frequency=200, clock=Clock()))
+    ramps.ticks(tick - 1)
+    ask(ramps.logger, {"slow": 0.04, "n": 77})
+    ramps.ticks(90)
+    told, _ = ramps.told()
+    assert [one[1:] for one in told] == [one[1:] for one in ramps.saw]
+    assert [one[0] for one in told] == pytest.approx([one[0] for one in ramps.saw], abs=1e-9)
+
+
+@pytest.mark.parametrize("number", [2**53 + 1, -(2**63), 2**63 - 1])
+def test_a_whole_number_without_a_rate_is_there_at_once_to_its_last_digit(new_logger, number):
+    logger = new_logger(frequency=200, clock=Clock())
+    count, saw = logger.parameter("count", 3), []
+    logger.start()
+    for tick in range(125):
+        count.value = number if 8 < tick < 26 else 3
+        saw.append(count.value)
+        logger.collect()
+    log = silo.open_log(logger.save("silo").path)
+    assert [log.parameters.at(time_s)["/log/count"] for time_s in log.times] == saw
+
+
 @pytest.mark.parametrize("ticks", [1, 30, 120])
 def test_a_run_that_begins_on_the_way_of_a_ramp_tells_where_it_goes(new_logger, ticks):
     ramps = Ramps(new_logger(frequency=100, clock=Clock()))
