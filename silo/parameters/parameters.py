@@ -23,6 +23,7 @@ from silo.core.tuning.parameters import (
     ParameterKind,
     ParameterValue,
     Writable,
+    bound_text,
     decoded,
     fitting,
 )
@@ -435,7 +436,8 @@ def _check_bounds(info: ParameterInfo) -> None:
             alone = "" if number or not info.shape else ", the same for all its values"
             raise ElementError(f"parameter '{info.name}': {word} must be {fits}{alone}, got {value!r}")
     if info.minimum is not None and info.maximum is not None and info.minimum > info.maximum:
-        raise ElementError(f"parameter '{info.name}': min {info.minimum:g} is above max {info.maximum:g}")
+        low, high = bound_text(info.minimum), bound_text(info.maximum)
+        raise ElementError(f"parameter '{info.name}': min {low} is above max {high}")
 
 
 def kind_of_default(

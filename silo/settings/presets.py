@@ -118,8 +118,9 @@ def _written(value: ParameterValue) -> str:
 def _pairs(file: Path, root: yaml.Node | None) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
     if root is None:
         return []
-    pairs = root.value if isinstance(root, yaml.MappingNode) else None
     plain = (yaml.ScalarNode, yaml.SequenceNode)
-    if pairs is None or not all(isinstance(a, yaml.ScalarNode) and isinstance(b, plain) for a, b in pairs):
-        raise ScriptError(f"{file}: a preset has lines `name: value`")
+    pairs = root.value if isinstance(root, yaml.MappingNode) else [(root, None)]
+    for name, value in pairs:
+        if not isinstance(name, yaml.ScalarNode) or not isinstance(value, plain):
+            raise ScriptError(f"{file}:{line_of(name)}: a preset has lines `name: value`")
     return list(pairs)

@@ -255,7 +255,8 @@ class _Folder:
             run = self.run_of(logger, event.run)
             run.events.append(event)
             if event.tick or event.stamp_ns:  # at tick 0 stands what comes before the first one, too
-                run.ticks = max(run.ticks, event.tick + 1)
+                # a parameter holds from a tick on that may never have come
+                run.ticks = max(run.ticks, event.tick + (event.kind != EventKind.PARAMETER.value))
             run.ended |= event.kind in (EventKind.STOPPED.value, EventKind.CRASHED.value)
             if event.kind == EventKind.STARTED.value:
                 run.started_ns = event.time_ns

@@ -184,6 +184,20 @@ def test_the_shell_lists_sets_saves_compares_and_loads(tuned, client, tmp_path, 
     assert "/log/legs/kp   50.0  -     0 to 200    40.0" in capsys.readouterr().out
     assert run(["param", "set", "bot", "kp=201"]) == 1
     assert "201.0 doesn't fit, it takes 0 to 200" in capsys.readouterr().err
+    assert run(["param", "set", "bot", "kp=20", "legs/kp=21"]) == 2
+    assert "'/log/legs/kp' is given twice" in capsys.readouterr().err
+    assert client.parameters["kp"] == 50.0
+
+
+def test_a_preset_with_what_the_program_alone_sets_is_refused_with_its_file(bench, client, tmp_path, capsys):
+    logger, preset = bench.logger, tmp_path / "walk.yaml"
+    logger.stop()
+    logger.parameter("mine", 1, writable=False)
+    logger.start()
+    preset.write_text("mine: 2\n")
+    with turning(logger.collect):
+        assert run(["param", "load", "bot", str(preset)]) == 1
+    assert f"{preset}: parameter '/log/mine': the program alone sets it" in capsys.readouterr().err
 
 
 def test_each_word_of_the_shell_is_one_value_whatever_stands_in_it(bench, client):

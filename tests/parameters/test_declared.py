@@ -36,7 +36,9 @@ def test_every_kind_of_value_is_set_and_read_back(new_logger, default, other):
 
 @pytest.mark.parametrize(
     ("ends", "fits"),
-    [({"min": 0, "max": 10}, "whole numbers 0 to 10"), ({"min": 0}, "whole numbers from 0"),
+    [({"min": 0, "max": 1234567}, "whole numbers 0 to 1234567"),
+     ({"min": 1 - 2**60, "max": 2.0**53}, f"whole numbers {1 - 2**60} to {2**53}"),
+     ({"min": 0, "max": 10}, "whole numbers 0 to 10"), ({"min": 0}, "whole numbers from 0"),
      ({"max": 10}, "whole numbers up to 10"), ({}, "a whole number")],
 )  # fmt: skip
 def test_a_number_that_is_not_whole_is_told_so(new_logger, ends, fits):

@@ -421,6 +421,7 @@ def test_what_is_just_within_the_bounds_is_taken(what):
         ({"minimum": 2.0}, "from 2"),
         ({"maximum": 5.0, "step": 0.5}, "up to 5 in steps of 0.5"),
         ({"minimum": 2.0, "maximum": 5.0}, "2 to 5"),
+        ({"minimum": 0.00012345678, "maximum": 1000.00049}, "0.00012345678 to 1000.00049"),
     ],
 )
 def test_a_range_is_told_by_the_bounds_it_has(bounds, words):

@@ -60,11 +60,11 @@ def test_what_makes_no_sense_is_told_with_file_line_parameter_and_range(tmp_path
     ]
 
 
-@pytest.mark.parametrize("text", ["- a\n", "a: {b: c}\n", "a: b: c\n"])
-def test_what_is_no_preset_is_told(tmp_path, text):
+@pytest.mark.parametrize("text", ["\n- a\n", "n: 3\na: {b: c}\n", "n: 3\na: b: c\n", "\nn 3\n"])
+def test_what_is_no_preset_is_told_with_its_line(tmp_path, text):
     file = tmp_path / "walk.yaml"
     file.write_text(text)
-    with pytest.raises(ScriptError, match=r"walk\.yaml"):
+    with pytest.raises(ScriptError, match=r"walk\.yaml:2: "):
         read_preset(file, INFOS)
 
 

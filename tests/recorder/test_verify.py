@@ -318,6 +318,13 @@ def test_ticks_that_were_told_to_be_lost_behind_the_last_row_are_missing_and_nob
     assert not [one for one in verify(kept.folder).not_kept if "no longer there" in one.text]
 
 
+def test_a_parameter_that_was_set_behind_the_last_tick_makes_none(kept):
+    kept.recorded(40)
+    kept.happens("parameter", "x 0 -> 7", 40)  # holds from tick 40 on, which never came
+    assert kept.found() == [[], []]
+    assert counted(kept.folder)[0] == [(40, 40, 0, 0, 0)]
+
+
 def test_samples_that_are_missing_and_told_as_none_lost_disagree(kept):
     kept.recorded(300, stopped=False)
     samples = 300 * 3 + 60

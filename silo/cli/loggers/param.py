@@ -10,6 +10,7 @@ from silo.cli.codes import EXIT_FOUND
 from silo.cli.verbs import Listing, LoggerFirst, Target, Words, verb
 from silo.core.elements import PARAMETER
 from silo.core.tuning.parameters import range_text, value_text
+from silo.errors import RefusedError
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -79,6 +80,8 @@ def set_command(client: "Client", *words: str) -> str:
     values = {}
     for name, _, value in (word.partition("=") for word in words):
         info = find_parameter(name, known)
+        if info.name in values:
+            raise click.UsageError(f"parameter '{info.name}' is given twice; nothing was changed")
         values[info.name] = typed_value(info, value)
     return client.parameters.set(values).text
 
@@ -108,7 +111,10 @@ def load(client: "Client", file: str) -> str:
     known = client.parameters.described()
     now = {one.name: one.value for one in known}
     values = {name: value for name, value in read_preset(Path(file), known).items() if now[name] != value}
-    return client.parameters.set(values).text if values else "nothing differs, nothing was changed"
+    try:
+        return client.parameters.set(values).text if values else "nothing differs, nothing was changed"
+    except RefusedError as refused:
+        raise RefusedError(f"{file}: {refused}") from None
 
 
 @verb(param, "diff", "FILE.yaml")

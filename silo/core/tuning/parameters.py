@@ -48,9 +48,9 @@ class ParameterInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     kind: ParameterKind
     default: ParameterValue
     shape: tuple[int, ...] = ()
-    minimum: float | None = None
-    maximum: float | None = None
-    step: float | None = None
+    minimum: int | float | None = None
+    maximum: int | float | None = None
+    step: int | float | None = None
     unit: str = "-"
     choices: tuple[str, ...] = ()
     rate: float | None = None
@@ -168,16 +168,19 @@ def range_text(info: ParameterInfo) -> str:
         return f"up to {info.string_bytes} bytes of text"
     if info.kind is ParameterKind.BOOL:
         return "true or false"
-    low, high, step = info.minimum, info.maximum, info.step
+    low, high, step = (None if one is None else bound_text(one) for one in (info.minimum, info.maximum, info.step))
     whole = info.kind is ParameterKind.INT
     if low is None and high is None:
         text = "a whole number" if whole else "any number"
     else:
-        ends = (
-            f"{low:g} to {high:g}" if None not in (low, high) else f"up to {high:g}" if low is None else f"from {low:g}"
-        )
+        ends = f"{low} to {high}" if None not in (low, high) else f"up to {high}" if low is None else f"from {low}"
         text = f"whole numbers {ends}" if whole else ends
-    return text + (f" in steps of {step:g}" if step else "")
+    return text + (f" in steps of {step}" if info.step else "")
+
+
+def bound_text(number: float) -> str:
+    """A bound with all its digits: what fits is judged by these."""
+    return str(int(number)) if isinstance(number, int) or (number.is_integer() and abs(number) < 1e16) else repr(number)
 
 
 def fitting(info: ParameterInfo, given: object) -> ParameterValue:
@@ -239,11 +242,16 @@ def _fitting_number(info: ParameterInfo, given: float) -> float:
     low, high = info.minimum, info.maximum
     if (low is not None and value < low) or (high is not None and value > high):
         return _refuse(info, given)
-    if info.step:
-        steps = (value - (low or 0.0)) / info.step
-        if abs(steps - round(steps)) > 1e-6 * max(1.0, abs(steps) * 1e-6):
-            return _refuse(info, given)
+    if info.step and not _is_step(value - (low or 0), info.step):
+        return _refuse(info, given)
     return value
+
+
+def _is_step(way: float, step: float) -> bool:
+    if isinstance(way, int) and isinstance(step, int):
+        return way % step == 0
+    steps = way / step
+    return abs(steps - round(steps)) <= 1e-6 * max(1.0, abs(steps) * 1e-6)
 
 
 def _refuse(info: ParameterInfo, given: object) -> float:
