@@ -103,7 +103,8 @@ def real(argument: str, value: object, low: float, high: float, unit: str, *, in
     in_unit = rf"\s*([0-9.]+(?:e[0-9]+)?)\s*(?:{own})?\s*"
     typed = re.fullmatch(in_unit, value, re.IGNORECASE) if isinstance(value, str) else None
     way_out = f"; write {argument}={typed[1]}" if typed else ""
-    raise ElementError(f"{argument} must be {begin} and below {high:g} {unit}, got {shown(value)}{way_out}")
+    end = f"{high:g} {unit}".strip()
+    raise ElementError(f"{argument} must be {begin} and below {end}, got {shown(value)}{way_out}")
 
 
 def whole_number(value: object) -> int | None:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
-from silo.core.arguments import real, shown, whole
+from silo.core.arguments import real, shown, whole, word
 from silo.core.conditions import Conditions, Derived, SignalLimits, TriggerOptions
 from silo.core.elements import BufferType, ElementInfo
 from silo.core.quantities.reading import both_meanings, seconds_of
@@ -130,12 +130,11 @@ def trigger_rule(options: TriggerOptions, frequency_hz: float) -> TriggerRule:
         return round(real(f"{what} {name}", given_s, 0, MOST_TRIGGER_S, "s") * frequency_hz)
 
     try:
-        slope, mode = Slope(options.slope), TriggerMode(options.mode)
+        slope = Slope(options.slope)
     except ValueError:
-        raise ElementError(
-            f"edge {name} must be rising, falling, level, enter or leave, got '{options.slope}'; its mode normal or "
-            f"single, got '{options.mode}'; nothing was changed"
-        ) from None
+        words = "rising, falling, level, enter or leave"
+        raise ElementError(f"edge {name} must be {words}, got '{options.slope}'; nothing was changed") from None
+    mode = word(f"mode {name}", options.mode, TriggerMode)
     if mode is TriggerMode.AUTO and options.save:
         raise ElementError(
             f"mode {name} must be normal or single: auto captures without end, which is for looking (a scope), not for "

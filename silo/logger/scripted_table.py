@@ -13,7 +13,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, SupportsIndex
 
-import msgspec
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
@@ -24,7 +23,7 @@ from silo.core.calls import present_words, told_class, unknown_argument
 from silo.core.conditions import Conditions
 from silo.core.elements import DEFAULT_OPTIONS, Edit, ElementInfo, LoggerOptions, Problem, join_name
 from silo.core.kinds import STRUCT, struct_text
-from silo.errors import ArgumentError, ElementError, ScriptError, SourceError
+from silo.errors import ArgumentError, ElementError, SourceError
 from silo.logger.arguments.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
 from silo.logger.arguments.options import array_layout, edits_given, element_name, new_options, string_room
 from silo.logger.arguments.other_names import tell_of_element
@@ -491,7 +490,7 @@ class ScriptedTable:
             SegmentError: there is no room for another stretch; nothing is changed.
             ScriptError: the script has problems, one per line; nothing is changed then.
         """
-        from silo.settings.script import apply_script, read_script
+        from silo.settings.script import apply_script, read_script, script_conditions
 
         file = self._script_path(path)
         with self._changing(cut=switch("cut", cut), what="load a script"):
@@ -501,31 +500,18 @@ class ScriptedTable:
                 self._table.adopt()
             script = read_script(file)
             plan = apply_script(script, self._table.infos, self._options.frequency_hz)
-            conditions = self._conditions.now
-            if script.conditions is not None:
-                planned = [
-                    msgspec.structs.replace(info, options=options)
-                    for info, options in zip(self._table.infos, plan.options, strict=True)
-                ]
-                conditions = self._conditions_of(script.conditions_beside(conditions), planned, file)
+            prefix, frequency_hz = self._options.prefix, self._options.frequency_hz
+            conditions = script_conditions(script, self._conditions.now, self._table.infos, plan, prefix, frequency_hz)
             self._table.change(dict(enumerate(plan.options)))
             self._conditions.take(conditions)
             self.is_updated = self.is_updated or file == Path(self._options.script)  # an update would read no other
         for warning in script.warnings:
             log.warning("%s", warning)
         for words in plan.rates:
-            log.warning("%s:%s", file, words)
+            log.warning("%s", words)
         for unknown in plan.unknown:
             log.warning("%s: %s", file, unknown)
         return [unknown.name for unknown in plan.unknown]
-
-    def _conditions_of(self, given: Conditions, infos: Sequence[ElementInfo], file: Path) -> Conditions:
-        from silo.settings.script_conditions import checked_conditions
-
-        try:
-            return checked_conditions(given, infos, self._options.prefix, self._options.frequency_hz)
-        except ElementError as error:
-            raise ScriptError(f"{file}: {error}; nothing was changed") from error
 
     def save_script(self, path: str | os.PathLike[str] | None = None) -> Path:
         """Write the configuration of every element to a script, whole or not at all.

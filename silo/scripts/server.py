@@ -66,7 +66,7 @@ class ScriptServer(Server, does=[requests]):
         return self._load(turn, path, revision, cut=cut)
 
     def _load(self, turn: Turn, path: str, revision: int, *, cut: bool) -> EditsApplied:
-        from silo.settings.script import apply_script, parse_script
+        from silo.settings.script import apply_script, parse_script, script_conditions
         from silo.settings.script_conditions import conditions_text
 
         now = self.replica.now
@@ -74,8 +74,9 @@ class ScriptServer(Server, does=[requests]):
         if not cut:
             self.robot.must_stop()
         found = script_folder.resolve(path, self._own_script)
-        script = parse_script(script_folder.read_text(found), found)
-        plan = apply_script(script, now.table.elements, self.replica.status().frequency_hz)
+        script, table, options = parse_script(script_folder.read_text(found), found), now.table.elements, now.options
+        plan = apply_script(script, table, options.frequency_hz)
+        wanted = script_conditions(script, now.robot.conditions, table, plan, options.prefix, options.frequency_hz)
         edits = [
             Edit(info.name, options)
             for info, options in zip(now.table.elements, plan.options, strict=True)
@@ -84,7 +85,6 @@ class ScriptServer(Server, does=[requests]):
         unknown = [name.name for name in plan.unknown]
         # the edits are based on the table that was just compared, whatever the client has seen
         based_on = now.table.revision if revision == -1 else revision
-        wanted = script.conditions_beside(now.robot.conditions)
         conditions = wanted if wanted != now.robot.conditions else None
         request = ApplyEdits(revision=based_on, edits=edits, conditions=conditions, cut=cut)
         applied = apply_edits(self.robot, turn, request, now)
@@ -96,7 +96,9 @@ class ScriptServer(Server, does=[requests]):
         if conditions is not None:
             text += f"; {conditions_text(conditions)}"
         self.events.publish(EventKind.SCRIPT_LOADED, text, by=turn.by)
-        return EditsApplied(applied.revision, applied.changed, unknown, [*script.warnings, *applied.warnings])
+        return EditsApplied(
+            applied.revision, applied.changed, unknown, [*script.warnings, *plan.rates, *applied.warnings]
+        )
 
     def save_script(self, turn: Turn, path: str, overwrite: bool) -> str:
         from silo.settings.script import write_script

@@ -13,7 +13,7 @@ import re
 import stat
 import textwrap
 from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import msgspec
@@ -25,7 +25,7 @@ from silo.core.names import grouped, nearest
 from silo.core.quantities.writing import and_more
 from silo.errors import SaveError, ScriptError
 from silo.settings.options import IN_SCRIPT, OptionValue
-from silo.settings.script_conditions import format_conditions, kinds_of, merged
+from silo.settings.script_conditions import Lines, fitting_conditions, format_conditions, kinds_of, merged
 from silo.settings.script_reader import Reader, ScriptElement, UnknownKey
 from silo.settings.typed import ElementSettings, rate_words
 from silo.settings.yaml_nodes import Pair, collector_paused, compose, explain, text_of
@@ -47,6 +47,7 @@ class Script:
     unknown_keys: tuple[UnknownKey, ...] = ()
     conditions: Conditions | None = None  # None where the script says nothing of them
     kinds: frozenset[str] = frozenset()  # keys of them that it has
+    condition_lines: Lines = field(default_factory=dict)
 
     @property
     def warnings(self) -> list[str]:
@@ -85,7 +86,7 @@ class ScriptPlan:
 
     options: tuple[ElementOptions, ...]
     unknown: tuple[UnknownName, ...]
-    rates: tuple[str, ...] = ()  # what became of rates that no divider gives, each with its line
+    rates: tuple[str, ...] = ()  # what became of rates that no divider gives, each with file and line
 
 
 # ------------------------------------------------------------------------------------------------------------ reading
@@ -130,11 +131,11 @@ def parse_script(text: str, path: str | os.PathLike[str]) -> Script:
             elements = tuple(reader.elements(root))
     if reader.problems:
         raise ScriptError(_message(path, reader.problems + [(key.line, key.text) for key in reader.unknown]))
-    return Script(path, elements, tuple(reader.unknown), reader.conditions, reader.kinds)
+    return Script(path, elements, tuple(reader.unknown), reader.conditions, reader.kinds, reader.condition_lines)
 
 
-def _message(path: Path, problems: list[tuple[int, str]]) -> str:
-    lines = [f"{path}:{line}: {text}" for line, text in problems[:MAX_PROBLEMS]]
+def _message(path: Path, problems: Sequence[tuple[int, str]]) -> str:
+    lines = [f"{path}:{line}: {text}" if line else f"{path}: {text}" for line, text in problems[:MAX_PROBLEMS]]
     if len(problems) > MAX_PROBLEMS:
         lines.append(f"{path}: and {len(problems) - MAX_PROBLEMS} more problems")
     return "\n".join(lines) + "; nothing was changed"
@@ -163,8 +164,8 @@ def apply_script(script: Script, table: Sequence[ElementInfo], frequency_hz: flo
         made, wrong = asked.on(info.name, info.options, frequency_hz)
         options.append(made)
         if words := rate_words(asked, made.divider, frequency_hz):
-            rates.append(f"{element.line}: element '{info.name}': {words}")
-        problems += [(element.line, f"element '{one.name}': {one.reason}") for one in wrong]
+            rates.append(f"{script.path}:{element.line_of('divider')}: element '{info.name}': {words}")
+        problems += [(element.line_of(one.field), f"element '{one.name}': {one.reason}") for one in wrong]
     if problems:
         raise ScriptError(_message(script.path, problems))
     names = [info.name for info in table]
@@ -177,6 +178,25 @@ def apply_script(script: Script, table: Sequence[ElementInfo], frequency_hz: flo
         for place, element in enumerate(missing)
     )
     return ScriptPlan(tuple(options), unknown, tuple(rates))
+
+
+def script_conditions(
+    script: Script, now: Conditions, table: Sequence[ElementInfo], plan: ScriptPlan, prefix: str, frequency_hz: float
+) -> Conditions:
+    """Return the conditions that a script leads to beside those of `now`, once its plan holds in the table.
+
+    Raises `ScriptError` for all that don't fit, with the lines of those that the script lists.
+    """
+    if script.conditions is None:
+        return now
+    planned = [
+        msgspec.structs.replace(info, options=options) for info, options in zip(table, plan.options, strict=True)
+    ]
+    made, unfit = fitting_conditions(script.conditions_beside(now), planned, prefix, frequency_hz)
+    if unfit:
+        lines = script.condition_lines
+        raise ScriptError(_message(script.path, [(lines.get((one.kind, one.name), 0), str(one)) for one in unfit]))
+    return made
 
 
 # ------------------------------------------------------------------------------------------------------------ writing

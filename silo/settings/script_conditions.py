@@ -20,7 +20,7 @@ was, such as what the program has set.
 
 import json
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import Any, Final, Literal, TypeVar
+from typing import Any, Final, Literal, NamedTuple, TypeAlias, TypeVar
 
 import msgspec
 import yaml
@@ -29,6 +29,7 @@ from silo.core.conditions import NO_CONDITIONS, Conditions, Derived, SignalLimit
 from silo.core.elements import ElementInfo, FileType
 from silo.core.names import did_you_mean, nearest
 from silo.core.quantities.writing import many
+from silo.errors import ElementError, ExpressionError
 from silo.settings.options import OPTION, shorten
 from silo.settings.typed import read_word
 from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, key_name, line_of
@@ -42,19 +43,25 @@ KEYS = (DERIVED, LIMITS, TRIGGERS)
 _Item = TypeVar("_Item", Derived, SignalLimits, TriggerOptions)
 
 
+Lines: TypeAlias = dict[tuple[Kind, str], int]  # by kind and name: where it begins
+
+
 def read_conditions(
-    keys: Mapping[str, yaml.Node], report: Callable[[int, str], None], note: Callable[[Kind, str, Pair, str], None]
+    keys: Mapping[str, yaml.Node],
+    report: Callable[[int, str], None],
+    note: Callable[[Kind, str, Pair, str], None],
+    lines: Lines,
 ) -> Conditions | None:
-    """Return what the keys of a script say; None if they aren't there.
+    """Return what the keys of a script say; None if they aren't there. Fills `lines`.
 
     Problems are reported with their lines; keys that silo doesn't know are noted: of which kind, of what, and why.
     """
     if not any(key in keys for key in KEYS):
         return None
     return Conditions(
-        tuple(_items(keys.get(DERIVED), DERIVED, Derived, report, note)),
-        tuple(_items(keys.get(LIMITS), LIMITS, SignalLimits, report, note)),
-        tuple(_items(keys.get(TRIGGERS), TRIGGERS, TriggerOptions, report, note)),
+        tuple(_items(keys.get(DERIVED), DERIVED, Derived, report, note, lines)),
+        tuple(_items(keys.get(LIMITS), LIMITS, SignalLimits, report, note, lines)),
+        tuple(_items(keys.get(TRIGGERS), TRIGGERS, TriggerOptions, report, note, lines)),
     )
 
 
@@ -84,6 +91,7 @@ def _items(
     kind: type[_Item],
     report: Callable[[int, str], None],
     note: Callable[[Kind, str, Pair, str], None],
+    lines: Lines,
 ) -> list[_Item]:
     if node is None or is_null(node):
         return []
@@ -96,8 +104,11 @@ def _items(
             report(line_of(item), f"{key}: must have keys (`name: ...`), got {describe(item)}")
             continue
         made = _item(item, key, kind, report, note)
-        if made is not None:
-            found.append(made)
+        if made is None:
+            continue
+        if (first := lines.setdefault((key, made.name), line_of(item))) != line_of(item):
+            report(line_of(item), f"{key} '{shorten(made.name)}': listed twice, first in line {first}")
+        found.append(made)
     return found
 
 
@@ -216,14 +227,42 @@ def checked_conditions(
     conditions: Conditions, elements: Sequence[ElementInfo], prefix: str, frequency_hz: float
 ) -> Conditions:
     """Return conditions that fit a table. Raises ElementError for the first that doesn't."""
+    made, unfit = fitting_conditions(conditions, elements, prefix, frequency_hz)
+    if unfit:
+        raise unfit[0].error
+    return made
+
+
+class UnfitCondition(NamedTuple):
+    """What doesn't fit a table, and why."""
+
+    kind: Kind
+    name: str
+    error: ElementError
+
+    def __str__(self) -> str:
+        words = self.error.reason if isinstance(self.error, ExpressionError) else str(self.error)
+        named = "" if f"'{self.name}'" in words else f"{self.kind} '{shorten(self.name)}': "
+        return named + words.removesuffix("; nothing was changed")
+
+
+def fitting_conditions(
+    conditions: Conditions, elements: Sequence[ElementInfo], prefix: str, frequency_hz: float
+) -> tuple[Conditions, list[UnfitCondition]]:
+    """Return what of conditions fits a table, and what doesn't."""
     from silo.judging.checks import check_held, with_derived, with_limits, with_trigger
 
-    made = NO_CONDITIONS
-    for derived in conditions.derived:
-        made = with_derived(made, derived, elements, prefix)
-    for limits in conditions.limits:
-        made = with_limits(made, limits, elements, prefix)
-    for trigger in conditions.triggers:
-        made = with_trigger(made, trigger, elements, prefix)
-        check_held(trigger, elements, frequency_hz)
-    return made
+    made, unfit = NO_CONDITIONS, []
+    for kind, items in kinds_of(conditions):
+        for one in items:
+            try:
+                if isinstance(one, Derived):
+                    made = with_derived(made, one, elements, prefix)
+                elif isinstance(one, SignalLimits):
+                    made = with_limits(made, one, elements, prefix)
+                else:
+                    made = with_trigger(made, one, elements, prefix)
+                    check_held(one, elements, frequency_hz)
+            except ElementError as error:  # noqa: PERF203  # each may be wrong, and all that are shall be told
+                unfit.append(UnfitCondition(kind, one.name, error))
+    return made, unfit

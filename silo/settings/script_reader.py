@@ -12,7 +12,7 @@ import yaml
 from silo.core.conditions import Conditions
 from silo.core.names import did_you_mean, nearest
 from silo.settings.options import IN_SCRIPT, OPTIONS, ElementOption, OptionValue, shorten
-from silo.settings.script_conditions import KEYS, Kind, given_kinds, read_conditions
+from silo.settings.script_conditions import KEYS, Kind, Lines, given_kinds, read_conditions
 from silo.settings.typed import ElementSettings, RelativeValue, UnreadableError, read_text, read_word
 from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, key_name, line_of
 
@@ -28,7 +28,7 @@ _OCTAL = re.compile(r"[-+]?0[0-9]+")  # to YAML 010 is 8
 
 @dataclass(frozen=True)
 class ScriptElement:
-    """One element as a script lists it, with what it asks for. `line` counts from 1.
+    """One element as a script lists it, with what it asks for. `line` counts from 1, `lines` are those of options.
 
     A number may be one that follows from the logger: `size: 10s`, `divider: 50Hz`.
     """
@@ -36,6 +36,11 @@ class ScriptElement:
     name: str
     line: int
     asked: ElementSettings = field(default_factory=ElementSettings)
+    lines: dict[str, int] = field(default_factory=dict, compare=False)
+
+    def line_of(self, option: str) -> int:
+        """Return where an option stands."""
+        return self.lines.get(option, self.line)
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,7 @@ class Reader:
         self.problems: list[tuple[int, str]] = []
         self.unknown: list[UnknownKey] = []
         self.conditions: Conditions | None = None
+        self.condition_lines: Lines = {}
         self.kinds: frozenset[str] = frozenset()  # of them that have their key
 
     def report(self, line: int, text: str) -> None:
@@ -90,7 +96,8 @@ class Reader:
             return
         known = ("log_elements", *KEYS) if isinstance(root, yaml.MappingNode) else ("log_elements",)
         listed = self._mapping(root, "", known, "a script")
-        self.conditions, self.kinds = read_conditions(listed, self.report, self._note), given_kinds(listed)
+        self.conditions = read_conditions(listed, self.report, self._note, self.condition_lines)
+        self.kinds = given_kinds(listed)
         if "log_elements" not in listed:
             if not self.problems and not self.unknown:
                 self.report(line_of(root), "`log_elements:` is missing")
@@ -143,7 +150,8 @@ class Reader:
         for option in OPTIONS:
             if option.place in nodes and (value := self._value(nodes[option.place], where, option)) is not None:
                 asked[option.name] = value
-        element = ScriptElement(name, line_of(node), asked)
+        lines = {option.name: line_of(nodes[option.place]) for option in OPTIONS if option.name in asked}
+        element = ScriptElement(name, line_of(node), asked, lines)
         return element if name else None
 
     def _mapping(

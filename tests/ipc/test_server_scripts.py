@@ -6,7 +6,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from silo.errors import RefusedError
+from silo.cli.main import run
+from silo.errors import RefusedError, SiloError
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 
@@ -104,3 +105,65 @@ def test_own_script_may_be_a_link_that_the_robot_program_chose(bench, client, tm
     bench.script.symlink_to(tmp_path / "elsewhere.yaml")
     client.load_script()
     assert bench.logger.elements[0].options.divider == 7
+
+
+WRONG = """\
+derived_signals:
+  - name: /log/power
+    expression: x * nix
+  - {name: /log/twice, expression: x}
+signal_limits:
+  - name: x
+    bounds: [4, 3, 2, 1]
+triggers:
+  - name: fall
+    when: abs(x > 5
+  - {name: keeps, when: x > 1, keep: -1}
+  - {name: edge, when: x > 1, slope: up}
+  - {name: fine, when: twice > 1}
+"""
+WHERE = [
+    (6, "derived_signals '/log/power': no signal is named 'nix'"),
+    (10, "limits of 'x'"),
+    (13, "triggers 'fall': '(' was never closed"),
+    (15, "keep of trigger 'keeps' must be"),
+    (16, "edge of trigger 'edge' must be rising, falling, level, enter or leave, got 'up'"),
+]
+
+
+def test_what_does_not_fit_of_conditions_is_told_with_file_and_line_wherever_it_is_read(bench, client, capsys) -> None:
+    path = bench.script.parent / "wrong.yaml"
+    path.write_text(SCRIPT + WRONG)
+    before = (bench.logger.elements, client.triggers().triggers)
+    told = []
+    for call in (lambda: client.load_script("wrong.yaml"), lambda: bench.logger.load_script(path)):
+        with pytest.raises(SiloError) as error:
+            call()
+        told.append(str(error.value))
+    assert run(["script", "check", str(path), "--logger", "bot"]) == 1
+    told.append(capsys.readouterr().err.removeprefix("silo: "))
+    for text in told:
+        lines = text.splitlines()
+        assert len(lines) == len(WHERE), text
+        for line, (number, words) in zip(lines, WHERE, strict=True):
+            assert line.startswith(f"{path}:{number}: {words}"), line
+        assert lines[-1].endswith("; nothing was changed")
+    assert (bench.logger.elements, client.triggers().triggers) == before
+
+
+def test_conditions_that_stand_twice_are_told_with_both_lines(bench, client) -> None:
+    path = bench.script.parent / "twice.yaml"
+    twice = "triggers:\n  - {name: a, when: x > 1}\n  - {name: a, when: x > 2}\n"
+    path.write_text(SCRIPT + twice + "signal_limits:\n  - {name: a, bounds: [1, 2, 3, 4]}\n")
+    with pytest.raises(
+        SiloError, match=rf"^{path}:7: triggers 'a': listed twice, first in line 6; nothing was changed$"
+    ):
+        client.load_script("twice.yaml")
+
+
+def test_what_became_of_a_rate_is_told_to_who_loads_a_script(bench, client) -> None:
+    path = bench.script.parent / "rate.yaml"
+    path.write_text(SCRIPT.replace("7", "33Hz"))
+    assert client.load_script("rate.yaml").warnings == [
+        f"{path}:4: element '/log/x': divider=33Hz became 3: 33.33 Hz of 100 Hz"
+    ]

@@ -263,7 +263,7 @@ def test_what_a_rate_became_is_told_where_no_divider_gives_it(new_logger, caplog
     assert told == [
         "element '/log/a': divider=30Hz became 3: 33.33 Hz of 100 Hz",
         "element '/log/b': divider=80Hz became 1: 100 Hz of 100 Hz",
-        f"{script}:2: element '/log/d': divider=45Hz became 2: 50 Hz of 100 Hz",
+        f"{script}:4: element '/log/d': divider=45Hz became 2: 50 Hz of 100 Hz",
     ]
 
 

@@ -90,7 +90,7 @@ def show(client: "Client", path: str) -> None:
 @click.argument("path", type=TypedPath(path_type=Path))
 @click.option("-l", "--logger", metavar="LOGGER", shell_complete=complete_logger, help="Check names against its table.")
 def check(path: Path, logger: str | None) -> None:
-    """Check a script of this computer; with --logger also whether its elements exist.
+    """Check a script of this computer; with --logger also whether its elements exist, and what it says of them fits.
 
     Every problem is told with its line. Exit code 1 if there are any; unknown keys are warnings.
 
@@ -99,15 +99,20 @@ def check(path: Path, logger: str | None) -> None:
       silo script check config/demo.yaml
       silo script check config/demo.yaml --logger demo
     """
+    from silo.core.conditions import Conditions, Derived
     from silo.errors import ScriptError
-    from silo.settings.script import apply_script, read_script
+    from silo.settings.script import apply_script, read_script, script_conditions
 
     found = read_script(path)
     _warn(found.warnings)
     if logger is not None:
         with connect(logger) as client:
-            plan = apply_script(found, client.table().elements, client.status().frequency_hz)
-        _warn([f"{path}:{words}" for words in plan.rates])
+            table, status = client.table(), client.status()
+        plan = apply_script(found, table.elements, status.frequency_hz)
+        _warn(plan.rates)
+        derived = tuple(Derived(info.name, info.expression, info.unit) for info in table.derived)
+        now = Conditions(derived=derived)
+        script_conditions(found, now, table.elements, plan, status.prefix, status.frequency_hz)
         if plan.unknown:
             raise ScriptError("\n".join(f"{path}:{one}".replace(":line ", ":", 1) for one in plan.unknown))
     click.echo(f"{path}: fine, {many(len(found.elements), 'element')}")
@@ -195,7 +200,7 @@ def _diff(client: "Client", path: str) -> bool:
     return bool(told)
 
 
-def _warn(warnings: list[str]) -> None:
+def _warn(warnings: Sequence[str]) -> None:
     for warning in warnings:
         click.echo(f"warning: {warning}", err=True)
 
