@@ -5,7 +5,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import msgspec
 import numpy as np
@@ -37,6 +37,8 @@ MAX_BACKLOG_BYTES = 64 * 2**20  # of frames of at most 1 MB: 3 s of the largest,
 FRAME_BYTES = 256  # what one takes beside its data
 
 _decoder = msgpack_decoder(StreamFrame)
+
+Layouts: TypeAlias = dict[int, StreamOpened]  # the newest few of a session, by generation
 
 
 @dataclass(frozen=True)
@@ -177,10 +179,10 @@ class Stream(Subscribed):
         self.missing: dict[str, str] = {}  # why names have no samples
         self._place = number
         self._renew = renew
-        self._frames: deque[bytes] = deque()
+        self._opened: Layouts = {}  # of the present session
+        self._frames: deque[tuple[Layouts, bytes]] = deque()  # each with what tells how it is read
         self._backlog_bytes = 0
-        self._unread: StreamFrame | None = None  # the one before those
-        self._opened: dict[int, StreamOpened] = {}  # the newest few, by generation
+        self._unread: tuple[Layouts, StreamFrame] | None = None  # the one before those
         self._expected: dict[tuple[str, str, int], int] = {}  # by run, name and which of its groups
         self._from_first: set[str] = set()  # names of which nothing has come of the run, which began meanwhile
         self._refused = ""
@@ -205,16 +207,12 @@ class Stream(Subscribed):
         run = next((run for run, *_ in expected), self._request.run)
         return msgspec.structs.replace(self._request, run=run, rows=rows)
 
-    def _forget(self) -> None:
-        self._frames.clear()
-        self._backlog_bytes, self._unread = 0, None
-
     def accept(self, opened: StreamOpened) -> None:
         """How to read the frames from now on."""
         with self._changed:
-            newest = sorted({*self._opened, opened.generation})[-MAX_LAYOUTS:]
-            layouts = {**self._opened, opened.generation: opened}
-            self._opened = {generation: layouts[generation] for generation in newest}
+            self._opened[opened.generation] = opened
+            for old in sorted(self._opened)[:-MAX_LAYOUTS]:
+                del self._opened[old]
             self.missing, self._refused = opened.missing, ""
             run = self._request.run or opened.run  # of which it began with what comes
             self._request = msgspec.structs.replace(self._request, again=True, run=run)
@@ -229,16 +227,16 @@ class Stream(Subscribed):
     def _take(self, sample: zenoh.Sample) -> None:
         data = sample.payload.to_bytes()
         with self._changed:
-            self._frames.append(data)
+            self._frames.append((self._opened, data))
             self._backlog_bytes += len(data) + FRAME_BYTES
             while self._backlog_bytes > MAX_BACKLOG_BYTES:
                 self._oldest()  # the rows of this run are counted as missed
             self._changed.notify_all()
 
-    def _oldest(self) -> bytes:
-        data = self._frames.popleft()
+    def _oldest(self) -> tuple[Layouts, bytes]:
+        layouts, data = self._frames.popleft()
         self._backlog_bytes -= len(data) + FRAME_BYTES
-        return data
+        return layouts, data
 
     def read(self, timeout_s: float | None = None) -> StreamBatch | None:
         """Return the next batch; waits for it, None where none came in time or the stream was closed.
@@ -263,17 +261,19 @@ class Stream(Subscribed):
     def _next(self) -> StreamBatch | None:
         while self._unread is not None or self._frames:
             if self._unread is None:
-                decode = functools.partial(_decoded, self._oldest())
-                self._unread = self._foreign.read(f"stream {self._request.stream}", decode)
-                continue
-            if not self._opened:
-                return None
-            frame = self._unread
-            if frame.generation > max(self._opened):
-                self._renew()  # after an edit or a start: how to read it comes
+                layouts, data = self._oldest()
+                decode = functools.partial(_decoded, data)
+                if (read := self._foreign.read(f"stream {self._request.stream}", decode)) is None:
+                    continue
+                self._unread = layouts, read
+            layouts, frame = self._unread
+            if layouts is self._opened and frame.generation > max(layouts, default=-1):
+                if layouts:
+                    self._renew()  # after an edit or a start: how to read it comes
                 return None
             self._unread = None
-            if frame.generation in self._opened and (batch := self._batch(frame, self._opened[frame.generation])):
+            opened = layouts.get(frame.generation)  # of a session that is over nobody tells any more
+            if opened is not None and (batch := self._batch(frame, opened)):
                 return batch
         return None
 

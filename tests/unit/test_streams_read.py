@@ -9,6 +9,7 @@ import pytest
 from silo.history import arrays
 from silo.history.arrays import Stream
 from silo.history.requests import OpenStream, SampledEntry, SampledName, SampledRows, StreamFrame, StreamOpened
+from silo.net.keys import Root
 
 
 def rows(first: int, count: int, group: int = 0) -> SampledRows:
@@ -87,3 +88,38 @@ def test_it_asks_to_go_on_behind_what_was_read_or_behind_the_run_in_which_it_was
     assert (stream.request.run, stream.request.rows) == ("-", {})
     came(stream, "a", rows(5, 2), rows(2, 1, 1))
     assert (stream.request.run, stream.request.rows) == ("a", {"x": [7], "y": [3]})
+
+
+def connects_anew(stream):
+    """Its session is lost, and another one, to another helper process, takes its place."""
+    stream.detach()
+    session = SimpleNamespace(declare_subscriber=lambda key, take: SimpleNamespace(undeclare=lambda: None))
+    stream.attach(session, Root("robot", "bot", "1f"), SimpleNamespace(id="b", proof=""))
+
+
+def test_what_came_before_a_link_was_lost_is_read_behind_it_as_it_was_then(stream):
+    comes(stream, "a", rows(0, 4), rows(0, 4, 1))
+    assert list(stream.read(0)["x"].values) == [0, 1, 2, 3]
+    comes(stream, "a", rows(4, 3))
+    comes(stream, "a", rows(4, 2, 1))
+    connects_anew(stream)
+    comes(stream, "b", rows(0, 2))
+    assert list(stream.read(0)["x"].values) == [4, 5, 6]
+    assert list(stream.read(0)["y"].values) == [4, 5]
+    assert stream.read(0) is None  # how to read the others is not known yet
+    assert stream.request.run == "a"
+    entries = [SampledEntry("", "<i8", 16, False)]
+    stream.accept(StreamOpened("b-1", 0, [SampledName(name, at, 1, (), entries) for at, name in enumerate("yx")], {}))
+    assert list(stream.read(0)["y"].values) == [0, 1]
+    assert (stream.read(0), stream.missed) == (None, 0)
+
+
+def test_a_frame_that_nobody_tells_any_more_how_to_read_is_missed(stream):
+    came(stream, "a", rows(0, 4))
+    data = msgspec.msgpack.encode(StreamFrame(7, "a", [rows(4, 3)]))  # of a table that was never told
+    stream._take(SimpleNamespace(payload=SimpleNamespace(to_bytes=lambda: data)))
+    connects_anew(stream)
+    entries = [SampledEntry("", "<i8", 16, False)]
+    stream.accept(StreamOpened("b-1", 0, [SampledName("x", 0, 1, (), entries)], {}))
+    assert came(stream, "a", rows(9, 1)) == {"x": ([9], 5)}
+    assert stream.missed == 5
