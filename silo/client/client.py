@@ -226,8 +226,11 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         except NoAnswerError:
             if not changes:
                 raise
-            # first what reads, which waits for the link: else a cut would look like rules that swallow changes
-            why = self._why_no_changes(self._call(self._question))
+            try:
+                # first what reads, which waits for the link: else a cut would look like rules that swallow changes
+                why = self._why_no_changes(self._call(self._question))
+            except ConnectionLostError:
+                why = ""
             if not why:  # the end of an answer may overtake it, and a helper process may end before it answers
                 who = self._connection.label_of(self._connection.found)
                 text = f"{who} gave no answer to {type(request).__name__}; look whether it was done before trying again"

@@ -8,6 +8,7 @@ or for a new logger of the same name, and connects again; views and topics go on
 thread is gone, so that a program that forgets `close()` still ends.
 """
 
+import contextlib
 import functools
 import logging
 import threading
@@ -323,9 +324,13 @@ class Connection:
 
     def _is_gone(self) -> bool:
         gone = False
-        while (sample := self._alive.try_recv()) is not None:
-            # a PUT after it is of another helper process, to which Zenoh connected by itself: it knows no view of ours
-            gone = gone or sample.kind == zenoh.SampleKind.DELETE
+        try:
+            while (sample := self._alive.try_recv()) is not None:
+                # a PUT after it is of another helper process, to which Zenoh connected by itself: it knows no view of
+                # ours
+                gone = gone or sample.kind == zenoh.SampleKind.DELETE
+        except zenoh.ZError:  # somebody closed the session
+            return True
         return gone
 
     def _has_left(self) -> bool:
@@ -345,13 +350,14 @@ class Connection:
         return False
 
     def _hand_out_events(self) -> None:
-        while (sample := self._events.try_recv()) is not None:
-            event = self._event_of(sample)
-            if event is None:
-                continue
-            if event.status is not None:
-                self._dead = event.status.state is State.DEAD
-            self._call_back(self.event_callbacks, event)
+        with contextlib.suppress(zenoh.ZError):  # of a session that is closed: `_is_gone` tells
+            while (sample := self._events.try_recv()) is not None:
+                event = self._event_of(sample)
+                if event is None:
+                    continue
+                if event.status is not None:
+                    self._dead = event.status.state is State.DEAD
+                self._call_back(self.event_callbacks, event)
 
     def _event_of(self, sample: zenoh.Sample) -> Event | None:
         try:

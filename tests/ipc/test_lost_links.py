@@ -65,6 +65,13 @@ def test_a_session_that_ends_just_now_is_told_as_a_lost_connection(client) -> No
             ask()
 
 
+def test_a_session_that_ends_under_the_thread_that_watches_it_is_followed_by_another_one(client) -> None:
+    was = client._connection.sessions
+    close(client._connection.borrowed().session)
+    wait_until(lambda: client._connection.sessions > was)
+    assert client.status().logger == "bot"
+
+
 def test_what_subscribes_while_the_session_is_replaced_hears_the_next_one(bench, client, monkeypatch) -> None:
     attach = Topic.attach
 
