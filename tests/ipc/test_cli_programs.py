@@ -11,6 +11,7 @@ import pytest
 
 from silo.programs.demo.program import DemoOptions, run_demo
 from silo.programs.demo.robot import SimulatedRobot
+from silo.programs.host.program import HostOptions, run_host
 from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow
@@ -97,3 +98,9 @@ def test_ctrl_c_saves_what_the_demo_logged_and_says_where(tmp_path: Path, monkey
     run_demo(DemoOptions(elements=20, folder=tmp_path), said.append)
     (saved,) = tmp_path.glob("demo_*.silo")
     assert str(saved) in said[-1]
+
+
+def test_this_computer_is_not_said_to_walk_or_slip(tmp_path: Path) -> None:
+    said: list[str] = []
+    run_host(HostOptions(folder=tmp_path, time_limit_s=0.01), said.append)
+    assert [line.split()[0] for line in said[0].splitlines()[1:]] == ["script", "folder", "watch", "end"]

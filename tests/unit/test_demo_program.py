@@ -15,8 +15,6 @@ from silo.logger.logger import Logger
 from silo.programs.demo.program import (
     LOOP_ELEMENTS,
     DemoOptions,
-    end_with,
-    farewell,
     judge,
     loop_variables,
     make_robot,
@@ -25,6 +23,7 @@ from silo.programs.demo.program import (
 )
 from silo.programs.demo.signals import divider_at
 from silo.programs.rate import EndSignals, Rate
+from silo.programs.running import end_with, farewell
 from silo.settings.script import apply_script, read_script
 from tests.waiting import DEADLINE_S, wait_until
 

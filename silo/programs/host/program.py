@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 from silo.core.elements import Action
 from silo.logger.logger import Logger
-from silo.programs.demo.program import ProgramOptions, farewell, welcome
 from silo.programs.host.probes import PROBES
 from silo.programs.host.reading import Reader, reader
-from silo.programs.rate import EndSignals, Rate
+from silo.programs.rate import Rate
+from silo.programs.running import ProgramOptions, opened, read_own_script, run
 
 FREQUENCY_HZ = 20.0
 
@@ -47,32 +47,17 @@ class Monitor:
 
 def run_host(options: HostOptions, say: Callable[[str], None] = print) -> None:
     """Log this computer until Ctrl-C, SIGTERM or the time limit. Raises SiloError when it can't log."""
-    options.folder.mkdir(parents=True, exist_ok=True)
-    script = options.script or options.folder / f"{options.name}.yaml"
-    log = Logger(
-        options.name,
-        frequency=options.frequency_hz,
-        max_time=0,  # no limit: run until Ctrl-C
-        script=script,
-        folder=options.folder,
-    )
+    log = opened(options)
     lateness_ms = log.array("lateness", group="loop", unit="ms", action=Action.SAVE_AND_PUBLISH)
     reading_ms = log.array("reading_time", group="loop", unit="ms", action=Action.SAVE_AND_PUBLISH)
     monitor = Monitor(log)
-    log.update(read_script=bool(options.script) or script.exists())  # ours need not be there
+    read_own_script(log, options)
 
-    with log, EndSignals() as ending, log.serve(group=options.group, config=options.config):
-        if not options.stopped:
-            log.start()
-        say(welcome(log))
-        rate = Rate(options.frequency_hz)
-        end_s = time.monotonic() + (options.time_limit_s or float("inf"))
-        while not ending.received and time.monotonic() < end_s:
-            began_s = time.perf_counter()
-            monitor.read()
-            reading_ms[...] = (time.perf_counter() - began_s) * 1e3
-            log.collect()
-            lateness_ms[...] = rate.wait() / 1e6
-        log.stop()
-        farewell(log, options.save, say, cut_short=bool(ending.received))
-        log.close(discard=True)  # what nobody asked to keep: `farewell` tells of it
+    def tick(rate: Rate) -> None:
+        began_s = time.perf_counter()
+        monitor.read()
+        reading_ms[...] = (time.perf_counter() - began_s) * 1e3
+        log.collect()
+        lateness_ms[...] = rate.wait() / 1e6
+
+    run(log, options, tick, say, ())
