@@ -53,7 +53,7 @@ class RunFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     empty where the file doesn't tell. Of a file that is one of several, part is the stretch, and recorder who wrote it.
     stamp_ns: the first time stamp, by the clock of the logger. offset: the tick of its stretch behind its last one, 0
     where nobody noted it. names: alike in files that have the same elements. cut_off: how many of `lost` the file ends
-    before.
+    before. dividers: how many elements have which.
     """
 
     path: str
@@ -86,6 +86,7 @@ class RunFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     offset: int = 0
     names: str = ""
     cut_off: int = 0
+    dividers: dict[int, int] = {}
 
 
 Piece = tuple[str, int | None]  # of a run of several files: one of them, and an episode in it; None: all of it
@@ -196,6 +197,7 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
         recorder=recording.stretch.recorder if recording.stretch is not None else "",
         stamp_ns=int(stamps[0]) if ticks else 0,
         offset=recording.offset,
+        dividers=Counter(one.divider for one in recording.elements),
         names=sha1("\n".join(sorted(one.name for one in recording.elements)).encode()).hexdigest()[:16],
     )
 
@@ -385,13 +387,19 @@ def merged(files: Sequence[RunFacts]) -> tuple[RunFacts, tuple[tuple[Piece, ...]
 
 
 def _missing(files: Sequence[RunFacts]) -> dict[str, int]:
-    """What is missing of a run that was cut, as warnings of its log tell it, and samples: as many as fit in between."""
+    """What is missing of a run that was cut, as warnings of its log tell it, and samples: as many as fit in between.
+
+    With the dividers of the file before: with which they were logged, they alone would tell.
+    """
     first = files[0]
     found = {"lost": 0, "warnings": 0 if first.recorder else first.part - 1}
     for one, other in pairwise(files):
         if other.part > one.part + 1:
             between_s = (other.stamp_ns - one.stamp_ns) * 1e-9 - one.span_s
-            found["lost"] += max(1, round(between_s * one.rate_hz) - 1) * one.elements
+            ticks = max(1, round(between_s * one.rate_hz) - 1)
+            # of an archive of before, nothing is known of dividers
+            dividers = one.dividers or {1: one.elements}
+            found["lost"] += sum(count * -(-ticks // divider) for divider, count in dividers.items())
             found["warnings"] += other.part - one.part - 1
     return found
 

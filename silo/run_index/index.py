@@ -21,7 +21,7 @@ from silo.files.atomic import reason
 from silo.run_index.facts import NUMBERS, EventFacts, RunFacts, SignalFacts, read_facts, signal_facts
 from silo.run_index.finding import NAME, There, logs_below
 
-VERSION = 9
+VERSION = 10
 PATIENCE_S = 30.0
 TOGETHER = 200  # logs whose facts are one transaction
 

@@ -721,6 +721,25 @@ def test_a_part_that_is_missing_in_the_middle_counts_as_lost(cut):
         assert len(run.open().warnings) == 1
 
 
+def test_of_a_part_that_is_missing_as_many_samples_are_lost_as_dividers_let_come(tmp_path):
+    clock = itertools.count(1_700_000_000_000_000_000, 10_000_000).__next__
+    log = silo.Logger("anymal", frequency=100, folder=tmp_path, script=tmp_path / "none.yaml", clock=clock)
+    arrays = [log.array(f"every{divider}", divider=divider, buffer="growing") for divider in (1, 3, 7)]
+    log.start()
+    for tick in range(60):
+        if tick in (20, 40):
+            log.set("every1", divider=3 - log["every1"].options.divider, cut=True)
+        for array in arrays:
+            array[...] = tick
+        log.collect()
+    log.save()
+    log.close()
+    (lost,) = tmp_path.glob("*_part2.silo")
+    lost.unlink()
+    (run,) = silo.runs(tmp_path)
+    assert run.facts.lost == 20 + 7 + 3, "with the dividers of the file before"
+
+
 def test_a_tag_of_any_file_of_a_run_is_one_of_the_run(cut):
     for path in sorted(cut.glob("*_part?.silo")):
         assert CliRunner().invoke(cli, ["tag", str(path), f"of{path.stem[-1]}"]).exit_code == 0
