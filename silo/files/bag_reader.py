@@ -6,7 +6,6 @@ message stands; so a chunk is read with one indexed load per channel, and `open_
 `open_bag` gives them to `silo.files.others`.
 """
 
-import mmap
 import os
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 from silo.core.recording import DamageNotes, Recording, alike, keep_quiet, read_whole
 from silo.errors import FileFormatError, LogNotFoundError, SiloError
 from silo.files.atomic import reason
-from silo.files.bags.index import DAMAGE, BagElements, damage_told, told_damage
+from silo.files.bags.index import BagElements
 from silo.files.bags.metadata import (
     FACTS_ATTACHMENT,
     FACTS_VERSION,
@@ -32,6 +31,8 @@ from silo.files.bags.metadata import (
     unpack_times,
 )
 from silo.files.formats import ROS1_MARK, refuse_others, starts_with
+from silo.files.mcap.chunks import mapped
+from silo.files.mcap.damage import DAMAGE, damage_told, told_damage
 from silo.files.mcap.index import Index, attachment, read_index, record_at, walked_index
 from silo.files.mcap.writer import MAGIC
 from silo.files.parts.metadata import PART_ATTACHMENT, unpack_part
@@ -102,12 +103,12 @@ def _mapped(path: str | os.PathLike[str]) -> tuple[Path, memoryview]:
     refuse_others(file)
     try:
         with file.open("rb") as opened:
-            if os.fstat(opened.fileno()).st_size == 0:
-                raise FileFormatError(f"{file}: the file is empty")
-            # the map ends with its last view, whoever holds it
-            return file, memoryview(mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ))
+            data = mapped(opened)
     except OSError as error:
         raise LogNotFoundError(f"can't open '{file}': {reason(error)}") from error
+    if not data:
+        raise FileFormatError(f"{file}: the file is empty")
+    return file, data
 
 
 def _storage_file(path: Path) -> Path:

@@ -7,34 +7,25 @@ takes many seconds, in which a short ring would be overwritten.
 """
 
 import contextlib
-import mmap
 import os
-import struct
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-import msgspec
-import zstandard
-from mcap.exceptions import McapError
-
 from silo.core.runtime import sync
 from silo.errors import FileFormatError, SaveError
 from silo.files.atomic import reason, sweep_parts
 from silo.files.manifest import ClosedPart, Ledger, number_of
+from silo.files.mcap.chunks import mapped
+from silo.files.mcap.damage import DAMAGE
 from silo.files.mcap.writer import McapWriter, file_start
 from silo.files.parts.metadata import EVENTS_RING, PART_ENDING, TOTALS_METADATA, PartFacts
 from silo.files.parts.scan import PartScan, rows_after, scan_part
 from silo.recovery.left import BusyError, claimed_file
 
 OTHERS_S = 10.0  # how long another process may take to close what a predecessor left
-
-_DAMAGE = (
-    struct.error, ValueError, IndexError, OverflowError, MemoryError, zstandard.ZstdError, msgspec.MsgspecError,
-    McapError,
-)  # fmt: skip
 
 
 def left_parts(folder: Path) -> list[Path]:
@@ -134,19 +125,13 @@ def rows_of(scan: PartScan) -> dict[int, int]:
 
 
 def _scanned(file: BinaryIO, path: Path) -> PartScan:
-    if os.fstat(file.fileno()).st_size == 0:
-        return PartScan()
-    data = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))  # the map ends with its last view
-    begin = file_start()
-    if len(data) <= len(begin) and begin.startswith(data):
-        return PartScan()
     try:
-        scan = scan_part(data)
+        scan = scan_part(mapped(file))
     except FileFormatError as error:
         raise FileFormatError(f"{path}: can't be closed: {error}; it stays as it is") from None
-    except _DAMAGE as error:
+    except (*DAMAGE, MemoryError) as error:
         raise FileFormatError(f"{path}: can't be closed, it is damaged: {error}; it stays as it is") from None
-    if scan.facts is None and scan.begun.size != len(begin):
+    if scan.facts is None and scan.begun.size not in (0, len(file_start())):
         raise FileFormatError(f"{path}: was not written by a recorder of silo; it stays as it is")
     return scan
 
@@ -174,13 +159,12 @@ def _glance(path: Path) -> "tuple[PartFacts, dict[int, int]] | tuple[()] | None"
     try:
         # claimed, as who closes it cuts it: to read beyond its end would end this process
         with claimed_part(path if path.exists() else final) as file:
-            # the map ends with its last view
-            return rows_after(memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))) or ()
+            return rows_after(mapped(file)) or ()
     except BusyError:
         return None
     except FileNotFoundError:
         return None if final.exists() else ()  # it got its name just now
-    except (OSError, FileFormatError, *_DAMAGE):
+    except (OSError, FileFormatError, *DAMAGE, MemoryError):
         return ()
 
 

@@ -5,9 +5,7 @@ that disagree. What somebody told to be missing is told again, apart from that. 
 """
 
 import contextlib
-import mmap
 import re
-import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -15,7 +13,6 @@ from functools import cached_property
 from pathlib import Path
 
 import msgspec
-import zstandard
 
 from silo.core.arrays.spans import Span, doubled, merged, spans_text, without
 from silo.core.elements import DAMAGED, Action, BufferType, LoggedEvent
@@ -26,6 +23,8 @@ from silo.errors import LogNotFoundError, SegmentError, SiloError
 from silo.files.event_log import event_log_path, loggers_with_events, older_event_log, read_events
 from silo.files.formats import read_recording
 from silo.files.manifest import WRITTEN_ENDING, CaptureEntry, number_of, read_captures, read_written
+from silo.files.mcap.chunks import mapped
+from silo.files.mcap.damage import DAMAGE
 from silo.files.naming import find_logs
 from silo.files.parts.metadata import EVENTS_RING, RingFacts
 from silo.files.parts.scan import PartScan, scan_part
@@ -266,8 +265,9 @@ class _Folder:
             if not path.is_file() or path.parent.name.endswith(".rosbag2"):
                 continue
             try:
-                scan = _scanned(path)
-            except (SiloError, OSError, ValueError, struct.error, zstandard.ZstdError, msgspec.MsgspecError) as error:
+                with path.open("rb") as file:
+                    scan = scan_part(mapped(file))
+            except (SiloError, OSError, *DAMAGE) as error:
                 self.verdicts.append(Verdict("damaged", f"{path.relative_to(self.folder)} can't be read: {error}"))
                 continue
             if scan.facts is None:
@@ -414,14 +414,6 @@ def _oldest(reader: SegmentReader, number: int) -> tuple[RingSchema, int]:
     """A ring, and the oldest tick of which it has its row, as far as it is overwritten."""
     ring = reader.schema.rings[number]
     return ring, ring.divider * reader.rows(number, 0, 1).first if ring.buffer_type is BufferType.LOOPING else 0
-
-
-def _scanned(path: Path) -> PartScan:
-    with path.open("rb") as file:
-        if not path.stat().st_size:
-            return PartScan()
-        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data, memoryview(data) as view:
-            return scan_part(view)
 
 
 def verify(folder: Path) -> Verified:

@@ -4,56 +4,23 @@ An element alone costs unpacking the chunks that hold its messages, and nothing 
 asks for several gets the rest in one more pass. Used by `silo.files.bag_reader`.
 """
 
-import struct
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
-import zstandard
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from silo.core.recording import DamageNotes, RecordedElement, alike, failures_at, lazy_entry
-from silo.errors import FileFormatError
 from silo.files.bags.channels import Values, are_right, channel_readers, logged_dtype, most_samples
 from silo.files.bags.metadata import PlacedElement, RecordingFacts
 from silo.files.mcap.chunks import INDEX_ENTRY, unpack_chunk, walked
+from silo.files.mcap.damage import DAMAGE, damage_told, told_damage
 from silo.files.mcap.index import Index, IndexedChunk, entries_at, record_at
 
 ALONE = 3  # so many elements that nobody asked for together are read one by one; each costs unpacking its chunks
-
-
-@contextmanager
-def damage_told(file: Path) -> Iterator[None]:
-    """Turn what a damaged file leads to, whose fields may hold anything, into FileFormatError."""
-    try:
-        yield
-    except DAMAGE as error:
-        raise FileFormatError(f"{file}: {told_damage(error)}") from error
-    except MemoryError as error:
-        raise FileFormatError(f"{file}: it takes more memory than there is") from error
-
-
-# what a file leads to whose fields may hold anything
-DAMAGE = (
-    struct.error, ValueError, LookupError, ArithmeticError, TypeError, RecursionError, EOFError, McapError,
-    zstandard.ZstdError, msgspec.MsgspecError,
-)  # fmt: skip
-
-
-def told_damage(error: BaseException) -> str:
-    """Return what is wrong with a file, in words."""
-    text = str(error)
-    if isinstance(error, ValueError) and not isinstance(error, UnicodeError | msgspec.MsgspecError):
-        return text
-    if isinstance(error, LookupError):
-        return f"damaged: it names {text}, which isn't there"
-    return f"damaged: {text or type(error).__name__}"
 
 
 class BagElements:

@@ -4,9 +4,12 @@ What a chunk announces is looked at before anything is unpacked: a few bytes may
 index of a file is damaged, `walked` finds the messages of a chunk by their records.
 """
 
+import mmap
+import os
 import struct
 import zlib
 from collections.abc import Iterator
+from typing import BinaryIO
 
 import lz4.frame
 import numpy as np
@@ -21,8 +24,23 @@ RECORD = struct.Struct("<BQ")  # the head of a record: opcode, length
 MOST_ROOM = 64 << 20
 MOST_RATIO = 256
 MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+_MESSAGE = np.dtype(
+    {
+        "names": ["opcode", "length", "channel", "time"],
+        "formats": ["u1", "<u8", "<u2", "<u8"],
+        "offsets": [0, 1, 9, 15],
+        "itemsize": RECORD.size + MESSAGE.size,
+    }
+)
 _BARE_RECORDS = 4096  # more than that, and more than packed bytes, are no records of a writer
 _HEAD = struct.Struct("<QQQII")  # of a chunk: first and last time, size, checksum, length of the compression's name
+
+
+def mapped(file: BinaryIO) -> memoryview:
+    """Return the bytes of a file, none of an empty one; the map ends with its last view, whoever holds it."""
+    if not os.fstat(file.fileno()).st_size:
+        return memoryview(b"")
+    return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
 
 
 def unpack_chunk(body: memoryview) -> bytes | memoryview:
@@ -119,3 +137,19 @@ def walked(chunk: bytes | memoryview, packed: int) -> tuple[dict[int, NDArray[np
         elif opcode != Opcode.MESSAGE:
             others.append((opcode, body))
     return {channel: np.array(pairs, INDEX_ENTRY) for channel, pairs in found.items()}, others
+
+
+def are_messages(
+    block: bytes | memoryview, channels: "int | NDArray[np.uint16]", entries: NDArray[np.void]
+) -> NDArray[np.bool_]:
+    """Which index entries point at whole messages of these channels, logged then: an index has no checksum."""
+    room = len(block) - _MESSAGE.itemsize
+    if room < 0:
+        return np.zeros(entries.shape, bool)
+    inside = entries["offset"] <= room
+    places = np.where(inside, entries["offset"], 0)
+    every: NDArray[np.void] = np.ndarray((room + 1,), _MESSAGE, block, 0, (1,))
+    found = every[places.astype(np.int64)]
+    whole = (found["length"] >= MESSAGE.size) & (found["length"] <= len(block) - RECORD.size - places)
+    mine = (found["opcode"] == Opcode.MESSAGE) & (found["channel"] == channels) & (found["time"] == entries["time"])
+    return np.asarray(inside & whole & mine)

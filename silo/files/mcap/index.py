@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, Statistics
 from numpy.typing import NDArray
 
 from silo.files.mcap.chunks import INDEX_ENTRY, RECORD, records
+from silo.files.mcap.damage import DAMAGE
 from silo.files.mcap.writer import MAGIC
 
 _CHUNK = struct.Struct("<QQQQI")  # of a chunk index: first and last time, where, length, bytes of the offsets
@@ -62,7 +62,7 @@ def read_index(data: memoryview) -> Index | None:
         return None
     try:
         return _summary(data[:end], start)
-    except (McapError, ValueError, struct.error):
+    except DAMAGE:
         return None  # it has no checksum, or one of what is wrong: the file is read by its records
 
 
@@ -105,6 +105,16 @@ class IndexedRecord:
         return self.at + RECORD.size + len(self.body)
 
     @property
+    def indexed(self) -> Iterator[tuple[int, int, int]]:
+        """Of each channel in its index: its number, how many messages, and where their entries begin."""
+        at = self.end
+        for body in self.index:
+            if len(body) >= ENTRIES_AT:
+                channel, size = _INDEXED.unpack_from(body)
+                yield channel, size // INDEX_ENTRY.itemsize, at
+            at += RECORD.size + len(body)
+
+    @property
     def index_end(self) -> int:
         """Where its index ends."""
         return self.end + sum(RECORD.size + len(one) for one in self.index)
@@ -133,13 +143,9 @@ def walked_index(data: memoryview) -> Index:
     for record in indexed_records(data):
         if record.opcode == Opcode.CHUNK:
             offsets: list[tuple[int, int]] = []
-            at = record.end
-            for body in record.index:
-                if len(body) >= ENTRIES_AT:
-                    channel, size = _INDEXED.unpack_from(body)
-                    counts[channel] = counts.get(channel, 0) + size // INDEX_ENTRY.itemsize
-                    offsets.append((channel, at))
-                at += RECORD.size + len(body)
+            for channel, count, place in record.indexed:
+                counts[channel] = counts.get(channel, 0) + count
+                offsets.append((channel, place))
             chunks.append(IndexedChunk(record.at, record.end - record.at, np.array(offsets, _OFFSET)))
         elif record.opcode == Opcode.ATTACHMENT:
             attachments[attachment(record.body)[0]] = (record.at, record.end - record.at)

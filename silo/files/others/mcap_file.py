@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from silo.core.names import grouped
 from silo.core.recording import DamageNotes
-from silo.files.bags.index import DAMAGE, told_damage
-from silo.files.mcap.chunks import INDEX_ENTRY, MESSAGE, RECORD, records, unpack_chunk, walked
+from silo.files.mcap.chunks import INDEX_ENTRY, MESSAGE, RECORD, are_messages, records, unpack_chunk, walked
+from silo.files.mcap.damage import DAMAGE, told_damage
 from silo.files.mcap.index import entries_at, parsed, read_index, record_at
 from silo.files.mcap.writer import MAGIC
 from silo.files.others.topics import Bad, Equal, FileTopic
@@ -259,7 +259,7 @@ class McapChannel:
             first += len(entries)
             try:
                 content = self.file.content(block)
-                right = _right(content, self.number, entries)
+                right = are_messages(content, self.number, entries)
                 if not right.all():
                     entries, right = self._found_again(block, content, entries, right)
             except ValueError as error:
@@ -278,31 +278,7 @@ class McapChannel:
         if len(found) < len(entries):
             return entries, right
         same = found["time"] == entries["time"]  # else it stands at another time than it was logged at
-        return found, same & _right(content, self.number, found)
-
-
-_RECORD = np.dtype(
-    {
-        "names": ["opcode", "length", "channel", "time"],
-        "formats": ["u1", "<u8", "<u2", "<u8"],
-        "offsets": [0, 1, 9, 15],
-        "itemsize": _BEGIN,
-    }
-)
-
-
-def _right(block: bytes | memoryview, channel: int, entries: Entries) -> NDArray[np.bool_]:
-    """Which entries point at whole messages of the channel: an index has no checksum."""
-    if len(block) < _BEGIN:
-        return np.zeros(len(entries), bool)
-    room = len(block) - _BEGIN
-    inside = entries["offset"] <= room
-    every: NDArray[np.void] = np.ndarray((room + 1,), _RECORD, block, 0, (1,))
-    found = every[np.where(inside, entries["offset"], 0).astype(np.int64)]
-    left = len(block) - RECORD.size - np.where(inside, entries["offset"], 0)
-    whole = (found["length"] >= MESSAGE.size) & (found["length"] <= left)
-    mine = (found["opcode"] == Opcode.MESSAGE) & (found["channel"] == channel) & (found["time"] == entries["time"])
-    return np.asarray(inside & whole & mine)
+        return found, same & are_messages(content, self.number, found)
 
 
 def _contents(block: bytes | memoryview, offsets: NDArray[np.int64]) -> Iterator[Equal]:

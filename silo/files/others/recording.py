@@ -4,7 +4,6 @@
 all elements of the topic. `stamped_by_header` gives the same by the stamps in the messages' headers.
 """
 
-import mmap
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -22,8 +21,9 @@ from silo.core.recording import DamageNotes, RecordedElement, Recording, common_
 from silo.core.yaml_depth import ShallowLoader
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
-from silo.files.bags.index import damage_told
 from silo.files.formats import ROS1_MARK, refuse_others, starts_with
+from silo.files.mcap.chunks import mapped
+from silo.files.mcap.damage import damage_told
 from silo.files.others import cdr, json_text
 from silo.files.others.keyed import KeyedList, KeyedValues, keyed_list, of_keys
 from silo.files.others.mcap_file import McapFile
@@ -157,8 +157,7 @@ def _file(path: FilePath, told: DamageNotes) -> _File:
         return SqliteFile(path)
     try:
         with path.open("rb") as opened, damage_told(path):
-            data = memoryview(mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ))
-            return McapFile(path, data, told)
+            return McapFile(path, mapped(opened), told)
     except OSError as error:
         raise LogNotFoundError(f"can't open '{path}': {reason(error)}") from error
 

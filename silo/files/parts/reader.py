@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from silo.core.elements import UNHELD, BufferType, LoggedEvent, Stretch
 from silo.core.recording import Recording, alike
-from silo.files.bags.index import DAMAGE, GAPS, BagElements, lost_chunk
+from silo.files.bags.index import GAPS, BagElements, lost_chunk
 from silo.files.mcap.chunks import chunk_start, unpack_chunk, walked
+from silo.files.mcap.damage import DAMAGE
 from silo.files.mcap.index import Index, IndexedChunk, entries_at, entries_in, record_at, walked_index
 from silo.files.parts.events import events_of
 from silo.files.parts.metadata import EVENTS_RING, PartFacts, RingFacts

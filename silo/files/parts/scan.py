@@ -8,22 +8,18 @@ import struct
 from dataclasses import dataclass, field
 
 import numpy as np
-import zstandard
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, Channel, Metadata, MetadataIndex, Schema
-from numpy.typing import NDArray
 
 from silo.errors import FileFormatError
-from silo.files.mcap.chunks import INDEX_ENTRY, RECORD, records, unpack_chunk
+from silo.files.mcap.chunks import INDEX_ENTRY, RECORD, are_messages, records, unpack_chunk
+from silo.files.mcap.damage import DAMAGE
 from silo.files.mcap.index import ENTRIES_AT, IndexedRecord, attachment, indexed_records, parsed
-from silo.files.mcap.writer import MAGIC, Begun, chunk_index
+from silo.files.mcap.writer import MAGIC, Begun, chunk_index, file_start
 from silo.files.parts.events import last_number
 from silo.files.parts.metadata import EVENTS_RING, PART_ATTACHMENT, PartFacts, RingFacts, row_of, unpack_part
 
 SEQUENCE_AT = 11  # in a message record
-_MESSAGE = np.dtype(
-    {"names": ["opcode", "channel", "time"], "formats": ["u1", "<u2", "<u8"], "offsets": [0, 9, 15], "itemsize": 23}
-)
 NO_INDEX = "the index is damaged: its times, or where it points, are not those of the messages"
 _IN_CHUNK = (Opcode.SCHEMA, Opcode.CHANNEL)
 
@@ -76,6 +72,8 @@ def _row_after(ring: RingFacts, chunk: bytes, index: memoryview) -> int:
 def scan_part(data: memoryview) -> PartScan:
     """Read a part from front to back. Raises FileFormatError for what is no part of ours."""
     scan = PartScan()
+    if file_start().startswith(data):
+        return scan  # nothing yet
     if bytes(data[: len(MAGIC)]) != MAGIC:
         raise FileFormatError("not an MCAP file: it doesn't start with the MCAP mark")
     scan.begun.size = len(MAGIC)
@@ -153,18 +151,16 @@ def _take_chunk(scan: PartScan, record: IndexedRecord) -> str:
         return NO_INDEX
     try:
         data = bytes(unpack_chunk(record.body))
-    except (zstandard.ZstdError, ValueError, struct.error) as error:
+    except DAMAGE as error:
         return f"nothing can be read ({error})"
     if not index_fits(data, record.index):
         return NO_INDEX
     if not scan.begun.channels:
         _take_definitions(scan, data)
-    offsets, place = b"", record.end
-    for one in record.index:
-        channel, entry_bytes = struct.unpack_from("<HI", one)
-        scan.counts[channel] = scan.counts.get(channel, 0) + entry_bytes // INDEX_ENTRY.itemsize
+    offsets = b""
+    for channel, count, place in record.indexed:
+        scan.counts[channel] = scan.counts.get(channel, 0) + count
         offsets += struct.pack("<HQ", channel, place)
-        place += RECORD.size + len(one)
     index = record.index[0]
     scan.add_rows(ring.ring, first_row(ring, data, index), _row_after(ring, data, index))
     start_ns, end_ns, size, _, length = struct.unpack_from("<QQQII", record.body)
@@ -189,13 +185,8 @@ def index_fits(chunk: bytes, index: list[memoryview]) -> bool:
         return False
     body = np.dtype([("channel", "<u2"), ("size", "<u4"), ("entries", INDEX_ENTRY, (size // INDEX_ENTRY.itemsize,))])
     records = np.frombuffer(b"".join(index), body)
-    offsets, room = records["entries"]["offset"], len(chunk) - _MESSAGE.itemsize
-    if room < 0 or int(offsets.max()) > room or (records["size"] != size).any():
-        return False
-    every: NDArray[np.void] = np.ndarray((room + 1,), _MESSAGE, chunk, 0, (1,))
-    found = every[offsets.astype(np.int64)]
-    right = (found["opcode"] == Opcode.MESSAGE) & (found["channel"] == records["channel"][:, None])
-    return bool((right & (found["time"] == records["entries"]["time"])).all())
+    right = are_messages(chunk, records["channel"][:, None], records["entries"])
+    return bool((records["size"] == size).all() and right.all())
 
 
 def _take_definitions(scan: PartScan, data: bytes) -> None:
