@@ -19,7 +19,6 @@ from silo_tui.actions import (
     commands_for,
     footer_for,
     key_of,
-    key_text,
     typed_on,
     with_keys,
 )
@@ -308,22 +307,6 @@ def _on_screens() -> list[tuple[str, list[Command]]]:
 
 def _is_on(scope: str, command: Command) -> bool:
     return bool({scope, "any"} & set(command.scopes)) or (not command.scopes and typed_on(scope, command))
-
-
-def check() -> None:
-    """Refuse a table in which something stands twice, or nowhere."""
-    eaten = ("ctrl+h", "ctrl+i", "ctrl+j", "ctrl+m", "ctrl+enter", "alt+")
-    for keymap in BASES:
-        for mine, theirs, key, scope in clashes(keymap, {}):
-            raise ValueError(f"{keymap}: {key_text(key)} is {mine} and {theirs} ({scope})")
-    for command in COMMANDS:
-        if command.id not in TWO_LAYERS and command.keys:
-            raise ValueError(f"{command.id} has no place in the two layers")
-    for keys, commands in _TABLE:
-        for key in keys.split(","):
-            menu, _, letter = key.rpartition(" ")
-            if (menu and (menu not in OPENERS or letter == DESTROYS)) or key.startswith(eaten):
-                raise ValueError(f"{key} of {commands} is no key that can be")
 
 
 use_keys(DEFAULT, {})  # also for what is said before there is an app

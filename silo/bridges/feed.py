@@ -3,7 +3,6 @@
 The robot program may end and begin anew; the thread waits for it and goes on.
 """
 
-import logging
 import math
 import threading
 import time
@@ -26,8 +25,6 @@ PERIOD_S = 0.05
 TABLE_PERIOD_S = 1.0
 LAST_BATCHES = 3  # of a stream that another one takes over: what was under way, and what covers its begin
 MOST_PENDING = 4  # batches that were handed over and are not taken yet
-
-log = logging.getLogger("silo.bridges")
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ message stands; so a chunk is read with one indexed load per channel, and `open_
 
 import os
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from silo.core.recording import DamageNotes, Recording, alike, keep_quiet, read_whole
+from silo.core.recording import DamageNotes, Recording, alike
 from silo.errors import FileFormatError, LogNotFoundError, SiloError
 from silo.files.atomic import reason
 from silo.files.bags.index import BagElements
@@ -37,18 +36,6 @@ from silo.files.mcap.index import Index, attachment, read_index, record_at, walk
 from silo.files.mcap.writer import MAGIC
 from silo.files.parts.metadata import PART_ATTACHMENT, unpack_part
 from silo.files.parts.reader import open_part
-
-
-def read_bag(path: str | os.PathLike[str]) -> Recording:
-    """As `open_bag`, with all values read; raises FileFormatError for bags of others, too."""
-    file, data = _mapped(path)
-    with damage_told(file):
-        found = _opened(file, data)
-        if found is None:
-            raise FileFormatError("this bag was not written by silo, or was cut off before its table")
-    keep_quiet(found)
-    read_whole(found)
-    return replace(found, warnings=tuple(found.warnings))
 
 
 def open_bag(path: str | os.PathLike[str], *, check: bool = False) -> Recording:

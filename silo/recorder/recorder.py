@@ -4,7 +4,6 @@
 """
 
 import contextlib
-import logging
 import os
 import select
 import socket
@@ -56,8 +55,6 @@ PREDECESSOR_S = 60.0  # how long one that ends may take to finish its part
 MOST_NEWS = 20
 MOST_MISSED = 100  # runs that are missing, counted one by one
 OLD_RUN_S = 5.0  # a run that doesn't end although the next one began
-
-log = logging.getLogger("silo.recorder")
 
 
 class Recorder:

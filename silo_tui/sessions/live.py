@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -51,7 +51,6 @@ if TYPE_CHECKING:
     from silo.conditions.requests import TriggerTried
     from silo_tui.model.plots.overlay import Overlay
 
-Result = TypeVar("Result")
 Condition: TypeAlias = Derived | SignalLimits | TriggerOptions
 
 AHEAD_NS = 2_000_000_000

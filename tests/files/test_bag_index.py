@@ -7,7 +7,7 @@ from mcap.opcode import Opcode
 import silo
 from silo.core.recording import Recording, read_whole
 from silo.errors import FileFormatError
-from silo.files.bag_reader import open_bag, read_bag
+from silo.files.bag_reader import open_bag
 from silo.files.bags import channels
 from silo.files.bags import index as bag_index
 from silo.files.bags.index import ALONE, BagElements
@@ -15,6 +15,7 @@ from silo.files.bags.writer import write_bag
 from silo.files.formats import read_recording
 from silo.files.mcap.index import read_index, record_at
 from tests.stand_ins.saved import element
+from tests.whole_bags import read_bag
 
 TICKS = 3000
 NAMES = [f"/log/{name}" for name in ("position", "mode", "text", "slow", "force", "gain")]

@@ -12,13 +12,13 @@ from mcap.writer import Writer
 
 from silo.core.recording import Recording
 from silo.errors import FileFormatError, LogNotFoundError, SaveError
-from silo.files.bag_reader import read_bag
 from silo.files.bags import writer as bag
 from silo.files.bags.ros_types import channels_of
 from silo.files.bags.writer import write_bag
 from silo.files.mcap import writer as mcap_write
 from tests.examples import examples
 from tests.stand_ins.saved import element
+from tests.whole_bags import read_bag
 
 ALL_TYPES = ("<f8", ">f8", "<f4", "<f2", "<c8", "<c16", "|i1", "<i2", ">i4", "<i8", "|u1", "<u8", "|V5", "<f16", "|S3")
 

@@ -13,13 +13,13 @@ from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import BufferType, RecorderState
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveError, StateError
-from silo.files.bag_reader import read_bag
 from silo.recorder.requests import recording_folder
 from silo.recovery.parts import left_parts
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
 from tests.ipc.conftest import Heard
 from tests.waiting import wait_until
+from tests.whole_bags import read_bag
 
 RESTING = 50  # ticks of the robot program in which x is 0
 

@@ -24,7 +24,6 @@ from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import RecorderState
 from silo.core.runtime import list_held, list_segments, process_start, runtime_dir
-from silo.files.bag_reader import read_bag
 from silo.files.event_log import read_events
 from silo.files.manifest import read_written
 from silo.recorder.process import stored
@@ -32,6 +31,7 @@ from silo.segment.held_runs import held_runs, recorders_path
 from tests.ipc.conftest import end_helper
 from tests.stand_ins.ticking import turning
 from tests.waiting import answered, freeze, wait_until
+from tests.whole_bags import read_bag
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("cold_children")]
 

@@ -19,7 +19,6 @@ from silo.core.conditions import Derived
 from silo.core.elements import LoggedEvent, RecorderState
 from silo.datasets.lerobot import write_lerobot
 from silo.errors import FileFormatError
-from silo.files.bag_reader import read_bag
 from silo.files.bags.writer import write_bag
 from silo.files.event_log import append_events, event_log_path, older_event_log
 from silo.files.parts.scan import rows_after, scan_part
@@ -31,6 +30,7 @@ from silo.recordings.folder import _times
 from silo.recovery.parts import close_part
 from silo.segment.reader import SegmentReader
 from tests.waiting import wait_until
+from tests.whole_bags import read_bag
 
 
 def order(folder: Path, **options: object) -> RecordOrder:

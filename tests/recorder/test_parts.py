@@ -21,7 +21,6 @@ from silo.core.quantities.reading import read_keep, read_split
 from silo.core.quantities.writing import size_text
 from silo.errors import ElementError, SaveError
 from silo.files.atomic import write_all
-from silo.files.bag_reader import read_bag
 from silo.files.bags.index import BagElements
 from silo.files.bags.writer import write_bag
 from silo.files.manifest import Ledger, size_of_parts
@@ -35,6 +34,7 @@ from silo.recorder.server import _wrong_numbers
 from silo.recorder.writing import MOST_INDEX_BYTES, QUEUE_BYTES, RecorderDisk, left_free, why_full
 from silo.recovery.parts import close_part, close_parts, finished_part, left_parts, left_rows
 from silo.segment.reader import SegmentReader
+from tests.whole_bags import read_bag
 
 
 def order(folder: Path, **options: object) -> RecordOrder:

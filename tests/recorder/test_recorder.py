@@ -10,7 +10,6 @@ import pytest
 
 from silo.analysis.opening import open_log
 from silo.core.elements import RecorderState
-from silo.files.bag_reader import read_bag
 from silo.files.parts.metadata import PART_ENDING
 from silo.recorder.orders import Finish, Follow, RecordOrder, encode
 from silo.recorder.process import RecorderHandover, RecorderProcess, Spare
@@ -18,6 +17,7 @@ from silo.recorder.recorder import Recorder
 from silo.recorder.ring_cursor import Drained, RingCursor
 from silo.recovery.parts import close_parts, left_parts
 from tests.waiting import freeze, wait_until
+from tests.whole_bags import read_bag
 
 pytestmark = pytest.mark.slow
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from silo.errors import FileFormatError
 from silo.files.others.topics import Bad, Equal, FileTopic, equal
 
-MARK = b"SQLite format 3\0"
 _DEFINITIONS = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
 
 
