@@ -9,10 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
-
-import msgspec
 
 from silo.core.arrays.spans import Span, doubled, merged, spans_text, without
 from silo.core.elements import DAMAGED, Action, BufferType, LoggedEvent
@@ -33,8 +30,9 @@ from silo.recorder.orders import CLOSED
 from silo.rpc.published import EventKind
 from silo.segment.layout import ElementSchema, RingSchema
 from silo.segment.reader import SegmentReader
+from silo.verify.gone import captures_that_lack, parts_that_lack, saves_that_lack
+from silo.verify.verdicts import MOST_SHOWN, RunCovered, Verdict, Verified
 
-_MOST_SHOWN = 5
 # what tells of a loss, once "0 lost" and paths are taken out
 _LOSS = re.compile(
     r"lost|missing|not recorded|left out|could not|couldn't|gone|overwritten|deleted|blind|not saved|"
@@ -56,54 +54,7 @@ _UNCOUNTED = re.compile(r"lost, and the end of (a run|\d+ runs)")
 _FULL = "come to an end when their buffers are full"
 _FIRED = re.compile(r"trigger '(?P<name>[^']+)' fired")
 _CAPTURED = re.compile(r"capture (?P<number>\d+) of '(?P<name>[^']+)', ticks (?P<first>\d+) to (?P<last>\d+)")
-_WRITTEN = re.compile(r"(?:^saved |: |, )(/.+?) \(\d[\d.]* [kMGT]?B\)")
-_BEFORE = "the last run was saved before it is cleared: "
 _DIED = ("program died", "program died, recovered later", "program ended without saving")
-
-
-class Verdict(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Something that is not as it should be, or that was told to be so.
-
-    `kind`: "missing", "twice", "disagrees", "damaged", or "not kept": what nobody had asked to be; "not recorded": what
-    came while somebody had stopped a recording; "newest": looping buffers that hold less of a run than others, as they
-    were asked to. `spans` are ticks of `run`, both ends included.
-    `told` says who told it; empty: nobody did.
-    """
-
-    kind: str
-    text: str
-    logger: str = ""
-    run: str = ""
-    spans: tuple[Span, ...] = ()
-    told: str = ""
-
-
-class RunCovered(msgspec.Struct, frozen=True):
-    """A run: how many ticks of it are known to be collected, and how many of these stand where."""
-
-    logger: str
-    run: str
-    ticks: int
-    recorded: int
-    saved: int
-    captured: int
-    in_memory: int
-
-
-class Verified(msgspec.Struct, frozen=True):
-    """What was found. `problems` are what nobody told, `told` what somebody did.
-
-    `not_kept` are ticks that stand nowhere any more, and were to be kept by nobody, and those that came while somebody
-    had stopped a recording; `newest` tells of elements of which less is there than of others of their run, as their
-    buffers are shorter.
-    """
-
-    folder: str
-    runs: tuple[RunCovered, ...]
-    problems: tuple[Verdict, ...]
-    told: tuple[Verdict, ...]
-    not_kept: tuple[Verdict, ...] = ()
-    newest: tuple[Verdict, ...] = ()
 
 
 @dataclass
@@ -210,11 +161,17 @@ class _Folder:
         self._take_memory()
         self._take_logs()
         self._take_ledgers()
+        names = frozenset(path.name for path in folder.rglob("*"))
         for logger in self.loggers:
-            lacks = [*self._saves_that_lack(logger), *self._captures_that_lack(logger)]
+            lacks = [
+                *saves_that_lack(folder, names, logger, self.events[logger]),
+                *captures_that_lack(names, logger, self.captures[logger], self.keeps),
+            ]
             self.verdicts += lacks
             self.gone |= {logger} if lacks else set()
-        self.verdicts += self._parts_that_lack()
+        self.verdicts += parts_that_lack(
+            {run: some for run, some in self.stretches.items() if run[0] not in self.events}
+        )
         if not self.runs and not self.loggers:
             raise LogNotFoundError(f"{folder}: there are no logs, no recordings and no event log in it")
 
@@ -349,60 +306,6 @@ class _Folder:
                 )
                 run.trimmed[written.recorder] = had, entry.deleted > 0
 
-    @cached_property
-    def _names(self) -> frozenset[str]:
-        """What stands here and below."""
-        return frozenset(path.name for path in self.folder.rglob("*"))
-
-    def _saves_that_lack(self, logger: str) -> Iterator[Verdict]:
-        """The saves of which no format is there, by the event log; with who told to have deleted them."""
-        told = [event for event in self.events[logger] if event.kind == EventKind.DELETED.value]
-        saved = [
-            (event, list(map(Path, event.text.removeprefix(_BEFORE).split(", "))))
-            if event.text.startswith(_BEFORE)
-            else (event, list(map(Path, _WRITTEN.findall(event.text))))
-            for event in self.events[logger]
-            if event.kind in (EventKind.SAVED.value, EventKind.RECOVERED.value)
-        ]
-        # what this folder was called, where it was moved or copied; saved may be to others, too
-        here = {path.parent for _, files in saved for path in files if (self.folder / path.name).exists()}
-        for event, every in saved:
-            files = [path for path in every if path.parent in here or path.parent.resolve() == self.folder.resolve()]
-            gone = [path.name for path in files]
-            if gone and self._names.isdisjoint(gone):
-                names = and_more(gone, _MOST_SHOWN)
-                by = next(
-                    (
-                        f"event {one.number}: {one.text}"
-                        for one in told
-                        if {*gone}.intersection(re.split("[ ,]+", one.text))
-                    ),
-                    "",
-                )
-                yield Verdict("missing", f"{names} was saved (event {event.number}), and is gone", logger, told=by)
-
-    def _captures_that_lack(self, logger: str) -> Iterator[Verdict]:
-        """The captures that were written and are gone, but for those that made room for newer ones of their trigger."""
-        newer: Counter[str] = Counter()
-        for entry in reversed(self.captures[logger]):
-            if not entry.files:
-                continue
-            keep = self.keeps.get((logger, entry.trigger), 1)
-            is_kept = not keep or newer[entry.trigger] < keep
-            if is_kept and not self._names & {one.name for one in entry.files}:
-                names = and_more([one.name for one in entry.files], _MOST_SHOWN)
-                text = f"{names} is gone: it was capture {entry.number} of '{entry.trigger}' in run {entry.run}"
-                yield Verdict("missing", text, logger, entry.run)
-            newer[entry.trigger] += 1
-
-    def _parts_that_lack(self) -> Iterator[Verdict]:
-        """The stretches between others of a run that was cut, where no event log tells what became of each."""
-        for (logger, run), parts in self.stretches.items():
-            lacks = sorted({*range(1, max(parts))} - parts) if logger not in self.loggers else []
-            if lacks:
-                text = f"run {run} was cut, and lacks part {and_more([str(one) for one in lacks], _MOST_SHOWN)}"
-                yield Verdict("missing", text, logger, run)
-
 
 def _kept_elements(reader: SegmentReader) -> Sequence[ElementSchema]:
     """The elements that a save would have; all where there are none."""
@@ -494,7 +397,7 @@ def _newest(run: _Run) -> Iterator[Verdict]:
     if shorter:
         kept = {name: max(run.newest[name], key=lambda span: span[1]) for name in shorter}
         names = [f"{name} the last {many(last + 1 - first, 'tick')}" for name, (first, last) in kept.items()]
-        text = f"run {run.run}: looping buffers hold the newest only: {and_more(names, _MOST_SHOWN)}"
+        text = f"run {run.run}: looping buffers hold the newest only: {and_more(names, MOST_SHOWN)}"
         ticks = tuple(merged(span for lacks in shorter.values() for span in lacks))
         yield Verdict("newest", text, run.logger, run.run, ticks)
 
@@ -740,7 +643,7 @@ def _lost(run: _Run) -> Iterator[Verdict]:
     for (_, name), samples in run.lost.items():
         counts[name] += samples
     if counts:
-        names = and_more([f"{samples} of {name}" for name, samples in counts.items()], _MOST_SHOWN)
+        names = and_more([f"{samples} of {name}" for name, samples in counts.items()], MOST_SHOWN)
         lost = many(counts.total(), "sample")
         text = f"run {run.run}, of {run.ticks} ticks: {lost} had no room in a buffer: {names}"
         yield Verdict("missing", text, run.logger, run.run, told=run.told(["samples could not be kept"]))

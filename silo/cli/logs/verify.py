@@ -10,7 +10,7 @@ from silo.cli.common import TypedPath, json_option, show_json, show_rows
 from silo.core.quantities.writing import many
 
 if TYPE_CHECKING:
-    from silo.verify.folder import RunCovered, Verified
+    from silo.verify.verdicts import RunCovered, Verified
 
 
 @click.command()
