@@ -6,7 +6,7 @@ from silo.core.conditions import Derived
 from silo.core.elements import BufferType, ElementInfo
 from silo.expressions.binding import OFF, BoundExpression, Catalogue, Known, ScalarPlace
 from silo.expressions.evaluation import SourceRows
-from silo.journal.derived_rows import pickers_of
+from silo.journal.derived_rows import pickers_of, sources_of
 from silo.segment.layout import ElementSchema
 from silo.segment.picking import RowPicker
 from silo.segment.reader import SegmentReader
@@ -19,15 +19,9 @@ class JudgedRows:
         """`table` names the elements that are off too."""
         self._reader = reader
         schema = reader.schema
-        logged = {element.info.name for element in schema.elements}
-        off = [info for info in table if info.name not in logged]
-        self._infos = [*(element.info for element in schema.elements), *off]
-        sources = [*map(self._ring_of, schema.elements), *[OFF] * len(off)]
-        known = [
-            Known(info.name, info.entries, info.unit, source, info.options.divider, info.kind)
-            for info, source in zip(self._infos, sources, strict=True)
-        ]
-        self.catalogue = Catalogue(known, schema.prefix, schema.conditions.derived)
+        sources = sources_of(schema, table, self._ring_of)
+        self._infos = [info for info, _ in sources]
+        self.catalogue = Catalogue([Known.of(*one) for one in sources], schema.prefix, schema.conditions.derived)
         self._wanted: dict[int, RowPicker[tuple[int, int]]] = {}
         self._cursors: dict[int, int] = {}
         self._silent: set[int] = set()

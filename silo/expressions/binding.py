@@ -16,7 +16,7 @@ import numpy as np
 from silo.core import units
 from silo.core.arrays.function_units import UnitRule
 from silo.core.conditions import Derived
-from silo.core.elements import Entry
+from silo.core.elements import ElementInfo, Entry
 from silo.core.kinds import in_parts
 from silo.core.names import Found, Names, did_you_mean, is_glob, nearest
 from silo.core.quantities.writing import and_more
@@ -48,6 +48,11 @@ class Known:
     source: int
     divider: int
     kind: str = ""  # of the element
+
+    @classmethod
+    def of(cls, info: ElementInfo, source: int) -> "Known":
+        """Return an element of a table, whose samples a source has."""
+        return cls(info.name, info.entries, info.unit, source, info.options.divider, info.kind)
 
     @property
     def is_complex(self) -> bool:

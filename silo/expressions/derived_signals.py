@@ -74,12 +74,7 @@ def derived_infos(elements: Sequence[ElementInfo], prefix: str, derived: Sequenc
     """
     if not derived:
         return []
-    known = [
-        Known(
-            info.name, info.entries, info.unit, place if info.options.enabled else OFF, info.options.divider, info.kind
-        )
-        for place, info in enumerate(elements)
-    ]
+    known = [Known.of(info, place if info.options.enabled else OFF) for place, info in enumerate(elements)]
     names = {info.name for info in elements}
     found = []
     for one, bound, why in bound_derived(Catalogue(known, prefix, derived)):

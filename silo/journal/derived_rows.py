@@ -7,7 +7,7 @@ reads as much of the past as the expression looks back, so that a value doesn't 
 """
 
 import contextlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -54,19 +54,9 @@ def derived_plan(schema: SegmentSchema, table: Sequence[ElementInfo], derived: S
 
     One that can't be computed, as what it needs is off, has no ring.
     """
-    logged = {element.info.name for element in schema.elements}
-    off = [info for info in table if info.name not in logged]
-    known = [
-        Known(
-            one.info.name,
-            one.info.entries,
-            one.info.unit,
-            _source_ring(one, schema),
-            one.info.options.divider,
-            one.info.kind,
-        )
-        for one in schema.elements
-    ] + [Known(info.name, info.entries, info.unit, OFF, info.options.divider, info.kind) for info in off]
+    sources = sources_of(schema, table, lambda element: _source_ring(element, schema))
+    logged = {info.name for info, source in sources if source != OFF}
+    known = [Known.of(*one) for one in sources]
     rings, elements = list(schema.rings), list(schema.elements)
     signals: dict[int, DerivedSignal] = {}
     for one, bound, why in bound_derived(Catalogue(known, schema.prefix, derived)):
@@ -87,6 +77,15 @@ def derived_plan(schema: SegmentSchema, table: Sequence[ElementInfo], derived: S
     conditions = msgspec.structs.replace(schema.conditions, derived=tuple(derived))
     made = msgspec.structs.replace(schema, rings=tuple(rings), elements=tuple(elements), conditions=conditions)
     return DerivedPlan(made, signals)
+
+
+def sources_of(
+    schema: SegmentSchema, table: Sequence[ElementInfo], ring_of: Callable[[ElementSchema], int]
+) -> list[tuple[ElementInfo, int]]:
+    """Return the elements of a run with their rings, and those of a table that it hasn't, which are off."""
+    logged = {element.info.name for element in schema.elements}
+    off = [(info, OFF) for info in table if info.name not in logged]
+    return [*((element.info, ring_of(element)) for element in schema.elements), *off]
 
 
 def pickers_of(schema: SegmentSchema, columns: Iterable[ScalarPlace]) -> dict[int, RowPicker[tuple[int, int]]]:

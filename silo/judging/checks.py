@@ -38,11 +38,7 @@ def seconds(argument: str, given: object, most_s: float) -> float:
 
 def table_catalogue(elements: Sequence[ElementInfo], prefix: str, derived: Sequence[Derived] = ()) -> Catalogue:
     """Return what expressions may name in a table of elements; whether they are logged plays no part."""
-    known = [
-        Known(info.name, info.entries, info.unit, info.options.divider, info.options.divider, info.kind)
-        for info in elements
-    ]
-    return Catalogue(known, prefix, derived)
+    return Catalogue([Known.of(info, info.options.divider) for info in elements], prefix, derived)
 
 
 def with_derived(conditions: Conditions, one: Derived, elements: Sequence[ElementInfo], prefix: str) -> Conditions:

@@ -77,11 +77,7 @@ def off_problem(
     options: TriggerOptions, elements: Sequence[ElementInfo], prefix: str, derived: Sequence[Derived]
 ) -> str:
     """Return what of a trigger can't be with the elements that are off now, fit to stand behind its name."""
-    known = [
-        Known(info.name, info.entries, info.unit, info.options.divider if info.options.enabled else OFF,
-              info.options.divider, info.kind)
-        for info in elements
-    ]  # fmt: skip
+    known = [Known.of(info, info.options.divider if info.options.enabled else OFF) for info in elements]
     return trigger_conditions(options, Catalogue(known, prefix, derived)).problem
 
 
