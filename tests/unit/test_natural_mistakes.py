@@ -300,7 +300,8 @@ def _advised() -> set[tuple[str, str]]:
     """What messages and documentation advise of a logger, a log or a client: the object's name and the method."""
     found = set()
     for path in Path(silo.__file__).parent.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
+        text = path.read_text()
+        for node in ast.walk(ast.parse(text)) if "log." in text or "client." in text else ():
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 found |= set(re.findall(r"\b(log|client)\.([a-z_]+)\(", node.value))
     return found

@@ -1,6 +1,7 @@
 """Every promise names tests that there are."""
 
 import ast
+import functools
 import re
 from pathlib import Path
 
@@ -14,6 +15,7 @@ LOOSE = re.findall(r"^\| (N\d+) \|", PAGE.read_text(), re.MULTILINE)
 FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
 
 
+@functools.cache
 def named_in(file):
     """`test_name` and `Class::test_name` of a file."""
     names = set()
