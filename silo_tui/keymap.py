@@ -248,7 +248,8 @@ def in_bar(scope: str, *, read_only: bool) -> list[tuple[Command, int]]:
     bar, gives_way = _BAR.split(), _GIVES_WAY.split()
     found: list[tuple[int, int, Command]] = []
     for command in (*footer_for(scope, read_only=read_only), with_keys(BY_ID["again"])):
-        keys = ["r;"] if command.id in IN_BAR_BY_MENU else command.keys.split(",")
+        # by the key that it has here, as one that a user gave it stands where it always stood
+        keys = ["r;"] if command.id in IN_BAR_BY_MENU else TWO_LAYERS.get(command.id, "").split(",")
         place = next((at for at, key in enumerate(bar) if key.split(",")[0] in keys[:2]), len(bar))
         if command.id in OPENERS.values() and command.id not in _menus_of(scope):
             continue

@@ -22,6 +22,7 @@ MOST_CHARACTERS = 500
 
 _NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 UNIT = re.compile(r"[A-Za-zµμΩ°][A-Za-z0-9µμΩ°]*(?:/[A-Za-zµμΩ°][A-Za-z0-9]*)*")
+_UNIT_BEHIND = re.compile(rf" *({UNIT.pattern})(?![\w(])")  # nothing but a unit, or `and`, can follow a number's blank
 _OPERATOR = re.compile(r"\*\*|[<>=!]=|[-+*/%<>(),]")
 _LETTER = re.compile(r"[^\W\d]|[_/]")
 _CLASS = re.compile(r"\[[^\[\]\s]{1,50}\]")
@@ -47,7 +48,7 @@ class Tokens:
     text: str
     python: str
     names: dict[int, str]
-    units: dict[int, str]
+    units: dict[int, tuple[str, int]]  # with the place at which it ends
 
 
 def tokens(text: str) -> Tokens:
@@ -78,7 +79,7 @@ class _Tokenizer:
         self._text = text
         self._python = list(text)
         self._names: dict[int, str] = {}
-        self._units: dict[int, str] = {}
+        self._units: dict[int, tuple[str, int]] = {}
         self._before = ""  # what came before: "" or an operator where an operand is awaited, else "number", "name", ")"
 
     def run(self) -> Tokens:
@@ -113,9 +114,9 @@ class _Tokenizer:
         raise self._error(f"'{letter}' has no place in an expression{hint}", at, at + 1)
 
     def _number(self, at: int, end: int) -> int:
-        unit = UNIT.match(self._text, end)
-        if unit:
-            self._units[at] = unit[0]
+        unit = _UNIT_BEHIND.match(self._text, end)
+        if unit and not (unit[1] in LOGIC and unit.start(1) > end):
+            self._units[at] = unit[1], unit.end()
             self._python[end : unit.end()] = " " * (unit.end() - end)
             end = unit.end()
         self._before = "number"
@@ -314,9 +315,9 @@ class _Reader:
         value = float(node.value) if isinstance(node.value, int | float) else math.nan
         if not math.isfinite(value):
             raise self._error("this is no number that a float64 can hold", node)
-        unit = self._found.units.get(at, "")
+        unit, end = self._found.units.get(at, ("", end))
         whole = node.value if isinstance(node.value, int) else None
-        return Number(value, unit, at, end + len(unit), whole)
+        return Number(value, unit, at, end, whole)
 
     def _call(self, node: ast.Call) -> Call:
         at, end = self._span(node)

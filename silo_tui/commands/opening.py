@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 from silo_tui.commands import flows
-from silo_tui.commands.runner import LOST, view_shown
+from silo_tui.commands.runner import LOST, view_left, view_shown
 from silo_tui.context import Context
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout
@@ -213,13 +213,12 @@ class Opener:
         try:
             if view:
                 return await view_shown(context, view)
-            if wish == "last" and (file := files.last_of(name)).exists():
-                return await views.show(context, files.load_file(file)[0])
-            if wish == "lost" and (left := files.left_behind(name)):
+            if wish == "always" and (file := files.last_of(name)).exists():
+                return await view_left(context, file)
+            if wish == "offered" and (left := files.left_behind(name)):
                 for path in left[:-1]:
                     path.unlink(missing_ok=True)
-                when = time.strftime("%H:%M", time.localtime(left[-1].stat().st_mtime))
-                return f"a terminal was lost at {when}: `:view {LOST}` shows what was on it"
+                return f"a terminal was lost {files.since(left[-1])}: `:view {LOST}` shows what was on it"
         except (RefusedError, ValueError, OSError) as error:
             return str(error)
         return ""
@@ -229,16 +228,16 @@ class Opener:
         if not self._view_is_there or self._quits:
             return
         wish = self._context.settings.view
-        layout = views.capture(self._context) if wish in ("last", "lost") else None
+        layout = views.capture(self._context) if wish in ("always", "offered") else None
         if layout is None or layout == self._kept:
             return
         self._kept = layout
         name = self._context.session.name
         try:
-            if wish == "lost" and layout == KeptLayout():
+            if wish == "offered" and layout == KeptLayout():
                 files.left_by_us(name).unlink(missing_ok=True)
             else:
-                files.save(files.last_of(name) if wish == "last" else files.left_by_us(name), layout)
+                files.save(files.last_of(name) if wish == "always" else files.left_by_us(name), layout)
         except (SiloError, OSError) as error:
             self._context.say(str(error))
 

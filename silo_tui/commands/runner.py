@@ -295,6 +295,16 @@ async def open_view(context: Context, name: str) -> None:
     context.say(await view_shown(context, name))
 
 
+async def view_left(context: Context, file: Path) -> str:
+    """Put on the screen what was left in a file; return what is to be said of it, as nobody typed its filter today."""
+    layout, problems = files.load_file(file)
+    if layout == KeptLayout():
+        return "; ".join(problems[:1])
+    when = files.since(file)
+    missing = await views.show(context, layout)
+    return "; ".join(filter(None, [f"this is what was on the screen {when}", missing, *problems[:1]]))
+
+
 async def view_shown(context: Context, name: str) -> str:
     """Put a view on the screen; return what is to be said of it. RefusedError where there is none of that name.
 
@@ -305,18 +315,20 @@ async def view_shown(context: Context, name: str) -> str:
     if not is_here and ROBOT + name in await kept_names(context):
         name = ROBOT + name
     preset = BY_NAME.get(name) if name not in kept else None
+    problems: list[str] = []
     try:
         if name == LOST and LOST not in kept and (left := files.left_behind(context.session.name)):
-            layout, problems = files.load_file(left[-1])
+            words = await view_left(context, left[-1])
             for path in left:
                 path.unlink(missing_ok=True)
-        elif preset is not None and name == NEAR:
+            return words
+        if preset is not None and name == NEAR:
             await context.session.refresh_conditions()
             layout, words = near_limit(context.session.limits)
             missing = await views.show(context, layout)
             return "; ".join(filter(None, [words, missing]))
-        elif preset is not None:
-            layout, problems = within(preset, context.session.rows.filter.text), []
+        if preset is not None:
+            layout = within(preset, context.session.rows.filter.text)
         elif name.startswith(ROBOT):
             from silo_tui.layouts.texts import read
 

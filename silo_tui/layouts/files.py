@@ -5,12 +5,14 @@
 
 import os
 import re
+import time
 from pathlib import Path
 
 from silo.core.names import did_you_mean, nearest
 from silo.errors import SaveError
 from silo.net.configuration import config_folder
 from silo_tui.layouts.layout import KeptLayout
+from silo_tui.model.words.text import ago
 from silo_tui.sessions.kept import lives
 from silo_tui.settings.file import read_text
 
@@ -54,6 +56,11 @@ def _changed(path: Path) -> int:
         return path.stat().st_mtime_ns
     except OSError:
         return 0
+
+
+def since(file: Path) -> str:
+    """Return how long ago a view was written, in words."""
+    return f"{ago(time.time() - _changed(file) / 1e9)} ago"
 
 
 def _plain(logger: str) -> str:

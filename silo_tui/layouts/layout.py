@@ -16,6 +16,7 @@ class KeptLayout(msgspec.Struct, frozen=True):
     folded: tuple[str, ...] = ()  # name spaces
     unfolded: tuple[str, ...] = ()  # vectors that show their entries
     components: Mapping[str, str] = msgspec.field(default_factory=dict)  # of vectors: the suffix of an entry, or norm
+    inspector: bool | None = None  # whether somebody opened or closed it; None: by the width of the screen
     plots: tuple[tuple[str, ...], ...] = ()  # signals that share a plot
     chosen: str = ""
     span_s: float = 10.0

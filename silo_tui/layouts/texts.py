@@ -85,7 +85,7 @@ def _scales(node: yaml.Node) -> dict[str, tuple[float, float]]:
 FIELDS: dict[str, Callable[[yaml.Node], Any]] = {
     "sort": _text, "turned": _truth, "filter": _text, "columns": _texts, "set": _text, "folded": _texts,
     "unfolded": _texts, "components": _components, "plots": _panels, "chosen": _text, "span_s": _span,
-    "scales": _scales, "logs": _texts,
+    "inspector": _truth, "scales": _scales, "logs": _texts,
 }  # fmt: skip
 
 

@@ -37,6 +37,7 @@ def capture(context: Context) -> KeptLayout | None:
         tuple(sorted(rows.folded)),
         tuple(sorted(short(name) for name in rows.unfolded)),
         _components_of(context.session),
+        table.inspector_wanted,
     )
     if monitor is None or not monitor.is_mounted:
         return layout
@@ -102,6 +103,7 @@ async def show(context: Context, layout: KeptLayout) -> str:
     _show_rows(session, layout)
     rows.set_filter(layout.filter)
     missing += [f"column {title}" for title in table.table.choose_columns(layout.columns)]
+    table.inspector_wanted = layout.inspector
     if not table.show_set(layout.set):
         missing.append(f"set of columns {layout.set}")
     table.order_changed()

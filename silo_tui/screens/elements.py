@@ -54,7 +54,7 @@ class ElementsScreen(SiloScreen):
         self.info = InfoLine(session)
         self.table_head = TableHead(self.table)
         self._read_only = read_only
-        self._inspector_wanted: bool | None = None
+        self.inspector_wanted: bool | None = None  # None: by the width of the screen
 
     def compose(self) -> ComposeResult:
         yield self.status_bar
@@ -85,7 +85,7 @@ class ElementsScreen(SiloScreen):
         self._lay_out(event.size.width)
 
     def _lay_out(self, width: int) -> None:
-        wanted = width >= INSPECTOR_FROM if self._inspector_wanted is None else self._inspector_wanted
+        wanted = width >= INSPECTOR_FROM if self.inspector_wanted is None else self.inspector_wanted
         self.inspector.display = wanted
         below = width < WIDE  # no room beside the table: under it, over the whole width
         self.query_one("#body").set_class(below, "below")
@@ -359,10 +359,10 @@ class ElementsScreen(SiloScreen):
     @property
     def _inspector_opened(self) -> bool:
         """Whether the inspector is there because somebody asked for it."""
-        return bool(self._inspector_wanted) and self.app.size.width < INSPECTOR_FROM
+        return bool(self.inspector_wanted) and self.app.size.width < INSPECTOR_FROM
 
     def command_inspector(self) -> None:
-        self._inspector_wanted = not self.inspector.display
+        self.inspector_wanted = not self.inspector.display
         self._lay_out(self.app.size.width)
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
@@ -382,7 +382,7 @@ class ElementsScreen(SiloScreen):
         """Leave the inspector that was asked for, the range, the filter, the marks, the tour; never pending edits."""
         rows, told = self.session.rows, ""
         if self._inspector_opened:
-            self._inspector_wanted = None
+            self.inspector_wanted = None
             self._lay_out(self.app.size.width)
         elif rows.anchor is not None:
             rows.anchor = None

@@ -80,12 +80,13 @@ class Pause:
         if self.source is not None or not self.possible:
             held = self.source or self._live
             return held.begin_ns, held.end_ns
-        newest_ns, started_ns = self._live.end_ns, self._session.status.started_ns
+        session, newest_ns, started_ns = self._session, self._live.end_ns, self._session.status.started_ns
+        slow = session.status.frequency_hz / session.measured_hz if session.measured_hz else 1.0  # rows come so late
         spans = [0]
         for element in {plotted.element.name: plotted.element for plotted in plots}.values():
             loops = element.options.buffer is BufferType.LOOPING
             period_ns = self._live.period_ns(element.name)
-            spans.append(element.options.size * period_ns if loops else newest_ns - started_ns)
+            spans.append(round(element.options.size * period_ns * slow) if loops else newest_ns - started_ns)
         return max(started_ns, newest_ns - max(spans)), newest_ns
 
     def hold(

@@ -40,8 +40,8 @@ OPTIONS = (
     Option("mouse", "take the mouse", ("auto", "on", "off"), ("not over SSH: it prevents selecting text", "", "")),
     Option("rate", "refreshes a second", low=0.5, high=10.0),
     Option(
-        "view", "open with what was on the screen", ("lost", "last", "off"),
-        ("after a terminal or a link that was lost", "always, as it was left", ""),
+        "view", "what was on the screen is there again", ("offered", "always", "off"),
+        ("a line tells of it after a terminal was lost", "as it was left, whenever one opens", "nothing is kept"),
     ),
     Option(
         "keymap", "which keys there are", ("two-layer", "classic"),
@@ -60,7 +60,7 @@ class Settings:
     dots: str = "auto"
     mouse: str = "auto"
     rate: float = 5.0
-    view: str = "lost"
+    view: str = "offered"
     columns: tuple[str, ...] = ()
     keys: Mapping[str, str] = field(default_factory=dict)
     keymap: str = DEFAULT

@@ -18,7 +18,7 @@ from silo_tui.settings.options import OPTION, OPTIONS, Option, Settings
 KEYS_ALONE = (
     "keys without a keymap change those of `keymap: classic`, the default till 0.2; write that line, or two-layer"
 )
-_SAME = {"true": "on", "yes": "on", "false": "off", "no": "off"}
+_SAME = {"true": "on", "yes": "on", "false": "off", "no": "off", "lost": "offered", "last": "always"}
 _SIGN_FIRST = re.compile(r"[:\[,-]\s*[*&!?%@`|>{}#,]")
 
 

@@ -82,6 +82,13 @@ def test_a_star_between_factors_multiplies(text):
 def test_numbers_may_have_units_and_exponents():
     assert (parse("50ms").root.value, parse("50ms").root.unit) == (50.0, "ms")
     assert parse("1.5e3rad/s").root.unit == "rad/s"
+    assert (parse("6 A").root.value, parse("6 A").root.unit, parse("6  A").root.end) == (6.0, "A", 4)
+    behind = parse("x > 6 m/s and y < 7").root
+    assert [one.operands[1].unit for one in behind.operands] == ["m/s", ""]
+    assert bind("tau > 6 Nm or roll > 1 rad", CATALOGUE)
+    for text in ("6 max(x)", "6 a_b", "6 7"):
+        with pytest.raises(ExpressionError, match="operator missing"):
+            parse(text)
 
 
 @pytest.mark.parametrize(

@@ -378,6 +378,13 @@ class TestScreens:
             await screen.press("enter")
             await screen.shows("that is too much")
             assert {name: screen.app.screen.fields[name] for name in typed} == typed
+            line = screen.app.focused
+            whole = line.value
+            await screen.press("backspace")
+            assert line.value == whole[:-1], "all but the last letter stays"
+            await screen.press("tab", "up", "space", "b")
+            assert line.value == f"{whole[:-1]} b", "also for who comes back to it"
+            line.value = whole
             await screen.press("enter")
             await screen.until(lambda: not screen.app.screen.is_modal)
 

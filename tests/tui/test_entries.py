@@ -166,6 +166,17 @@ def test_the_bar_of_a_screen_names_first_what_one_is_there_for(keys, scope):
     assert " ".join(command.id for command, _ in in_bar(scope, read_only=False)) == BARS[keys, scope]
 
 
+@pytest.mark.parametrize("scope", ["table", "monitor", "alarms", "recordings"])
+def test_a_key_that_a_user_gave_a_command_stands_in_the_bar_where_its_own_stood(scope):
+    before = in_bar(scope, read_only=False)
+    own = {command.id: f"f{at}" for at, (command, _) in enumerate(before, 1) if " " not in command.keys.split(",")[0]}
+    use_keys("two-layer", own)
+    after = in_bar(scope, read_only=False)
+    assert [(command.id, rank) for command, rank in after] == [(command.id, rank) for command, rank in before]
+    shown = {command.id: command.footer_key for command, _ in after}
+    assert {each: shown[each] for each in own} == {each: key.upper() for each, key in own.items()}
+
+
 async def test_every_argument_that_can_be_completed_has_its_choices(fake, opened):
     fake.derive("hot", "imu/temperature > 3")
     Path("logs").mkdir()

@@ -185,6 +185,26 @@ async def test_where_the_buffers_hold_no_more_than_the_picture_scrolling_back_sa
         await screen.shows("all that is held is in the picture")
 
 
+async def test_of_a_loop_that_is_slow_the_buffers_hold_more_than_their_rows_are_meant_to_take(fake, opened):
+    fake.measured_hz = 0.5 * fake.status().frequency_hz
+    async with opened(fake.run(60)) as screen:
+        await open_torque(screen)
+        await screen.press("pageup")
+        await screen.shows("End: now")
+        assert "all that is held" not in screen.text
+
+
+async def test_what_is_told_of_holes_is_of_the_columns_on_the_screen_though_no_key_comes(fake, opened, monkeypatch):
+    async with opened(fake.run(60)) as screen:
+        await open_torque(screen)
+        monkeypatch.setattr(screen.app.screen.stack, "missing", lambda: "2 s before the start")
+        screen.app._second()
+        await screen.shows("2 s before the start")
+        monkeypatch.setattr(screen.app.screen.stack, "missing", lambda: "")
+        screen.app._second()
+        await screen.until(lambda: "before the start" not in screen.text)
+
+
 async def test_a_spike_of_one_sample_shows_in_what_is_pinned_at_every_zoom(fake, opened):
     async with opened(fake.run(61)) as screen:
         await open_torque(screen)

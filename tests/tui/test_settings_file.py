@@ -87,8 +87,8 @@ MISTAKES = [
 def test_a_mistake_costs_its_line_and_no_other(line, words):
     text = f"dots: blocks\n{line}\nview: last\nkeymap: classic\n"
     found, problems = read(text)
-    assert (found.dots, found.view) == ("blocks", "last")
-    assert found == Settings(dots="blocks", view="last", keymap="classic")
+    assert (found.dots, found.view) == ("blocks", "always")
+    assert found == Settings(dots="blocks", view="always", keymap="classic")
     assert len(problems) == 1
     assert words in str(problems[0])
     assert f"line {2 + line.count(chr(10))}:" in str(problems[0])

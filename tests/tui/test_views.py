@@ -89,7 +89,7 @@ async def test_a_view_is_kept_by_its_word_and_listed(fake, opened):
 async def test_a_view_keeps_order_column_set_folds_and_components(new_fake, opened):
     wanted = KeptLayout(
         "tree", columns=("div", "size"), set="statistics", folded=("/legs/LF",), unfolded=("/base/velocity",),
-        components={"/base/position": "_y", "/imu/acceleration": "norm"},
+        components={"/base/position": "_y", "/imu/acceleration": "norm"}, inspector=True,
     )  # fmt: skip
     first, second = new_fake(), new_fake()
     async with opened(first) as screen:
@@ -102,12 +102,14 @@ async def test_a_view_keeps_order_column_set_folds_and_components(new_fake, open
             await screen.press(*keys)
         rows = screen.session.rows
         rows.folded = frozenset({"/legs/LF"})
+        await screen.do("inspector")
         assert capture(screen.app.context) == wanted
         await run(screen, "view save walk")
         await screen.shows("view walk kept")
-    async with opened(second, view="walk") as screen:
+    async with opened(second, view="walk", size=(80, 48)) as screen:
         await screen.shows("view walk")
         assert capture(screen.app.context) == wanted
+        assert screen.app.screen.inspector.display
         await screen.shows("► LF")
 
 
@@ -159,10 +161,11 @@ def of_a_process_that_is_gone(left):
 async def test_what_a_lost_terminal_showed_is_offered_by_a_line_and_comes_when_it_is_asked_for(new_fake, opened):
     left = await left_by_a_lost_terminal(new_fake, opened)
     async with opened(new_fake()) as screen:
-        await screen.shows("a terminal was lost at ")
+        await screen.shows("a terminal was lost ")
         assert capture(screen.app.context) == KeptLayout()
         await run(screen, "view lost")
         await screen.until(lambda: capture(screen.app.context) == KeptLayout("div", filter="base"))
+        await screen.shows("this is what was on the screen ")
         await screen.press("q")
         await screen.until(lambda: not screen.app.is_running)
     assert not left.exists(), "who quits wants none of it the next time"
@@ -258,19 +261,23 @@ async def test_a_view_that_is_yet_to_be_shown_is_not_overwritten_by_what_is_ther
 
     files.save(last, KeptLayout(sort="div"))
     monkeypatch.setattr(views, "show", show_late)
-    async with opened(fake, settings=Settings(view="last")) as screen:
+    async with opened(fake, settings=Settings(view="always")) as screen:
         await screen.until(lambda: screen.session.rows.sort == "div")
     assert found == ["div"]
 
 
 async def test_the_view_that_was_left_last_comes_back_if_wished(new_fake, opened):
-    for wished, order in (("last", "div"), ("off", "name"), ("lost", "name")):
-        async with opened(new_fake(), settings=Settings(view="last")) as screen:
+    for wished, order in (("always", "div"), ("off", "name"), ("offered", "name")):
+        async with opened(new_fake(), settings=Settings(view="always")) as screen:
             await run(screen, "sort div")
             await screen.until(lambda: files.last_of(screen.session.name).exists(), "kept within a second")
             await screen.until(lambda: files.load_file(files.last_of(screen.session.name))[0].sort == "div")
         async with opened(new_fake(), settings=Settings(view=wished)) as screen:
             await screen.until(lambda order=order: screen.session.rows.sort == order)
+            if wished == "always":
+                await screen.shows("this is what was on the screen 0.")
+            else:
+                assert "what was on the screen" not in screen.text
     assert files.names() == []
 
 

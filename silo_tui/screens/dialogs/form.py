@@ -4,7 +4,7 @@ import re
 from abc import abstractmethod
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from rich.text import Text
 from textual import events
@@ -126,10 +126,12 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         return names_in(self._table) if self._table is not None else []
 
     def _line(self, name: str) -> Input:
-        value, hint, known = self._values.get(name, ""), self._hints[name], f"form-{name}"
+        value, known = self._values.get(name, ""), f"form-{name}"
+        # the first key takes the place of what was given, and is added to what somebody typed
+        options: Any = {"placeholder": self._hints[name], "id": known, "select_on_focus": not self._problem}
         if self._table is not None and name in self.NAMING:
-            return NamingLine(lambda typed: named_whole(typed, self._names), value, placeholder=hint, id=known)
-        return Input(value, placeholder=hint, compact=True, id=known)
+            return NamingLine(lambda typed: named_whole(typed, self._names), value, **options)
+        return Input(value, compact=True, **options)
 
     def above(self) -> ComposeResult:
         """Yield what stands above the lines."""
@@ -173,6 +175,8 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Look at it when the keys rest; it comes of a field that is made, too."""
+        if event.value != self._values.get(str(event.input.id).removeprefix("form-"), ""):
+            event.input.select_on_focus = False
         if self.fields != self._refused:
             self.changed()
 

@@ -240,6 +240,7 @@ class PlotScreen(SiloScreen):
         self.status_bar.mode = self.pause.head
         self.status_bar.update()
         self.banner.update()
+        self.line.refresh()  # what it tells of holes is of the columns of now
 
     def _words(self) -> Sequence[str]:
         """Return what the line tells, the newest last: that is read whole."""
