@@ -238,7 +238,7 @@ class SegmentJudge:
         self.judged = ticks
         if self.limits.active:
             found.blind += self.limits.check_silent()
-            self.limits.check_stale(self.reader.last_time_ns)
+            self.limits.check_stale(self.reader.stamp_of(ticks - 1))  # more may have come than was judged
             found.limits += self.limits.news()
             found.limit_fired = self.limits.take_fired() or next((one.text for one in found.limits if one.over), "")
         self._steps += 1

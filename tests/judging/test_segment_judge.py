@@ -63,6 +63,36 @@ def test_a_capture_is_exact_to_the_tick(robot):
     assert (facts.trigger, facts.first, facts.last, facts.fires, facts.ended) == ("spike", 297, 327, (317,), "")
 
 
+def test_a_signal_is_not_stale_for_ticks_that_came_while_it_was_judged(tmp_path, runtime_folder):
+    ticks = iter(range(0, 10**12, 10**6))
+    logger = silo.Logger("judged", frequency=1000, folder=tmp_path, script=tmp_path / "none.yaml", clock=ticks.__next__)
+    x = logger.array("x", size=3000)
+    logger.limit("x", (None, None, None, 1e9), stale=0.15)
+    logger.start()
+    judge = SegmentJudge(SegmentReader(logger._present.path), logger.elements)
+
+    def turn(count):
+        for _ in range(count):
+            x[...] += 1
+            logger.collect()
+
+    read = judge._rows.read
+
+    def read_while_it_turns(until):
+        rows = read(until)
+        turn(400)
+        return rows
+
+    judge._rows.read = read_while_it_turns
+    turn(100)
+    judge.step()
+    judge._rows.read = read
+    judge.step()
+    (limit,) = judge.limits.statuses()
+    assert limit.stale_count == 0
+    logger.close(discard=True)
+
+
 def test_captures_that_wait_to_be_written_leave_no_room_for_more_and_it_is_said(robot):
     robot.logger.trigger("spike", "any(fast/x > 50)", pre="20ms", post="10ms")
     robot.start()
