@@ -1,6 +1,7 @@
 """What the index knows of a run: where it is from, when, how long, what happened, and each signal in a few numbers."""
 
 import math
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -31,6 +32,7 @@ from silo.files.formats import read_recording
 from silo.files.naming import is_capture
 
 NUMBERS = ("count", "least", "most", "mean", "std", "rms", "last")  # of a signal, in a run or an episode
+_TIMES = re.compile(r", (\d+) times(?:;|$)")  # in the words of a limit that was broken again and again
 SANE_NS = 946_684_800 * 10**9  # the year 2000: stamps before it count from a start, not from 1970
 
 
@@ -179,7 +181,7 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
         span_s=span_s,
         ticks=ticks,
         elements=len(recording.elements),
-        rate_hz=(ticks - 1) / span_s if span_s > 0 else recording.frequency_hz or 0.0,
+        rate_hz=_rate(ticks, span_s) or recording.frequency_hz or 0.0,
         why=recording.why,
         marks=happened[0],
         limits=happened[1],
@@ -208,9 +210,19 @@ def _run_of(events: Iterable[LoggedEvent]) -> str:
     return found[0][0] if found else ""
 
 
+def _rate(ticks: int, span_s: float) -> float:
+    """Return Hz, exact where the stamps are; 0 where nothing tells."""
+    span_ns = round(span_s * 1e9)
+    return (ticks - 1) * 10**9 / span_ns if ticks > 1 and span_ns > 0 else 0.0
+
+
 def _happened(events: Iterable[LoggedEvent]) -> tuple[int, int, int]:
     """Count marks, limits, triggers; what is said of an episode is none of them."""
-    found = Counter(event.kind for event in events if event.kind != MARKER or said_by(event.text) is None)
+    found: Counter[str] = Counter()
+    for event in events:
+        if event.kind != MARKER or said_by(event.text) is None:
+            several = _TIMES.search(event.text) if event.kind == "limit" else None
+            found[event.kind] += int(several[1]) if several else 1
     return found[MARKER], found["limit"], found["triggered"]
 
 
@@ -372,7 +384,7 @@ def merged(files: Sequence[RunFacts]) -> tuple[RunFacts, tuple[tuple[Piece, ...]
         span_s=span_s,
         ticks=ticks,
         elements=max(one.elements for one in files),
-        rate_hz=(ticks - 1) / span_s if span_s > 0 else first.rate_hz,
+        rate_hz=_rate(ticks, span_s) or first.rate_hz,
         about={key: value for one in files for key, value in one.about.items()},
         parameters={key: value for one in files for key, value in one.parameters.items()},
         episodes=tuple(episodes),

@@ -25,6 +25,7 @@ import msgspec
 
 from silo.analysis.compute.exports import log_to_polars
 from silo.analysis.log import Log
+from silo.core.names import grouped
 from silo.core.recording import Recording
 from silo.errors import LogWarning
 from silo.files.optional_packages import need
@@ -157,12 +158,19 @@ class Folders:
         ]  # fmt: skip
 
     def _parameters(self) -> list[tuple[Any, ...]]:
-        return [
-            (name, short(run.facts.prefix, key), *((None, value) if isinstance(value, str) else (float(value), None)))
-            for name, run in self.runs.items()
-            for key, value in run.facts.parameters.items()
-            if isinstance(value, str | int | float)
-        ]
+        every = {index.root: index.signals() for index in self.indexes}
+        rows: list[tuple[Any, ...]] = []
+        for name, run in self.runs.items():
+            of_elements = grouped((one.element, one.name) for one in run.signals_in(every[run.folder], {}))
+            for key, value in run.facts.parameters.items():
+                items = value if isinstance(value, tuple | list) else (value,)
+                names = of_elements.get(key, ())  # as the scalars of its element are called
+                if len(names) != len(items):
+                    names = [f"{key}_{place}" for place in range(len(items))] if len(items) > 1 else [key]
+                for scalar, item in zip(names, items, strict=True):
+                    number, text = (None, item) if isinstance(item, str) else (float(item), None)
+                    rows.append((name, short(run.facts.prefix, scalar), number, text))
+        return rows
 
     def _about(self) -> list[tuple[str, str, str]]:
         return [(name, *fact) for name, run in self.runs.items() for fact in run.facts.about.items()]

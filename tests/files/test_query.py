@@ -49,6 +49,8 @@ def written(tmp_path_factory):
             log.array("Gain")[...] = number
         log.array("gain")[...] = -number
         log.parameter("kp", 10.0 * number, min=0, max=100)
+        log.parameter("gains", [[1.0, 2.0], [3.0, number]])
+        log.parameter("words", ["wet", "dry"], string_bytes=8)
         log.start()
         for tick in range(TICKS):
             tau[:] = number * np.sin(tick / 3 + np.arange(3))
@@ -155,6 +157,13 @@ def test_facts_statistics_events_and_parameters_stand_in_tables(drawer):
         "select run, text, tick from events where kind = 'marker' and text not like 'episode%'"
     ).rows() == [("run1.silo", "pushed", TICKS - 1)]
     assert drawer.sql("select sum(value) from parameters where name = 'kp'").item() == 60
+    asked = "select name, value, text from parameters where run = 'run2.silo' and (name ^@ 'gains' or name ^@ 'words')"
+    gains = [
+        (f"gains_{row}_{column}", value, None) for row, column, value in ((0, 0, 1), (0, 1, 2), (1, 0, 3), (1, 1, 2))
+    ]
+    assert drawer.sql(asked).rows() == [*gains, ("words_0", None, "wet"), ("words_1", None, "dry")]
+    # stamps are exact, and so is what is reckoned from them
+    assert drawer.sql("select count(*) from runs where frequency_hz = 100").item() == RUNS
     assert drawer.sql("select count(*) from about where name = 'task'").item() == RUNS
     asked = "select run, name, success, ticks, (about->>'speed')::double from episodes order by run"
     assert [row[1:] for row in drawer.sql(asked).rows()] == [("step", one != 2, 1, one / 2) for one in range(RUNS)]

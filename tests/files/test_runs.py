@@ -121,6 +121,16 @@ def test_a_condition_is_judged_by_the_index_alone(root, condition, wanted, monke
     assert names(silo.runs(root, where=condition)) == [f"run{number}" for number in wanted]
 
 
+def test_limits_are_counted_by_how_often_they_were_broken_not_by_how_many_words_tell_of_it(tmp_path):
+    told = ("/log/x >> 5 at tick 1, limit 4; within its limits again", "/log/x >> 6 at tick 2, limit 4, 9 times",
+            "/log/x >> 6 at tick 2, limit 4, 10 times; within its limits again from tick 3 on",
+            "/log/3 times << 1 at tick 2, limit 2")  # fmt: skip
+    events = tuple(LoggedEvent("limit", text, tick=2) for text in told)
+    events += (LoggedEvent("limit ended", "/log/x is within its limits again", tick=3),)
+    recording = Recording("arm", np.arange(4), 4, [element("x", np.arange(4.0))], events=events)
+    assert facts_of(recording, "run.silo", 7, tmp_path).run.limits == 1 + 9 + 10 + 1
+
+
 FACTS_OF_ONE = RunFacts(
     "a.silo", span_s=2.5, ticks=7, elements=3, rate_hz=400.0, lost=1, failed=2, marks=4, limits=5, triggers=6,
     warnings=8, episodes=(Episode("walk", 0, 6),), parameters={"kp": 20.0, "gait": "trot"},
