@@ -170,7 +170,7 @@ class Finder:
     def __init__(self, looking: Looking, around_ns: int, most: int) -> None:
         self.looking = looking
         self._around_ns = around_ns
-        self._most = (max(1, most // 2), max(1, most - most // 2))  # before, and from there on
+        self._most = max(1, most)
         self._low: float = np.inf  # of all samples, where a search needs that first
         self._high: float = -np.inf
         self._tail: tuple[NDArray[np.int64], NDArray[Any]] | None = None  # what the next block is compared with
@@ -248,13 +248,12 @@ class Finder:
         self._total += len(time_ns)
         cut = int(np.searchsorted(time_ns, self._around_ns, "left"))
         self._early += cut
-        most_before, most_after = self._most
         if cut:
-            self._add(0, time_ns[max(0, cut - most_before) : cut], values[max(0, cut - most_before) : cut])
-            while self._counts[0] - len(self._times[0][0]) >= most_before:
+            self._add(0, time_ns[max(0, cut - self._most) : cut], values[max(0, cut - self._most) : cut])
+            while self._counts[0] - len(self._times[0][0]) >= self._most:
                 self._counts[0] -= len(self._times[0].pop(0))
                 self._values[0].pop(0)
-        room = most_after - self._counts[1]
+        room = self._most - self._counts[1]
         if room > 0 and cut < len(time_ns):
             self._add(1, time_ns[cut : cut + room], values[cut : cut + room])
 
@@ -265,12 +264,14 @@ class Finder:
 
     @property
     def found(self) -> FoundMoments:
-        """What was found in all blocks."""
-        kept = min(self._counts[0], self._most[0])
-        skip = self._counts[0] - kept
-        times = np.concatenate([*self._times[0], *self._times[1], np.zeros(0, np.int64)])[skip:]
+        """What was found in all blocks: as many on both sides, but where one has less."""
+        before, behind = self._counts
+        late = min(behind, max(self._most - self._most // 2, self._most - before))
+        kept = min(before, self._most - late)
+        part = slice(before - kept, before + late)
+        times = np.concatenate([*self._times[0], *self._times[1], np.zeros(0, np.int64)])[part]
         parts = [*self._values[0], *self._values[1]]
-        values = np.concatenate(parts)[skip:] if parts else np.zeros(0)
+        values = np.concatenate(parts)[part] if parts else np.zeros(0)
         return FoundMoments(self._total, self._early - kept, times, values, self._begin_ns or 0, self._end_ns)
 
 
