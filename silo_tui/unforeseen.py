@@ -15,6 +15,7 @@ from textual.message_pump import MessagePump
 from textual.worker import WorkerFailed
 
 from silo.core.quantities.writing import wall_clock
+from silo.core.runtime import state_folder
 from silo.version import VERSION
 
 MOST_BYTES = 1_000_000  # of the log file; what is older stands in one beside it
@@ -69,8 +70,7 @@ class Unforeseen:
 
 def log_file() -> Path:
     """Return where such errors are written."""
-    state = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return Path(state) / "silo" / "silo-tui.log"
+    return state_folder() / "silo-tui.log"
 
 
 def _written(error: BaseException) -> str:

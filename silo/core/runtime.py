@@ -60,6 +60,20 @@ def is_folder_gone() -> bool:
     return False
 
 
+def user_folder(variable: str, usual: str) -> Path:
+    """Return silo's folder of this user below what a variable says, an absolute path as the standard of XDG has it.
+
+    Else below `usual`, from home on. Raises RuntimeError where this user has no home.
+    """
+    base = Path(os.environ.get(variable, ""))
+    return (base if base.is_absolute() else Path.home() / usual) / "silo"
+
+
+def state_folder() -> Path:
+    """Return where what a user's programs leave behind stands on the disk: `~/.local/state/silo`."""
+    return user_folder("XDG_STATE_HOME", ".local/state")
+
+
 def runtime_dir() -> Path:
     """Return this user's private folder, made where missing.
 

@@ -11,7 +11,7 @@ import os
 import time
 from pathlib import Path
 
-from silo.core.runtime import sync
+from silo.core.runtime import state_folder, sync
 
 JOURNALS = "journals"
 RECORDINGS = "recordings"  # of recorders: what a kill left open is found as journals are
@@ -21,19 +21,13 @@ _FILES = {JOURNALS: (".*.journal", UNNAMED_FILES), RECORDINGS: (OPEN_PARTS, UNNA
 KEPT_S = 30 * 86400.0  # of a link to a folder that isn't there: its disk may be mounted again
 
 
-def _links(kind: str) -> Path:
-    state = os.environ.get("XDG_STATE_HOME", "")
-    root = Path(state) if os.path.isabs(state) else Path.home() / ".local" / "state"  # noqa: PTH117  # of a text
-    return root / "silo" / kind
-
-
 def remember_folder(folder: Path, kind: str = JOURNALS) -> None:
     """Have a folder that holds a journal, or parts of recordings, found after a power cut; durable when this returns.
 
     Raises OSError where the state folder can't be written, RuntimeError where this user has no home.
     """
     target = folder.absolute()
-    links = _links(kind)
+    links = state_folder() / kind
     links.mkdir(mode=0o700, parents=True, exist_ok=True)
     import hashlib  # loads OpenSSL: `silo ls` reads what is remembered, and remembers nothing
 
@@ -55,7 +49,7 @@ def remembered_folders(kind: str = JOURNALS) -> list[Path]:
     """
     found = []
     with contextlib.suppress(OSError, RuntimeError):  # nothing was ever remembered
-        for link in sorted(_links(kind).iterdir()):
+        for link in sorted((state_folder() / kind).iterdir()):
             with contextlib.suppress(OSError):  # no link, or another process removes it just now
                 folder = link.readlink()
                 there = os.path.lexists(folder)

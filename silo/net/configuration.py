@@ -10,6 +10,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from silo.core.runtime import user_folder
 from silo.errors import ConnectionLostError
 
 if TYPE_CHECKING:
@@ -61,9 +62,8 @@ _NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][+-]?[0-9]+)?")
 
 
 def config_folder() -> Path:
-    """Return `~/.config/silo`, or as `XDG_CONFIG_HOME` says (an absolute path, as its standard has it)."""
-    base = Path(os.environ.get("XDG_CONFIG_HOME", ""))
-    return (base if base.is_absolute() else Path.home() / ".config") / "silo"
+    """Return `~/.config/silo`, or as `XDG_CONFIG_HOME` says."""
+    return user_folder("XDG_CONFIG_HOME", ".config")
 
 
 def remote_file(name: str) -> Path:

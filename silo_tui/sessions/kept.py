@@ -12,6 +12,7 @@ from pathlib import Path
 
 import msgspec
 
+from silo.core.runtime import state_folder
 from silo.decoding import json_decoder
 from silo_tui.model.table.state import KeptEdit
 
@@ -40,8 +41,7 @@ def left_behind(host: str, logger: str) -> dict[Path, KeptEdits]:
 
 
 def _folder() -> Path:
-    state = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return Path(state) / "silo" / "edits"
+    return state_folder() / "edits"
 
 
 def _stem(host: str, logger: str) -> str:

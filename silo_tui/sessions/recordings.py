@@ -13,6 +13,7 @@ import msgspec
 
 from silo.core.elements import FileType
 from silo.core.quantities.writing import size_text
+from silo.core.runtime import user_folder
 from silo.recordings.requests import RecordingFile
 
 if TYPE_CHECKING:
@@ -76,9 +77,8 @@ def as_listed(path: Path, kind: FileType, below: str = "") -> RecordingFile | No
 
 def cache_folder(host: str, logger: str) -> Path:
     """Return where recordings of a logger are kept that were opened from far away."""
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     plain = "".join(char if char.isalnum() or char in "-." else "_" for char in f"{host or 'here'}-{logger}")
-    return Path(base) / "silo" / "recordings" / plain.lstrip(".")
+    return user_folder("XDG_CACHE_HOME", ".cache") / "recordings" / plain.lstrip(".")
 
 
 def bring_here(client: "Client", folder: str, file: RecordingFile, cache: Path, fetching: Fetching) -> Path:

@@ -17,6 +17,7 @@ from silo_tui.model.table.fields import Field, values_of
 from silo_tui.model.table.state import TableState
 from silo_tui.sessions import kept
 from silo_tui.sessions.kept import lives
+from silo_tui.unforeseen import log_file
 
 TORQUE = "/log/legs/LF/HAA/torque"
 
@@ -347,6 +348,13 @@ def test_kept_edits_whose_ground_changed_meanwhile_are_conflicts(robot):
         == 1
     )
     assert int(table.conflicts.sum()) == 1
+
+
+def test_a_relative_state_home_is_none(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_STATE_HOME", "here")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    state = tmp_path / ".local" / "state" / "silo"
+    assert (kept.path_of("", "robot").parent, log_file()) == (state / "edits", state / "silo-tui.log")
 
 
 def test_what_processes_that_are_gone_kept_of_a_logger_is_offered(state_folder, monkeypatch):

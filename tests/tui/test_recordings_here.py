@@ -46,9 +46,10 @@ def test_a_cache_is_one_of_a_logger_wherever_it_runs(tmp_path, cache, monkeypatc
     assert cache == tmp_path / "cache" / "silo" / "recordings" / "robot3-arm"
     assert cache_folder("", "arm/../x").name == "here-arm_.._x"
     assert cache_folder("..", "arm").name == "-arm"
-    monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setenv("HOME", str(tmp_path))
-    assert cache_folder("robot3", "arm") == tmp_path / ".cache" / "silo" / "recordings" / "robot3-arm"
+    for wrong in ("", "relative/folder"):
+        monkeypatch.setenv("XDG_CACHE_HOME", wrong)
+        assert cache_folder("robot3", "arm") == tmp_path / ".cache" / "silo" / "recordings" / "robot3-arm"
 
 
 def test_what_was_fetched_before_is_not_fetched_again(tmp_path, cache, monkeypatch):
