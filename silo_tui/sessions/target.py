@@ -7,11 +7,10 @@ from pathlib import Path
 
 from silo.errors import LogNotFoundError
 from silo.files.formats import LOG_ENDINGS, is_bag_folder
-from silo.files.naming import find_log
+from silo.files.naming import find_log, logger_of
+from silo.net.found import ADDRESS
 
 _WITH_PID = re.compile(r"(?P<logger>.+)\.\d+")
-_STEM = re.compile(r"(?P<logger>.+)_\d{8}_\d\d-\d\d-\d\d_\d{5,}")
-_ADDRESS = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*(~[0-9a-f]+)?/[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 def file_meant(target: str, running: Callable[[], Collection[str]]) -> Path | None:
@@ -24,7 +23,7 @@ def file_meant(target: str, running: Callable[[], Collection[str]]) -> Path | No
     """
     if not target:
         return None
-    address = _ADDRESS.fullmatch(target) is not None
+    address = ADDRESS.fullmatch(target) is not None
     if target.lower().endswith(LOG_ENDINGS) or (os.sep in target and not address):
         return _path_meant(target)
     with_pid = _WITH_PID.fullmatch(target)
@@ -39,8 +38,7 @@ def file_meant(target: str, running: Callable[[], Collection[str]]) -> Path | No
         return None
     if Path(target).exists() or target.isdecimal():
         return found
-    stem = _STEM.fullmatch(found.stem)
-    return None if stem is not None and stem["logger"] == target else found
+    return None if logger_of(found.stem) == target else found
 
 
 def _path_meant(target: str) -> Path:

@@ -60,6 +60,12 @@ def test_the_name_of_a_logger_is_no_beginning_of_a_file_name(folder):
     assert file_meant("robot", nobody) is None
 
 
+def test_nor_is_it_of_the_name_of_a_capture(folder):
+    write(folder / NAME.replace(".silo", "_fall_3.silo"))
+    assert file_meant("robot", nobody) is None
+    assert file_meant("robot_2026", nobody) is not None
+
+
 def test_an_unknown_word_is_the_name_of_a_logger(folder):
     assert file_meant("anymal", nobody) is None
 
