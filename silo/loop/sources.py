@@ -293,9 +293,9 @@ def express(
     _check_fits(value, made, name, string_bytes)
     dtype, shape, convert, labels = made
     if convert is encode_text:
-        convert = _fitting_text(name, dtype.itemsize)
+        convert = _fitting(name, dtype.itemsize, is_text=True)
     elif isinstance(value, bytes):
-        convert = _fitting_bytes(name, dtype.itemsize)
+        convert = _fitting(name, dtype.itemsize, is_text=False)
     return ValuePath(root, steps, dtype, shape, convert, labels)
 
 
@@ -363,33 +363,19 @@ def encode_text(value: str) -> bytes:
     return value.encode("utf-8", "replace")
 
 
-def _fitting_text(name: str, size_bytes: int) -> Callable[[str], bytes]:
-    """`encode_text` that says once that a text is cut, as its first value told how long it may be."""
+def _fitting(name: str, size_bytes: int, *, is_text: bool) -> Callable[[Any], bytes]:
+    """`encode_text`, or bytes as they are; says once that one is cut, as its first value told how long it may be."""
     told = False
 
-    def encode(value: str) -> bytes:
+    def fitting(value: Any) -> bytes:
         nonlocal told
-        text = value.encode("utf-8", "replace")
+        text: bytes = value.encode("utf-8", "replace") if is_text else value
         if len(text) > size_bytes and not told:
             told = True
             tell_cut(name, len(text), size_bytes)
         return text
 
-    return encode
-
-
-def _fitting_bytes(name: str, size_bytes: int) -> Callable[[bytes], bytes]:
-    """The same of bytes, which are stored as they are."""
-    told = False
-
-    def check(value: bytes) -> bytes:
-        nonlocal told
-        if len(value) > size_bytes and not told:
-            told = True
-            tell_cut(name, len(value), size_bytes)
-        return value
-
-    return check
+    return fitting
 
 
 def tell_cut(name: str, length: int, room: int, unit: str = "bytes") -> None:

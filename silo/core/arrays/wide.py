@@ -14,7 +14,7 @@ def to_wire(values: NDArray[Any], wire: str, count: int = 1) -> NDArray[Any]:
     """Values of shape `(m,)` as `wire` (a NumPy type): shape `(m,)`, or `(m, count)` where one value takes several."""
     dtype, target = values.dtype, np.dtype(wire)
     if dtype.kind == "f" and target.kind == "f":
-        return _widen(values, target) if dtype.itemsize < target.itemsize else values.astype(target, copy=False)
+        return _resized(values, target) if dtype.itemsize < target.itemsize else values.astype(target, copy=False)
     if count == 1 and dtype.kind in "iu":
         return values
     # one run of memory in little-endian order: the bytes are the value
@@ -25,7 +25,7 @@ def to_wire(values: NDArray[Any], wire: str, count: int = 1) -> NDArray[Any]:
 def from_wire(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     """The inverse of `to_wire`: shape `(m,)` or `(m, count)` to shape `(m,)` of `dtype`."""
     if dtype.kind == "f" and values.dtype.kind == "f":
-        return _narrow(values, dtype) if dtype.itemsize < values.dtype.itemsize else values.astype(dtype, copy=False)
+        return _resized(values, dtype) if dtype.itemsize < values.dtype.itemsize else values.astype(dtype, copy=False)
     if values.ndim == 1 and dtype.kind in "iu":
         return values.astype(dtype, copy=False)
     plain = np.ascontiguousarray(values).view(_little(dtype)).reshape(len(values))
@@ -36,32 +36,20 @@ def _little(dtype: np.dtype[Any]) -> np.dtype[Any]:
     return dtype.newbyteorder("<") if dtype.byteorder == ">" else dtype
 
 
-def _widen(values: NDArray[Any], target: np.dtype[Any]) -> NDArray[Any]:
-    narrow = values.astype(_little(values.dtype), copy=False)
+def _resized(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Floating-point values in another width."""
+    little = values.astype(_little(values.dtype), copy=False)
     with np.errstate(invalid="ignore"):
-        wide = narrow.astype(target)
-    nan = np.flatnonzero(np.isnan(narrow))
+        made = little.astype(_little(dtype))
+    nan = np.flatnonzero(np.isnan(little))
     if len(nan):
-        bits, into = _bits(narrow.dtype), _bits(target)
-        raw = np.ascontiguousarray(narrow[nan]).view(bits.unsigned).astype(into.unsigned)
+        bits, into = _bits(little.dtype), _bits(made.dtype)
+        raw = np.ascontiguousarray(little[nan]).view(bits.unsigned).astype(np.uint64)
         sign = (raw >> (bits.size - 1)) << (into.size - 1)
-        fraction = (raw & ((1 << bits.fraction) - 1)) << (into.fraction - bits.fraction)
-        wide.view(into.unsigned)[nan] = sign | into.infinity | fraction
-    return wide
-
-
-def _narrow(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
-    little = _little(dtype)
-    with np.errstate(invalid="ignore"):
-        narrow = values.astype(little)
-    nan = np.flatnonzero(np.isnan(values))
-    if len(nan):
-        bits, into = _bits(values.dtype), _bits(little)
-        raw = np.ascontiguousarray(values[nan]).view(bits.unsigned)
-        sign = (raw >> (bits.size - 1)) << (into.size - 1)
-        fraction = (raw & ((1 << bits.fraction) - 1)) >> (bits.fraction - into.fraction)
-        narrow.view(into.unsigned)[nan] = (sign | into.infinity | fraction).astype(into.unsigned)
-    return narrow.astype(dtype, copy=False)
+        fraction, more = raw & ((1 << bits.fraction) - 1), into.fraction - bits.fraction
+        fraction = fraction << more if more > 0 else fraction >> -more
+        made.view(into.unsigned)[nan] = (sign | into.infinity | fraction).astype(into.unsigned)
+    return made.astype(dtype, copy=False)
 
 
 class _bits:  # noqa: N801 - reads as a function: the layout of a floating-point type

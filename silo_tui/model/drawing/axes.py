@@ -5,7 +5,7 @@ By powers of ten any values have an axis: where there are zeros or negative ones
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import msgspec
@@ -120,11 +120,12 @@ def decade_words(scale: Scale, lines: int) -> dict[int, str]:
     first, last = round(scale[0]), round(scale[1])
     apart = -(-(last - first) // max(1, lines // 2))
     exponents = np.arange(first, last + 1, apart, dtype=np.float64)
-    rows = braille.row_of(exponents, scale, 4 * lines)
-    return {
-        int((4 * lines - 1 - row) // 4): f"1e{exponent:.0f}"
-        for row, exponent in zip(rows.tolist(), exponents.tolist(), strict=True)
-    }
+    return _on_lines(exponents, lambda exponent: f"1e{exponent:.0f}", scale, lines)
+
+
+def _on_lines(places: Floats, word: Callable[[float], str], scale: Scale, lines: int) -> dict[int, str]:
+    rows = braille.row_of(places, scale, 4 * lines).tolist()
+    return {int((4 * lines - 1 - row) // 4): word(place) for row, place in zip(rows, places.tolist(), strict=True)}
 
 
 # ---------------------------------------------------------------------------------------------------- powers of ten
@@ -182,11 +183,7 @@ def words_of(axis: LogAxis, scale: Scale, lines: int) -> dict[int, str]:
     first, last = round(scale[0]), round(scale[1])
     apart = max(1, -(-(last - first) // max(1, lines // 2)))
     places = np.arange(-(-first // apart) * apart, last + 1, apart, dtype=np.float64)  # zero is one of them
-    rows = braille.row_of(places, scale, 4 * lines)
-    return {
-        int((4 * lines - 1 - row) // 4): _word(axis.value(place))
-        for row, place in zip(rows.tolist(), places.tolist(), strict=True)
-    }
+    return _on_lines(places, lambda place: _word(axis.value(place)), scale, lines)
 
 
 def _word(value: float) -> str:
