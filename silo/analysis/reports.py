@@ -43,7 +43,10 @@ class ElementReport(msgspec.Struct, frozen=True):
 
 
 class LogReport(msgspec.Struct, frozen=True):
-    """What `silo info FILE` says. `start_ns` is the first time stamp, 0 for an empty log."""
+    """What `silo info FILE` says. `start_ns` is the first time stamp, 0 for an empty log.
+
+    `ticks` are those that were asked for: of a capture without those before, which slow signals have.
+    """
 
     path: str
     size_bytes: int
@@ -91,7 +94,7 @@ def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
         logger=recording.logger,
         start_ns=int(times[0]) if len(times) else 0,
         duration_s=span,
-        ticks=len(times),
+        ticks=len(times) - recording.early,
         rate_hz=(len(times) - 1) / span if span > 0 else None,
         frequency_hz=recording.frequency_hz,
         lost=recording.lost,

@@ -255,6 +255,12 @@ class Recording:
         """Samples that are missing: buffers had no room for them, or the file ends before."""
         return sum(element.lost for element in self.elements) + self.cut_off
 
+    @property
+    def early(self) -> int:
+        """Time stamps before the first that was asked for: the signals of a capture may have a sample from before."""
+        capture, ticks = self.conditions.capture, len(self.time_ns)
+        return min(max(0, capture.first - (self.offset - ticks)), ticks - 1) if capture is not None else 0
+
     def __repr__(self) -> str:
         span = (int(self.time_ns[-1]) - int(self.time_ns[0])) * 1e-9 if len(self.time_ns) else 0.0
         more = f", {len(self.warnings)} warnings" if self.warnings else ""

@@ -608,7 +608,7 @@ def why_full(order: RecordOrder, part: OpenPart, now_s: float, *, up_to_date: bo
     """
     most_bytes = min((limit for limit in (order.split_bytes, order.keep_bytes // 2) if limit), default=0)
     if most_bytes and part.size_bytes >= most_bytes * (1 if up_to_date else 1.5):
-        return f"it has {size_text(most_bytes)}"
+        return f"it has {size_text(part.size_bytes)}"
     if part.index_bytes >= MOST_INDEX_BYTES:
         return f"its index has {size_text(MOST_INDEX_BYTES)}"
     if order.split_s and now_s - part.begun_s >= order.split_s and up_to_date:

@@ -149,8 +149,11 @@ def line(event: LoggedEvent, told: str, width: int, logger: str) -> str:
     head = f"  {clock}  {tick:>10} {letter(event)} "
     who = text.clean(short_words(event.who) or logger)[: max(0, min(20, width // 4))]
     room = width - len(head) - len(who) - 4
-    shown = told if len(told) <= room else told[: max(1, room - 1)] + "…"
-    return f"{head}{shown:<{max(1, room)}}  {who}"[:width]
+    if len(told) > room:
+        room, who = width - len(head) - 2, ""
+    if len(told) > room:  # at a blank: half a number reads as another one
+        told = f"{told[: max(1, room)].rpartition(' ')[0] or told[: max(1, room - 1)]}…"
+    return f"{head}{told:<{max(1, room)}}  {who}"[:width]
 
 
 def gone_words(event: LoggedEvent, events: Sequence[LoggedEvent]) -> str:

@@ -70,12 +70,6 @@ class _Tile:
     count: Stamps
 
 
-def _begin_of(recording: Recording) -> int:
-    """Return the place of the first time stamp that was asked for: a capture's signals may have one from before."""
-    capture, ticks = recording.conditions.capture, len(recording.time_ns)
-    return min(max(0, capture.first - (recording.offset - ticks)), ticks - 1) if capture is not None else 0
-
-
 class RecordingSource:
     """A recording behind the monitor; `names` are those of its elements, each once. Safe for several threads."""
 
@@ -89,7 +83,7 @@ class RecordingSource:
         self.clock_jumps = int((np.diff(times) < 0).sum())
         # shape `(n,)`, of all ticks; they never fall, and are not to be written to
         self.time_ns: Stamps = np.maximum.accumulate(times) if self.clock_jumps else np.ascontiguousarray(times)
-        self._begin = _begin_of(recording)
+        self._begin = recording.early
         self._numbers = {name: number for number, name in enumerate(names)}
         self._tick_ns = _period(self.time_ns, recording.frequency_hz)
         self.places = places_of(recording, self.time_ns, self._tick_ns)
@@ -111,11 +105,6 @@ class RecordingSource:
     def end_ns(self) -> int:
         """The last time stamp."""
         return int(self.time_ns[-1])
-
-    @property
-    def ticks(self) -> int:
-        """How many ticks there are."""
-        return len(self.time_ns)
 
     @property
     def happened(self) -> Sequence[LoggedEvent]:
