@@ -96,7 +96,7 @@ class SiloApp(Guarded, App[None]):
         self.context = Context(self, read_only=read_only, settings=settings, settings_problems=settings_problems)
         self.context.runner = CommandRunner(self.context)
         self.context.came_back = self._catch_up
-        self.context.take_up = lambda: self.context.run_flow(flows.take_up_edits(self.context))
+        self.context.take_up = lambda: self.context.run_flow(flows.take_up_edits(self.context), asks_robot=False)
         use_keys(settings.keymap, settings.keys)
         self._finder = finder
         self._opener = Opener(self.context, finder, name, demo, rate_hz, view)
@@ -505,7 +505,7 @@ class SiloApp(Guarded, App[None]):
     def command_quit(self) -> None:
         if self.context.file_over_logger:
             self._leave_file()  # what is pending in the logger is asked for there
-        self.context.run_flow(flows.leave(self.context))
+        self.context.run_flow(flows.leave(self.context), asks_robot=False)
 
     def _leave_file(self) -> None:
         from silo_tui.screens.files.file_table import FileTableScreen

@@ -21,7 +21,7 @@ from silo.net.access.senders import read_only_words
 from silo.rpc.frames import Frame
 from silo_tui.actions import BY_ID, Command, key_of, key_that_retries, typed_on, why_no_use
 from silo_tui.gate import Holding
-from silo_tui.modal import Leaving, run_alone
+from silo_tui.modal import Dialog, Leaving, run_alone
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.model.words.text import saved_words
 from silo_tui.sessions import kept
@@ -36,6 +36,7 @@ from silo_tui.widgets.inputs import Fleeting
 from silo_tui.widgets.messages import MessageLine
 
 MOST_TOLD = 500
+GONE = "the robot program is gone: start it again, silo-tui follows"
 
 
 class Message(msgspec.Struct, frozen=True):
@@ -75,7 +76,7 @@ class Context:
         self.left: Callable[[], None] = lambda: None  # is called when the app is ended on purpose
         self.has_demo: Callable[[], bool] = lambda: False  # whether the robot is one that ends with the app
         self.came_back: Callable[[], None] = lambda: None  # catches up with the logger behind a file
-        self._flow_running = False
+        self._flow_running = self._asks_robot = False  # whether there is one, and whether the robot does what it asks
         self._saved_first = ""  # by a step of the flow that runs
         self.told: deque[Message] = deque(maxlen=MOST_TOLD)  # all that was said, the newest last
         self.tour: Tour | None = None
@@ -217,6 +218,7 @@ class Context:
 
     def status_changed(self) -> None:
         """Tell the screens that the state of the logger or of the link changed."""
+        self._close_question()
         self.tell(lambda screen: screen.status_changed())
         self.tell(lambda screen: screen.update_keys())
 
@@ -287,15 +289,24 @@ class Context:
         if self.app.screen_stack and self.app.screen.is_modal:
             self.app.notify(words, severity="error", timeout=6, markup=False)
 
+    def _close_question(self) -> None:
+        """Close a question to a robot program that is gone: nobody would do what it is answered."""
+        top = self.app.screen if self.app.screen_stack else None
+        gone = self.has_session and (self.session.dead or self.session.closed)
+        asked = isinstance(top, Dialog) and top.asks and (self._asks_robot if self._flow_running else top.loses)
+        if gone and asked and top is not None:
+            top.dismiss(None)
+            self.say(GONE)
+
     # ------------------------------------------------------------------------------------------------------ flows
 
-    def run_flow(self, flow: Coroutine[Any, Any, None]) -> None:
-        """Run a flow in a worker and show its errors; one at a time."""
+    def run_flow(self, flow: Coroutine[Any, Any, None], *, asks_robot: bool = True) -> None:
+        """Run a flow in a worker and show its errors; one at a time. What not `asks_robot` goes on where that died."""
         if self._flow_running:
             flow.close()
             self.say("still busy with the last command")
             return
-        self._flow_running = True
+        self._flow_running, self._asks_robot = True, asks_robot
         holding = Holding(self.session.name if self.has_session else "the logger")
         self.app.push_screen(holding)  # at once: what is typed from now on is meant for what the flow shows
         self.app.run_worker(self._guarded(flow, holding), group="flow")
@@ -431,6 +442,8 @@ class SiloScreen(Leaving[None]):
         """Return what a key of the bar is called now; empty where it has no use now."""
         if command.id == "again":
             return f"again: {BY_ID[self.repeated].label}" if self.repeated else ""
+        if command.id == "back" and self in self.app.screen_stack[:2]:
+            return ""  # nothing is behind it
         session = self.context.session if self.context.has_session else None
         if session is not None and session.dead and command.id in ("start_stop", "save_data"):
             return ""

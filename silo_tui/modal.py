@@ -102,6 +102,7 @@ class Dialog(ModalScreen[ResultT], Leaving[ResultT]):  # in this order: Textual 
 
     waits = False  # whether it only stands for what is on its way, and keys wait for that
     loses = False  # whether an answer loses something
+    asks = False  # whether it is a question: nothing typed is lost where it closes by itself
     drawn_s = math.inf
 
     def may_lose(self, typed: events.Event) -> bool:

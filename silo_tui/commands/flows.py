@@ -17,7 +17,7 @@ from silo.errors import RefusedError
 from silo.rpc.refusals import RefusedWhy
 from silo.state.requests import EditsApplied, Unsaved
 from silo_tui.actions import key_of
-from silo_tui.context import Context
+from silo_tui.context import GONE, Context
 from silo_tui.model.table.changes import cost_of
 from silo_tui.model.table.fields import Field, phrase_for
 from silo_tui.model.table.state import PendingChange
@@ -28,7 +28,6 @@ from silo_tui.sessions.live import Session, why
 if TYPE_CHECKING:
     from silo.client.client import Client
 
-GONE = "the robot program is gone: start it again, silo-tui follows"
 SPLIT = "Stopping ends this recording, and starting again begins another."
 
 
@@ -280,7 +279,7 @@ async def _chosen_script(context: Context, path: str) -> tuple[str, list[FieldCh
     link, name, seen = context.link, _script_name(path), False
     if not path:
         scripts = await link.read(lambda client: client.scripts())
-        dialog = scripts_question(link, scripts, _pending(context))
+        dialog = scripts_question(link, scripts, _pending(context), context.session.table.prefix)
         chosen: str | None = await context.app.push_screen_wait(dialog)
         name = chosen or ""
         seen = dialog.told == name
@@ -295,7 +294,7 @@ async def _chosen_script(context: Context, path: str) -> tuple[str, list[FieldCh
     if seen:
         return name, diff.conditions
     choices = [Choice("load", f"Load {name}", "l"), Choice("", "Don't")]
-    question = Question(f"Load {diff.path}?", script_diff_text(diff), choices)
+    question = Question(f"Load {diff.path}?", script_diff_text(diff, context.session.table.prefix), choices)
     return (name if await context.app.push_screen_wait(question) == "load" else ""), diff.conditions
 
 

@@ -99,7 +99,7 @@ class Opener:
 
     def choose(self, logger: FoundLogger) -> None:
         """Open a logger from the list; ask when edits are pending."""
-        self._context.run_flow(self._open_chosen(logger))
+        self._context.run_flow(self._open_chosen(logger), asks_robot=False)
 
     async def _open_chosen(self, logger: FoundLogger) -> None:
         if not await flows.may_leave(self._context):

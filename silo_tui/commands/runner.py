@@ -185,9 +185,9 @@ class CommandRunner:
         if typed.arguments[:1] == ("save",) and len(typed.arguments) > 1:
             self._save_view(" ".join(typed.arguments[1:]))
         elif typed.arguments:
-            self._context.run_flow(open_view(self._context, typed.rest))
+            self._context.run_flow(open_view(self._context, typed.rest), asks_robot=False)
         elif typed is BY_KEY:
-            self._context.run_flow(self._choose_view())
+            self._context.run_flow(self._choose_view(), asks_robot=False)
         else:
             self._context.run_flow(tell_views(self._context))
 

@@ -12,6 +12,7 @@ from textual import events
 from silo.conditions.standing import TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import State
+from silo.rpc.published import EventKind
 from silo_tui.commands.flows import left_words
 from silo_tui.screens.lists.recordings import RecordingsScreen
 from silo_tui.screens.lists.settings import SettingsScreen
@@ -151,3 +152,17 @@ async def test_work_that_is_overtaken_before_it_began_leaves_no_warning(fake, op
             await screen.until(lambda: screen.app.context.script_names, "the second one's answer")
             gc.collect()
         assert [str(one.message) for one in told if "never awaited" in str(one.message)] == []
+
+
+@pytest.mark.parametrize(("keys", "asked", "closes"), [("S", "Stop logging?", True), ("tq", "Quit without", False)])
+async def test_a_question_to_a_robot_that_died_closes_and_says_so(keys, asked, closes, fake, opened):
+    async with opened(fake.run()) as screen:
+        await screen.press(*keys)
+        await screen.shows(asked)
+        fake.state, fake.reason = State.DEAD, "it was killed by SIGSEGV"
+        fake.publish(EventKind.CRASHED, fake.reason)
+        await screen.shows("robot died: it was killed by SIGSEGV")
+        if closes:
+            await screen.until(lambda: not screen.app.screen.is_modal, "the question is closed")
+            await screen.shows("the robot program is gone: start it again")
+        assert (asked in screen.text) is not closes

@@ -55,6 +55,7 @@ class Choice(msgspec.Struct, frozen=True):
 class Question(Dialog[str | None]):
     """Asks; answers with the value of a choice, None on Esc. A long body scrolls."""
 
+    asks = True
     KEYS_HERE = f"Enter Chooses  {MOVES}"
 
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
@@ -291,7 +292,8 @@ def diff_text(changes: Sequence[PendingChange], prefix: str = "", cost: Text | N
             lines.append(f"and {rest} more, behind what all of it costs:\n", style="dim")
         lines.append_text(cost).append_text(groups_text(changes, prefix, LARGEST))
     for change in [change for change in changes if change.theirs is not None][:MAX_LINES]:
-        lines.append(f"! {change.name}: {change.field} is {change.theirs} now, by somebody else\n", style="bold")
+        name = below(prefix, change.name)
+        lines.append(f"! {name}: {change.field} is {change.theirs} now, by somebody else\n", style="bold")
     return lines
 
 
