@@ -36,7 +36,7 @@ NOTHING = object()  # what a clock returned that failed
 # how late a loop is, logged by itself: `silo.Logger("robot", timing=True)`
 TIMES = {
     "period": "since the collect() before",
-    "lateness": "of this collect(), by the frequency, counted from the tick that came earliest",
+    "lateness": "of this collect(), by the frequency, counted from the tick that came earliest: its jitter",
     "work": "that the collect() before took",
 }
 _WAY_OUT = "this tick is not logged, the next one asks again"

@@ -448,6 +448,8 @@ class ElementsScreen(SiloScreen):
         elif line.value and (by := found.by_component(self.session.table, rows.marked, rows.shown.tolist())):
             words = f"{len(by)} by a component: {self.session.short_name(self.session.table.names[by[0]])}"
             words += " …" if len(by) > 1 else ""
+        elif line.value and (by := found.by_description(self.session.table, rows.marked, rows.shown.tolist())):
+            words = f"no name has it: {self.session.table.elements[by[0]].description}"
         *above, last = words.split("\n")
         above += [last] if len(last) >= room else []
         notes.update("\n".join([*above, f"{'' if len(last) >= room else last:<{max(0, room)}}{count}"]))

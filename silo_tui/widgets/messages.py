@@ -9,11 +9,12 @@ from rich.text import Text
 from textual.app import RenderResult
 
 from silo.core.quantities.writing import many, wall_clock
+from silo.rpc.published import NOT_LIVE_TEXTS
 from silo_tui.actions import key_of
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.table.cells import sign_of
 from silo_tui.model.table.columns import NAME, STEADY
-from silo_tui.model.table.facts import MEANINGS, STATISTICS
+from silo_tui.model.table.facts import MEANINGS, OLD, STATISTICS
 from silo_tui.model.words import text
 from silo_tui.sessions.live import Session
 from silo_tui.theme import bold
@@ -203,7 +204,8 @@ def _cursor_words(session: Session) -> str:
     element = session.table.elements[rows.row]
     reading = session.live.readings.get(element.name)
     if session.fresh and (letters := sign_of(session.table, rows.row, reading)):
-        parts.append(f"{letters} {MEANINGS[letters]}")
+        why = NOT_LIVE_TEXTS[reading.why] if reading is not None and reading.why and letters == OLD else ""
+        parts.append(f"{letters} {why or MEANINGS[letters]}")
     position = rows.entry or 0
     if reading is not None and (rows.entry is not None or len(element.entries) == 1):
         word = reading.texts.get(position, "")

@@ -72,6 +72,13 @@ def test_the_sign_of_a_limit_is_of_the_value_that_stands_beside_it(value, judged
 
 
 @pytest.mark.parametrize(
+    ("why", "letters"), [(NotLive.FULL, "~~"), (NotLive.LIMIT, "~~"), (NotLive.SHORT, ""), (None, "")]
+)
+def test_a_value_that_is_the_last_one_kept_has_a_sign(why, letters):
+    assert cells.sign(sight_of("/t", read(1.5, why=why)), ROW["/t"], 2)[0] == letters
+
+
+@pytest.mark.parametrize(
     ("name", "reading", "more", "cell"),
     [
         ("/t", read(1.5), {}, ("1.5000", "value")),
@@ -84,7 +91,8 @@ def test_the_sign_of_a_limit_is_of_the_value_that_stands_beside_it(value, judged
         ("/t", None, {"fresh": False}, ("-", "quiet")),
         ("/t", None, {"running": False}, ("-", "quiet")),
         ("/off", read(1.5), {}, ("off", "quiet")),
-        ("/t", read(1.5, why=NotLive.FULL), {}, ("buffer full", "quiet")),
+        ("/t", read(1.5, why=NotLive.FULL), {}, ("1.5000", "stale")),  # it is known, and its sign says that it is old
+        ("/t", read(NAN, why=NotLive.FULL), {}, ("buffer full", "quiet")),
         ("/t", read(1.5, why=NotLive.FULL), {"running": False}, ("1.5000", "stale")),
         ("/t", read(1.5), {"facts": {"/t": {"value": 2.5}}}, ("2.5000", "value")),  # of the statistics' moment
         ("/t", read(1.5), {"facts": {"/t": {"min": 0.0, "max": 90.0}}}, ("1.50", "value")),

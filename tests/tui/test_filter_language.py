@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import structs
 
 from silo.core.elements import Table
 from silo.live.quantities import FROZEN, NOT_FINITE, SLOW
@@ -141,3 +142,15 @@ def test_no_single_term_is_blamed_where_none_is_it(table):
 def test_every_text_is_a_filter(text):
     state = TableState()
     assert filters.parse(text).mask(state, np.zeros(0, bool)).shape == (0,)
+
+
+def test_a_word_that_no_name_has_is_looked_for_in_what_the_program_says_of_its_elements(robot):
+    said = {"/log/imu/temperature": "how late it came: its Jitter", "/log/base/position": "of the torque"}
+    state = TableState()
+    state.load(Table(1, [structs.replace(one, description=said.get(one.name, "")) for one in robot]))
+    assert passing(state, "jitter") == passing(state, 'imu|nothing "its jitter"') == ["/log/imu/temperature"]
+    assert passing(state, "jitter -imu") == []
+    assert "/log/base/position" not in passing(state, "torque"), "names have it"
+    found = filters.parse("jitter")
+    rows, none = np.flatnonzero(found.mask(state, np.zeros(len(state), bool))), np.zeros(len(state), bool)
+    assert found.by_description(state, none, rows.tolist()) == rows.tolist()

@@ -48,10 +48,11 @@ async def test_an_element_that_is_only_saved_has_its_value_too(fake, opened):
         await screen.shows(f"{value:.4f}")
 
 
-async def test_a_full_buffer_says_so_instead_of_an_old_value(fake, opened):
+async def test_the_value_of_a_full_buffer_is_its_last_one_and_says_so(fake, opened):
     async with opened(fake.run(20), size=(180, 40)) as screen:
-        await screen.type("/LF/HAA/current")
-        await screen.shows("full")
+        await screen.press("slash")
+        await screen.enter("LF/HAA/current")
+        await screen.shows("│ ~~ buffer full: this is its last sample")
         await screen.shows("buffer full: this is its last sample")
 
 

@@ -77,8 +77,20 @@ def loop_variables(log: Logger) -> tuple[NDArray[Any], ...]:
     """Add what the loop watches of itself; these variables live in silo's own memory."""
     frequency_hz = log.options.frequency_hz
     return (
-        log.array("step_time", group="loop", unit="us", action=Action.SAVE_AND_PUBLISH),
-        log.array("lateness", group="loop", unit="us", action=Action.SAVE_AND_PUBLISH),
+        log.array(
+            "step_time",
+            group="loop",
+            unit="us",
+            action=Action.SAVE_AND_PUBLISH,
+            description="how long one step of the simulation took: its load",
+        ),
+        log.array(
+            "lateness",
+            group="loop",
+            unit="us",
+            action=Action.SAVE_AND_PUBLISH,
+            description="how late a tick came: the jitter, or delay, of the loop",
+        ),
         log.array("skipped", dtype="u4", group="loop", unit="count", divider=divider_at(40, frequency_hz)),
         log.array("ticks", dtype="i8", group="loop", unit="count", divider=divider_at(4, frequency_hz)),
     )

@@ -48,7 +48,13 @@ class Monitor:
 def run_host(options: HostOptions, say: Callable[[str], None] = print) -> None:
     """Log this computer until Ctrl-C, SIGTERM or the time limit. Raises SiloError when it can't log."""
     log = opened(options)
-    lateness_ms = log.array("lateness", group="loop", unit="ms", action=Action.SAVE_AND_PUBLISH)
+    lateness_ms = log.array(
+        "lateness",
+        group="loop",
+        unit="ms",
+        action=Action.SAVE_AND_PUBLISH,
+        description="how late a tick came: the jitter, or delay, of the loop",
+    )
     reading_ms = log.array("reading_time", group="loop", unit="ms", action=Action.SAVE_AND_PUBLISH)
     monitor = Monitor(log)
     read_own_script(log, options)

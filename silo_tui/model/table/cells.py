@@ -162,13 +162,19 @@ def _reading(sight: Sight, row: int) -> Reading | Cell:
         return "off", "quiet"
     if reading is None or not reading.held:
         return ("…" if sight.running and sight.fresh else "-"), "quiet"
-    if sight.running and reading.why in WHY_NOT_LIVE:  # what it kept last isn't its value
+    if sight.running and is_old(reading) and not reading.texts and all(map(math.isnan, reading.newest)):
         return WHY_NOT_LIVE[reading.why], "quiet"
     return reading
 
 
-def _value_style(sight: Sight) -> str:
-    return "value" if sight.at_s is not None or (sight.fresh and sight.running) else "stale"
+def is_old(reading: Reading | None) -> bool:
+    """Return whether a value is the last that was kept, and not the one of now."""
+    return reading is not None and reading.why in WHY_NOT_LIVE
+
+
+def _value_style(sight: Sight, reading: Reading) -> str:
+    is_now = sight.fresh and sight.running and not is_old(reading)
+    return "value" if sight.at_s is not None or is_now else "stale"
 
 
 def value(sight: Sight, row: int, width: int) -> Cell:
@@ -190,11 +196,11 @@ def value(sight: Sight, row: int, width: int) -> Cell:
         reading = reading.with_value(max(0, chosen - 2), told)
     if chosen:
         words = component_text(element, reading, chosen, width, told=told, decimals=decimals)
-        return words, _value_style(sight)
+        return words, _value_style(sight, reading)
     if len(element.entries) > 1:
         for entry in range(min(len(element.entries), width // ENTRY + 1)):
             reading = reading.with_value(entry, sight.table.facts.detail(sight.entry_name(row, entry), "value"))
-    return value_text(element, reading, width, decimals), _value_style(sight)
+    return value_text(element, reading, width, decimals), _value_style(sight, reading)
 
 
 def _decimals(sight: Sight, name: str, ends: tuple[str, str] = ("min", "max")) -> int | None:
@@ -211,7 +217,7 @@ def entry_value(sight: Sight, row: int, entry: int, width: int) -> Cell:
     reading = reading.with_value(entry, sight.table.facts.detail(sight.entry_name(row, entry), "value"))
     decimals = _decimals(sight, sight.entry_name(row, entry))
     words = component_text(sight.table.elements[row], reading, entry + 2, width, named=False, decimals=decimals)
-    return words, _value_style(sight)
+    return words, _value_style(sight, reading)
 
 
 def trend(sight: Sight, row: int, width: int) -> Cell:
@@ -231,7 +237,7 @@ def sign(sight: Sight, row: int, width: int) -> Cell:
 def sign_of(table: TableState, row: int, reading: Reading | None = None) -> str:
     """Return the letters of the worst that is the matter with a row; empty for nothing.
 
-    Limits are judged once a second; beside a number the sign is that of the number.
+    Limits are judged once a second; beside a number the sign is that of the number, and of one that is old that it is.
     """
     bits, one = int(table.signs[row]), table.limits.get(table.names[row])
     if not table.server[Field.ENABLED, row]:
@@ -239,7 +245,7 @@ def sign_of(table: TableState, row: int, reading: Reading | None = None) -> str:
     elif one is not None and reading is not None:
         shown = reading.with_value(0, table.facts.detail(one.name, "value")).newest[0]
         bits = bits & ~_OF_BOUNDS | LIMIT_BITS.get(one.word_of(float(shown)).value, 0)
-    return worst(bits)
+    return worst(bits) or (OLD if is_old(reading) else "")
 
 
 def branch_sign(sight: Sight, rows: Rows) -> Cell:

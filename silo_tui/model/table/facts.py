@@ -23,14 +23,14 @@ SIGNS = (
     (RED_HIGH, "HH"), (RED_LOW, "LL"), (NOT_FINITE, "NN"), (YELLOW_HIGH, "H"), (YELLOW_LOW, "L"), (FROZEN, "=="),
     (SLOW, "<<"), (LOST, "XX"),
 )  # fmt: skip
-OLD = "~~"  # of no row in particular: nothing comes, or it can't be carried live
+OLD = "~~"  # nothing comes, or of one row: its buffer keeps no more
 MEANINGS = {
     "HH": "above its red limit", "LL": "below its red limit", "H": "above its yellow limit",
     "L": "below its yellow limit", "NN": "nan or inf among its newest values",
     "==": "frozen: it changes no more, or a limit calls it stale",
     "<<": "slow: fewer samples than its divider asks for",
     "XX": "samples lost: the buffer could not keep them",
-    OLD: "the value is old: no link, or the program is dead",
+    OLD: "the value is old: no link, the program is dead, or its buffer is full",
 }  # fmt: skip
 WORDS = {"nan": NOT_FINITE, "frozen": FROZEN, "slow": SLOW}
 BAD = frozenset({"HH", "LL", "NN", "XX"})

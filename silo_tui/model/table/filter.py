@@ -1,6 +1,7 @@
 """The filter language: words, name globs, regular expressions and `field:value` terms, all of which must hold.
 
-    torque LF  LF|RF       all words somewhere in the name, in any order and case; either of them
+    torque LF  LF|RF       all words somewhere in the name, in any order and case; either of them; a word that no name
+                           has is looked for in what the program says of its elements
     "two words"  -word     quoted; not
     /log/*/q  joint?_tau   globs, as commands mean them: on the whole name when they begin with `/` (with or without the
                            logger's prefix), else behind any `/`, or anywhere where there is none
@@ -67,6 +68,13 @@ class Filter(msgspec.Struct, frozen=True):
         """Return which of those that pass do so by the name of a component alone, as `joints/torque` does LF."""
         named = copy(table)
         named.searched = [names[:1] for names in table.searched]
+        by_name = self.mask(named, marked)
+        return [row for row in passing if not by_name[row]]
+
+    def by_description(self, table: TableState, marked: Mask, passing: Sequence[int]) -> list[int]:
+        """Return which of those that pass do so by what is said of them alone: no name has a word."""
+        named = copy(table)
+        named.described = [""] * len(table)
         by_name = self.mask(named, marked)
         return [row for row in passing if not by_name[row]]
 
@@ -145,8 +153,15 @@ def _word(word: str) -> Test | str | None:
     if not quoted and any(char in word for char in "*?["):
         return _by_glob(folded)
     if "_" in folded:  # as names are typed by heart: LF_KFE is LF/KFE, too
-        return _by_name(lambda name: folded in name or folded in name.replace("/", "_"))
-    return _by_name(lambda name: folded in name)
+        by_name = _by_name(lambda name: folded in name or folded in name.replace("/", "_"))
+    else:
+        by_name = _by_name(lambda name: folded in name)
+
+    def test(table: TableState, marked: Mask) -> Mask:
+        found = by_name(table, marked)
+        return found if found.any() else np.fromiter((folded in one for one in table.described), np.bool_, len(table))
+
+    return test
 
 
 def _by_glob(pattern: str) -> Test:

@@ -64,6 +64,7 @@ class TableState:
         self.elements: list[ElementInfo] = []
         self.names: list[str] = []
         self.searched: list[list[str]] = []  # what each row is found by, in small letters: its name, its components
+        self.described: list[str] = []  # what the program says of each, in small letters
         self._levels: tuple[list[str], str, frozenset[str]] = ([], "", frozenset())  # of which names and prefix
         self.prefix = ""  # that all names share, without a slash at its end; not shown
         self.facts = NOTHING  # the newest survey
@@ -284,6 +285,7 @@ class TableState:
         if names != self.names:
             self._carry_over(names, server)
         self.elements, self.own = elements, len(table.elements)
+        self.described = [each.description.casefold() for each in elements]
         self.searched = [
             [
                 each.name.casefold(),
