@@ -171,8 +171,8 @@ _TABLE = (
 )
 TWO_LAYERS = {command: keys for keys, commands in _TABLE for command in commands.split()}
 # the key bar, one order on every screen; and who gives way first where it has no room for all
-_BAR = "space enter r; m plus minus h,left slash p e g v r o a u S w D full_stop"  # r; what stands in a menu
-_GIVES_WAY = "full_stop o minus plus h,left space w u S D pause v r p m e slash turn_down g r; enter a"
+_BAR = "space enter r; m plus minus h,left slash p e g v r o a u S w D full_stop escape"  # r; what stands in a menu
+_GIVES_WAY = "escape full_stop o minus plus h,left space w u S D pause v r p m e slash turn_down g r; enter a"
 BASES: dict[str, Mapping[str, str]] = {"two-layer": TWO_LAYERS, "classic": {}}
 DEFAULT = "two-layer"
 
@@ -247,7 +247,7 @@ def in_bar(scope: str, *, read_only: bool) -> list[tuple[Command, int]]:
         return [(command, len(shown) - place) for place, command in enumerate(shown)]
     bar, gives_way = _BAR.split(), _GIVES_WAY.split()
     found: list[tuple[int, int, Command]] = []
-    for command in (*footer_for(scope, read_only=read_only), with_keys(BY_ID["again"])):
+    for command in (*footer_for(scope, read_only=read_only), *(with_keys(BY_ID[each]) for each in ("again", "back"))):
         # by the key that it has here, as one that a user gave it stands where it always stood
         keys = ["r;"] if command.id in IN_BAR_BY_MENU else TWO_LAYERS.get(command.id, "").split(",")
         place = next((at for at, key in enumerate(bar) if key.split(",")[0] in keys[:2]), len(bar))

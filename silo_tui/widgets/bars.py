@@ -271,6 +271,16 @@ def _called(command: Command, label: str) -> Command:
     return command if command.label == label else replace(command, label=label)
 
 
+def _first_and_last(words: str, room: int) -> str:
+    """Return the keys of a dialog as far as there is room: what Enter does and how one leaves stay, that whole."""
+    keys, between = words.split("  "), "  "
+    ends = (0, len(keys) - 1)
+    parts = [LinePart(0 if at in ends else len(keys) - at, each) for at, each in enumerate(keys)]
+    first, *rest = [part.words for part in fitting(parts, room, between)]
+    left = room - sum(cell_len(each) + len(between) for each in rest)
+    return between.join([text.cut(first, max(1, left)), *rest])
+
+
 class KeyBar(Guarded, Widget):
     """The keys that matter now, as many as fit; help and quit always at its end. A click does what the key does."""
 
@@ -311,7 +321,7 @@ class KeyBar(Guarded, Widget):
         """Return as many keys as fit, close together before one gives way."""
         if self._instead:
             style = bold(self.app.theme_variables, "foreground")
-            return Text(f" {self._instead}", style, no_wrap=True, overflow="ellipsis")
+            return Text(f" {_first_and_last(self._instead, self.size.width - 1)}", style, no_wrap=True)
         self._drawn = self._commands()
         words = {word.plain: (word, rank, command.id) for command, rank in self._drawn if (word := self._word(command))}
         parts = [LinePart(rank, plain) for plain, (_, rank, each) in words.items() if each not in self.LAST]

@@ -368,6 +368,19 @@ def test_other_keys_stand_in_the_bar_for_a_while():
     assert drawn.painted == 1
 
 
+@pytest.mark.parametrize(
+    ("width", "shown"),
+    [(66, "Enter Stop and start again  j k Move  PgDn PgUp Scroll  Esc Back"),
+     (56, "Enter Stop and start again  j k Move  Esc Back"), (40, "Enter Stop and start again  Esc Back"),
+     (31, "Enter Stop and star…  Esc Back")],
+)  # fmt: skip
+def test_of_the_keys_of_a_dialog_what_enter_does_and_the_way_back_stay(width, shown):
+    drawn = Keys("table")
+    drawn.width = width
+    drawn.show_instead("Enter Stop and start again  j k Move  PgDn PgUp Scroll  Esc Back")
+    assert drawn.render().plain == f" {shown}"
+
+
 def test_a_click_on_a_key_does_what_it_does():
     drawn = Keys("table")
     word = drawn._word(BY_ID["apply"])

@@ -11,24 +11,34 @@ from silo_tui.model.lists.ordering import arranged, passes
 from silo_tui.model.words import text
 
 BEGIN = 1_790_000_000 * 10**9
+STEM = "robot_20260921_14-00-00_00007"
 
 
-def one(stem="robot_20260921_14-00-00_00007", why="", **more):
+def one(stem=STEM, why="", **more):
     return SavedRecording(stem, [RecordingFile(f"{stem}.silo", FileType.SILO, 1000, BEGIN)], why=why, **more)
 
 
 def test_a_name_is_shortened_only_where_it_must_be():
-    assert rows.short_stem(one(), "robot", 40) == "robot_20260921_14-00-00_00007"
-    assert rows.short_stem(one(), "robot", 12) == "…_00007"
-    assert rows.short_stem(one("first_walk"), "robot", 12) == "first_walk"
-    assert rows.short_stem(one(), "arm", 13) == "robot…_00007"
+    assert rows.short_stem(STEM, "robot", 40) == "robot_20260921_14-00-00_00007"
+    assert rows.short_stem(STEM, "robot", 12) == "…_00007"
+    assert rows.short_stem("first_walk", "robot", 12) == "first_walk"
+    assert rows.short_stem(STEM, "arm", 13) == "robot…_00007"
+    assert rows.short_stem(f"{STEM}_fall_6.silo", "robot", 22) == "…_00007_fall_6.silo"
+
+
+def test_of_the_runs_of_one_robot_the_number_and_the_trigger_are_read_at_80_columns():
+    found = [f"demo_20261129_03-1{at}-50_0000{at}_heavy_{at}.silo" for at in range(1, 8)]
+    told = rows.fitting_stems(found, "demo", 22)
+    assert list(told.values()) == [f"…_0000{at}_heavy_{at}.silo" for at in range(1, 8)]
+    several = rows.fitting_stems([*found, "arm_20261129_03-11-50_00001.silo"], "", 26)
+    assert several[found[0]] == "demo…_00001_heavy_1.silo"
 
 
 def test_recordings_that_differ_never_look_alike():
     days = [one(f"robot_2026092{day}_14-00-00_00007") for day in (1, 2)]
     found = [*days, one("a_walk_over_rough_ground"), one("a_walk_over_rough_grass")]
     for width in (80, 120):
-        assert len(set(rows.fitting_stems(found, "robot", width).values())) == 4
+        assert len(set(rows.fitting_stems([each.stem for each in found], "robot", rows.name_room(width)).values())) == 4
 
 
 def test_ten_times_as_many_recordings_are_compared_ten_times_as_often(monkeypatch):
@@ -40,9 +50,9 @@ def test_ten_times_as_many_recordings_are_compared_ten_times_as_often(monkeypatc
             Counted.compared += 1
             return str.__eq__(self, other)
 
-    monkeypatch.setattr(rows, "short_stem", lambda one, own, width: Counted(one.stem))
+    monkeypatch.setattr(rows, "short_stem", lambda stem, own, room: Counted(stem))
     monkeypatch.setattr(rows, "fitting_names", lambda names, room: names)
-    rows.fitting_stems([one(f"run_{number}") for number in range(500)], "robot", 80)
+    rows.fitting_stems([f"run_{number}" for number in range(500)], "robot", 80)
     assert Counted.compared < 5000
 
 

@@ -46,20 +46,24 @@ def best_file(one: SavedRecording) -> RecordingFile:
     return min(one.files, key=lambda file: PREFERENCE.index(file.type))
 
 
-def fitting_stems(found: Sequence[SavedRecording], own: str, width: int) -> dict[str, str]:
-    """Return the names of recordings as they fit into the list, by their own: different ones never look alike."""
-    room, _ = _widths(width)
-    short = [short_stem(one, own, room) for one in found]
+def name_room(width: int) -> int:
+    """Return the cells that a name has in the list of recordings."""
+    return _widths(width)[0]
+
+
+def fitting_stems(stems: Sequence[str], own: str, room: int) -> dict[str, str]:
+    """Return names of recordings as they fit into so many cells, by their own: different ones never look alike."""
+    short = [short_stem(stem, own, room) for stem in stems]
     often = Counter(short)
-    told = [each if often[each] == 1 else one.stem for each, one in zip(short, found, strict=True)]
-    return dict(zip((one.stem for one in found), fitting_names(told, room), strict=True))
+    told = [each if often[each] == 1 else stem for each, stem in zip(short, stems, strict=True)]
+    return dict(zip(stems, fitting_names(told, room), strict=True))
 
 
-def short_stem(one: SavedRecording, own: str, width: int) -> str:
+def short_stem(stem: str, own: str, width: int) -> str:
     """Return a name without logger and date where it is long: `…_00007_fall_3`; of another logger, `arm…_00007`."""
-    found = _DATED.fullmatch(one.stem)
-    if len(one.stem) <= width or found is None:
-        return one.stem
+    found = _DATED.fullmatch(stem)
+    if len(stem) <= width or found is None:
+        return stem
     whose = "" if found["logger"] == own else found["logger"]
     return f"{whose}…{found['rest']}"
 

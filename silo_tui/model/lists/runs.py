@@ -23,7 +23,7 @@ from silo.run_index.listed import ListedRun
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.lists.recordings import begun_text
 from silo_tui.model.words import text
-from silo_tui.model.words.names import cells, fitted_among, fitting_names
+from silo_tui.model.words.names import cells, fitting_names
 
 Key = Callable[[ListedRun], float]
 MOST_TICKS = 2_000_000
@@ -78,20 +78,13 @@ def head(widths: Widths, columns: Sequence[str] = ()) -> str:
     return "  " + _line(titles, fitting_names(columns, VALUE_WIDTH), widths)
 
 
-def row(
-    one: ListedRun,
-    widths: Widths,
-    values: Sequence[float] = (),
-    now_s: float | None = None,
-    paths: tuple[str, ...] = (),
-) -> str:
-    """Return a row, without the gutter; `paths` are those of all runs."""
+def row(one: ListedRun, name: str, widths: Widths, values: Sequence[float] = (), now_s: float | None = None) -> str:
+    """Return a row, without the gutter; `name` as it fits."""
     facts = one.facts
     good = sum(each.success is True for each in facts.episodes)
     said = f"can't be read: {facts.problem}" if facts.problem else ""
     told = (
-        fitted_among(facts.path, paths, widths.name),
-        begun_text(facts.begun_ns, time.time() if now_s is None else now_s), text.span(facts.span_s, 3),
+        name, begun_text(facts.begun_ns, time.time() if now_s is None else now_s), text.span(facts.span_s, 3),
         text.count(facts.lost) if facts.lost else "", str(facts.limits or ""),
         f"{good}/{len(facts.episodes)}" if facts.episodes else "", text.clean(facts.task),
         said or " ".join(filter(None, [*(f"#{tag}" for tag in one.tags), *one.notes[-1:], one.more_words])),

@@ -67,7 +67,8 @@ class RecordingsScreen(LoggerList[SavedRecording]):
         return one.stem
 
     def prepare(self, found: Sequence[SavedRecording], width: int) -> None:
-        self._names = rows.fitting_stems(found, self.session.status.logger or self.session.name, max(40, width))
+        own, room = self.session.status.logger or self.session.name, rows.name_room(max(40, width))
+        self._names = rows.fitting_stems([one.stem for one in found], own, room)
 
     def row_of(self, one: SavedRecording, width: int) -> Text:
         words = Text("  " + rows.row(one, self._names[one.stem], max(40, width)))
@@ -220,7 +221,7 @@ class RecordingsScreen(LoggerList[SavedRecording]):
         if one is None or self.found is None or one.unfinished:
             self.say("nothing to lay over the plots here")
             return
-        name = rows.short_stem(one, self.session.status.logger, 30)
+        name = rows.short_stem(one.stem, self.session.status.logger, 30)
         if self.session.overlay is not None and self.session.overlay.name == name:
             self.session.overlay = None
             self.say(f"{name} is lifted off the plots")

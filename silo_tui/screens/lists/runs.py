@@ -17,6 +17,7 @@ from silo_tui.actions import key_of
 from silo_tui.modal import ask, run_alone
 from silo_tui.model.lists import runs as rows
 from silo_tui.model.lists.ordering import Order
+from silo_tui.model.lists.recordings import fitting_stems
 from silo_tui.model.words.names import fitted_among
 from silo_tui.model.words.paths import typed_path
 from silo_tui.screens.dialogs.questions import Choice, Prompt, Question
@@ -69,12 +70,14 @@ class RunsScreen(ListScreen[ListedRun]):
 
     def prepare(self, found: Sequence[ListedRun], width: int) -> None:
         """Know all paths: different ones never look alike."""
-        self._paths = tuple(one.facts.path for one in found)
         self._widths = rows.widths(found, max(40, width), len(self.values))
+        robots = {one.facts.robot for one in found}
+        own = robots.pop() if len(robots) == 1 else ""  # of several a name says which one it is
+        self._names = fitting_stems([one.facts.path for one in found], own, self._widths.name)
 
     def row_of(self, one: ListedRun, width: int) -> Text:
         values = [column[one.facts.path] for column in self.values.values()]
-        words = Text("  " + rows.row(one, self._widths, values, paths=self._paths))
+        words = Text("  " + rows.row(one, self._names[one.facts.path], self._widths, values))
         if one.facts.problem:
             words.stylize("dim")
         return words

@@ -292,12 +292,11 @@ class DetailScreen(MonitorScreen):
             event.prevent_default()  # nor that it has no use here
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
-        """Return what a pause or a cursor asks for, and the way back where other keys leave it room."""
+        """Return what a pause or a cursor asks for, and what moves in a spectrum."""
         found = super().mode_keys()
         if self.mode == "spectrum":  # most of what moves lies in the first cells
             found = (*found, ("closer", OF_SPECTRA["closer"]), ("wider", OF_SPECTRA["wider"]))
-        known = any(each == "back" for each, _ in found) or self.size.width < 100
-        return found if known else (*found, ("back", "Back"))
+        return found
 
     def why_not_now(self, command_id: str) -> str:
         """Return why axes can't be swapped: only two signals over each other have two."""
