@@ -126,7 +126,8 @@ class Editing(ElementsScreen):
             Choice("trigger", f"A trigger: {made.when}", "t"), Choice("limits", "Limits", "l"),
             Choice("derived", "A signal derived from it", "d"),
         ]  # fmt: skip
-        ask(self, Question(f"New for {short}?", "", choices), lambda answer: self._make(answer, made, name))
+        question = Question(f"New for {self.session.short_name(name)}?", "", choices)
+        ask(self, question, lambda answer: self._make(answer, made, name))
 
     def _make(self, answer: str, made: TriggerOptions, name: str) -> None:
         """Ask for a trigger, limits or a derived signal, over the table."""
@@ -143,8 +144,7 @@ class Editing(ElementsScreen):
         from silo_tui.screens.dialogs.form import told
         from silo_tui.screens.dialogs.limits import ask_limits
 
-        shown = self.session.short_name(name).lstrip("/")
-        self.context.run_flow(ask_limits(self.context, shown, name, partial(told, self.context, place="alarms")))
+        self.context.run_flow(ask_limits(self.context, name, partial(told, self.context, place="alarms")))
 
     def _targets_known(self) -> bool:
         if len(self.session.rows.targets()) and not (why := self.session.why_fixed()):
@@ -311,7 +311,8 @@ class Editing(ElementsScreen):
             wanted = read_settings(words.split()) if "=" in words else parse_change(field, value)
             changed = self.session.change(wanted)
         except (ValueError, SiloError) as error:
-            self.info.ask(f"? {str(error).removesuffix('; nothing was changed')}")  # which the open editor says
+            why = self.context.shown(str(error).removesuffix("; nothing was changed"))  # which the open editor says
+            self.info.ask(f"? {why}")
             return False
         if self.repeated in {*FIELDS_BY_COMMAND, "edit", "edit_all"}:
             self.repeats = lambda: self._again(lambda: self._set_all(wanted))

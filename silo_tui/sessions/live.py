@@ -456,7 +456,7 @@ class Session:
             return ""
         one = self.table.elements[rows[0]]
         others = f" and {len(rows) - 1} more are" if len(rows) > 1 else " is"
-        name = self.short_name(one.name).lstrip("/")
+        name = self.short_name(one.name)
         return f"{name}{others} derived: divider, buffer and action are those of its signals; edit its row to change it"
 
     def watch(self, request: ViewRequest) -> None:

@@ -267,7 +267,7 @@ class TestScreens:
             await screen.press("A")
             await screen.shows("86.31")
             await screen.press("x")
-            await screen.shows("Delete limits of LF/HAA/torque on robot?")
+            await screen.shows("Delete limits of /LF/HAA/torque on robot?")
             await screen.press("y")
             await screen.until(lambda: ("remove_limits", HOT.limits) in fake.calls)
 
@@ -300,7 +300,7 @@ class TestScreens:
             await screen.press("A")
             await screen.shows("86.31")
             await screen.press("e")
-            await screen.shows("Limits of LF/HAA/torque")
+            await screen.shows("Limits of /LF/HAA/torque")
             assert screen.app.screen.fields == {
                 "signal": "LF/HAA/torque", "LL": "", "L": "", "H": "60", "HH": "80", "persist": "3",
                 "hyst": "1", "stale": "0.5s", "when": "x > 1",
@@ -535,7 +535,7 @@ class TestLists:
             await screen.press("r")
             await screen.until(lambda: "torque" not in screen.text)
             await screen.press("K")
-            await screen.shows("LF/HAA/torque is gone, a/cold stands there now")
+            await screen.shows("/LF/HAA/torque is gone, /a/cold stands there now")
             assert not [call for call in fake.calls if call[0] == "acknowledge"]
             await screen.press("K")
             await screen.until(lambda: ("acknowledge", "/log/a/cold") in fake.calls)
@@ -578,7 +578,7 @@ class TestLists:
             await screen.press("escape")
             await screen.until(lambda: screen.app.screen.scope == "table")
             await screen.press("N", "l")
-            await screen.shows("Limits of base/orientation_x")
+            await screen.shows("Limits of /base/orientation_x")
             await screen.press("enter")
             await screen.shows("type a number into LL, L, H or HH")
             assert screen.app.screen.focused is screen.app.screen.field("LL")

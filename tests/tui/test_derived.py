@@ -93,6 +93,8 @@ def test_an_example_is_one_of_signals_that_are_logged(table):
     assert hints["name"] == "a word"
     assert derived.words_of(Derived("new", hints["is"]), table)[0].startswith("one number")
     assert hints_with({"is": "{0} * {1}"}, TableState())["is"] == "a * a"
+    hint = hints_with({"when": "e.g. abs({0}) > 0.6 and {1} < 20"}, table)["when"]
+    assert len(hint) < 60, "whole in a field at 80 columns"
 
 
 @pytest.mark.parametrize(
@@ -162,7 +164,7 @@ async def test_a_signal_is_derived_changed_and_forgotten_without_leaving_the_tab
         await screen.until(lambda: fake.derived == (Derived("/log/power", "3 * imu/acceleration"),))
         await screen.shows("is derived: 3 *")
         await screen.press("x")
-        await screen.shows("Delete power of robot?")
+        await screen.shows("Delete /power of robot?")
         await screen.press("y")
         await screen.until(lambda: not fake.derived and len(screen.session.table) == len(fake.elements))
 

@@ -58,8 +58,8 @@ def test_what_all_costs_stands_behind_the_largest_groups(count, rest):
 
 def test_what_somebody_else_changed_meanwhile_stands_at_the_end_as_far_as_it_has_room():
     words = diff_text(changes(MAX_LINES + 1, "7"), "/log").plain
-    assert words.count("\n! /log/a") == MAX_LINES
-    assert "! /log/a0: divider is 7 now, by somebody else\n" in words
+    assert words.count("\n! /a") == MAX_LINES
+    assert "! /a0: divider is 7 now, by somebody else\n" in words
     assert "!" not in diff_text(changes(2)).plain
 
 
@@ -113,6 +113,12 @@ def test_what_a_table_costs_has_a_sign_at_what_gets_worse(after, room, lines):
 )  # fmt: skip
 def test_what_a_script_would_change_is_told(diff, words):
     assert script_diff_text(diff).plain == words
+
+
+def test_a_script_tells_names_as_the_table_does():
+    words = script_diff_text(ScriptDiff("a", [FieldChange("/log/x", "divider", "1", "2")], ["/log/u"]), "/log").plain
+    assert "1 × /x  divider 1 → 2" in words
+    assert words.endswith("(they are left out): /u")
 
 
 @pytest.mark.parametrize(("count", "more"), [(20, "/u19"), (21, "/u19 and 1 more")])

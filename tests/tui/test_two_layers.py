@@ -232,7 +232,7 @@ async def test_enter_on_a_name_space_folds_it_and_on_a_row_plots_it(fake, opened
 async def test_limits_of_a_row_are_found_where_one_edits(fake, opened):
     async with opened(fake) as screen:
         await screen.press("e", "a")
-        await screen.shows("Limits of base/orientation_x")
+        await screen.shows("Limits of /base/orientation_x")
         await screen.shows("HH")
 
 

@@ -69,7 +69,7 @@ async def ask_derived(context: Context, session: Session, one: Derived, *, is_wh
 async def forget(context: Context, session: Session, rows: Sequence[int]) -> None:
     """Ask, and forget derived signals."""
     names = [session.table.names[row] for row in rows]
-    shown = [session.short_name(name).lstrip("/") for name in names]
+    shown = [session.short_name(name) for name in names]
     one = len(names) == 1
     what = shown[0] if one else many(len(names), "derived signal")
     lines = [f"{name} {session.table.elements[row].description}" for name, row in zip(shown, rows, strict=True)]

@@ -4,6 +4,7 @@ import re
 from abc import abstractmethod
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import cached_property
+from heapq import nsmallest
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from rich.text import Text
@@ -36,15 +37,15 @@ _LAST_NAME = re.compile(r"(?<![\w./])(?<!\d )/?([^\W\d][\w./]+)$")
 
 
 def hints_with(hints: Mapping[str, str], table: "TableState") -> dict[str, str]:
-    """Return hints with names of numbers that are logged, in the place of `{0}` and `{1}`."""
+    """Return hints with names of numbers that are logged in the place of `{0}` and `{1}`: short ones, to fit in."""
     numbers = (
-        table.shown(element.name + entry.suffix).lstrip("/")
-        for element in table.elements
+        element.name + entry.suffix
+        for element in table.elements[: table.own]
         for entry in element.entries
         if entry.dtype[1:2] == "f"
     )
-    first = next(numbers, "a")
-    return {name: hint.format(first, next(numbers, first)) for name, hint in hints.items()}
+    shortest = [table.shown(name).lstrip("/") for name in nsmallest(2, numbers, key=len)] or ["a"]
+    return {name: hint.format(shortest[0], shortest[-1]) for name, hint in hints.items()}
 
 
 def names_in(table: "TableState") -> list[str]:
@@ -169,6 +170,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
 
     def tell(self, words: str, style: str = "") -> None:
         """Say something of what is typed; the style is "quiet" or "failed", or as all else."""
+        words = self._table.shown(words) if self._table is not None else words
         for line in self.query("#form-told").results(Static):  # none of a dialog that was left
             line.set_classes(style)
             line.update(Text(words))

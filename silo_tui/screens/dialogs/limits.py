@@ -43,10 +43,10 @@ class LimitsWish:
 
 
 async def ask_limits(
-    context: "Context", shown: str, name: str, carry_out: "Callable[[Callable[[Client], str]], Awaitable[None]]"
+    context: "Context", name: str, carry_out: "Callable[[Callable[[Client], str]], Awaitable[None]]"
 ) -> None:
-    """Ask for limits of a signal, shown by its short name, with those that it has; `carry_out` sends what is wished."""
-    session = context.session
+    """Ask for limits of a signal, of which one without a name, with those that it has; `carry_out` sends the wish."""
+    session, shown = context.session, context.session.short_name(name).lstrip("/")
     given = next((one.options for one in session.limits if name == one.limits), None)
 
     def form(wish: LimitsWish | None, problem: str) -> LimitsDialog:
@@ -81,7 +81,7 @@ class LimitsDialog(Form[LimitsWish]):
 
     def __init__(self, session: Session, shown: str, name: str, limits: SignalLimits | None, problem: str = "") -> None:
         """`name` is the whole name of the signal that is `shown`; without one it is to be typed."""
-        title = f"Limits of {shown} on {session.name}" if shown else f"Limits of a signal on {session.name}"
+        title = f"Limits of {session.short_name(name) or 'a signal'} on {session.name}"
         given = {"signal": shown, **(fields_of(limits) if limits is not None else {})}
         super().__init__(title, LINES, given, HINTS, problem, "LL" if shown else "signal", session.table)
         self._session, self._shown, self._name = session, shown, name

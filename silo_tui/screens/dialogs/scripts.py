@@ -11,19 +11,20 @@ from silo.scripts.requests import ScriptDiff, Scripts
 from silo.settings.conditions_diff import NONE
 from silo_tui.actions import key_of
 from silo_tui.model.words import text
+from silo_tui.model.words.names import below
 from silo_tui.screens.dialogs.questions import Choice, Question, groups_text
 from silo_tui.sessions.link import Link
 
 
-def scripts_question(link: Link, scripts: Scripts, pending: str = "") -> Question:
+def scripts_question(link: Link, scripts: Scripts, pending: str = "", prefix: str = "") -> Question:
     """Return the question which script to load, with what the one under the cursor would change in the logger.
 
-    `pending` are edits in words, which no script touches.
+    `pending` are edits in words, which no script touches; names are told without `prefix`.
     """
 
     async def preview(name: str) -> Text:
         try:
-            return script_diff_text(await link.read(lambda client: client.diff_script(name)))
+            return script_diff_text(await link.read(lambda client: client.diff_script(name)), prefix)
         except SiloError as error:
             return Text(f"It can't be loaded:\n{error}")
 
@@ -50,20 +51,21 @@ def _whole(change: FieldChange) -> str:
     return f"  new: {change.new}\n" if change.old == NONE else f"  taken away: {change.old}\n"
 
 
-def script_diff_text(diff: ScriptDiff) -> Text:
-    """Return what a script would change, in words."""
+def script_diff_text(diff: ScriptDiff, prefix: str = "") -> Text:
+    """Return what a script would change, in words; names without `prefix`, as the table shows them."""
     lines = Text()
     if not diff.changes and not diff.conditions:
         lines.append("It would change nothing.\n")
     elif diff.changes:
         elements = len({change.name for change in diff.changes})
         lines.append(f"It would change {many(elements, 'element')}:\n")
-    lines.append_text(groups_text(diff.changes))
+    lines.append_text(groups_text(diff.changes, prefix))
     if diff.conditions:
         lines.append("\n" * bool(diff.changes) + "Beside elements it would change:\n")
         lines.append_text(_conditions_text(diff.conditions))
     if diff.warnings:
         lines.append("\n" + "\n".join(diff.warnings) + "\n")
     if diff.unknown:
-        lines.append(f"\nNames that the logger doesn't have (they are left out): {and_more(diff.unknown, 20)}")
+        unknown = [below(prefix, name) for name in diff.unknown]
+        lines.append(f"\nNames that the logger doesn't have (they are left out): {and_more(unknown, 20)}")
     return lines

@@ -141,13 +141,13 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
     def command_alarm_limits(self) -> None:
         one = self.here()
         if one is not None:
-            self._ask_limits(self.named(one.limits), one.limits)
+            self._ask_limits(one.limits)
 
     def command_alarm_new(self) -> None:
-        self._ask_limits("", "")
+        self._ask_limits("")
 
-    def _ask_limits(self, shown: str, name: str) -> None:
-        self.context.run_flow(ask_limits(self.context, shown, name, self.carry_out))
+    def _ask_limits(self, name: str) -> None:
+        self.context.run_flow(ask_limits(self.context, name, self.carry_out))
 
     def command_alarm_remove(self) -> None:
         if names := list(dict.fromkeys(one.limits for one in self.targets())):

@@ -57,7 +57,7 @@ class ConditionsScreen(LoggerList[Status]):
             self.status_bar.update()
 
     def named(self, key: str) -> str:
-        return self.session.short_name(key).lstrip("/")
+        return self.session.short_name(key)
 
     def status_changed(self) -> None:
         self.banner.update()

@@ -186,7 +186,8 @@ class ListScreen(SiloScreen, Generic[LineT]):
         parts += [f"/{self.asked}: {len(self.shown)} of {len(self.all)}"] if self.asked else []
         parts += [f"by {self._order.name}"] if self._order is not self.orders[0] or self._turned else []
         going_on = self.going_on()
-        self.message.told = [*parts, *(going_on if going_on or self.message.said else [self.words()])]
+        told = [*parts, *(going_on if going_on or self.message.said else [self.words()])]
+        self.message.told = [self.context.shown(words) for words in told]
         self.message.changed()
 
     @property
