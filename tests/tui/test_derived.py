@@ -5,17 +5,22 @@ import re
 import numpy as np
 import pytest
 
-from silo.core.conditions import Derived
+from silo.core.conditions import Derived, SignalLimits
 from silo.core.elements import Table
+from silo.core.quantities.reading import read_keep, read_split
 from silo.errors import ElementError
+from silo.expressions.binding import bind
 from silo.expressions.derived_signals import derived_infos
+from silo.judging.checks import table_catalogue
 from silo.live.quantities import LOST
+from silo_tui.model.plots.limit_line import limits_of_fields
 from silo_tui.model.table import derived
 from silo_tui.model.table import filter as filters
 from silo_tui.model.table.cells import sign_of
 from silo_tui.model.table.facts import LIMIT_BITS
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.state import TableState
+from silo_tui.screens.dialogs import derive, find, limits, recorder, trigger_editor
 from silo_tui.screens.dialogs.form import hints_with, named_whole, names_in
 
 POWER = Derived("/log/power", "2 * imu/acceleration", "W")
@@ -204,3 +209,21 @@ async def test_what_is_typed_as_a_whole_is_done_and_what_is_not_is_asked_for(fak
         assert not screen.app.screen.is_modal
         await screen.press("colon", *"derive cold", "enter")
         await screen.shows("Derive a signal on robot")
+
+
+@pytest.mark.parametrize(
+    ("hints", "field"), [(trigger_editor.HINTS, "when"), (find.HINTS, "when"), (derive.HINTS, "is")]
+)
+def test_the_example_of_an_expression_is_understood(table, hints, field):
+    example = hints_with(hints, table)[field].removeprefix("e.g. ")
+    bound = bind(example, table_catalogue(table.elements[: table.own], table.prefix, derived.present(table)))
+    assert bound.logical is (field == "when")
+
+
+def test_what_else_a_form_gives_as_an_example_is_understood():
+    assert recorder.HINTS["split"] == "e.g. 1GB or 10min"
+    assert [read_split(words) for words in ("1GB", "10min")] == [(10**9, 0.0), (0, 600.0)]
+    assert (recorder.HINTS["keep"], read_keep("50GB")) == ("all, or e.g. 50GB", 50 * 10**9)
+    assert limits.HINTS["stale"] == "the same for, e.g. 0.5s"
+    fields = {**dict.fromkeys(limits.HINTS, ""), "signal": "x", "stale": "0.5s"}
+    assert limits_of_fields(fields, SignalLimits("x")).stale_s == 0.5

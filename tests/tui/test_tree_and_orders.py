@@ -262,3 +262,23 @@ def test_rows_that_a_measured_filter_lets_go_stay_for_two_seconds(rows):
     assert (0 in rows.shown, rows.leaving) == (True, frozenset({0}))
     rows.refresh(12.5)
     assert (0 in rows.shown, rows.leaving) == (False, frozenset())
+
+
+@pytest.mark.slow
+async def test_a_branch_and_a_vector_show_by_a_sign_whether_they_are_open(fake, opened):
+    async with opened(fake, size=(80, 48)) as screen:
+        await screen.press("o", "n")
+        for words in ("▼ base  ", "▼ legs  ", "  ▼ LF  ", "    ▼ HAA  ", "+ velocity |3|"):
+            await screen.shows(words)
+        screen.session.rows.folded = frozenset({"/legs", "/base"})
+        screen.app.context.table_changed()
+        await screen.shows("► legs  ")
+        assert "LF" not in screen.text
+        await screen.press("g", "g", "plus")
+        await screen.shows("▼ base  ")
+        assert "► legs  " in screen.text
+        await screen.press("j", "j", "j", "plus")
+        await screen.shows("- velocity |3|")
+        lines = screen.text.splitlines()
+        at = next(at for at, line in enumerate(lines) if "- velocity" in line)
+        assert [line.split()[0] for line in lines[at + 1 : at + 4]] == ["x", "y", "z"]

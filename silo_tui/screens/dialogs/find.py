@@ -37,6 +37,9 @@ class FindDialog(Question):
         self.query_one(".dialog-title", Static).update(self._where[self.everywhere])
 
 
+HINTS = {"when": "e.g. abs({0}) > 20 and {1} < 0.1"}
+
+
 class ConditionDialog(Form[Search]):
     """Answers with the search for where a condition turns true."""
 
@@ -47,9 +50,8 @@ class ConditionDialog(Form[Search]):
     NEEDED: ClassVar = {"when": CONDITION}
 
     def __init__(self, session: Session, begun: str) -> None:
-        hints = {"when": "abs({0}) > 20 and {1} < 0.1"}
         super().__init__(
-            "Find where a condition turns true", (("when",),), {"when": begun}, hints, start="when", table=session.table
+            "Find where a condition turns true", (("when",),), {"when": begun}, HINTS, start="when", table=session.table
         )
         self._session = session
 
