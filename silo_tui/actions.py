@@ -105,6 +105,7 @@ _TRIGGERS = ("triggers",)
 _ALARMS = ("alarms",)
 _PARAMETERS = ("parameters",)
 _RUNS = ("runs",)
+_COMPARED = ("comparison",)
 _RESPONSE = ("response",)
 _CONDITIONS = _TRIGGERS + _ALARMS
 _EVENTS = ("events",)
@@ -123,7 +124,7 @@ _LIVE_PLOTS = _MONITOR + _DETAIL
 _HAPPENED = _EVENTS + _FILE_EVENTS
 _ASIDE = _CONDITIONS + _PARAMETERS + _RECORDINGS + _EVENTS
 _MARKED = _CONDITIONS + _PARAMETERS + _RECORDINGS + _LOGGERS + _RUNS
-_ORDERED = _MARKED + _HAPPENED
+_ORDERED = _MARKED + _HAPPENED + _COMPARED
 _MESSAGES = ("messages",)
 _LISTS = _ORDERED + _SETTINGS + _MESSAGES
 FILE_SCOPES = _FILE + _FILE_MONITOR + _FILE_DETAIL + _FILE_EVENTS
@@ -331,6 +332,7 @@ COMMANDS: tuple[Command, ...] = (
             _TABLES + _PLOTS + _HAPPENED + _CONDITIONS + _PARAMETERS + _RECORDINGS + _LOGGERS,
             typed=_read(("runs",), "logs", ":runs FOLDER", "the runs of a folder of this machine", 8)),
     Command("open_run", "enter", "Open", "look into it; Esc comes back", "Runs", _RUNS, 1),
+    Command("plot_compared", "enter", "Plot", "the signal of both runs, one over the other", "Runs", _COMPARED, 1),
     Command("overlay_runs", "O", "Overlay", "what is marked over each other, by time since start or an event", "Runs",
             _RUNS, 3),
     Command("compare_runs", "equals_sign", "Compare", "what differs between two that are marked", "Runs", _RUNS, 6),
@@ -407,8 +409,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("write_settings", "w", "Write the file", "keep the settings for next time", "Settings", _SETTINGS, 3),
     # ------------------------------------------------------------------------------------------------------ app
     Command("command", "colon", "Command", "type a command, Tab completes it", "Go",
-            _TABLE + _MONITOR + _DETAIL + _ASIDE + _LOGGERS + _SETTINGS + _RUNS + _RESPONSE + _MESSAGES + FILE_SCOPES,
-            11),
+            _TABLE + _MONITOR + _DETAIL + _ASIDE + _LOGGERS + _SETTINGS + _RUNS + _COMPARED + _RESPONSE + _MESSAGES
+            + FILE_SCOPES, 11),
     Command("menus", "backslash", "Menus", "the five menus: go, edit, view, record, plots", "Go", ("any",)),
     Command("menu_go", "", "Go", "the menu of screens, names, files", "Menus", ("any",), 2),
     Command("menu_edit", "", "Edit", "the menu of what edits elements, or what the cursor is on", "Menus", ("any",), 2),
@@ -464,7 +466,7 @@ NOT_EDITED = "a saved file: nothing to edit"
 PLACES = {
     "monitor": "plots", "scope": "scope", "detail": "large plot", "file_monitor": "plots of a file",
     "file_detail": "large plot of a file", "file": "table of a file", "file_events": "events of a file",
-    "loggers": "loggers", "response": "Bode plot",
+    "loggers": "loggers", "response": "Bode plot", "comparison": "comparison of runs",
 }  # fmt: skip
 TYPED_ON_FILES = ("goto", "unmark", "theme", "picture", "bode", "open", "runs")
 # what commands of lists were called while each list had its own, for keys that users gave them; till 0.5

@@ -58,7 +58,7 @@ _TABLE = (
     ("V", "range list_range"),
     ("o,v o", "sort list_order"),
     # ------------------------------------------------------------------------------------ into, beside
-    ("enter", "detail go_to_event open_logger open_recording open_run alarm_worst"),
+    ("enter", "detail go_to_event open_logger open_recording open_run plot_compared alarm_worst"),
     ("enter,r c", "trigger_capture"),
     ("r c", "last_capture"),
     ("enter", "into"),

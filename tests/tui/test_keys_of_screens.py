@@ -11,13 +11,13 @@ from silo_tui.actions import BY_ID, COMMANDS, commands_for, key_of, key_that_ret
 from silo_tui.keymap import where
 
 # T table, P plots, D large plot, G triggers, A alarms, R recordings, E events, L loggers, H settings, K parameters,
-# U runs, B Bode plot; each on a logger, and, where there is one, on a file
+# U runs, V their comparison, B Bode plot; each on a logger, and, where there is one, on a file
 SCREENS = {
     "T": ("table", "file"), "P": ("monitor", "file_monitor"), "D": ("detail", "file_detail"), "G": ("triggers",),
     "A": ("alarms",), "R": ("recordings",), "E": ("events", "file_events"), "L": ("loggers",), "H": ("settings",),
-    "K": ("parameters",), "U": ("runs",), "B": ("response",), "M": ("messages",),
+    "K": ("parameters",), "U": ("runs",), "B": ("response",), "M": ("messages",), "V": ("comparison",),
 }  # fmt: skip
-ALL = "TPDGARELHKUM"
+ALL = "TPDGARELHKUMV"
 # keys; what their commands are called, any of these words; where
 LAW = (
     ("j down", "next down older", ALL),
@@ -32,11 +32,11 @@ LAW = (
     ("left right h l", "field cursor turn", "TPDK"),
     ("shift+left shift+right", "far", "PDK"),
     ("comma full_stop", "sample", "PD"),
-    ("enter", "edit detail open plot go to capture worst change", "TPGARELHKU"),
+    ("enter", "edit detail open plot go to capture worst change", "TPGARELHKUV"),
     ("escape", "back", ALL + "B"),
     ("tab", "field view", "TPDRHB"),
-    ("slash", "filter search", "TGARELHKUM"),
-    ("o", "order", "TGARELKU"),
+    ("slash", "filter search", "TGARELHKUMV"),
+    ("o", "order", "TGARELKUV"),
     ("C", "columns", "TGARELU"),
     ("z", "fold", "TPL"),
     ("n", "entry", "TP"),
@@ -87,7 +87,7 @@ LAW = (
     ("E", "events", "TPDGARELK"),
     ("P", "parameters", "TPDGARELK"),
     ("ctrl+l", "loggers", "TPDGAREK"),
-    ("f2", "settings", "TPDGARELKUBM"),
+    ("f2", "settings", "TPDGARELKUBMV"),
     ("colon", "command", ALL + "B"),
     ("question_mark", "help", ALL + "B"),
     ("ctrl+p", "palette", ALL + "B"),
@@ -122,6 +122,7 @@ LEFT_OUT = {
     "runs": (),
     "response": (),
     "messages": (),
+    "comparison": (),
 }  # fmt: skip
 LEFT_OUT["file_monitor"] = (
     *LEFT_OUT["monitor"], ("c Z", "of what comes"),

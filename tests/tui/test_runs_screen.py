@@ -18,7 +18,7 @@ from silo_tui.model.lists import runs
 from silo_tui.model.lists.runs import together
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.screens.files.file_table import FileTableScreen
-from silo_tui.screens.lists.runs import RunsScreen
+from silo_tui.screens.lists.runs import ComparisonScreen, RunsScreen
 from tests.stand_ins.saved import cut_in_two, recorded_in_two
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
@@ -127,20 +127,56 @@ async def test_two_marked_runs_are_compared(fake, opened, folder):
         await screen.do("mark", "mark", "compare_runs")
         await screen.shows("run1, then run2")
         await screen.shows("1 entry differs")
-        body = screen.app.screen.query_one(".dialog-body")
-        assert body.region.width > 68  # the table is as wide as the screen lets it
-        await screen.press("escape")
+        assert "/tau" in screen.text and "/log/tau" not in screen.text
+        assert "mean" not in screen.text.splitlines()[1]
+        await screen.pilot.resize_terminal(120, 30)
+        await screen.until(lambda: "mean" in screen.text.splitlines()[1], "the columns for which there is room now")
+        await screen.press("enter")
+        await screen.until(lambda: screen.app.screen.scope == "file_monitor", "the signal of both")
+        assert [[one.name for one in panel] for panel in screen.app.screen.stack.panels] == [
+            ["/log/tau/run1", "/log/tau/run2"]
+        ]
+        await screen.press("escape", "escape")
+        await screen.until(lambda: screen.app.screen.scope == "comparison")
+        await screen.press("slash")
+        await screen.enter("nothing")
+        await screen.shows("No line has 'nothing'")
+        await screen.press("escape", "escape")
         await screen.until(lambda: screen.app.screen.scope == "runs")
 
 
-def test_the_table_of_differences_stands_before_what_was_not_compared(monkeypatch):
+async def test_a_derived_signal_of_two_runs_has_no_samples_to_be_plotted(fake, opened, folder):
+    async with opened(fake) as screen:
+        logs = [(f"run{number}", Log(run_of(number))) for number in range(2)]
+        (one,) = compare(*(log for _, log in logs)).rows
+        found = replace(compare(*(log for _, log in logs)), rows=(replace(one, name="/log/double"),))
+        screen.app.push_screen(ComparisonScreen(logs, found))
+        await screen.shows("/double")
+        await screen.press("enter")
+        await screen.shows("/double is derived, and stands in no file")
+
+
+async def test_what_was_not_compared_stands_below_the_differences(fake, opened):
     found = compare(Log(run_of(0)), Log(run_of(1)))
     reasons = {f"/log/{number}": f"there is no time in common; from {number} s" for number in range(12)}
-    monkeypatch.setattr(runs, "compare", lambda a, b: replace(found, not_compared=reasons))
-    lines = runs.differences(Log(run_of(0)), Log(run_of(1)), 71).splitlines()
-    assert lines[0] == "1 entry differs, 0 are alike, 12 signals not compared"
-    assert lines[2].startswith("signal") and lines[3].startswith("/log/tau")
-    assert lines[-1] == "not compared: /log/0, /log/1, /log/2 and 9 more: there is no time in common"
+    logs = [("run0", Log(run_of(0))), ("run1", Log(run_of(1)))]
+    async with opened(fake, size=(120, 30)) as screen:
+        screen.app.push_screen(ComparisonScreen(logs, replace(found, not_compared=reasons)))
+        await screen.shows("1 entry differs, 0 are alike, 12 signals not compared")
+        await screen.shows("not compared: /0, /1, /2 and 9 more: there is no time in common")
+
+
+@pytest.mark.parametrize(
+    ("width", "head"),
+    [(76, "signal  largest at s rms differ"), (117, "signal unit largest at s rms mean differ")],
+)  # fmt: skip
+def test_a_row_of_differences_stands_below_its_titles(width, head):
+    found = compare(Log(run_of(0)), Log(run_of(1))).rows
+    made = runs.Differences(found, "/log", width)
+    row = made.row(found[0])
+    assert " ".join(made.head.split()) == " ".join(head.split())
+    assert row.startswith("/tau ") and row.endswith("%") and "differ" in made.head
+    assert len(row) == len(made.head) == width
 
 
 async def test_home_and_end_move_a_long_body(fake, opened):

@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from silo.analysis.compare import HEADS, compare
+from silo.analysis.compare import HEADS, SignalDifference
 from silo.analysis.log import Log
-from silo.analysis.reports import table
 from silo.analysis.stretches import resampled
 from silo.core.elements import LoggedEvent
 from silo.core.quantities.writing import and_more, many
@@ -23,11 +22,10 @@ from silo.run_index.listed import ListedRun
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.lists.recordings import begun_text
 from silo_tui.model.words import text
-from silo_tui.model.words.names import cells, fitting_names
+from silo_tui.model.words.names import below, cells, fitting_names
 
 Key = Callable[[ListedRun], float]
 MOST_TICKS = 2_000_000
-MOST_DIFFERENT = 200
 ALL_COLUMNS = 100  # of characters
 NAME_WIDTH = 22  # at least
 SAID_WIDTH = 20  # at least, where there is anything to be said
@@ -99,17 +97,49 @@ def _line(told: tuple[str, ...], values: Sequence[str], widths: Widths) -> str:
     return f"{name:<{widths.name}} {begun:<14} {span:>8}{shown} {lost:>6} {limits:>6}{kinds} {said}".rstrip()
 
 
-def differences(one: Log, other: Log, width: int) -> str:
-    """Return what differs between two runs: how much, the rows of it, then what else is to be said; lines that fit."""
-    found = compare(one, other)
-    # names before all else: where there is no room for all of it, without units and means
-    columns = range(len(HEADS)) if width >= ALL_COLUMNS else (0, 2, 3, 4, 6)
-    cells = [[row.cells[at] for at in columns] for row in found.rows[:MOST_DIFFERENT]]
-    sides = "".join("llrrrrr"[at] for at in columns)
-    told = table([HEADS[at] for at in columns], cells, width, sides) if found.rows else []
-    if (more := len(found.rows) - MOST_DIFFERENT) > 0:
-        told.append(f"and {more} more")
-    return "\n".join([found.counted, *([""] if told else []), *told, "", *found.notes])
+COMPARED: tuple[Order[SignalDifference], ...] = (
+    Order("different", "d", "the most different first: by the rms, for how far it moves", lambda one: 0),
+    Order("name", "n", "name", lambda one: one.name.casefold()),
+    Order("largest", "a", "the largest difference first", lambda one: one.largest, True),
+    Order("differ", "f", "how much of it differs, the most first", lambda one: one.differ, True),
+)
+
+
+class Differences:
+    """What differs between two runs as lines of so many cells: a head, and a row for each signal."""
+
+    def __init__(self, found: Sequence[SignalDifference], prefix: str, width: int) -> None:
+        # names before all else: where there is no room for all of it, without units and means
+        columns = range(1, len(HEADS)) if width >= ALL_COLUMNS else (2, 3, 4, 6)
+        self._sizes = {at: max(len(HEADS[at]), *(len(one.cells[at]) for one in found)) for at in columns if found}
+        self._room = width - sum(size + 2 for size in self._sizes.values())
+        names = fitting_names([below(prefix, one.name) for one in found], self._room)
+        self._names = dict(zip((one.name for one in found), names, strict=True))
+        self.head = self._line("signal", HEADS)
+
+    def row(self, one: SignalDifference) -> str:
+        """Return the row of a signal."""
+        return self._line(self._names[one.name], one.cells)
+
+    def _line(self, name: str, cells: Sequence[str]) -> str:
+        rest = "".join(f"  {cells[at]:{'<' if at == 1 else '>'}{size}}" for at, size in self._sizes.items())
+        return f"{name:<{self._room}}{rest}"
+
+
+def of_one(logs: Sequence[tuple[str, Log]], signal: str) -> tuple[Recording, list[str]] | None:
+    """Return the element of a scalar over each other, and what that scalar is called there; None of a derived one.
+
+    Raises ElementError.
+    """
+    elements = logs[0][1].recording.elements
+    found = next((each for each in elements if signal in (entry.name for entry in each.entries)), None)
+    if found is None:
+        return None
+    alone = []
+    for run, log in logs:
+        mine = [each for each in log.recording.elements if each.name == found.name]
+        alone.append((run, Log(replace(log.recording, elements=mine), log.path)))
+    return together(alone), [f"{found.name}/{run}{signal[len(found.name) :]}" for run, _ in logs]
 
 
 def together(logs: Sequence[tuple[str, Log]], event: str = "") -> Recording:

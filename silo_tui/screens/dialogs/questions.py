@@ -75,13 +75,8 @@ class Question(Dialog[str | None]):
         choices: Sequence[Choice],
         begin: str | None = None,
         about: Callable[[str], Awaitable[Text]] | None = None,
-        *,
-        broad: bool = False,
     ) -> None:
-        """`begin` has the focus at first, else the first choice. `about` tells more of one, below.
-
-        A `broad` one takes the width of the screen: its body is a table.
-        """
+        """`begin` has the focus at first, else the first choice. `about` tells more of one, below."""
         super().__init__()
         assert not {choice.key for choice in choices} & {*MOVED_BY}, "these move here, or leave"
         self._begin = next((at for at, choice in enumerate(choices) if choice.value == begin), 0)
@@ -90,12 +85,11 @@ class Question(Dialog[str | None]):
         self._choices = list(choices)
         self.loses = any(choice.loses for choice in choices)
         self._about = about
-        self._broad = broad
         self.told = ""  # the choice that more is told of
 
     def compose(self) -> ComposeResult:
         tall = self._about is not None
-        with Vertical(classes=f"dialog{' tall' if tall else ''}{' broad' if self._broad else ''}"):
+        with Vertical(classes="dialog tall" if tall else "dialog"):
             yield Static(self._title, classes="dialog-title", markup=False)
             if self._body and tall:
                 yield Static(self._body, classes="quiet", markup=False)

@@ -1,7 +1,7 @@
 """Opening a recording of the robot in place: the screens of a file above those of the logger, and back."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -58,14 +58,21 @@ async def open_path(context: Context, path: str) -> None:
     await show_read(context, lambda: open_log(typed_path("the log", path)), f"{path} can't be opened")
 
 
-async def show_read(context: Context, read: "Callable[[], Log]", failed: str) -> None:
-    """Show a log that is read now, over the logger that is open; say that it `failed`, and why."""
+async def show_read(context: Context, read: "Callable[[], Log]", failed: str, plotted: Sequence[str] = ()) -> None:
+    """Show a log that is read now, over the logger that is open; say that it `failed`, and why.
+
+    Scalars that are `plotted` share a plot over its table.
+    """
     from silo_tui.sessions.recorded import opened
 
     try:
-        await _show(context, await asyncio.to_thread(opened, read))
+        file = await asyncio.to_thread(opened, read)
+        await _show(context, file)
     except (SiloError, OSError) as error:
         context.fail(f"{failed}: {error}")
+        return
+    if plotted:
+        await _show_plots(context, file, file.table.names, plotted)
 
 
 async def _show(context: Context, opened: "FileSession") -> None:
@@ -77,10 +84,13 @@ async def _show(context: Context, opened: "FileSession") -> None:
     context.status_changed()
 
 
-async def _show_plots(context: Context, opened: "FileSession", names: list[str]) -> None:
+async def _show_plots(context: Context, opened: "FileSession", names: Sequence[str], alone: Sequence[str] = ()) -> None:
+    """Show plots of elements; of these scalars `alone` one for all, where there are some."""
     from silo_tui.screens.plots.monitor import MonitorScreen
 
     monitor = MonitorScreen(opened, names)
+    if alone:
+        monitor.stack.show_panels([tuple(each for each in monitor.stack.plots if each.name in alone)])
     await context.app.push_screen(monitor)
     if opened.capture is not None and opened.capture.fires_ns:
         monitor.call_after_refresh(monitor.show_moment_of, opened.capture.fires_ns[0])

@@ -6,7 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.text import Text
+from textual.app import ComposeResult
+from textual.widgets import Static
 
+from silo.analysis.compare import Comparison, SignalDifference, compare
 from silo.analysis.log import Log
 from silo.analysis.opening import open_log
 from silo.core.quantities.writing import many
@@ -18,9 +21,9 @@ from silo_tui.modal import ask, run_alone
 from silo_tui.model.lists import runs as rows
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.lists.recordings import fitting_stems
-from silo_tui.model.words.names import fitted_among
+from silo_tui.model.words.names import below, first_levels, fitted_among, without_prefix
 from silo_tui.model.words.paths import typed_path
-from silo_tui.screens.dialogs.questions import Choice, Prompt, Question
+from silo_tui.screens.dialogs.questions import Prompt
 from silo_tui.screens.files.opened import show_read
 from silo_tui.screens.lists.list_screen import ListScreen
 
@@ -177,15 +180,17 @@ class RunsScreen(ListScreen[ListedRun]):
         run_alone(self, "opening", self._show_differences, *reversed(targets))
 
     async def _show_differences(self, one: ListedRun, other: ListedRun) -> None:
-        room = self.app.size.width * 96 // 100 - 5  # of a broad dialog: its border, its padding, a scrollbar
+        def read() -> tuple[list[tuple[str, Log]], Comparison]:
+            logs = [(each.name, each.open()) for each in (one, other)]
+            return logs, compare(logs[0][1], logs[1][1])
+
         try:
-            words = await asyncio.to_thread(lambda: rows.differences(one.open(), other.open(), room))
+            logs, found = await asyncio.to_thread(read)
         except (SiloError, OSError) as error:
             self.context.fail(f"{one.facts.path} and {other.facts.path} can't be compared: {error}")
             return
-        body = f"{words}\n`silo compare` in a shell has options: from an event on, within a tolerance, as a plot."
         self.say("")
-        self.app.push_screen(Question(f"{one.name}, then {other.name}", body, [Choice("", "Close")], broad=True))
+        self.app.push_screen(ComparisonScreen(logs, found))
 
     def command_overlay_runs(self) -> None:
         targets = self.targets("no run is here")
@@ -202,6 +207,73 @@ class RunsScreen(ListScreen[ListedRun]):
             return Log(rows.together(logs, event), str(Path(self._folder) / " + ".join(one.name for one in targets)))
 
         await show_read(self.context, read, "these runs can't lie over each other")
+
+
+class ComparisonScreen(ListScreen[SignalDifference]):
+    """What differs between two runs, a line for each signal."""
+
+    scope = "comparison"
+    orders = rows.COMPARED
+    filter_hint = "words of a name"
+
+    def __init__(self, logs: Sequence[tuple[str, Log]], found: Comparison) -> None:
+        super().__init__()
+        self._logs, self._found, self._prefix = logs, found, logs[0][1].recording.prefix
+
+    def named(self, key: str) -> str:
+        return below(self._prefix, key)
+
+    def above(self) -> ComposeResult:
+        (one, _), (other, _) = self._logs
+        yield Static(f" {one}, then {other}", id="compared-title", markup=False)
+
+    @property
+    def all(self) -> Sequence[SignalDifference]:
+        return self._found.rows
+
+    def key_of(self, one: SignalDifference) -> str:
+        return one.name
+
+    def told(self, one: SignalDifference) -> str:
+        return f"{one.name} {one.unit}"
+
+    def prepare(self, found: Sequence[SignalDifference], width: int) -> None:
+        self._table = rows.Differences(found, self._prefix, max(40, width) - 3)
+
+    def head(self, width: int) -> str:
+        return f"  {self._table.head}"
+
+    def row_of(self, one: SignalDifference, width: int) -> Text:
+        return Text(f"  {self._table.row(one)}", no_wrap=True)
+
+    def words(self) -> str:
+        more = "`silo compare` in a shell has options: from an event on, within a tolerance, as a plot"
+        found = self._found
+        levels = first_levels([*found.only_a, *found.only_b, *found.not_compared, *found.partly], self._prefix)
+        notes = (without_prefix(each, self._prefix, levels) for each in self._found.notes)
+        return "\n".join([self._found.counted, *notes, more])
+
+    def none(self) -> str:
+        return "Nothing differs."
+
+    def command_plot_compared(self) -> None:
+        one = self.here()
+        if one is not None:
+            run_alone(self, "opening", self._plot, one.name)
+
+    async def _plot(self, name: str) -> None:
+        try:
+            found = await asyncio.to_thread(rows.of_one, self._logs, name)
+        except SiloError as error:
+            self.context.fail(f"{self.named(name)} of these runs can't lie over each other: {error}")
+            return
+        if found is None:
+            self.say(f"{self.named(name)} is derived, and stands in no file: plot the signals that it is of")
+            return
+        made = Log(found[0], " + ".join(run for run, _ in self._logs))
+        await show_read(self.context, lambda: made, f"{self.named(name)} can't be shown", found[1])
+
+    enter = command_plot_compared
 
 
 def _by(column: dict[str, float]) -> "rows.Key":
