@@ -28,7 +28,7 @@ from silo.fleet.resolving import discover
 from silo.history.find import SearchRequests
 from silo.history.requests import By, GetHistory, GetSamples, KeepPin, OpenPin, OpenStream
 from silo.live.requests import GetSurvey, OpenView, Survey
-from silo.net.access.senders import READ_ONLY, read_only_words, viewer_words
+from silo.net.access.senders import READ_ONLY, READ_ONLY_WORDS, viewer_words
 from silo.net.found import LoggerAddress
 from silo.net.keys import ClientId
 from silo.parameters.requests import ParameterRequests
@@ -219,7 +219,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
     def _call(self, request: Request[ReplyT]) -> ReplyT:
         changes = request.key == Do.key
         if changes and self.read_only:
-            raise RequestRefusedError(RefusedWhy.FORBIDDEN, read_only_words(type(request).__name__))
+            raise RequestRefusedError(RefusedWhy.FORBIDDEN, READ_ONLY_WORDS)
         request = msgspec.structs.replace(request, client=self._name)
         try:
             reply = self._connection.exchange(request, max(request.timeout_s, self._timeout_s))

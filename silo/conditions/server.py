@@ -84,11 +84,13 @@ class ConditionServer(Server, does=[requests]):
         self.events.publish(EventKind.CONDITIONS, text, by=turn.by)
         return text
 
-    def force_trigger(self, name: str) -> str:
+    def force_trigger(self, turn: Turn, name: str) -> str:
         if name not in self.judge.names():
             raise self._no_trigger(name)
         self.robot.must_live()
-        return f"trigger '{name}' was fired at tick {self.judge.force(name)}"
+        text = f"trigger '{name}' was fired by hand at tick {self.judge.force(name)}"
+        self.events.publish(EventKind.CONDITIONS, text, by=turn.by)
+        return text
 
     def acknowledge(self, turn: Turn, names: list[str], who: str) -> str:
         who = plain(who or turn.by)

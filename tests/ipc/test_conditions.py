@@ -12,6 +12,7 @@ from silo.conditions.standing import LimitWord
 from silo.core.conditions import SignalLimits, TriggerOptions, TriggerWord
 from silo.core.elements import FileType
 from silo.errors import ElementError
+from silo.fleet.exchange import client_name
 from silo.rpc.published import EventKind
 from silo.settings.script import read_script
 from tests.waiting import wait_until
@@ -136,7 +137,10 @@ class TestTriggers:
         bench.logger.start()
         bench.ticks(100)
         judged(client, bench)
-        assert client.force_trigger("never") == "trigger 'never' was fired at tick 99"
+        told = client.force_trigger("never")
+        assert told == "trigger 'never' was fired by hand at tick 99"
+        event = wait_until(lambda: next((one for one in client.events() if one.text == told), None))
+        assert (event.kind, event.who) == (EventKind.CONDITIONS.value, client_name())
         bench.ticks(5)
         (file,) = heard.wait(EventKind.CAPTURED).files
         assert silo.open_log(file.path)["x"].values.tolist() == [95, 96, 97, 98, 99, 100]

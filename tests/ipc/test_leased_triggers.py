@@ -114,6 +114,6 @@ def test_it_is_armed_forced_and_let_go_of_by_name(bench, client):
     trigger(client, "scope", TriggerWord.FIRED)
     client.arm_trigger("scope")
     assert trigger(client, "scope").state is TriggerWord.ARMED
-    assert client.force_trigger("scope") == "trigger 'scope' was fired at tick 29"
+    assert client.force_trigger("scope") == "trigger 'scope' was fired by hand at tick 29"
     assert client._remove_trigger("scope") == "trigger 'scope' is let go of"
     assert client.triggers().triggers == []

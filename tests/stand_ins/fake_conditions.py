@@ -51,7 +51,7 @@ class FakeConditions:
     def force_trigger(self, name: str) -> str:
         self._ask()
         self.calls.append(("force_trigger", name))
-        return f"trigger '{name}' was fired at tick {self.ticks}"
+        return f"trigger '{name}' was fired by hand at tick {self.ticks}"
 
     def acknowledge(self, names: Sequence[str] = (), who: str = "") -> str:
         self._ask()

@@ -98,11 +98,7 @@ def closed_words(logger: str, why: str) -> str:
 
 
 READ_ONLY = "this is read-only (--read-only, SILO_READ_ONLY or read_only=True): nothing that changes is sent"
-
-
-def read_only_words(request: str) -> str:
-    """Return what is said where a client was told to change nothing."""
-    return f"{request}: {READ_ONLY}; connect without it to change something; nothing was changed"
+READ_ONLY_WORDS = f"{READ_ONLY}; connect without it to change something; nothing was changed"
 
 
 # ------------------------------------------------------------------------------------------------ who has control
