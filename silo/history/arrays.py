@@ -1,5 +1,6 @@
 """Raw samples on the client's side: rows picked apart into arrays, streams of them, and pins."""
 
+import contextlib
 import functools
 import time
 from collections import Counter, deque
@@ -184,6 +185,7 @@ class Stream(Subscribed):
         self._backlog_bytes = 0
         self._unread: tuple[Layouts, StreamFrame] | None = None  # the one before those
         self._expected: dict[tuple[str, str, int], int] = {}  # by run, name and which of its groups
+        self._dropped: dict[tuple[str, int], int] = {}  # rows before the next ones that are read, by name and group
         self._from_first: set[str] = set()  # names of which nothing has come of the run, which began meanwhile
         self._refused = ""
         self._foreign = Foreign("a frame")
@@ -230,8 +232,18 @@ class Stream(Subscribed):
             self._frames.append((self._opened, data))
             self._backlog_bytes += len(data) + FRAME_BYTES
             while self._backlog_bytes > MAX_BACKLOG_BYTES:
-                self._oldest()  # the rows of this run are counted as missed
+                self._drop_oldest()
             self._changed.notify_all()
+
+    def _drop_oldest(self) -> None:
+        """Let go of a frame that nobody came to read: its rows are counted, as their run may have no more."""
+        layouts, data = self._oldest()
+        if self._unread is not None:  # one before it waits to be understood, and shows then what is missing
+            return
+        with contextlib.suppress(ConnectionLostError):
+            frame = self._foreign.read(f"stream {self._request.stream}", functools.partial(_decoded, data))
+            if frame is not None and frame.generation in layouts:
+                self._batch(frame, layouts[frame.generation], dropped=True)
 
     def _oldest(self) -> tuple[Layouts, bytes]:
         layouts, data = self._frames.popleft()
@@ -277,7 +289,7 @@ class Stream(Subscribed):
                 return batch
         return None
 
-    def _batch(self, frame: StreamFrame, opened: StreamOpened) -> StreamBatch:
+    def _batch(self, frame: StreamFrame, opened: StreamOpened, *, dropped: bool = False) -> StreamBatch:
         by_group = {rows.group: rows for rows in frame.rows}
         parts: dict[str, list[tuple[SampledName, SampledRows, int]]] = {}
         # counted by name: another generation numbers groups anew
@@ -293,12 +305,15 @@ class Stream(Subscribed):
             if some is None:
                 continue
             row = expected.get(key, 0 if name.name in self._from_first and not key[2] else some.first)
-            more = max(0, some.first - row)
+            gap = max(0, some.first - row)
             some = _without(some, row - some.first)
-            missed[name.group] = max(missed.get(name.group, 0), more)
+            gap += some.count if dropped else 0
+            missed[name.group] = max(missed.get(name.group, 0), gap)
             expected[key] = some.first + some.count
             self._from_first.discard(name.name)
-            if not some.count:
+            more = self._dropped.pop(key[1:], 0) + gap
+            if dropped or not some.count:
+                self._dropped[key[1:]] = more
                 continue
             parts.setdefault(name.name, []).append((name, some, more))
         self._expected = expected

@@ -56,6 +56,19 @@ def test_a_reader_that_rests_has_all_of_many_small_frames_and_of_large_ones_the_
     assert (read, stream.read(0), stream.missed) == ([750, 850, 950], None, 700)
 
 
+def test_runs_that_a_reader_lets_go_of_as_a_whole_are_counted(stream, monkeypatch):
+    came(stream, "a", rows(0, 10), rows(0, 10, 1))
+    monkeypatch.setattr(arrays, "MAX_BACKLOG_BYTES", 2 * (24 * 200 + 400))
+    comes(stream, "a", rows(15, 100), rows(10, 100, 1))
+    comes(stream, "b", rows(0, 100), rows(0, 100, 1))
+    comes(stream, "c", rows(0, 100), rows(0, 100, 1))
+    comes(stream, "d", rows(3, 100), rows(0, 100, 1))
+    assert stream.missed == (5 + 100 + 100) + (100 + 100)
+    found = [{name: (len(some), some.missed) for name, some in stream.read(0).items()} for _ in range(2)]
+    assert found == [{"x": (100, 205), "y": (100, 200)}, {"x": (100, 3), "y": (100, 0)}]
+    assert (stream.read(0), stream.missed) == (None, 408)
+
+
 def test_rows_that_came_before_are_left_out(stream):
     came(stream, "a", rows(5, 2))
     assert came(stream, "a", rows(4, 5)) == {"x": ([7, 8], 0)}
