@@ -538,10 +538,13 @@ class Log(Mapping[str, Signal]):
 
     @property
     def start_ns(self) -> int:
-        """The first time stamp, from which all times count (of a clipped log, that of the whole)."""
+        """The first time stamp, from which all times count (of a clipped log, that of the whole).
+
+        Of a log without a tick, the wall clock at its start.
+        """
         if self._start_ns is not None:
             return self._start_ns
-        return int(self.time_ns[0]) if len(self.time_ns) else 0
+        return int(self.time_ns[0]) if len(self.time_ns) else self.recording.started_ns
 
     @property
     def duration_s(self) -> float:

@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from silo.analysis.log import Log
 from silo.analysis.plots.charts import ChartSpec, make_chart
 from silo.analysis.plots.drawing import draw_axes, draw_text
 from silo.core.elements import BufferType, LoggedEvent
-from silo.core.recording import stamped
+from silo.core.recording import Recording, stamped
 
 START = 1_700_000_000_000_000_000
 STEP = 2_000_000
@@ -62,3 +63,9 @@ def test_pictures_have_it_too(log):
 def test_a_spectrum_has_no_lines_of_time(log):
     chart, _ = make_chart(log.recording, ChartSpec(["/log/x"], transform="spectrum"))
     assert chart.events == ()
+
+
+def test_events_of_a_run_without_a_tick_count_from_its_start():
+    events = (LoggedEvent("parameter", "kp = 4", START + 5 * 10**8),)
+    empty = Log(Recording("robot", np.zeros(0, np.int64), 0, (), started_ns=START, events=events))
+    assert [event.seconds for event in empty.events] == [0.5]
