@@ -6,6 +6,7 @@ that order); so `n = len(payload) // (8 + bytes of a value)`. The attachment is 
 since start, uint64: a gap between batches is a loss, a smaller number a new start.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,6 +56,16 @@ class _Topic:
     active: bool = False
 
 
+def _said(element: ElementSchema) -> object:
+    """What an encoding is made of."""
+    return element.info.kind, element.info.shape, [entry.entry for entry in element.live_entries]
+
+
+def _undeclare(topics: Iterable[_Topic]) -> None:
+    for topic in topics:
+        topic.publisher.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
+
+
 class Topics:
     """The topics of one segment. Belongs to the publisher thread."""
 
@@ -69,6 +80,7 @@ class Topics:
         self._next_s = 0.0  # since when another one is the present one
         self._published: list[ElementSchema] = []
         self._topics: list[_Topic] = []
+        self._undeclared: list[ElementSchema] = []  # those of what is published that have no topic yet, the last first
         self._cursors: dict[int, int] = {}
         self._check_s = 0.0
         self._read_before: set[str] = set()
@@ -88,18 +100,30 @@ class Topics:
         """Rings that somebody reads go on with the first sample of the new run."""
         self._reader, self._following = reader, None
         published = [e for e in reader.schema.elements if e.live_ring >= 0] if reader else []
-        if published == self._published:
-            self._cursors = dict.fromkeys(self._cursors, 0)
-            return  # who subscribes does so still
-        self._read_before = {topic.element.info.name for topic in self._topics if topic.active}
+        if published != self._published:
+            self._published = published
+            self._keep(published)
+        self._cursors = {topic.element.live_ring: 0 for topic in self._topics if topic.active}
+
+    def _keep(self, published: list[ElementSchema]) -> None:
+        """Have who subscribes to what is as it was do so still: to another publisher it comes a moment later."""
+        before = {topic.element.info.name: topic for topic in self._topics}
+        self._topics, self._undeclared = [], []
+        for element in published:
+            topic = before.get(element.info.name)
+            if topic is not None and _said(topic.element) == _said(element):
+                topic.element, topic.packer = element, Packer(element.live_entries)
+                self._topics.append(before.pop(element.info.name))
+            else:
+                self._undeclared.append(element)
+        self._undeclared.reverse()
+        self._read_before = {name for name, topic in before.items() if topic.active}
         self._check_s = 0.0
-        self._published = published
-        self._forget()
+        _undeclare(before.values())
 
     def _forget(self) -> None:
-        for topic in self._topics:
-            topic.publisher.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
-        self._topics = []
+        _undeclare(self._topics)
+        self._topics, self._undeclared = [], self._published[::-1]
         self._cursors = {}
 
     def wanted(self) -> bool:
@@ -146,8 +170,8 @@ class Topics:
         return any(more)
 
     def _declare(self) -> None:
-        done = len(self._topics)
-        for element in self._published[done : done + DECLARED_PER_ROUND]:
+        for _ in range(min(DECLARED_PER_ROUND, len(self._undeclared))):
+            element = self._undeclared.pop()
             publisher = self._session.declare_publisher(
                 self._root.topic(element.info.name),
                 encoding=encoding_of(element),
@@ -162,7 +186,7 @@ class Topics:
             ring = topic.element.live_ring
             if topic.active and ring not in self._cursors:
                 self._cursors[ring] = 0 if topic.element.info.name in self._read_before else reader.head(ring)
-        if len(self._topics) == len(self._published):
+        if not self._undeclared:
             self._read_before.clear()
         active = {topic.element.live_ring for topic in self._topics if topic.active}
         for ring in set(self._cursors) - active:

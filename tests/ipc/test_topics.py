@@ -59,6 +59,29 @@ def test_topics_and_streams_have_each_sample_over_cuts(running, client):
         assert len(values) == len(set(values)) == values[-1] - values[0] + 1, (name, sorted(missing))
 
 
+def test_a_topic_has_each_sample_of_stretches_of_a_few_ticks(bench, client):
+    bench.logger.start()
+    topic, values = client.topic("x"), []
+
+    def has_read(value):
+        for batch in topic.read():
+            values.extend(batch.values.tolist())
+        return bool(values) and values[-1] >= value
+
+    def ticks_until_heard():
+        bench.ticks(1)
+        return has_read(0)
+
+    wait_until(ticks_until_heard)
+    for number in range(12):
+        bench.logger.set("slow", divider=2 + number % 3, cut=True)  # of one that is published, too
+        bench.ticks(3)
+    wait_until(lambda: has_read(bench.x.item()))
+    topic.close()
+    assert np.diff(values).tolist() == [1] * (len(values) - 1)
+    assert topic.missed == 0
+
+
 def test_topics_and_streams_have_every_run_of_a_burst(bench, client):
     """Episodes of a fast simulation: the helper process sees but some of them as the present one."""
     client.derive("twice", "2 * x")
