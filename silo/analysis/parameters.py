@@ -1,6 +1,7 @@
 """What the parameters of a run were, and who changed them when: read from the events of its log."""
 
 import functools
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
@@ -8,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.analysis.compute.samples import Samples
-from silo.analysis.ramps import Ramp, TunedSamples, between, samples_of, values_of
+from silo.analysis.ramps import Arrival, Ramp, TunedSamples, between, samples_of, values_of
 from silo.core.arguments import real
 from silo.core.elements import LoggedEvent
 from silo.core.parameter_images import Unknown, unknown_of_runs, unknown_texts
@@ -68,6 +69,7 @@ class LoggedParameters:
         self._events = sorted(told, key=lambda event: (event.tick, event.time_ns, event.number))
         self._time_ns, self._offset, self._start_ns, self._samples = time_ns, offset, start_ns, samples
         self._ramps: dict[int, Ramp] = {}
+        self._arrivals: dict[tuple[str, int], Arrival | None] = {}
 
     @property
     def changes(self) -> list[LoggedEvent]:
@@ -126,6 +128,7 @@ class LoggedParameters:
         known = max((one.end for one in self.unknown if not one.whole and one.end <= tick), default=-1)
         found: dict[str, ParameterValue] = {}
         ways: dict[str, tuple[int, ParameterValue]] = {}  # of what was changed last: by which event, from where
+        images: dict[str, int] = {}  # of what an image told last: by which event
         for number, event in enumerate(self._events):
             for name, old, new in values_of(event):
                 if event.tick < known:
@@ -133,12 +136,18 @@ class LoggedParameters:
                 if event.tick <= tick:
                     found[name] = new
                     ways.pop(name, None)
+                    images.pop(name, None)
                     if old is not None:
                         ways[name] = number, old
+                    else:
+                        images[name] = number
                 elif old is not None:  # of what was changed before, nothing is told any more
                     found.setdefault(name, old)
         for name, (number, old) in ways.items():
             found[name] = between(old, found[name], self._ramp(number).share(tick))
+        for name, number in images.items():
+            if (arrival := self._arrival(name, number)) is not None:
+                found[name] = arrival.at(tick)
         return found
 
     @functools.cached_property
@@ -157,9 +166,21 @@ class LoggedParameters:
             self._ramps[number] = Ramp(self._events[number], later, self._samples, self._stamp)
         return self._ramps[number]
 
+    def _arrival(self, name: str, number: int) -> Arrival | None:
+        if (name, number) not in self._arrivals:
+            event, later = self._events[number], self._events[number + 1 :]
+            aim = next(new for other, _, new in values_of(event) if other == name)
+            again = (one.tick for one in later if any(other == name for other, _, _ in values_of(one)))
+            logged, end = self._samples(name), next(again, sys.maxsize)
+            self._arrivals[name, number] = logged and Arrival(aim, logged, event.tick, end, self._stamp)
+        return self._arrivals[name, number]
+
     def _stamp(self, tick: int) -> int:
-        place = min(max(0, tick - self._offset + len(self._time_ns)), len(self._time_ns) - 1)
-        return int(self._time_ns[place]) if len(self._time_ns) else 0
+        """The stamp of a tick; of one before the first, that which it had at the pace of the first two."""
+        times, place = self._time_ns, tick - self._offset + len(self._time_ns)
+        if place >= 0 or len(times) < 2:
+            return int(times[min(max(place, 0), len(times) - 1)]) if len(times) else 0
+        return int(times[0]) + place * int(times[1] - times[0])
 
     def __repr__(self) -> str:
         return f"<LoggedParameters: {len(self.names)}, {len(self.changes)} changes>"

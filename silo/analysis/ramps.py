@@ -8,6 +8,7 @@ parameters that it changed tell the rest.
 import sys
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -158,6 +159,56 @@ def _numbers(value: ParameterValue) -> list[float]:
     """The numbers of a value; none of what are words, or true or false."""
     items = value if isinstance(value, tuple) else (value,)
     return [one for one in items if not isinstance(one, str | bool)]
+
+
+class Arrival:
+    """What a number was on its way to what an image says of it, which knows where it goes, not how far it had come.
+
+    So are those of a log that begins while it is under way: its samples tell, which come nearer one by one.
+    """
+
+    def __init__(
+        self, aim: ParameterValue, samples: TunedSamples, begin: int, end: int, stamp: Callable[[int], int]
+    ) -> None:
+        """Look at the samples of ticks from `begin` to before `end`. `stamp` is that of a tick, ns."""
+        self._stamp, self._aim = stamp, aim
+        part = slice(*np.searchsorted(samples.ticks, [begin, end]))
+        self._ticks, self._values = samples.ticks[part].tolist(), samples.values[part].tolist()
+        goal = _numbers(aim)
+        left = [[there - one for one, there in zip(row, goal, strict=False)] for row in self._values]
+        comes = all(_is_nearer(*pair) for pair in pairwise(left)) and all(len(row) == len(goal) for row in self._values)
+        self._count = next((at for at, row in enumerate(left) if not any(row)), len(left)) if comes else 0
+        self._goal = goal
+
+    def at(self, tick: int) -> ParameterValue:
+        """Return what it was at a tick."""
+        place = bisect_right(self._ticks, tick) - 1
+        if place >= self._count or not self._count:
+            return self._aim
+        first = min(max(place, 0), max(self._count - 2, 0))  # the way from this one to the next tells the pace
+        pace = [0.0] * len(self._goal)
+        if first + 1 < len(self._ticks):
+            took = max(self._done(self._ticks[first], self._ticks[first + 1]), 1)
+            pace = [(b - a) / took for a, b in zip(self._values[first], self._values[first + 1], strict=True)]
+        known = max(place, 0)
+        went = self._done(self._ticks[known], tick) if place >= 0 else -self._done(tick, self._ticks[0])
+        made = [one + rate * went for one, rate in zip(self._values[known], pace, strict=True)]
+        if place >= 0:
+            ends = self._values[place + 1] if place + 1 < self._count else self._goal
+            made = [
+                min(max(one, min(a, b)), max(a, b)) for one, a, b in zip(made, self._values[place], ends, strict=True)
+            ]
+        whole = isinstance(self._goal[0], int)
+        found = tuple(round(one) if whole else one for one in made)
+        return found if isinstance(self._aim, tuple) else found[0]
+
+    def _done(self, begin: int, tick: int) -> int:
+        return max(0, self._stamp(tick - 1) - self._stamp(begin - 1))
+
+
+def _is_nearer(before: Sequence[float], behind: Sequence[float]) -> bool:
+    """Whether of each number less is left than before, and none went beyond."""
+    return all(abs(b) <= abs(a) and a * b >= 0 for a, b in zip(before, behind, strict=True))
 
 
 def between(old: ParameterValue, new: ParameterValue, share: float) -> ParameterValue:

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 import silo
+from silo.analysis.parameters import LoggedParameters
+from silo.analysis.ramps import TunedSamples
 from silo.core.elements import LoggedEvent
 from silo.core.recording import MOST_EVENTS, with_events
-from silo.core.tuning.parameters import ParameterInfo, ParameterKind
+from silo.core.tuning.parameters import ParameterChange, ParameterInfo, ParameterKind
 from silo.errors import ElementError
 from silo.parameters.landing import between
 from silo.parameters.parameters import MOST_ENDS, MOST_REVERTS, MOST_WAITING
@@ -361,6 +363,30 @@ def test_a_ramp_is_on_its_way_at_a_time_and_all_that_was_set_with_it(new_logger)
     assert log.parameters.last["/log/leg/slow"] == pytest.approx(ramps.slow.value)
     (run,) = silo.runs(log.path.rpartition("/")[0])
     assert run.facts.parameters["/log/leg/slow"] == pytest.approx(ramps.slow.value)
+
+
+@pytest.mark.parametrize(("begin_s", "end_s"), [(0.4, 0.7), (0.43, 0.57), (0.57, 1.0), (0.0, 1.0), (0.95, 1.2)])
+def test_a_part_that_begins_on_the_way_of_a_ramp_knows_it_by_the_samples(new_logger, begin_s, end_s):
+    ramps = Ramps(new_logger(frequency=100, clock=Clock()))
+    ramps.ticks(17)
+    ask(ramps.logger, {"slow": 0.5, "n": 40})
+    ramps.ticks(100)
+    _, log = ramps.told()
+    clip = log.clip(begin_s, end_s)
+    first = round(begin_s * 100)
+    held = [clip.parameters.at(time_s)["/log/leg/slow"] for time_s in clip.times]
+    saw = [one[0] for one in ramps.saw[first : first + len(held)]]
+    several = sum(clip["leg/slow"].values < 0.5) != 1  # a single sample doesn't tell how fast it goes
+    assert held == pytest.approx(saw, abs=1e-9 if several else 0.1)
+    assert clip.parameters.at(end_s)["/log/leg/n"] == pytest.approx(ramps.saw[first + len(held) - 1][2], abs=1)
+
+
+def test_of_a_part_in_which_a_parameter_is_excited_it_is_that_around_which_it_goes():
+    ticks = np.arange(0, 200, 10)
+    image = LoggedEvent("parameter", "1 parameter", tick=0, change=ParameterChange((("/log/kp", None, 5.0),)))
+    samples = TunedSamples(ticks, 5.0 + np.sin(ticks / 30)[:, None])
+    told = LoggedParameters([image], 10**7 * np.arange(200), 200, 0, lambda name: samples)
+    assert {told.at(time_s)["/log/kp"] for time_s in (0.0, 0.5, 1.99)} == {5.0}
 
 
 def test_of_what_was_set_together_that_goes_on_which_was_not_set_again(new_logger):
