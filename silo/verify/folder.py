@@ -599,6 +599,14 @@ def _captures(run: _Run, listed: list[CaptureEntry]) -> Iterator[Verdict]:
         if count > 1:
             text = f"trigger '{trigger}' fired once at tick {fire} of run {run.run}, and {count} captures have it"
             yield Verdict("twice", text, run.logger, run.run, ((fire, fire),))
+    captured = [(one.offset - len(one.time_ns), one.offset - 1) for _, one in run.captured if len(one.time_ns)]
+    recorded = [span for part in run.parts for span in part.covered()]
+    there = merged([*captured, *recorded, *(span for _, span, _ in run.saved)])
+    for _, recording in run.captured:
+        facts = recording.conditions.capture
+        if facts is not None and (lacks := without([(facts.first, min(facts.last, run.ticks - 1))], there)):
+            text = f"capture {facts.number} of '{facts.trigger}': {spans_text(lacks)} of run {run.run} are in no file"
+            yield Verdict("missing", text, run.logger, run.run, tuple(lacks), facts.ended and f"it says: {facts.ended}")
     written = [(found["name"], int(found["first"]), int(found["last"])) for event in run.events
                if event.kind == EventKind.CAPTURED.value and (found := _CAPTURED.match(event.text))]  # fmt: skip
     told: Counter[tuple[str, int]] = Counter()

@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 
 import silo
+from silo.conditions.captures.files import write_capture
 from silo.conditions.segment_judge import MOST_SPOOL_BYTES, SegmentJudge, try_trigger
 from silo.conditions.standing import TriggerWord
 from silo.core.conditions import Conditions, TriggerOptions
+from silo.files.manifest import CaptureList
 from silo.judging.checks import trigger_rule
 from silo.judging.triggers import NO_END
 from silo.segment.reader import SegmentReader
+from silo.verify.folder import verify
 
 
 class Robot:
@@ -243,11 +246,25 @@ def test_of_a_capture_whose_rows_were_overwritten_the_ticks_that_are_missing_are
     (buffer,) = robot.judge.step().whole
     recording = buffer.recording()
     robot.logger.close()
-    missing = int(silo.Log(recording)["brief"].values[0]) - 1000
-    assert missing > 2000
+    missing = int(silo.Log(recording)["brief"].values[0]) - recording.conditions.capture.first
+    assert missing > 3000
     assert (
         recording.conditions.capture.ended == f"the first {missing} ticks were overwritten before they could be copied"
     )
+
+
+def test_a_capture_whose_rows_were_all_overwritten_says_so_and_verify_names_its_ticks(robot, tmp_path):
+    robot.logger.trigger("spike", "fast/x_0 > 50", pre="5ms", post="5ms")
+    robot.start()
+    robot.ticks(102, [(100, 0)])
+    assert not robot.judge.step().whole
+    robot.ticks(5000)
+    (buffer,) = robot.judge.step().whole
+    assert buffer.why == "all 11 ticks were overwritten before they could be copied"
+    written = write_capture(buffer, str(tmp_path), CaptureList(str(tmp_path), "judged"), ())
+    assert f"ticks 95 to 105 ({buffer.why}): " in written.text
+    found = verify(tmp_path)
+    assert [(one.kind, one.spans, buffer.why in one.told) for one in found.told] == [("missing", ((95, 105),), True)]
 
 
 def test_a_trigger_of_an_element_that_is_off_is_unobservable(robot):

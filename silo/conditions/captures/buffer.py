@@ -72,7 +72,15 @@ class CaptureBuffer:
     def why(self) -> str:
         """Why the capture is shorter than what fired; empty where it isn't."""
         full = f"closed as it fired on and on: capture {self.capture.number + 1} goes on" if self.capture.full else ""
-        return "; ".join(filter(None, (self._before_cut, self.ended or full)))
+        return "; ".join(filter(None, (self._before_cut, self._overwritten, self.ended or full)))
+
+    @property
+    def _overwritten(self) -> str:
+        length = self.capture.last + 1 - self.capture.first
+        if not self._missing:
+            return ""
+        which = f"the first {many(self._missing, 'tick')}" if self._missing < length else f"all {many(length, 'tick')}"
+        return f"{which} were overwritten before they could be copied"
 
     @property
     def _before_cut(self) -> str:
@@ -94,8 +102,8 @@ class CaptureBuffer:
             rows = self._reader.rows(ring, self._next[ring], stop - self._next[ring]).part(self._next[ring], stop)
             if rows.first > self._next[ring]:
                 # they were overwritten before: what is whole begins here
-                lost_from = max(self._next[ring] * self._divider(ring), self.capture.first)
-                self._missing = max(self._missing, rows.first * self._divider(ring) - lost_from)
+                begin = min(rows.first * self._divider(ring), self.capture.last + 1)
+                self._missing = max(self._missing, begin - self.capture.first)
                 self._parts[ring] = []
             if len(rows):
                 self._parts[ring].append(rows)
@@ -176,12 +184,9 @@ class CaptureBuffer:
         # who tells what happened may not have read the newest marks yet, by which an episode ended
         told = once_each([*happened, *self._reader.marks()])
         found = with_events(snapshot(self), within_ticks(told, capture.first, capture.last))
-        ended = [self.why] if self.why else []
-        if self._missing:
-            ended.append(f"the first {self._missing} ticks were overwritten before they could be copied")
         facts = CaptureFacts(
             self.trigger, capture.number, capture.first, capture.last, tuple(fire.tick for fire in capture.fires),
-            tuple(fire.time_ns for fire in capture.fires), "; ".join(ended),
+            tuple(fire.time_ns for fire in capture.fires), self.why,
         )  # fmt: skip
         conditions = msgspec.structs.replace(found.conditions, capture=facts)
         # of buffers of the size of a capture the snapshot thinks that they are short
@@ -189,5 +194,5 @@ class CaptureBuffer:
         return dataclasses.replace(
             found,
             conditions=conditions,
-            warnings=(*warnings, *(f"capture of '{self.trigger}': {text}" for text in ended)),
+            warnings=(*warnings, *([f"capture of '{self.trigger}': {self.why}"] if self.why else [])),
         )
