@@ -86,7 +86,7 @@ class HeldRuns:
                 if reader is not None:
                     with contextlib.closing(reader):
                         tell_start(reader, events)
-                        if run != self._replica.run and not reader.is_cut:
+                        if (at_end or run != self._replica.run) and not reader.is_cut:
                             tell_end(reader, events)
 
     def _add(self, reader: SegmentReader) -> None:

@@ -169,3 +169,15 @@ def test_a_log_in_a_folder_that_cannot_be_written_is_still_answered_from_memory(
     client.mark("again")
     written = wait_until(lambda: read_events(folder, "bot"))
     assert [e.text for e in written if e.kind == "marker"] == ["slipped", "again"]
+
+
+@pytest.mark.slow
+def test_a_stop_right_before_the_end_is_told(bench) -> None:
+    folder = bench.logger.options.folder
+    bench.logger.start()
+    bench.ticks(50)
+    run = bench.logger._present.run.id
+    bench.logger.stop()
+    bench.logger.close(discard=True)
+    told = wait_until(lambda: [one for one in read_events(folder, "bot", run) if one.kind == "stopped"])
+    assert [one.tick for one in told] == [49]

@@ -56,7 +56,7 @@ def query(statement: str, places: tuple[str, ...], where: str, file: str | None,
 @click.argument("to", metavar="TO")
 @click.option("--where", metavar="EXPR", default="", help="Only runs for which it holds, as of `silo runs`.")
 @click.option("--since", metavar="WHEN", help="Only those from then on: 2026-11-22, '2026-11-22 14:00'.")
-@click.option("--until", metavar="WHEN", help="Only those before.")
+@click.option("--until", metavar="WHEN", help="Only those that began before; of a day, until its end.")
 @click.option("--as", "name", metavar="NAME", default="", help="What their names begin with there.")
 @click.option("--check", is_flag=True, help="Read the archive again, and hold it against its manifest.")
 def archive(

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @click.option("--word", "-w", "words", metavar="WORD", multiple=True, help="Only those that have the word somewhere.")
 @click.option("--tag", "tags", metavar="TAG", multiple=True, help="Only those with the tag.")
 @click.option("--since", metavar="WHEN", help="Only those from then on: 2026-11-22, '2026-11-22 14:00'.")
-@click.option("--until", metavar="WHEN", help="Only those before.")
+@click.option("--until", metavar="WHEN", help="Only those that began before; of a day, until its end.")
 @click.option("--show", "shown", metavar="EXPR", multiple=True, help="A column more: 'max(joints/tau_3)'.")
 @click.option("--episodes", is_flag=True, help="A line for each episode of the runs; EXPR speaks of episodes.")
 @click.option("--against", metavar="EXPR", default="", help="What tells them from those for which it holds.")
