@@ -226,6 +226,7 @@ class Writing:
         self._waiting: list[LoggedEvent] = []  # for a part in which to stand
         self._gone = ""  # likewise
         self._why_lost = ""
+        self._holes: dict[int, Loss] = {}  # by ring, rows that are missing, and no row behind them is in the part yet
         self._bad: dict[int, Loss] = {}  # by ring, rows that can't be written, as long as they follow one another
         self._queue: deque[tuple[Callable[[], None], int]] = deque()  # what to do, and bytes of rows in it
         self._queued_bytes = 0
@@ -354,6 +355,7 @@ class Writing:
         self._take_changes((rows.first + len(rows) - 1) * rows.ring.divider + 1)
         part.add(rows, elements)
         self._next_rows[rows.ring.ring] = rows.first + len(rows)
+        self._holes.pop(rows.ring.ring, None)
 
     def _take_bad(self, rows: Rows) -> None:
         """Leave out rows that no file can hold. Told once they end, or the run does: a wrong clock may stay wrong."""
@@ -403,8 +405,12 @@ class Writing:
             layout = self._present_layout
             entry = self._ledger.written.entry(layout.schema.run)
             since = entry.begin if entry is not None else begin
+            # rows that are missing are told where others come behind them: in the part before nobody sees that they are
+            begin |= {ring: hole.begin for ring, hole in self._holes.items()}
             part = OpenPart(self._folder, self._order.name, layout, begin, since, self._disk.write)
             self._part = part
+            for hole in self._holes.values():
+                part.note_lost(hole.ring, hole.begin, hole.end, hole.why)
             with contextlib.suppress(OSError, RuntimeError):  # then `silo recover` must be told the folder
                 remember_folder(self._folder, RECORDINGS)
             self._ledger.begin(part.final.name, part.inode, part.layout.schema.run)
@@ -482,6 +488,7 @@ class Writing:
                 self._take_changes(_NO_END)
         self._waiting = []
         self._finish_part()
+        self._holes = {}
         if happening is not None:
             run = self._present_layout.schema.run
             self._ledger.end_run(run, {**self._next_rows, **(end or {})}, done=over)
@@ -500,6 +507,9 @@ class Writing:
             self._finish_part("many rows are missing after it")
             self._next_rows[loss.ring] = loss.end
         part = self._open_part()  # one that begins here has the hole before its first row
+        if loss.end - loss.begin <= MOST_HOLE_ROWS:
+            before = self._holes.get(loss.ring)
+            self._holes[loss.ring] = loss if before is None else replace(loss, begin=before.begin)
         self._next_rows[loss.ring] = loss.end
         self._why_lost = loss.why
         part.note_lost(loss.ring, loss.begin, loss.end, loss.why)

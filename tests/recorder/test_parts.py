@@ -6,6 +6,7 @@ import os
 import struct
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -461,6 +462,34 @@ def test_a_hole_in_a_part_that_begins_later_is_counted_at_its_place(tmp_path, tr
     x = found.elements[0]
     assert 0 < x.lost < 500
     assert x.failures.spans == ((140, 140 + x.lost - 1),)
+
+
+def test_a_hole_at_the_seam_of_two_parts_is_counted_by_the_one_behind_it(tmp_path, truth) -> None:
+    robot = truth.robot(tmp_path, size=50)
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(40)
+    direct.step()
+    robot.ticks(500)
+    drained = direct.drain.read(2**20)
+    assert drained.losses
+    writing = direct.writing
+    writing.put(writing.write, replace(drained, rows=[]))  # what is missing is known, the rows behind it are to come
+    writing.put(writing._finish_part, "it lasts 2 s")
+    writing.put(writing.write, replace(drained, losses=[]))
+    totals = direct.finish()
+    robot.log.close()
+    first, second = (read_bag(path) for path in parts(tmp_path))
+    assert (first.lost, first.warnings) == (0, ())
+    assert second.lost == totals.lost == sum(one.lost for one in second.elements) > 500
+    x = next(one for one in second.elements if one.name == "/log/x")
+    begin = second.offset - len(second.time_ns)
+    assert begin + x.first - 40 == x.lost
+    assert f"{second.lost} samples were lost" in second.warnings[0]
+    assert f"(ticks 40-{begin + x.first - 1}" in second.warnings[0]
+    assert len(metadata(parts(tmp_path)[1], "silo/lost")) == len(drained.losses)
+    (run,) = silo.runs(tmp_path)
+    assert run.facts.lost == totals.lost
 
 
 def test_a_part_that_was_finished_and_not_renamed_gets_its_name_alone(robot, tmp_path, truth) -> None:

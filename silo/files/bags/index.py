@@ -72,7 +72,7 @@ class BagElements:
         # as frozen as its list of warnings is: what was told before nobody could know of this
         object.__setattr__(element, "failures", failures)
         if self._holes is not None:
-            object.__setattr__(element, "lost", len(missing))
+            object.__setattr__(element, "lost", facts.lost + len(missing))
 
     def _column(self, place: int, at: int) -> NDArray[Any]:
         if place not in self._values:

@@ -65,9 +65,22 @@ class _Ring:
         return np.flatnonzero(~there)
 
     @property
+    def lacks(self) -> int:
+        """How many rows are missing before the first one that is there."""
+        return max(0, self.first - self.facts.begin) if self.stretches else 0
+
+    @property
     def holes(self) -> list[tuple[int, int]]:
         """Stretches of ticks without rows, both ends included."""
         ends = [row + len(stamps) for row, stamps in self.stretches]
+        if self.lacks:
+            return [
+                (self.facts.begin * self.facts.divider, (self.first - 1) * self.facts.divider),
+                *self._between(ends),
+            ]
+        return self._between(ends)
+
+    def _between(self, ends: Sequence[int]) -> list[tuple[int, int]]:
         divider = self.facts.divider
         pairs = zip(ends, self.stretches[1:], strict=False)
         return [(end * divider, (row - 1) * divider) for end, (row, _) in pairs if end < row]
@@ -144,7 +157,7 @@ def open_part(file: Path, data: memoryview, index: Index, facts: PartFacts, chec
             "that other readers read it too)"
         )
     warnings += damaged
-    if lost := sum(len(ring.missing) for ring in of_elements):
+    if lost := sum(ring.lacks + len(ring.missing) for ring in of_elements):
         spans = sorted({span for ring in filled for span in ring.holes})
         shown = ", ".join(f"{low}-{high}" for low, high in spans[:5]) + (", ..." if len(spans) > 5 else "")
         told = dict.fromkeys(one[1] for event in events if (one := _LOST.search(event.text)) is not None)
@@ -167,6 +180,7 @@ def open_part(file: Path, data: memoryview, index: Index, facts: PartFacts, chec
                 buffer_type=BufferType.LOOPING,
                 first=ring.first * ring.facts.divider - first if ring.stretches else 0,
                 count=ring.count,
+                lost=ring.lacks,
             )
             for element, ring in zip(facts.recording.elements, of_elements, strict=True)
         ),
