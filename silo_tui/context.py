@@ -17,7 +17,7 @@ from textual.app import App
 from silo.core.elements import SavedFile
 from silo.core.quantities.writing import wall_clock
 from silo.errors import RefusedError, SiloError
-from silo.net.access.senders import read_only_words
+from silo.net.access.senders import READ_ONLY_WORDS
 from silo.rpc.frames import Frame
 from silo_tui.actions import BY_ID, Command, key_of, key_that_retries, typed_on, why_no_use
 from silo_tui.gate import Holding
@@ -138,7 +138,7 @@ class Context:
         if "loggers" not in command.scopes:
             return self.may_write(command.label)
         if self.read_only:
-            self.say(read_only_words(command.label))
+            self.say(f"{command.label}: {READ_ONLY_WORDS}")
         return not self.read_only
 
     def may_write(self, label: str) -> bool:
@@ -146,7 +146,7 @@ class Context:
         if not self.has_session:
             return False
         if self.read_only:
-            self.say(read_only_words(label))
+            self.say(f"{label}: {READ_ONLY_WORDS}")
             return False
         if not self.session.may_edit:
             self.say(f"{label}: {self.session.why_not}")
