@@ -24,6 +24,7 @@ from silo.core.arrays.values import from_base
 from silo.core.elements import MARKER, LoggedEvent
 from silo.core.episodes.words import Episode, said_by
 from silo.core.names import grouped
+from silo.core.quantities.writing import EPOCH_FROM_NS
 from silo.core.recording import Recording, places_of_ticks, read_ahead, samples_of_ticks
 from silo.core.tuning.parameters import ParameterValue
 from silo.errors import SiloError
@@ -33,7 +34,6 @@ from silo.files.naming import is_capture
 
 NUMBERS = ("count", "least", "most", "mean", "std", "rms", "last")  # of a signal, in a run or an episode
 _TIMES = re.compile(r", (\d+) times(?:;|$)")  # in the words of a limit that was broken again and again
-SANE_NS = 946_684_800 * 10**9  # the year 2000: stamps before it count from a start, not from 1970
 
 
 class EpisodeFacts(msgspec.Struct, frozen=True, array_like=True):
@@ -170,7 +170,9 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
     ticks = len(stamps)
     span_s = float(stamps[-1] - stamps[0]) * 1e-9 if ticks else 0.0
     happened = _happened(recording.events)
-    began = max(recording.started_ns, int(stamps[0]) if ticks and stamps[0] > SANE_NS else 0)  # buffers hold the end
+    began = max(
+        recording.started_ns, int(stamps[0]) if ticks and stamps[0] >= EPOCH_FROM_NS else 0
+    )  # buffers hold the end
     return RunFacts(
         path=name,
         prefix=recording.prefix,

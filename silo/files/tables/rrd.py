@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arrays.values import as_floats
+from silo.core.quantities.writing import EPOCH_FROM_NS
 from silo.core.recording import Progress, RecordedElement, Recording, silent, stamps_of
 from silo.files.optional_packages import need, whole_file
 from silo.files.texts import presentable
 
-_WALL_NS = 946_684_800 * 10**9  # the year 2000: stamps before it count from something else
 _ROWS = 1 << 16
 
 
@@ -78,7 +78,7 @@ def _times(
 ) -> list[Any]:
     begin = int(recording.time_ns[0]) if len(recording.time_ns) else 0
     made = [rerun.TimeColumn("time", duration=(stamps - begin).astype("timedelta64[ns]"))]
-    if begin > _WALL_NS:
+    if begin >= EPOCH_FROM_NS:
         made.append(rerun.TimeColumn("clock", timestamp=stamps.astype("datetime64[ns]")))
     if ticks is not None:
         made.append(rerun.TimeColumn("tick", sequence=ticks))
