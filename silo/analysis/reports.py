@@ -212,7 +212,7 @@ def format_report(facts: LogReport, width: int) -> str:
     lines += table(head, rows, width, "lllrrrlrr")
     lines += event_lines(facts.events)
     lines += [f"warning: {text}" for text in facts.warnings]
-    return "\n".join(lines)
+    return "\n".join(printable(line) for text in lines for line in text.split("\n"))
 
 
 def format_statistics(rows: Sequence[SignalStats], width: int) -> str:
@@ -231,6 +231,7 @@ def format_statistics(rows: Sequence[SignalStats], width: int) -> str:
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], width: int, align: str) -> list[str]:
     """Return lines; the first column gives way when the rest leaves too little room. Empty columns are dropped."""
+    rows = [[printable(cell) for cell in row] for row in rows]
     kept = [k for k in range(len(head)) if k == 0 or any(row[k] not in ("", "-") for row in rows)]
     sizes = {k: max(len(head[k]), *(len(row[k]) for row in rows), 0) if rows else len(head[k]) for k in kept}
     rest = sum(sizes[k] + 2 for k in kept[1:])

@@ -4,6 +4,7 @@ import itertools
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import click
 import numpy as np
@@ -63,6 +64,16 @@ def damaged(folder):
     data = bytearray((folder / "run.silo").read_bytes())
     data[data.index(b"# Binary Data\n") + 14 + 2 * 8 * TICKS + 100] ^= 4
     (folder / "damaged.silo").write_bytes(data)
+
+
+@pytest.mark.parametrize("command", ["info", "events"])
+def test_what_a_file_says_moves_no_cursor(tmp_path, command):
+    told = LoggedEvent("marker", "\x1b]0;mine\x07red", 1_700_000_000_000_000_000, 3, who="anna\x1b[2J")
+    hostile = replace(recording(), about={"task": "walk\x1b[2J"}, warnings=("lost\x07",))
+    write_silo(with_events(hostile, [told]), tmp_path / "run.silo")
+    result = CliRunner().invoke(cli, [command, str(tmp_path / "run.silo")], color=True)
+    assert (result.exit_code, "red" in result.stdout) == (0, True)
+    assert all(line.isprintable() for line in result.stdout.splitlines()), result.stdout
 
 
 def test_damaged_values_are_told_by_info_and_by_whom_asks_for_it(damaged, capsys, recwarn):

@@ -14,7 +14,7 @@ from silo.cli.common import LogWord, complete_logger, connect, find_saved, json_
 from silo.cli.verbs import Target, Words, by_count, verb
 from silo.core.elements import LoggedEvent
 from silo.core.episodes.words import BEGIN, END, VERDICTS
-from silo.core.quantities.writing import wall_clock
+from silo.core.quantities.writing import printable, wall_clock
 from silo.decoding import json_decoder
 from silo.errors import LogNotFoundError
 
@@ -186,5 +186,4 @@ def _line(event: LoggedEvent) -> str:
     clock = wall_clock(event.clock_ns, 3, date=True)
     tick = str(event.tick) if event.tick >= 0 else "-"
     what = event.text if event.text.startswith(event.kind) else f"{event.kind}: {event.text}"
-    shown = "".join(letter if letter.isprintable() else "?" for letter in what)
-    return f"{clock}  {tick:>9}  {shown}  ({event.who})" if event.who else f"{clock}  {tick:>9}  {shown}"
+    return printable(f"{clock}  {tick:>9}  {what}" + (f"  ({event.who})" if event.who else ""))

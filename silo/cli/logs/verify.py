@@ -7,7 +7,7 @@ import click
 
 from silo.cli.codes import EXIT_FOUND
 from silo.cli.common import TypedPath, json_option, show_json, show_rows
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import many, printable
 
 if TYPE_CHECKING:
     from silo.verify.verdicts import RunCovered, Verified
@@ -47,21 +47,17 @@ def verify(folder: Path, as_json: bool) -> int:
 def _show(found: "Verified") -> None:
     heads = ["logger", "run", "ticks", "recorded", "saved", "captured", "in memory"]
     show_rows([heads, *map(_row, found.runs)], right=(2, 3, 4, 5, 6))
-    for one in found.told:
-        click.echo(f"told: {one.text}; {one.told}")
-    for one in found.problems:
-        click.echo(f"{one.kind}: {one.text}")
-    for one in found.not_kept:
-        click.echo(f"{one.kind}: {one.text}")
-    for one in found.newest:
-        click.echo(one.text)
+    told = [f"told: {one.text}; {one.told}" for one in found.told]
+    told += [f"{one.kind}: {one.text}" for one in (*found.problems, *found.not_kept)]
+    for line in (*told, *(one.text for one in found.newest)):
+        click.echo(printable(line))
     runs = f"{many(len(found.runs), 'run')}"
-    told = f", {len(found.told)} told before" if found.told else ""
+    before = f", {len(found.told)} told before" if found.told else ""
     less = len({one.run for one in found.not_kept})
     parts = f"all is there that was to be kept, of {less} not all ticks were" if less else "whole"
     if any(one.kind == "missing" for one in found.told):
         parts = "not whole"
-    click.echo(f"{len(found.problems)} problems in {runs}{told}" if found.problems else f"{runs}: {parts}{told}")
+    click.echo(f"{len(found.problems)} problems in {runs}{before}" if found.problems else f"{runs}: {parts}{before}")
 
 
 def _row(run: "RunCovered") -> list[str]:
