@@ -1,6 +1,12 @@
 """Every error that silo raises, as one small tree. A message names the thing, the value, the range and the way out."""
 
 
+def reason(error: BaseException) -> str:
+    """Why something failed: in the system's words where it has some (`No space left on device`), else in its own."""
+    # libraries end theirs with a line break
+    return getattr(error, "strerror", None) or str(error).strip() or type(error).__name__
+
+
 class SiloError(Exception):
     """Base of all errors of silo."""
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
+from silo.errors import reason
 from silo_tui.settings.themes import THEMES
 
 if TYPE_CHECKING:
@@ -138,7 +139,7 @@ def _serve(arguments: list[str], port: int, *, control: bool) -> None:
         serve(arguments, port, control=control, tell=click.echo)
     except OSError as error:
         raise click.ClickException(
-            f"can't serve on port {port}: {error.strerror}; take another, or leave out --port"
+            f"can't serve on port {port}: {reason(error)}; take another, or leave out --port"
         ) from error
 
 

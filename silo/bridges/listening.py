@@ -6,7 +6,7 @@ Light enough for a robot program to import.
 import importlib.util
 import socket
 
-from silo.errors import SiloError
+from silo.errors import SiloError, reason
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 
@@ -27,6 +27,6 @@ def bound(bind: str, port: int) -> socket.socket:
     except OSError as error:
         listening.close()
         raise SiloError(
-            f"can't listen at {bind} port {port}: {error.strerror or error}; port 0 takes one that is free"
+            f"can't listen at {bind} port {port}: {reason(error)}; port 0 takes one that is free"
         ) from error
     return listening

@@ -6,6 +6,7 @@ import sys
 import warnings
 
 from silo.cli.codes import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_PIPE, EXIT_USAGE
+from silo.errors import reason
 from silo.version import VERSION
 
 
@@ -72,5 +73,5 @@ def run(arguments: list[str]) -> int:
             click.echo(f"silo: {FOLDER_GONE}", err=True)
             return EXIT_FAILED
         place = f"{error.filename}: " if error.filename else ""
-        click.echo(f"silo: {place}{error.strerror or error}", err=True)
+        click.echo(f"silo: {place}{reason(error)}", err=True)
         return EXIT_FAILED

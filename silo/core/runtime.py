@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from silo.errors import SegmentError
+from silo.errors import SegmentError, reason
 
 SEGMENT_SUFFIX = ".segment"
 NEW_SUFFIX = ".new"  # of what is made to take the place of another file
@@ -86,7 +86,7 @@ def runtime_dir() -> Path:
         found = folder.lstat()
     except OSError as error:
         raise SegmentError(
-            f"{folder}: can't make the folder for segments and sockets ({error.strerror}); "
+            f"{folder}: can't make the folder for segments and sockets ({reason(error)}); "
             "set SILO_RUNTIME_DIR to a folder that this user owns"
         ) from error
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():

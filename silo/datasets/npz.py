@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from silo.datasets.frames import Feature, FrameTable, same_features
-from silo.errors import SaveError
+from silo.errors import SaveError, reason
 
 ENTRY = "episodes.json"
 
@@ -38,7 +38,7 @@ class EpisodeFiles:
                 self._folder / file, allow_pickle=False, timestamp=np.arange(len(made)) / self._fps, **arrays
             )
         except OSError as error:
-            raise SaveError(f"'{file}' can't be written: {error.strerror}") from error
+            raise SaveError(f"'{file}' can't be written: {reason(error)}") from error
         told = {key.removeprefix("silo/"): value for key, value in facts.items()}
         self.rows.append({"file": file, "frames": len(made), "task": task, **told})
         self.frames += len(made)

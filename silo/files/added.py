@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from silo.core.recording import Progress, Recording
-from silo.errors import FileFormatError, SaveError, SiloError
+from silo.errors import FileFormatError, SaveError, SiloError, reason
 from silo.files.formats import FORMATS, Format, by_mark
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def _write(added: Format, recording: Recording, path: Path, progress: Progress |
     try:
         made = Path(tempfile.mkdtemp(prefix=".silo-", dir=path.parent))
     except OSError as error:
-        raise SaveError(f"'{path}': {error.strerror}; nothing was written") from error
+        raise SaveError(f"'{path}': {reason(error)}; nothing was written") from error
     try:
         added.load_writer()(recording, made / path.name, progress)
         (made / path.name).replace(path)

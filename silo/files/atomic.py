@@ -19,7 +19,7 @@ from typing import Any
 from silo.core.child import end_abandoned_holder
 from silo.core.quantities.writing import size_text
 from silo.core.runtime import closing_file, disk_room, is_at, sync, sync_folder
-from silo.errors import SaveError
+from silo.errors import SaveError, reason
 
 PART_ENDING = ".part"
 SWAP_ENDING = ".swap"  # a folder in which a new one is made that takes the name of an old one
@@ -331,11 +331,6 @@ def write_all(file_descriptor: int, buffers: list[memoryview], offset: int) -> N
             written -= pending.pop(0).nbytes
         if written:
             pending[0] = pending[0][written:]
-
-
-def reason(error: OSError) -> str:
-    """Why the system refused: `No space left on device`."""
-    return error.strerror or str(error).strip()  # libraries end theirs with a line break
 
 
 def _refused(final: Path, error: OSError, left: str = "nothing was left under that name") -> SaveError:

@@ -17,8 +17,7 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from silo.core.recording import DamageNotes, Recording, alike
-from silo.errors import FileFormatError, LogNotFoundError, SiloError
-from silo.files.atomic import reason
+from silo.errors import FileFormatError, LogNotFoundError, SiloError, reason
 from silo.files.bags.index import BagElements
 from silo.files.bags.metadata import (
     FACTS_ATTACHMENT,

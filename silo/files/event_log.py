@@ -19,6 +19,7 @@ from silo.core.elements import DAMAGED, NOTED, LoggedEvent
 from silo.core.recording import Recording, with_events
 from silo.core.runtime import closing_file, is_at, open_own
 from silo.decoding import json_decoder
+from silo.errors import reason
 from silo.files.atomic import append_all, lock
 
 MOST_BYTES = 4_000_000
@@ -107,7 +108,7 @@ def add_missing(folder: str | os.PathLike[str], logger: str, run: str, events: S
             _append(descriptor, [msgspec.structs.replace(one, number=number) for number, one in numbered])
     except OSError as error:
         if Path(folder).is_dir():
-            log.warning("the event log in %s can't be written (%s)", folder, error.strerror)
+            log.warning("the event log in %s can't be written (%s)", folder, reason(error))
 
 
 def lacking(events: Iterable[LoggedEvent], known: Iterable[LoggedEvent]) -> list[LoggedEvent]:
@@ -146,7 +147,7 @@ def with_happened(recording: Recording, folder: str | os.PathLike[str], run: str
     try:
         return with_events(recording, read_events(folder, recording.logger, run) if run else [])
     except OSError as error:
-        text = f"the event log in {folder} can't be read ({error.strerror}): of what happened only marks are here"
+        text = f"the event log in {folder} can't be read ({reason(error)}): of what happened only marks are here"
         return replace(recording, warnings=(*recording.warnings, text))
 
 

@@ -26,8 +26,8 @@ from silo.core.conditions import Conditions
 from silo.core.quantities.writing import many, size_text
 from silo.core.runtime import closing_file, open_own, read_own
 from silo.decoding import json_decoder
-from silo.errors import SaveError
-from silo.files.atomic import append_all, atomic_file, lock, reason, taken
+from silo.errors import SaveError, reason
+from silo.files.atomic import append_all, atomic_file, lock, taken
 from silo.files.formats import OPEN_PART_ENDING
 
 MOST_BYTES = 200_000

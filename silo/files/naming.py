@@ -14,8 +14,8 @@ from pathlib import Path
 
 from silo.core.quantities.writing import and_more
 from silo.core.runtime import FOLDER_GONE, closing_file, is_folder_gone, open_own
-from silo.errors import LogNotFoundError, SaveError
-from silo.files.atomic import lock, reason
+from silo.errors import LogNotFoundError, SaveError, reason
+from silo.files.atomic import lock
 from silo.files.formats import FORMATS, LOG_ENDINGS, is_bag_folder
 
 _STEM = re.compile(r"(?P<logger>.+)_(?P<when>\d{8}_\d\d-\d\d-\d\d)_(?P<run>\d{5,})")

@@ -15,8 +15,7 @@ from silo.core.conditions import Conditions
 from silo.core.elements import FileType, LoggedEvent, SavedFile
 from silo.core.quantities.writing import size_text
 from silo.core.recording import Progress, Recording, told_unknown, with_events
-from silo.errors import SaveError
-from silo.files.atomic import reason
+from silo.errors import SaveError, reason
 from silo.files.event_log import with_happened
 from silo.files.formats import SAVED, file_types, savable
 from silo.files.naming import custom_path, log_path, next_run_number, with_part

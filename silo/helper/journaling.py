@@ -9,7 +9,7 @@ import threading
 from pathlib import Path
 
 from silo.core.elements import Storage
-from silo.errors import SegmentError
+from silo.errors import SegmentError, reason
 from silo.journal.folders import remember_folder
 from silo.journal.format import Head, free_name, is_written, list_journals, remove_journal, remove_journals
 from silo.journal.writer import Disk, JournalWriter
@@ -60,7 +60,7 @@ class Journaling:
         try:
             self._step()
         except OSError as error:
-            self._tell(f"the journal can't be written ({error.strerror or error}): ")
+            self._tell(f"the journal can't be written ({reason(error)}): ")
         except SegmentError as error:
             self._tell(f"the journal can't read the buffers ({error}): ")
         else:
@@ -102,7 +102,7 @@ class Journaling:
                 "the folder %s can't be remembered for `silo recover` (%s): after a power cut, say it: "
                 "`silo recover %s`; set XDG_STATE_HOME to a folder on the disk that this user may write",
                 folder,
-                getattr(error, "strerror", None) or error,
+                reason(error),
                 folder,
             )
         return writer

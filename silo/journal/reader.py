@@ -24,7 +24,7 @@ from silo.core.elements import BufferType, LoggedEvent
 from silo.core.recording import NO_FAILURES, Failures, Recording
 from silo.core.runtime import boot_id, open_own, read_own
 from silo.decoding import msgpack_decoder
-from silo.errors import SegmentError
+from silo.errors import SegmentError, reason
 from silo.journal.format import (
     HEADER_WORDS,
     KEEP_FILE,
@@ -110,12 +110,12 @@ class JournalReader:
             except FileNotFoundError:
                 continue  # not there yet when the power went
             except OSError as error:
-                raise SegmentError(f"{path}: can't be read ({error.strerror})") from error
+                raise SegmentError(f"{path}: can't be read ({reason(error)})") from error
             self._files.append(descriptor)
             try:
                 self._take(stream, len(self._files) - 1)
             except OSError as error:
-                raise SegmentError(f"{path}: can't be read ({error.strerror})") from error
+                raise SegmentError(f"{path}: can't be read ({reason(error)})") from error
             except (ValueError, IndexError, msgspec.MsgspecError) as error:
                 raise SegmentError(f"{path}: is no journal of its schema ({error})") from error
         return stream
@@ -250,7 +250,7 @@ def read_head(path: Path) -> Head:
     try:
         data = read_own(path / SCHEMA_FILE)
     except OSError as error:
-        raise SegmentError(f"{path}: can't open the journal ({error.strerror})") from error
+        raise SegmentError(f"{path}: can't open the journal ({reason(error)})") from error
     size, check = int.from_bytes(data[:8], "little"), int.from_bytes(data[8:16], "little")
     body = data[16 : 16 + size]
     if len(data) < 16 or len(body) != size or zlib.crc32(body) != check:

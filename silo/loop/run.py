@@ -28,7 +28,7 @@ from silo.core.runtime import (
     user_name,
     withdraw_segment,
 )
-from silo.errors import SegmentError
+from silo.errors import SegmentError, reason
 from silo.loop.clocks import looked_at
 from silo.loop.generated_code import Collect, LandsChanges, generate
 from silo.loop.orphaned_arrays import Unheld, Watched
@@ -140,7 +140,7 @@ class Run:
             try:
                 folder.mkdir(parents=True, exist_ok=True)
             except OSError as error:
-                raise SegmentError(f"{folder}: can't make the folder for logs ({error.strerror})") from error
+                raise SegmentError(f"{folder}: can't make the folder for logs ({reason(error)})") from error
         else:
             folder, dot = runtime_dir(), ""
         names = (f"{dot}{options.name}.{os.getpid()}.{number}{SEGMENT_SUFFIX}" for number in _numbers)

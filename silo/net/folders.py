@@ -16,7 +16,7 @@ from pathlib import Path
 import msgspec
 
 from silo.core.runtime import runtime_dir, shared_memory_root, user_name
-from silo.errors import SegmentError
+from silo.errors import SegmentError, reason
 
 _FOLDER = re.compile(r"silo-([0-9]+)(?:-([0-9]+))?")
 _SOCKET_LINE = re.compile(r"(/\S*/silo-[0-9]+(?:-[0-9]+)?)/(\S+)\.[0-9]+(?:-[0-9]+)?\.sock$")
@@ -49,7 +49,7 @@ def group_folder(group: str) -> Path:
         path.chmod(0o750)
     except OSError as error:
         raise SegmentError(
-            f"{path}: can't share the folder with group '{group}' ({error.strerror}); "
+            f"{path}: can't share the folder with group '{group}' ({reason(error)}); "
             "this user must be a member of the group (log in again after `usermod -aG`)"
         ) from error
     return path

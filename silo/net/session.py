@@ -18,7 +18,7 @@ from typing import Any
 import zenoh
 
 from silo.core.runtime import closing_file, is_at, write_private
-from silo.errors import ConnectionLostError
+from silo.errors import ConnectionLostError, reason
 from silo.net.access.probing import Reached, explain
 from silo.net.configuration import (
     FORCED,
@@ -242,7 +242,7 @@ def _let_local_clients_in(settings: zenoh.Config, path: Path) -> None:
     try:
         lines = Path(users).read_text().rstrip("\n") + "\n" if users else ""
     except OSError as error:
-        raise ConnectionLostError(f"{users}: can't read the users and passwords: {error.strerror}") from error
+        raise ConnectionLostError(f"{users}: can't read the users and passwords: {reason(error)}") from error
     secret = f"local:{os.urandom(16).hex()}\n"
     for file, text in ((Beside.USERS.of(path), f"{lines}{secret}"), (Beside.SECRET.of(path), secret)):
         write_private(file, text)

@@ -16,7 +16,7 @@ import msgspec
 
 from silo.core.elements import LoggedEvent, RecorderState
 from silo.core.runtime import RECORDERS_SUFFIX, list_segments, process_start, runtime_dir
-from silo.errors import SegmentError
+from silo.errors import SegmentError, reason
 from silo.files.event_log import add_missing
 from silo.files.manifest import read_written
 from silo.recorder.orders import CLOSED
@@ -117,7 +117,7 @@ def _complete_one(kept: RecorderHandover, runs: Sequence[SegmentReader], tell: T
         try:
             recorder.start(order)
         except OSError as error:
-            return f"recording '{order.name}' can't be completed: {error.strerror}; what there is of it stays"
+            return f"recording '{order.name}' can't be completed: {reason(error)}; what there is of it stays"
         for reader in runs:
             recorder.follow(reader, None)
         recorder.finish(kept.ending or CLOSED, 0)

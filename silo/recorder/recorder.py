@@ -19,8 +19,7 @@ import numpy as np
 from silo.core.conditions import Conditions, Derived
 from silo.core.elements import RecorderState
 from silo.core.quantities.writing import and_more, many
-from silo.errors import SaveError, SegmentError, SiloError
-from silo.files.atomic import reason
+from silo.errors import SaveError, SegmentError, SiloError, reason
 from silo.files.event_log import newest_number
 from silo.files.manifest import ClosedPart, Ledger, RunEntry
 from silo.files.parts.metadata import EVENTS_RING

@@ -25,7 +25,7 @@ from silo.core.names import matching
 from silo.core.quantities.writing import and_more, size_text
 from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
 from silo.decoding import converted
-from silo.errors import SegmentError
+from silo.errors import SegmentError, reason
 from silo.files.manifest import RecordedTotals, size_of_parts
 from silo.files.naming import check_name
 from silo.recorder import requests
@@ -104,7 +104,7 @@ class EndlessRecordings:
             try:
                 self._spawn(msgspec.structs.replace(kept, order=order, program=self._program))
             except OSError as error:
-                self._tell(f"the recording '{kept.order.name}' could not go on: {error.strerror}", kept.by, failed=True)
+                self._tell(f"the recording '{kept.order.name}' could not go on: {reason(error)}", kept.by, failed=True)
         if older:
             self._older.unlink(missing_ok=True)
         self._thread.start()
@@ -132,7 +132,7 @@ class EndlessRecordings:
             try:
                 recorder = self._spawn(RecorderHandover(order, request.client, time.time_ns(), self._program))
             except OSError as error:
-                text = f"no process for the recorder: {error.strerror}; nothing is recorded"
+                text = f"no process for the recorder: {reason(error)}; nothing is recorded"
                 raise RequestRefusedError(RefusedWhy.FAILED, text) from error
         recorder.reported.wait(left_s(BEGIN_S))
         report = recorder.report
@@ -435,7 +435,7 @@ class EndlessRecordings:
                 recorder.start(msgspec.structs.replace(recorder.order, resume=True), spare)
             except OSError as error:
                 recorder.again_s = time.monotonic() + AGAIN_S[-1]
-                log.warning("recorder '%s' can't be started: %s", recorder.order.name, error.strerror)
+                log.warning("recorder '%s' can't be started: %s", recorder.order.name, reason(error))
                 return
             self._follow(recorder)
             recorder.finish_again()

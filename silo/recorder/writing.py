@@ -27,8 +27,8 @@ from silo.core.elements import LoggedEvent, RecorderState
 from silo.core.quantities.writing import and_more, duration, size_text
 from silo.core.recording import RecordedElement
 from silo.core.runtime import disk_room, sync
-from silo.errors import SiloError
-from silo.files.atomic import open_part, reason
+from silo.errors import SiloError, reason
+from silo.files.atomic import open_part
 from silo.files.bags.message_groups import group_samples
 from silo.files.bags.writer import MAX_STAMP_NS, metadata_yaml, write_windows
 from silo.files.manifest import ClosedPart, Ledger, RunEntry, part_path

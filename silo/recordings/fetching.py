@@ -18,7 +18,7 @@ from typing import BinaryIO, TypeVar
 
 from silo.core.quantities.writing import size_text
 from silo.core.runtime import closing_file, disk_room, sync_folder
-from silo.errors import ConnectionLostError, SaveError
+from silo.errors import ConnectionLostError, SaveError, reason
 from silo.recordings.requests import PartOfRecording, Piece, RecordingParts
 
 FIRST_PIECE = 64 << 10
@@ -155,7 +155,7 @@ class Fetch:
         return f"{here} are kept in '{kept}': fetch again to go on from there"
 
     def _refused(self, error: OSError, name: str, folder: Path) -> SaveError:
-        why = error.strerror or str(error)
+        why = reason(error)
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             free, _ = disk_room(folder)
             return SaveError(

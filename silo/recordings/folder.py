@@ -27,7 +27,8 @@ from silo.core.elements import FileType
 from silo.core.names import grouped
 from silo.core.quantities.writing import size_text
 from silo.core.runtime import closing_file, disk_room
-from silo.files.atomic import PART_ENDING, reason
+from silo.errors import reason
+from silo.files.atomic import PART_ENDING
 from silo.files.convert import CONVERTED
 from silo.files.csv.metadata import SIDECAR
 from silo.files.formats import SAVED

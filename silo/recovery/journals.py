@@ -21,7 +21,7 @@ from silo.core.runtime import (
     pid_namespace,
     process_start,
 )
-from silo.errors import SegmentError, StateError
+from silo.errors import SegmentError, StateError, reason
 from silo.journal.format import (
     GONE_SUFFIX,
     JOURNAL_SUFFIX,
@@ -149,7 +149,7 @@ def claimed_journal(path: Path, *, wait: bool = False) -> Iterator[JournalReader
         except FileNotFoundError:
             raise SavedMeanwhileError(f"{path}: another process saved it meanwhile (look in {path.parent})") from None
         except OSError as error:
-            raise SegmentError(f"{path}: can't open the journal ({error.strerror})") from error
+            raise SegmentError(f"{path}: can't open the journal ({reason(error)})") from error
         head = read_head(path)
         if has_writer(descriptor) or in_use(head):
             raise StateError(

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from silo.core.runtime import sync
-from silo.errors import FileFormatError, SaveError
-from silo.files.atomic import reason, sweep_parts
+from silo.errors import FileFormatError, SaveError, reason
+from silo.files.atomic import sweep_parts
 from silo.files.manifest import ClosedPart, Ledger, number_of
 from silo.files.mcap.chunks import mapped
 from silo.files.mcap.damage import DAMAGE

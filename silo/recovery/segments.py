@@ -12,7 +12,7 @@ from pathlib import Path
 
 from silo.core.elements import LoggerOptions, Storage
 from silo.core.runtime import closing_file, is_at, list_segments, runtime_dir, sweep_unfinished
-from silo.errors import SegmentError, StateError
+from silo.errors import SegmentError, StateError, reason
 from silo.journal.format import remove_journals
 from silo.journal.holdings import segment_holdings
 from silo.recovery.left import LeftRun, SavedMeanwhileError, has_unsaved, locked, log_end
@@ -97,7 +97,7 @@ def discard(reader: SegmentReader) -> None:
         with contextlib.suppress(FileNotFoundError):  # somebody deleted it
             hold(reader.path)
     except OSError as error:
-        log.warning("%s can't be held for who still has to read it (%s): it stays", reader.path, error.strerror)
+        log.warning("%s can't be held for who still has to read it (%s): it stays", reader.path, reason(error))
 
 
 @contextlib.contextmanager

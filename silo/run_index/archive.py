@@ -31,8 +31,8 @@ import msgspec
 from silo.analysis.stretches import joined
 from silo.core.recording import Recording, has_own_stamps
 from silo.decoding import json_decoder, msgpack_decoder
-from silo.errors import ElementError, FileFormatError, LogNotFoundError, SaveError, SiloError
-from silo.files.atomic import PART_ENDING, atomic_file, lock, reason, sweep_parts
+from silo.errors import ElementError, FileFormatError, LogNotFoundError, SaveError, SiloError, reason
+from silo.files.atomic import PART_ENDING, atomic_file, lock, sweep_parts
 from silo.files.formats import writer_for
 from silo.files.optional_packages import need
 from silo.files.tables.parquet import read_parquet
@@ -446,5 +446,5 @@ def _told(where: str) -> Iterator[None]:
     except FileNotFoundError as error:
         raise LogNotFoundError(f"the archive '{where}' lacks '{error.filename or error}'") from error
     except Exception as error:  # each file system has its own
-        words = reason(error) if isinstance(error, OSError) else str(error).strip() or type(error).__name__
+        words = reason(error)
         raise SaveError(f"the archive '{where}' can't be reached: {words}") from error

@@ -16,8 +16,7 @@ import numpy as np
 
 from silo.core.names import grouped
 from silo.decoding import json_decoder, msgpack_decoder
-from silo.errors import SiloError
-from silo.files.atomic import reason
+from silo.errors import SiloError, reason
 from silo.run_index.facts import NUMBERS, EventFacts, RunFacts, SignalFacts, read_facts, signal_facts
 from silo.run_index.finding import NAME, There, logs_below
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from silo.core.child import ChildProcess
 from silo.core.elements import SavedFile
-from silo.errors import SiloError
+from silo.errors import SiloError, reason
 from silo.run_index.finding import NAME
 from silo.state.events import EventNotifier
 from silo.state.replica import Replica
@@ -61,7 +61,7 @@ class IndexKeeper:
         try:
             child = ChildProcess(__name__, [str(root)])
         except OSError as error:
-            log.warning("the index of %s is not kept: %s", root, error.strerror)
+            log.warning("the index of %s is not kept: %s", root, reason(error))
             return
         while child.is_there and not self._ended.wait(SETTLE_S):
             pass

@@ -15,8 +15,8 @@ import msgspec
 from silo.core.arguments import line
 from silo.core.runtime import closing_file
 from silo.decoding import converted, json_decoder
-from silo.errors import ElementError, SaveError
-from silo.files.atomic import lock, reason, write_all
+from silo.errors import ElementError, SaveError, reason
+from silo.files.atomic import lock, write_all
 
 NAME = "silo-labels.jsonl"
 MOST_BYTES = 64 << 20

@@ -11,6 +11,7 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
+from silo.errors import reason
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, paths_refused
 
 SUFFIXES = (".yaml", ".yml")
@@ -161,7 +162,7 @@ def read_text(path: Path) -> str:
             f"{path}: no such script; paths begin in the folder of the logger's script, see `silo script list`",
         ) from None
     except OSError as error:
-        raise RequestRefusedError(RefusedWhy.FAILED, f"{path}: can't be read: {error.strerror}") from error
+        raise RequestRefusedError(RefusedWhy.FAILED, f"{path}: can't be read: {reason(error)}") from error
     if len(data) > MAX_TEXT_BYTES:
         raise RequestRefusedError(RefusedWhy.INVALID, f"{path}: larger than {MAX_TEXT_BYTES // 2**20} MB")
     text = data.decode(errors="replace")
@@ -180,7 +181,7 @@ def check_target(path: Path, own_script: Path, *, overwrite: bool) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RequestRefusedError(
-            RefusedWhy.FAILED, f"{path.parent}: can't make this folder: {error.strerror}"
+            RefusedWhy.FAILED, f"{path.parent}: can't make this folder: {reason(error)}"
         ) from error
     if path.exists():
         if not path.is_file():
@@ -198,5 +199,5 @@ def _text_of(path: Path) -> str:
     try:
         return _head(path)
     except OSError as error:
-        text = f"{path}: can't be read: {error.strerror}; nothing was changed"
+        text = f"{path}: can't be read: {reason(error)}; nothing was changed"
         raise RequestRefusedError(RefusedWhy.FAILED, text) from error

@@ -8,8 +8,8 @@ import re
 import stat
 from pathlib import Path
 
-from silo.errors import SaveError
-from silo.files.atomic import atomic_file, reason
+from silo.errors import SaveError, reason
+from silo.files.atomic import atomic_file
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 FOLDER, ENDING = "views", ".yaml"
@@ -74,7 +74,7 @@ def keep(own_script: Path, name: str, text: str, *, overwrite: bool) -> Path:
         with atomic_file(path) as file:
             file.write(data)
     except (OSError, SaveError) as error:
-        why = reason(error) if isinstance(error, OSError) else str(error)
+        why = reason(error)
         raise RequestRefusedError(RefusedWhy.FAILED, f"{path}: can't be written: {why}; nothing was changed") from error
     return path
 

@@ -21,7 +21,7 @@ from silo.core.arguments import MOST_NAME_BYTES, shown
 from silo.core.elements import BufferType, LoggedEvent
 from silo.core.recording import NO_FAILURES, Failures, Recording
 from silo.core.runtime import boot_id, has_writer, open_into, pid_namespace, process_start, unopened
-from silo.errors import SegmentError
+from silo.errors import SegmentError, reason
 from silo.segment.failures import BLOCK_WORDS, read_failures
 from silo.segment.layout import (
     LINE_WORDS,
@@ -91,7 +91,7 @@ class SegmentReader:
                 raise SegmentError(f"{path}: is not a silo segment ({os.strerror(errno.EISDIR)})")
             self._file = open_into(unopened(), name, os.O_RDONLY | os.O_NONBLOCK)
         except (OSError, ValueError) as error:
-            raise SegmentError(f"{path}: can't open the segment ({getattr(error, 'strerror', error)})") from error
+            raise SegmentError(f"{path}: can't open the segment ({reason(error)})") from error
         try:
             self._remap()
             self.schema = self._read_schema()

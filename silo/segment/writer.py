@@ -28,7 +28,7 @@ from silo.core.runtime import (
     orphaned_segments,
     unopened,
 )
-from silo.errors import NoRoomError, SegmentError
+from silo.errors import NoRoomError, SegmentError, reason
 from silo.segment.failures import BLOCK_WORDS
 from silo.segment.held_runs import hold
 from silo.segment.layout import (
@@ -147,7 +147,7 @@ class Segment:
         try:
             open_unfinished(self._temporary, self._file)
         except OSError as error:
-            raise SegmentError(f"{self.path.parent}: can't make a segment there ({error.strerror})") from error
+            raise SegmentError(f"{self.path.parent}: can't make a segment there ({reason(error)})") from error
         try:
             self._fill(self._file.fileno(), self._body)
             self._body = b""
@@ -155,7 +155,7 @@ class Segment:
                 self._first[ring] = self._append_rows(ring, self._first_rows.get(ring, 1))
             self._temporary.rename(self.path)
         except OSError as error:
-            raise SegmentError(f"{self.path}: can't make the buffers ({error.strerror})") from error
+            raise SegmentError(f"{self.path}: can't make the buffers ({reason(error)})") from error
         if self._growing:
             self._thread.start()
 
@@ -209,13 +209,13 @@ class Segment:
                 limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
                 raise SegmentError(
                     f"{self.path.parent}: this process may make files of {size_text(limit)} only (RLIMIT_FSIZE, "
-                    f"`ulimit -f`), the buffers take {size_text(offset + size_bytes)} ({error.strerror}): raise "
+                    f"`ulimit -f`), the buffers take {size_text(offset + size_bytes)} ({reason(error)}): raise "
                     "that limit, or make buffers smaller"
                 ) from error
             free_bytes, _ = disk_room(self.path.parent)
             raise NoRoomError(
                 f"{self.path.parent}: no room for {size_text(size_bytes)} of buffers, "
-                f"{size_text(free_bytes)} are free ({error.strerror}); "
+                f"{size_text(free_bytes)} are free ({reason(error)}); "
                 f'make buffers smaller, enlarge /dev/shm, or use storage="file"{_held_by_dead()}',
                 size_bytes,
                 free_bytes,

@@ -23,7 +23,7 @@ from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import ElementInfo, ElementOptions
 from silo.core.names import grouped, nearest
 from silo.core.quantities.writing import and_more
-from silo.errors import SaveError, ScriptError
+from silo.errors import SaveError, ScriptError, reason
 from silo.settings.options import IN_SCRIPT, OptionValue
 from silo.settings.script_conditions import Lines, fitting_conditions, format_conditions, kinds_of, merged
 from silo.settings.script_reader import Reader, ScriptElement, UnknownKey
@@ -104,13 +104,13 @@ def read_script(path: str | os.PathLike[str]) -> Script:
         way_out = "check the path, or write one with `silo script save`"
         raise ScriptError(f"{path}: no such file (looked for {path.absolute()}); {way_out}") from None
     except OSError as error:
-        raise ScriptError(f"{path}: can't be read: {error.strerror}") from error
+        raise ScriptError(f"{path}: can't be read: {reason(error)}") from error
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        reason = f"byte 0x{data[error.start]:02x} is not UTF-8; save the file as UTF-8"
-        raise ScriptError(f"{path}:{line}: {reason}; nothing was changed") from None
+        why = f"byte 0x{data[error.start]:02x} is not UTF-8; save the file as UTF-8"
+        raise ScriptError(f"{path}:{line}: {why}; nothing was changed") from None
     return parse_script(text, path)
 
 

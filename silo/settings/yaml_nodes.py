@@ -8,7 +8,7 @@ from pathlib import Path
 import yaml
 
 from silo.core.yaml_depth import TOO_DEEP, ShallowLoader
-from silo.errors import ScriptError
+from silo.errors import ScriptError, reason
 from silo.settings.options import shorten
 
 
@@ -50,7 +50,7 @@ def read_nodes(path: Path) -> tuple[str, yaml.Node | None]:
         text = path.read_text("utf-8")
         return text, compose(text)
     except OSError as error:
-        raise ScriptError(f"{path}: can't be read ({error.strerror})") from error
+        raise ScriptError(f"{path}: can't be read ({reason(error)})") from error
     except UnicodeDecodeError as error:
         raise ScriptError(f"{path}: is no text in UTF-8") from error
     except yaml.YAMLError as error:

@@ -18,6 +18,7 @@ import zenoh
 
 from silo.core.elements import PARAMETER, LoggedEvent, SavedFile, Status
 from silo.core.recording import MOST_EVENTS
+from silo.errors import reason
 from silo.files.event_log import append_events, lacking, read_events, renumbered
 from silo.net.access.senders import came_by_network
 from silo.net.keys import Root
@@ -54,7 +55,7 @@ class EventLog:
         try:
             return read_events(self._folder, self._logger)
         except OSError as error:
-            log.warning("the event log in %s can't be read (%s): it goes on from here", self._folder, error.strerror)
+            log.warning("the event log in %s can't be read (%s): it goes on from here", self._folder, reason(error))
             return []
 
     def stop(self, timeout_s: float = 5.0) -> None:
@@ -147,9 +148,7 @@ class EventLog:
             higher = append_events(self._folder, self._logger, lines)
         except OSError as error:
             if not self._told:
-                log.warning(
-                    "the event log in %s can't be written (%s); it is tried again", self._folder, error.strerror
-                )
+                log.warning("the event log in %s can't be written (%s); it is tried again", self._folder, reason(error))
             self._told = True
             return
         self._told = False

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from silo.core.names import did_you_mean, nearest
-from silo.errors import SaveError
+from silo.errors import SaveError, reason
 from silo.net.configuration import config_folder
 from silo_tui.layouts.layout import KeptLayout
 from silo_tui.model.words.text import ago
@@ -93,8 +93,7 @@ def load_file(file: Path) -> tuple[KeptLayout, list[str]]:
     try:
         return read(read_text(file))
     except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise ValueError(f"can't read '{file}': {reason}") from error
+        raise ValueError(f"can't read '{file}': {reason(error)}") from error
 
 
 def save(file: Path, layout: KeptLayout) -> None:
@@ -105,6 +104,6 @@ def save(file: Path, layout: KeptLayout) -> None:
     try:
         file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
-        raise SaveError(f"can't make '{file.parent}': {error.strerror}; nothing was saved") from error
+        raise SaveError(f"can't make '{file.parent}': {reason(error)}; nothing was saved") from error
     with atomic_file(file) as opened:
         opened.write(write(layout).encode())

@@ -8,6 +8,7 @@ from typing import Any
 import yaml
 
 from silo.core.names import did_you_mean, nearest
+from silo.errors import reason
 from silo.settings.yaml_nodes import compose, describe, explain, is_null, key_name, line_of
 from silo_tui.actions import BY_ID, RENAMED, key_text
 from silo_tui.keymap import TWO_LAYERS, clashes
@@ -31,7 +32,7 @@ def read_file() -> tuple[Settings, list[SettingsProblem]]:
     try:
         text = read_text(path())
     except OSError as error:
-        return Settings(), [SettingsProblem(0, f"can't be read ({error.strerror or error}); the defaults count")]
+        return Settings(), [SettingsProblem(0, f"can't be read ({reason(error)}); the defaults count")]
     except UnicodeDecodeError as error:
         return Settings(), [SettingsProblem(0, f"byte {error.start + 1} is no UTF-8; the defaults count")]
     return read(text)

@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from silo.errors import SaveError
+from silo.errors import SaveError, reason
 from silo.files.atomic import atomic_file
 from silo.settings.yaml_nodes import key_name
 from silo_tui.actions import RENAMED
@@ -28,8 +28,7 @@ def write_file(old: Settings, new: Settings) -> Path:
         text = read_text(target)
         mode = target.stat().st_mode & 0o777 if text else None
     except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise SaveError(f"can't write '{target}': {reason}; nothing was changed") from error
+        raise SaveError(f"can't write '{target}': {reason(error)}; nothing was changed") from error
     data = rewritten(text, old, new).encode()
     with atomic_file(target) as file:
         if mode is not None:

@@ -5,9 +5,11 @@ import fcntl
 import json
 import threading
 
+import numpy as np
 import pytest
 
 from silo.core.elements import LoggedEvent
+from silo.core.recording import Recording
 from silo.files import event_log
 from silo.files.event_log import append_events, event_log_path, loggers_with_events, read_events
 from silo.state.events import EventLog
@@ -203,3 +205,20 @@ def test_what_a_full_disk_left_of_a_batch_is_not_numbered_anew(tmp_path):
     assert append_events(tmp_path, "bot", batch) == 0
     assert event_log_path(tmp_path, "bot").read_bytes().count(b"\n") == len(batch)
     assert read_events(tmp_path, "bot") == batch
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), "No space left on device"),
+        (OSError("the disk said something\n"), "the disk said something"),
+        (OSError(), "OSError"),
+    ],
+)
+def test_why_a_log_cannot_be_read_is_said_whatever_the_system_says(tmp_path, monkeypatch, error, words):
+    def refuse(*_: object):
+        raise error
+
+    monkeypatch.setattr(event_log, "read_events", refuse)
+    recording = Recording("robot", np.empty(0, np.int64), 0, ())
+    assert f"can't be read ({words})" in event_log.with_happened(recording, tmp_path, "r1").warnings[0]

@@ -8,7 +8,7 @@ import click
 
 from silo.cli.common import TypedPath, complete_words, connect, discovered, json_option, show_json, split_logger
 from silo.core.runtime import write_private
-from silo.errors import SaveError
+from silo.errors import SaveError, reason
 
 SECRET = ("password", "_private_key_base64")  # how keys end whose values are nobody else's
 LEFT_OUT = "..."
@@ -51,7 +51,7 @@ def address(words: tuple[str, ...], zenoh: bool, to: Path | None, as_json: bool)
         try:
             write_private(to, json.dumps(whole, indent=2) + "\n")
         except OSError as error:
-            raise SaveError(f"can't write '{to}': {error.strerror}; nothing was written") from error
+            raise SaveError(f"can't write '{to}': {reason(error)}; nothing was written") from error
         click.echo(f"{to}: the configuration for Zenoh, for you alone", err=True)
     settings = shown(whole)
     if settings != whole and to is None:

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from silo.core.elements import BufferType, Entry
 from silo.core.kinds import regroup
 from silo.core.recording import RecordedElement, Recording, lazy_entry
-from silo.errors import FileFormatError, LogNotFoundError
-from silo.files.atomic import reason
+from silo.errors import FileFormatError, LogNotFoundError, reason
 from silo.files.csv.cells import DIGITS, QUOTE, Cells, Words, as_numbers, find_cells, unquoted
 from silo.files.csv.metadata import Column, NotThisTableError, restored, sidecar_of, spread, unpack
 from silo.files.silo.format import decode_text, first_stamp

@@ -19,8 +19,7 @@ from silo.core.elements import BufferType, Entry
 from silo.core.quantities.writing import and_more
 from silo.core.recording import DamageNotes, RecordedElement, Recording, common_axis, lazy_entry
 from silo.core.yaml_depth import ShallowLoader
-from silo.errors import FileFormatError, LogNotFoundError
-from silo.files.atomic import reason
+from silo.errors import FileFormatError, LogNotFoundError, reason
 from silo.files.formats import ROS1_MARK, refuse_others, starts_with
 from silo.files.mcap.chunks import mapped
 from silo.files.mcap.damage import damage_told

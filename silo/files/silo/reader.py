@@ -26,8 +26,7 @@ from silo.core.elements import BufferType, Entry
 from silo.core.kinds import SCALAR, regroup
 from silo.core.quantities.writing import and_more
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
-from silo.errors import FileFormatError, LogNotFoundError
-from silo.files.atomic import reason
+from silo.errors import FileFormatError, LogNotFoundError, reason
 from silo.files.silo import format as form
 from silo.files.silo.header import Header, parse_header
 from silo.files.silo.values import Type, file_element, file_entry, file_recording, time_stamps, types_of

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from silo.core.elements import Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike, lazy_entry
 from silo.decoding import json_decoder
-from silo.errors import FileFormatError, LogNotFoundError, SiloError
-from silo.files.atomic import reason
+from silo.errors import FileFormatError, LogNotFoundError, SiloError, reason
 from silo.files.csv.metadata import CsvFacts, table_facts
 from silo.files.silo import format as form
 
@@ -57,7 +56,7 @@ def told_of(path: Path) -> Iterator[None]:
     except FileNotFoundError as error:
         raise LogNotFoundError(f"there is no file '{path}'") from error
     except Exception as error:  # each library has its own
-        words = reason(error) if isinstance(error, OSError) else str(error).strip() or type(error).__name__
+        words = reason(error)
         raise FileFormatError(f"'{path}' can't be read: {words}") from error
 
 

@@ -32,7 +32,7 @@ from silo.core.elements import (
 )
 from silo.core.quantities.reading import SECONDS, read_amount
 from silo.core.runtime import FOLDER_GONE
-from silo.errors import ElementError, SourceError
+from silo.errors import ElementError, SourceError, reason
 from silo.logger.arguments.provenance import about_run
 from silo.loop.types import MAX_ENTRIES
 from silo.settings.options import option_problems, refusal
@@ -239,7 +239,7 @@ def serving_config(given: str | os.PathLike[str] | None) -> Path | None:
     try:
         file.open("rb").close() if file.is_file() else file.stat()
     except OSError as error:
-        raise ElementError(f"config: can't read {file} ({error.strerror}); the logger isn't served") from None
+        raise ElementError(f"config: can't read {file} ({reason(error)}); the logger isn't served") from None
     if not file.is_file():
         raise ElementError(f"config must be a file, {file} is none; the logger isn't served; see config/ for examples")
     return file

@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from silo.errors import ConnectionLostError
+from silo.errors import ConnectionLostError, reason
 from silo.net.configuration import endpoints_of, from_file, reason_of, user_of, written
 
 if TYPE_CHECKING:
@@ -105,10 +105,10 @@ def _reached(endpoint: Endpoint, timeout_s: float) -> Reached:
     except (OSError, UnicodeError) as error:
         raise LayerError(
             Layer.NAME,
-            f"{endpoint.text}: no computer is called '{endpoint.host}' here ({_words(error)}): check the spelling, "
+            f"{endpoint.text}: no computer is called '{endpoint.host}' here ({reason(error)}): check the spelling, "
             "write its IP address, or add it to /etc/hosts",
         ) from error
-    told: OSError | None = None
+    told: OSError = TimeoutError()
     for family, kind, protocol, _, address in found:
         with socket.socket(family, kind, protocol) as sock:
             sock.settimeout(timeout_s)
@@ -127,7 +127,7 @@ def _reached(endpoint: Endpoint, timeout_s: float) -> Reached:
             f"{where}: that computer is there, but nobody listens on port {endpoint.port}: is the robot program or the "
             "router running, and is this the port that it listens on?",
         ) from told
-    why = f"no answer within {timeout_s:g} s" if isinstance(told, TimeoutError) else _words(told)
+    why = f"no answer within {timeout_s:g} s" if isinstance(told, TimeoutError) else reason(told)
     raise LayerError(
         Layer.ROUTE,
         f"{where}: no way there: {why}: is it switched on, in this network or behind the VPN, and does no firewall "
@@ -173,7 +173,7 @@ def tls_problem(config: str, endpoint: Endpoint, rtt_s: float = 0.0) -> LayerErr
             context.load_cert_chain(tls["connect_certificate"], tls["connect_private_key"])
     except (OSError, ValueError) as error:  # an ssl.SSLError is one, too
         return LayerError(
-            Layer.CONFIGURATION, f"the certificates that the configuration names can't be read: {_words(error)}"
+            Layer.CONFIGURATION, f"the certificates that the configuration names can't be read: {reason(error)}"
         )
     try:
         with socket.create_connection((endpoint.host, endpoint.port), REACH_S) as raw:
@@ -233,7 +233,3 @@ def _certificate_problem(endpoint: Endpoint, error: "ssl.SSLCertVerificationErro
         f"{endpoint.text}: its certificate is not of the authority that we trust ({error.verify_message}): take the "
         "client file that was made with the robot's (`silo remote init`)",
     )
-
-
-def _words(error: BaseException | None) -> str:
-    return str(getattr(error, "strerror", "") or error)
