@@ -76,17 +76,18 @@ class Pause:
         return f"PAUSED {ago} ago, {held} held" if held else f"PAUSED {ago} ago"
 
     def held_ns(self, plots: Sequence[Plotted]) -> tuple[int, int]:
-        """The oldest and the newest moment that can be looked at: held, in a file, or in the logger's buffers."""
+        """The oldest and the newest moment that can be looked at: held, in a file, or surely in the logger's buffers,
+        which have room for more than they were asked to hold.
+        """
         if self.source is not None or not self.possible:
             held = self.source or self._live
             return held.begin_ns, held.end_ns
-        session, newest_ns, started_ns = self._session, self._live.end_ns, self._session.status.started_ns
-        slow = session.status.frequency_hz / session.measured_hz if session.measured_hz else 1.0  # rows come so late
+        newest_ns, started_ns = self._live.end_ns, self._session.status.started_ns
         spans = [0]
         for element in {plotted.element.name: plotted.element for plotted in plots}.values():
             loops = element.options.buffer is BufferType.LOOPING
             period_ns = self._live.period_ns(element.name)
-            spans.append(round(element.options.size * period_ns * slow) if loops else newest_ns - started_ns)
+            spans.append(element.options.size * period_ns if loops else newest_ns - started_ns)
         return max(started_ns, newest_ns - max(spans)), newest_ns
 
     def hold(

@@ -182,16 +182,21 @@ async def test_where_the_buffers_hold_no_more_than_the_picture_scrolling_back_sa
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         await screen.press("pageup")
-        await screen.shows("all that is held is in the picture")
+        await screen.shows("that is the oldest that is held")
+        assert "PAUSED" in screen.text
 
 
-async def test_of_a_loop_that_is_slow_the_buffers_hold_more_than_their_rows_are_meant_to_take(fake, opened):
-    fake.measured_hz = 0.5 * fake.status().frequency_hz
+async def test_buffers_that_hold_more_than_they_were_asked_to_are_looked_back_in(fake, opened, monkeypatch):
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)
+        monkeypatch.setattr(type(screen.session.source), "period_ns", lambda source, name: 1_000_000)  # of 2.5 ms
+        window = monitor(screen).window
+        await screen.press("plus")
+        await screen.until(lambda: window.span_s == 5.0)
         await screen.press("pageup")
-        await screen.shows("End: now")
-        assert "all that is held" not in screen.text
+        half_ns = 2 * 10**9
+        await screen.until(lambda: window.paused and window.paused_end_ns < fake.now_ns - half_ns, "half a window back")
+        assert "oldest" not in screen.text
 
 
 async def test_what_is_told_of_holes_is_of_the_columns_on_the_screen_though_no_key_comes(fake, opened, monkeypatch):

@@ -102,7 +102,7 @@ class PlotWindow(msgspec.Struct):
         moved = self.paused_end_ns - end
         if self.cursor is not None and self.at_ns is not None:
             self.at_ns = _inside(self.at_ns + moved, held)
-        return moved != 0
+        return abs(moved) > 2 * self.column_ns(columns)  # less than a cell is nothing that one sees
 
     def zoom_still(self, held: Held, columns: int, *, closer: bool) -> bool:
         """Zoom around the cursor if it is in the window, or around its middle; False at the end of the list."""

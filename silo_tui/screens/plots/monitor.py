@@ -7,8 +7,7 @@ from textual.message import Message
 
 from silo.core.conditions import AROUND_S, TriggerOptions
 from silo.errors import SiloError
-from silo_tui.actions import key_of
-from silo_tui.modal import run_aside
+from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.drawing.plots import Plotted, plots_of
 from silo_tui.model.plots.panels import Panel, gathered, has_curves, isolate, join, sides, stacked
 from silo_tui.model.plots.scope import Scope, fitting_span, halfway
@@ -117,13 +116,15 @@ class MonitorScreen(PlotScreen):
     def _pan(self, direction: int) -> None:
         """Pan by half a window; the cursor stays where it is in the picture."""
         span_ns, (oldest_ns, newest_ns) = self.window.span_ns, self.held_ns
+        if direction > 0 and not self.window.paused:
+            self.say("that is now")
+            return
+        is_unknown = self.pause.possible and self.pause.source is None  # what lies behind the oldest
+        column_ns = self.window.column_ns(self.stack.columns)
+        if direction < 0 and is_unknown and oldest_ns + span_ns >= self.end_ns - column_ns:
+            run_alone(self, "behind", self._look_behind)
+            return
         if not self.window.paused:
-            if direction > 0:
-                self.say("that is now")
-                return
-            if oldest_ns + span_ns >= newest_ns - self.window.column_ns(self.stack.columns):
-                self.say(f"all that is held is in the picture; {key_of('closer')} looks closer")
-                return
             self.stand_still()
             self.paused_alone = True
         if self._looking_back and self.end_ns + direction * span_ns // 2 >= newest_ns:
@@ -132,6 +133,13 @@ class MonitorScreen(PlotScreen):
         moved = self.window.pan(direction, (oldest_ns, newest_ns), self.stack.columns)
         self.moved()
         self.say("" if moved else f"that is {self._edge(direction)}")
+
+    async def _look_behind(self) -> None:
+        """Hold all that the buffers have, which tells how much that is, and go back in it."""
+        self.hold()
+        await self.pause.settled()
+        if self.pause.source is not None:
+            self._pan(-1)
 
     command_earlier = partialmethod(_pan, -1)
     command_later = partialmethod(_pan, 1)
