@@ -131,7 +131,8 @@ class _Tokenizer:
             self._before = word
             return end
         if len(word) > 1 and word.endswith("/") and text[end : end + 1] != "(":
-            raise self._error("a division has blanks on both sides: a / b", end - 1, end)
+            begun = "the name goes on behind it, or " if not text[end:].strip() else ""  # as it is while one types
+            raise self._error(f"{begun}a division has blanks on both sides: a / b", end - 1, end)
         return self._name(at, end, word)
 
     def _part(self, start: int, at: int) -> int:

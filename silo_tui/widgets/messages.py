@@ -30,7 +30,7 @@ def beginning(words: str, room: int, rows: int, console: Console) -> str:
     wrapped, rest = Text(words).wrap(console, room), f" … ({key_of('messages') or ':messages'})"
     lines = [line.plain for line in wrapped[:rows]]
     if len(wrapped) > rows:
-        lines[-1] = wrapped[rows - 1].wrap(console, max(1, room - cell_len(rest)))[0].plain + rest
+        lines[-1] = wrapped[rows - 1].wrap(console, max(1, room - cell_len(rest)))[0].plain.rstrip() + rest
     return "\n".join(lines)
 
 

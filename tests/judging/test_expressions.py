@@ -79,6 +79,11 @@ def test_a_star_between_factors_multiplies(text):
     assert parse(text).root.operator == "*"
 
 
+def test_a_name_that_is_being_typed_is_no_division_alone():
+    with pytest.raises(ExpressionError, match="the name goes on behind it, or a division has blanks on both sides"):
+        parse("a * base/")
+
+
 def test_numbers_may_have_units_and_exponents():
     assert (parse("50ms").root.value, parse("50ms").root.unit) == (50.0, "ms")
     assert parse("1.5e3rad/s").root.unit == "rad/s"

@@ -18,7 +18,7 @@ from silo_tui.model.words.names import fitting_names
 
 PREFERENCE = (FileType.SILO, FileType.BAG, FileType.CSV)  # of one save, the first is the one that is opened
 TYPES_FROM, WHY = 110, 20  # cells from which the types have a column; cells of `why` below that
-_DATED = re.compile(r"(?P<logger>.+?)_\d{8}_\d\d-\d\d-\d\d(?P<rest>_\d{5,}.*)")
+_DATED = re.compile(r"(?P<logger>.+?)_\d{8}_\d\d-\d\d-\d\d_(?P<rest>\d{5,}.*)")
 
 
 def begun_ns(one: SavedRecording) -> int:
@@ -60,7 +60,7 @@ def fitting_stems(stems: Sequence[str], own: str, room: int) -> dict[str, str]:
 
 
 def short_stem(stem: str, own: str, width: int) -> str:
-    """Return a name without logger and date where it is long: `…_00007_fall_3`; of another logger, `arm…_00007`."""
+    """Return a name without logger and date where it is long: `…00007_fall_3`; of another logger, `arm…00007`."""
     found = _DATED.fullmatch(stem)
     if len(stem) <= width or found is None:
         return stem
@@ -104,7 +104,7 @@ def row(one: SavedRecording, name: str, width: int, now_s: float | None = None) 
 
 def _widths(width: int) -> tuple[int, int]:
     """Return the cells of name and why."""
-    rest = width - 2 - (60 if width >= TYPES_FROM else 43)
+    rest = width - 2 - (59 if width >= TYPES_FROM else 42)
     why = WHY if width < TYPES_FROM else max(WHY, rest // 3)
     return max(12, rest - why), why
 
@@ -114,7 +114,7 @@ def _line(cells: tuple[str, ...], width: int) -> str:
     name, why, types, begun, span, size, marks = cells
     why = text.cut(why, why_width)
     kinds = f" {types:<16}" if width >= TYPES_FROM else ""
-    return f"{name:<{name_width}} {why:<{why_width}}{kinds} {begun:<14} {span:>8} {size:>9}  {marks:<5}"
+    return f"{name:<{name_width}} {why:<{why_width}}{kinds} {begun:<14} {span:>8} {size:>8}  {marks:<5}"
 
 
 def summary(found: Recordings) -> str:

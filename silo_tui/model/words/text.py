@@ -112,8 +112,10 @@ def _step(size: float, width: int) -> str:
 
 
 def short(value: float, digits: int = 4) -> str:
-    """Return a number in so many digits, no more than it needs."""
-    return _short_power(f"{value:.{digits}g}")
+    """Return a number in so many digits, no more than it needs; below a million whole where a power is no shorter."""
+    words = _short_power(f"{value:.{digits}g}")
+    whole = f"{value:.0f}" if 1 <= abs(value) < 1e6 and "e" in words else ""
+    return whole if whole and len(whole) <= len(words) else words
 
 
 def _short_power(words: str) -> str:
