@@ -170,6 +170,7 @@ def test_numbers_beside_each_other_keep_the_digits_in_which_they_differ():
     assert text.told_apart(1.0, 1.0) == ("1", "1")
     assert [text.short(value) for value in (0.000012345, 1234567.0, -12.5)] == ["1.234e-5", "1.235e6", "-12.5"]
     assert [text.short(value) for value in (193510.3, -12345.6, 1e5, 999999.4)] == ["193510", "-12346", "1e5", "1e6"]
+    assert text.span(0.495, 2) == "500 ms", "no more digits than that"
     assert [text.span(value, 2) for value in (0.9996, 119.6, 0.0123, 2e-4)] == ["1 s", "2 min", "12 ms", "200 us"]
 
 

@@ -112,9 +112,11 @@ def _step(size: float, width: int) -> str:
 
 
 def short(value: float, digits: int = 4) -> str:
-    """Return a number in so many digits, no more than it needs; below a million whole where a power is no shorter."""
+    """Return a number in so many digits, no more than it needs; in four or more of them whole, up to a million, where
+    a power of ten is no shorter.
+    """
     words = _short_power(f"{value:.{digits}g}")
-    whole = f"{value:.0f}" if 1 <= abs(value) < 1e6 and "e" in words else ""
+    whole = f"{value:.0f}" if digits > 3 and 1 <= abs(value) < 1e6 and "e" in words else ""
     return whole if whole and len(whole) <= len(words) else words
 
 
