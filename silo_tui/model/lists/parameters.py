@@ -98,7 +98,7 @@ def stepped(one: ParameterInfo, value: ParameterValue, steps: int) -> ParameterV
         place = one.choices.index(str(value)) + (1 if steps > 0 else -1)
         return one.choices[max(0, min(len(one.choices) - 1, place))]
     step = fine_step(one)
-    from_ = one.minimum or 0.0
+    from_ = float(one.minimum or 0.0)
     moved = from_ + (round((float(value) - from_) / step) + steps) * step  # type: ignore[arg-type]
     low, high = one.minimum, one.maximum
     if high is not None and moved > high:
