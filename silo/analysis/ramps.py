@@ -21,6 +21,9 @@ from silo.core.tuning.parameters import ParameterValue
 Values = Sequence[tuple[str, ParameterValue | None, ParameterValue]]
 
 
+ARRIVED = 1 - 1e-6  # of its way
+
+
 class TunedSamples(NamedTuple):
     """Of a parameter: the ticks at which it was logged, and what it was, shape `(samples, values)`."""
 
@@ -68,31 +71,37 @@ class Ramp:
         exact = max(numbers, key=lambda one: (one.is_logged, not one.step, one.until), default=None)
         shares = [] if exact is None else exact.shares
         self._ticks, self._shares = [tick for tick, _ in shares], [share for _, share in shares]
-        self._under_way = next((place for place, share in enumerate(self._shares) if 0 < share < 1), None)
+        under_way = next(((tick, share) for tick, share in shares if 0 < share < 1), None)
+        self._pace = 0.0
+        if under_way is not None:
+            self._pace = under_way[1] / max(self._done(self._begin, min(under_way[0], self._end)), 1)
         longest = max(numbers, key=lambda one: (one.until, one is exact), default=None)
-        if longest is not None:
-            for tick, share in longest.shares if longest is not exact else ():
+        if longest is not None and longest is not exact:
+            for tick, share in longest.shares:
                 # what is rounded tells nothing where it is what it would be
                 if not self._ticks or (tick > self._ticks[-1] and abs(self.share(tick) - share) > longest.step / 2):
                     self._ticks.append(tick)
                     self._shares.append(share)
-            self._end = min(self._end, longest.until)
+        self._end = min(self._end, max(_again(name, later)[0] for name, _, _ in values_of(event)))
         behind = bisect_left(self._ticks, self._end)
-        self._whole = self._shares[behind] if behind < len(self._shares) else 1.0
+        if behind < len(self._shares):
+            self._whole = self._shares[behind]
+        elif self._pace and self._takes_time and (went := self._went(self._end)) < ARRIVED:
+            self._whole = went  # it was stopped
         self._ticks, self._shares = self._ticks[:behind], self._shares[:behind]
 
     def share(self, tick: int) -> float:
         """Return how much of the way was done at a tick, from 0 to 1; 1 where nothing tells that it takes time."""
-        if tick >= self._end:
-            return self._whole
+        return self._went(tick) if tick < self._end else self._whole
+
+    def _went(self, tick: int) -> float:
         place = bisect_right(self._ticks, tick) - 1
         share = self._shares[place] if place >= 0 else 0.0
         following = self._shares[place + 1] if place + 1 < len(self._shares) else self._whole
-        if self._under_way is not None:
-            pace = self._shares[self._under_way] / max(self._done(self._begin, self._ticks[self._under_way]), 1)
-        elif self._takes_time:
+        pace = self._pace
+        if not pace and self._takes_time:
             pace = self._whole / max(self._done(self._begin, self._end), 1)
-        else:
+        elif not pace:
             return share if place >= 0 else 0.0 if self._shares[:1] == [0.0] else 1.0
         if place == len(self._shares) - 1 and self._shares[place - 1 : place] == [share]:
             return share  # it stopped on its way
@@ -101,6 +110,12 @@ class Ramp:
     def _done(self, begin: int, tick: int) -> int:
         """Nanoseconds: the row of a tick has what came of the one before it."""
         return max(0, self._stamp(tick - 1) - self._stamp(begin - 1))
+
+
+def _again(name: str, later: Sequence[LoggedEvent]) -> tuple[int, ParameterValue | None]:
+    """At which tick something was set again, and what it was until then; a tick that never comes, and None."""
+    found = ((one.tick, then) for one in later for other, then, _ in values_of(one) if other == name)
+    return next(found, (sys.maxsize, None))
 
 
 class _Number(NamedTuple):
@@ -121,8 +136,7 @@ def _numbers_told(
     for name, old, new in values_of(event):
         if (way := _way(old, new)) is None:
             continue
-        again = ((one.tick, then) for one in later for other, then, _ in values_of(one) if other == name)
-        until, then = next(again, (sys.maxsize, None))
+        until, then = _again(name, later)
         logged, shares = samples(name), []
         is_logged = logged is not None and way.place < logged.values.shape[1]
         if logged is not None and is_logged:

@@ -419,6 +419,33 @@ def test_what_a_lock_ends_of_two_that_were_set_together_stays_where_it_came_to(n
     assert [one[0] for one in told[31:]] == pytest.approx([ramps.slow.value] * 32)
 
 
+@pytest.mark.parametrize("before", [5, 12, 20])
+@pytest.mark.parametrize("between", [1, 2, 3, 5, 9, 11, 25])
+def test_a_ramp_that_is_sent_elsewhere_is_told_also_where_no_sample_was_on_its_way(new_logger, before, between):
+    ramps = Ramps(new_logger(frequency=100, clock=Clock()))
+    ramps.ticks(before)
+    ask(ramps.logger, {"slow": 0.5, "on": True})
+    ramps.ticks(between)
+    ask(ramps.logger, {"slow": -0.2})
+    ramps.ticks(90)
+    told, log = ramps.told()
+    assert [one[0] for one in told] == pytest.approx([one[0] for one in ramps.saw], abs=1e-9)
+    assert log.parameters.last["/log/leg/on"] is True  # nobody set that again: it goes on
+    assert [one[1] for one in told] == [one[1] for one in ramps.saw]
+
+
+def test_a_ramp_that_is_closed_before_its_first_sample_is_told(new_logger):
+    ramps = Ramps(new_logger(frequency=100, clock=Clock()))
+    ramps.ticks(12)
+    ask(ramps.logger, {"slow": 0.5, "on": True})
+    ramps.ticks(4)
+    ramps.logger.parameters.lock()
+    ramps.ticks(40)
+    told, log = ramps.told()
+    assert [one[0] for one in told] == pytest.approx([one[0] for one in ramps.saw], abs=0.011)
+    assert (log.parameters.last["/log/leg/slow"], log.parameters.last["/log/leg/on"]) == (ramps.slow.value, False)
+
+
 @pytest.mark.parametrize("tick", [100, 101, 46])
 def test_a_ramp_that_begins_where_it_is_sampled_and_is_over_before_the_next_sample_is_told(new_logger, tick):
     ramps = Ramps(new_logger(frequency=200, clock=Clock()))
