@@ -26,6 +26,8 @@ FORCED: dict[str, Any] = {
     # every restart of a publisher would leave 17 MB locked in its clients
     "transport": {"shared_memory": {"enabled": False}},
 }
+PORT = 7447  # on which a robot, or a router, listens for others, unless it is told another one
+
 LINK: dict[str, Any] = {
     "transport": {
         "unicast": {"open_timeout": 1000, "accept_timeout": 1000},

@@ -422,6 +422,23 @@ def test_init_again_adds_a_user_and_keeps_authority_and_passwords(tmp_path) -> N
     assert b"DNS:robot3.local, IP Address:10.0.0.7" in shown.stdout
 
 
+@pytest.mark.parametrize("older", [False, True])
+def test_init_again_keeps_address_and_port_of_its_own_that_nobody_says_anew(tmp_path, capsys, older) -> None:
+    lab = tmp_path / "lab"
+    where = ["--host", "10.0.0.7", "--port", "17450", "--listen", "127.0.0.1"]
+    assert run(["remote", "init", str(lab), *where, "--user", "alice:operator"]) == 0
+    before = [read_json5((lab / "clients" / "alice.json5").read_text()), (lab / "server" / "server.json5").read_text()]
+    if older:  # which wrote neither down
+        known = json.loads((lab / "network.json").read_text())
+        (lab / "network.json").write_text(json.dumps({name: known[name] for name in ("hosts", "users")}))
+    assert run(["remote", "init", str(lab), "--user", "carol"]) == 0
+    assert read_json5((lab / "clients" / "alice.json5").read_text()) == before[0]
+    assert '"tls/127.0.0.1:17450"' in before[1]
+    assert '"tls/127.0.0.1:17450"' in (lab / "server" / "server.json5").read_text()
+    assert run(["remote", "init", str(lab), "--port", "17451", "--listen", "::1"]) == 0
+    assert '"tls/[::1]:17451"' in (lab / "server" / "server.json5").read_text()
+
+
 @pytest.mark.parametrize("word", ["alice:boss", "a b:viewer", ":viewer", "local:operator"])
 def test_a_user_who_can_not_be_is_refused(word) -> None:
     with pytest.raises(SiloError, match="nothing was made"):

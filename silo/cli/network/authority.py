@@ -20,7 +20,7 @@ from silo.core.runtime import write_private
 from silo.errors import SiloError
 from silo.net.access.admission import CHECKED
 from silo.net.access.rights import ROBOT, ROLES, SHARED, access_control
-from silo.net.configuration import HOST_NAME, LINK, ROBOT_NAME
+from silo.net.configuration import HOST_NAME, LINK, PORT, ROBOT_NAME
 
 AUTHORITY_DAYS, ROBOT_DAYS = 3650, 825
 LEASE_MS = 5000  # of a radio link: a packet that is sent three times may take 3 s
@@ -43,6 +43,10 @@ subjectAltName = {names}
 """
 
 
+EVERYWHERE = "0.0.0.0"
+_ENDPOINT = re.compile(r'"tls/([^"/]*):(\d+)"')
+
+
 @dataclass(frozen=True)
 class Made:
     """What was written: `server` goes to the robot or the router, each of `clients` to the user, or robot, of that
@@ -55,11 +59,14 @@ class Made:
     robots: tuple[str, ...] = ()
 
 
-def make_network(folder: Path, hosts: list[str], port: int, users: dict[str, str], listen: str = "0.0.0.0") -> Made:
+def make_network(
+    folder: Path, hosts: list[str], port: int | None, users: dict[str, str], listen: str | None = None
+) -> Made:
     """Make, or add to, a folder with authority, certificate, users and files to hand out.
 
-    The authority that is there stays, and so do users and their passwords; the certificate is renewed. `users` gives a
-    role to each name. Raises SiloError with the reason where something can't be made.
+    The authority that is there stays, and so do users and their passwords, and names, address and port that aren't
+    given; the certificate is renewed. `users` gives a role to each name. Raises SiloError with the reason where
+    something can't be made.
     """
     server, clients = folder / "server", folder / "clients"
     for each in (folder, server, clients):
@@ -67,6 +74,7 @@ def make_network(folder: Path, hosts: list[str], port: int, users: dict[str, str
     if not (folder / "ca-key.pem").exists():
         _make_authority(folder)
     known = _known(folder)
+    port, listen = port or known["port"], listen or known["listen"]
     check_roles(known["users"], users)
     hosts = hosts or known["hosts"]
     if not hosts:
@@ -81,7 +89,8 @@ def make_network(folder: Path, hosts: list[str], port: int, users: dict[str, str
         made[name] = clients / f"{name}.json5"
         text = _robot_text if role == ROBOT else _client_text
         write_private(made[name], text(folder, hosts[0], port, name, passwords[name], role))
-    write_private(folder / "network.json", json.dumps({"hosts": hosts, "users": roles}, indent=2) + "\n")
+    facts = {"hosts": hosts, "users": roles, "port": port, "listen": listen}
+    write_private(folder / "network.json", json.dumps(facts, indent=2) + "\n")
     return Made(folder, server, made, tuple(name for name, role in roles.items() if role == ROBOT))
 
 
@@ -122,8 +131,12 @@ def _known(folder: Path) -> dict[str, Any]:
     try:
         found: dict[str, Any] = json.loads((folder / "network.json").read_text())
     except FileNotFoundError:
-        return {"hosts": [], "users": {}}
-    return found
+        found = {"hosts": [], "users": {}}
+    # an older silo wrote them into the file of the server alone
+    file = folder / "server" / "server.json5"
+    written = _ENDPOINT.search(file.read_text()) if file.exists() else None
+    listen, port = (written[1].strip("[]"), int(written[2])) if written else (EVERYWHERE, PORT)
+    return {"port": port, "listen": listen, **found}
 
 
 def _passwords(file: Path, names: list[str]) -> dict[str, str]:

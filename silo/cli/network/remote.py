@@ -9,9 +9,7 @@ from click.shell_completion import CompletionItem
 from silo.cli.common import TypedPath, configuration, items, json_option, show_json, show_rows
 from silo.core.runtime import write_private
 from silo.errors import ConnectionLostError, SiloError
-from silo.net.configuration import LOCAL, NAME, remote_file, remotes
-
-PORT = 7447
+from silo.net.configuration import LOCAL, NAME, PORT, remote_file, remotes
 
 
 def _complete(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
@@ -154,20 +152,21 @@ def rm(name: str) -> None:
 @click.option(
     "--robots", is_flag=True, help="For a router: one file for all robots; who has it can pose as any of them."
 )
-@click.option("--port", type=click.IntRange(1, 65535), default=PORT, show_default=True, help="Where it listens.")
-@click.option("--listen", default="0.0.0.0", show_default=True, help="On which address of its own.")
+@click.option("--port", type=click.IntRange(1, 65535), help=f"Where it listens; as before, else {PORT}.")
+@click.option("--listen", metavar="ADDRESS", help="On which address of its own; as before, else 0.0.0.0: on all.")
 def init(
     folder: Path,
     hosts: tuple[str, ...],
     users: tuple[str, ...],
     names: tuple[str, ...],
     robots: bool,
-    port: int,
-    listen: str,
+    port: int | None,
+    listen: str | None,
 ) -> None:
     """Make an authority, a certificate for a robot or router, users with roles, and a file to hand out to each.
 
-    Again with the same FOLDER, it adds users and renews the certificate; authority and passwords stay.
+    Again with the same FOLDER, it adds users and renews the certificate; authority, passwords, names, address and port
+    stay.
 
     \b
     Examples:
