@@ -109,7 +109,7 @@ class ScriptServer(Server, does=[requests]):
         kept = write_script(
             target, now.table.elements, now.robot.conditions, own=target.resolve() == self._own_script.resolve()
         )
-        text = f"script saved: {target}{kept}"
+        text = f"configuration saved: {target}{kept}"
         self.events.publish(EventKind.SCRIPT_SAVED, text, by=turn.by)
         return text
 

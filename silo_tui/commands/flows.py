@@ -357,10 +357,10 @@ async def save_script(context: Context, path: str | None = None) -> None:
         fields, _ = session.table.pending_count
         current = session.status.script.rpartition("/")[2]
         scripts = await context.link.read(lambda client: client.scripts())
-        body = f"in {scripts.folder}, on the robot"
+        body = f"as a script in {scripts.folder}, on the robot"
         if fields:
             body += f"\n{many(fields, 'pending edit')} will not be in it: apply them first."
-        prompt = Prompt("Save the table as a script", body, current, "name.yaml", label="name")
+        prompt = Prompt("Save the configuration", body, current, "name.yaml", label="name")
         path = await context.app.push_screen_wait(prompt)
     if path is None:
         return
@@ -372,7 +372,7 @@ async def save_script(context: Context, path: str | None = None) -> None:
         return
     fields, _ = session.table.pending_count
     without = f"{many(fields, 'pending edit')} not in it; " if fields else ""  # first: the path may be long
-    context.say(without + (said or f"saved {name}") + ending)
+    context.say(without + (said or f"configuration saved: {name}") + ending)
 
 
 async def keep_on_robot(context: Context, title: str, verb: str, keep: Callable[["Client", bool], str]) -> str | None:

@@ -145,6 +145,7 @@ async def test_data_is_saved_in_the_types_that_are_chosen(fake, opened):
     async with opened(fake.run(), size=(100, 30)) as screen:
         await screen.press("w")
         await screen.shows("Save data")
+        await screen.shows("what was logged; the configuration: Esc, then W")
         await screen.press("down", "space", "enter")
         await screen.until(lambda: fake.calls)
         assert fake.calls == [("save", [FileType.SILO, FileType.CSV], "")]
@@ -228,7 +229,7 @@ async def test_a_script_is_previewed_before_it_is_loaded(fake, opened):
         await screen.shows("quiet.yaml")
         await screen.press("k")
         await screen.shows("40 → 4")
-        await screen.shows("/log/old/thing")
+        await screen.shows(": /old/thing")
         await screen.press("enter")
         await screen.until(lambda: ("load_script", "quiet.yaml") in fake.calls)
         await screen.shows("loaded quiet.yaml")
@@ -246,7 +247,7 @@ async def test_what_a_script_has_that_nobody_knows_is_shown_before_and_after_it_
 async def test_a_script_saved_without_an_ending_gets_it_and_says_so(fake, opened):
     async with opened(fake, size=(100, 30)) as screen:
         await screen.press("W")
-        await screen.shows("Save the table as a script")
+        await screen.shows("Save the configuration")
         for _ in range(12):
             await screen.press("backspace")
         await screen.enter("abc")
@@ -464,8 +465,8 @@ async def test_leaving_a_logger_with_pending_edits_asks(new_fake, opened):
 async def test_news_of_others_is_shown_and_our_own_is_not(fake, opened):
     async with opened(fake) as screen:
         fake.publish(fake.kinds.EDITED, "3 elements edited", by="ann@here silo-tui 1")
-        fake.publish(fake.kinds.SCRIPT_SAVED, "script saved", by="bob@lab silo-tui 9")
-        await screen.shows("script saved (bob@lab silo-tui 9)")
+        fake.publish(fake.kinds.SCRIPT_SAVED, "configuration saved", by="bob@lab silo-tui 9")
+        await screen.shows("configuration saved (bob@lab silo-tui 9)")
 
 
 async def test_a_picture_of_the_screen_is_an_svg(fake, opened, tmp_path):

@@ -226,7 +226,7 @@ async def test_a_script_is_loaded_into_all_that_are_marked(robots, opened):
     async with opened(*robots, ready=False, size=(120, 30)) as screen:
         await screen.shows("3 loggers")
         await screen.do("*", "load_into_loggers")
-        await screen.shows("Load a script into 3 loggers")
+        await screen.shows("Load a configuration into 3 loggers")
         await screen.enter("quiet")
         await screen.until(lambda: all(("load_script", "quiet.yaml") in fake.calls for fake in robots), "the loads")
         await screen.shows("load: 3 did, 0 did not, 0 waiting")

@@ -310,7 +310,7 @@ def test_a_script_is_loaded_once_its_difference_was_seen(state, path, answers, d
     push = desk.push_screen_wait
 
     async def chosen(dialog: Any) -> Any:  # the list of scripts, whose choices have no keys
-        if isinstance(dialog, Question) and dialog._title == "Load a script":
+        if isinstance(dialog, Question) and dialog._title == "Load a configuration":
             name = desk.answers.pop(0)
             return f"{name}.yaml" if name else None
         return await push(dialog)
@@ -390,8 +390,8 @@ def test_a_script_has_no_pending_edits_and_says_so_before_and_after(saved):
     desk = Desk(saved, "walk.yaml").edit()
     said = desk.does(flows.save_script(desk))
     assert desk.asked == [
-        "Save the table as a script\nin /home/ann/config, on the robot\n1 pending edit will not be in it: apply them "
-        "first.\nrobot.yaml"
+        "Save the configuration\nas a script in /home/ann/config, on the robot\n1 pending edit will not be in it: "
+        "apply them first.\nrobot.yaml"
     ]
     assert said == "1 pending edit not in it; saved /home/ann/config/walk.yaml"
 
@@ -662,11 +662,11 @@ def begun(asking: many.Many, states: str, what: str) -> None:
         ("r", "save", "a", "Save 1 logger? () No (y) Save as .silo, each in its own folder "
          "(a) Save as .silo, CSV and bag", f"a saving {[FileType.SILO, FileType.CSV, FileType.BAG]}",
          "save: 1 did, 0 did not, 0 waiting"),
-        ("r", "load", "quiet", "Load a script into 1 logger", "a loading quiet.yaml",
+        ("r", "load", "quiet", "Load a configuration into 1 logger", "a loading quiet.yaml",
          "load: 1 did, 0 did not, 0 waiting"),
-        ("r", "load", "quiet.yml", "Load a script into 1 logger", "a loading quiet.yml",
+        ("r", "load", "quiet.yml", "Load a configuration into 1 logger", "a loading quiet.yml",
          "load: 1 did, 0 did not, 0 waiting"),
-        ("r", "load", "", "Load a script into 1 logger", "", ""),
+        ("r", "load", "", "Load a configuration into 1 logger", "", ""),
     ],
 )  # fmt: skip
 def test_of_many_loggers_each_is_asked_what_the_answer_says(states, what, answer, offered, jobs, said, fake):

@@ -188,7 +188,7 @@ def test_on_a_narrow_screen_the_title_gives_way_to_the_way_back(width, reading):
     [
         ({"read_only": True}, "(d) Divider: read-only"),
         ({"may_edit": False}, "(d) Divider: read-only"),
-        ({"lost_since": 1.0}, "(w) Save script: no link"),
+        ({"lost_since": 1.0}, "(c) Control: no link"),
         ({}, "d  Divider: 12"),
     ],
 )
@@ -230,3 +230,9 @@ def test_without_a_logger_an_entry_about_one_says_how_to_open_one(reading):
     reading.sheet.scope = "loggers"
     reading.typed("g", "t")
     assert reading.sheet.told[-1].endswith("no logger is open; Enter opens one that is listed")
+
+
+def test_the_menu_of_edits_and_the_words_typed_call_what_is_saved_a_configuration(reading):
+    _, entries = menu(reading, "e")
+    assert {"w  Save configuration", "l  Load configuration"} <= {each.strip() for each in entries}
+    assert BY_ID["save_script"].typed.help == "save the configuration as a script"

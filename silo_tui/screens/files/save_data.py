@@ -92,6 +92,8 @@ class SaveDialog(Form[list[SavedFile]]):
     def above(self) -> ComposeResult:
         folder = self.context.session.status.folder or "the folder of the logger"
         yield Static(f"in {folder}, on the robot", classes="quiet", markup=False)
+        elsewhere = f"what was logged; the configuration: {key_of('back')}, then {key_of('save_script')}"
+        yield Static(elsewhere, classes="quiet", markup=False)
         for kind, one in SAVED.items():
             yield CheckLine(f"{one.name:<5} {one.about}", kind in self._types, f"type-{one.name}")
 
