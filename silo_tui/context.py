@@ -73,6 +73,7 @@ class Context:
         self.script_names: tuple[str, ...] = ()
         self._session: Session | None = None
         self._behind: Session | None = None  # the logger behind a file that was opened over it
+        self.left_view: Any = None  # what was on the screen of the logger when it was left: a `Left` of `layouts`
         self.left: Callable[[], None] = lambda: None  # is called when the app is ended on purpose
         self.has_demo: Callable[[], bool] = lambda: False  # whether the robot is one that ends with the app
         self.came_back: Callable[[], None] = lambda: None  # catches up with the logger behind a file

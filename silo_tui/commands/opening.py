@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 from silo_tui.commands import flows
-from silo_tui.commands.runner import LOST, view_left, view_shown
+from silo_tui.commands.runner import LAST, view_left, view_shown
 from silo_tui.context import Context
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout
@@ -104,7 +104,7 @@ class Opener:
     async def _open_chosen(self, logger: FoundLogger) -> None:
         if not await flows.may_leave(self._context):
             return
-        self.forget_view()
+        self.leave_view()
         self._app.workers.cancel_group(self._app, "search")
         if not await self._open(logger):
             self.search_on()
@@ -204,56 +204,49 @@ class Opener:
     async def _show_view(self) -> str:
         """Put on the screen what was asked for, or what was left last; return what to say.
 
-        What a lost terminal showed is only offered: who begins with a filter, or plots that stand still, that nobody
-        asked for takes them for the logger.
+        What was left is only offered: who begins with a filter, or plots that stand still, that nobody asked for takes
+        them for the logger.
         """
         context, view, wish = self._context, self._view, self._context.settings.view
-        name = context.session.name
-        self._view = ""
+        self._view, context.left_view = "", None
         try:
+            left = files.left_last(context.session.name) if wish != "off" else None
+            context.left_view = left
             if view:
                 return await view_shown(context, view)
-            if wish == "always" and (file := files.last_of(name)).exists():
-                return await view_left(context, file)
-            if wish == "offered" and (left := files.left_behind(name)):
-                for path in left[:-1]:
-                    path.unlink(missing_ok=True)
-                return f"a terminal was lost {files.since(left[-1])}: `:view {LOST}` shows what was on it"
+            if left is not None and wish == "always":
+                return await view_left(context, left)
+            if left is not None:
+                return f"`:view {LAST}` shows what was on the screen {left.since}"
         except (RefusedError, ValueError, OSError) as error:
             return str(error)
         return ""
 
-    def keep_view(self) -> None:
-        """Keep what is on the screen for the next time, if that is wished."""
+    def keep_view(self, *, at_end: bool = False) -> None:
+        """Keep what is on the screen for the next time, if that is wished; until the end only once something is."""
         if not self._view_is_there or self._quits:
             return
-        wish = self._context.settings.view
-        layout = views.capture(self._context) if wish in ("always", "offered") else None
-        if layout is None or layout == self._kept:
+        layout = views.capture(self._context) if self._context.settings.view != "off" else None
+        if layout is None or (not at_end and layout == (self._kept or KeptLayout())):
             return
         self._kept = layout
-        name = self._context.session.name
         try:
-            if wish == "offered" and layout == KeptLayout():
-                files.left_by_us(name).unlink(missing_ok=True)
-            else:
-                files.save(files.last_of(name) if wish == "always" else files.left_by_us(name), layout)
+            files.save(files.left_by_us(self._context.session.name), layout)
         except (SiloError, OSError) as error:
             self._context.say(str(error))
 
-    def forget_view(self) -> None:
-        """Leave nothing behind of a logger that was left on purpose."""
-        if self._context.logger_session is not None:
-            files.left_by_us(self._context.logger_session.name).unlink(missing_ok=True)
+    def leave_view(self) -> None:
+        """Keep what is on the screen of a logger that is left on purpose; what was offered before is older."""
+        self.keep_view(at_end=True)
+        left, session = self._context.left_view, self._context.logger_session
+        if left is not None and session is not None and left.path != files.left_by_us(session.name):
+            left.path.unlink(missing_ok=True)
         self._kept = None
 
     def quit(self) -> None:
-        """Leave nothing behind at the end on purpose, nor in what is left of the last second."""
+        """Keep what is on the screen at the end; the last of the timers finds it as it is taken away."""
+        self.leave_view()
         self._quits = True
-        self.forget_view()
-        if self._context.logger_session is not None:
-            for path in files.left_behind(self._context.logger_session.name):
-                path.unlink(missing_ok=True)  # it was offered
 
     async def _let_go(self) -> None:
         """Close the logger that is open; in a thread, because a frozen one takes seconds."""

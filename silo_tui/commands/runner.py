@@ -30,7 +30,7 @@ from silo_tui.theme import theme_name
 if TYPE_CHECKING:
     from silo.client.client import Client
 
-LOST = "lost"  # the view of what a lost terminal showed, unless there is one of that name
+LAST = "last"  # the view of what was on the screen when it was left, unless there is one of that name
 ROBOT = "robot:"  # in front of the name of a view that the robot keeps
 PICTURES = (".png", ".jpg", ".jpeg", ".gif", ".pdf")
 
@@ -58,7 +58,7 @@ class CommandRunner:
             "names": lambda: context.session.table.names,
             "derived": lambda: [one.name for one in context.session.table.elements[context.session.table.own :]],
             "types": lambda: SAVED_NAMES,
-            "views": lambda: ["save", *BY_NAME, *files.names()],
+            "views": lambda: ["save", *([LAST] if context.left_view else []), *BY_NAME, *files.names()],
             "logs": lambda: command_line.logs(begun),
             "control": lambda: ("take", "force", "release", "give"),
             "themes": lambda: (*THEMES, *sorted(context.app.available_themes)),
@@ -194,6 +194,8 @@ class CommandRunner:
     async def _choose_view(self) -> None:
         """Ask what to look at: what one looks for first, or a view that was kept."""
         choices = [Choice(each.name, each.words, each.letter) for each in PRESETS] + numbered(files.names())
+        if (left := self._context.left_view) is not None:
+            choices.append(Choice(LAST, f"What was on the screen {left.since}", "a"))
         if self._context.session.link is not None:  # it is asked for them only then: what is here waits for nobody
             choices.append(Choice(ROBOT, "Views that the robot keeps", "r"))
         choices.append(Choice(KEEP, "Keep what is on the screen, by a name", "w"))
@@ -295,14 +297,10 @@ async def open_view(context: Context, name: str) -> None:
     context.say(await view_shown(context, name))
 
 
-async def view_left(context: Context, file: Path) -> str:
-    """Put on the screen what was left in a file; return what is to be said of it, as nobody typed its filter today."""
-    layout, problems = files.load_file(file)
-    if layout == KeptLayout():
-        return "; ".join(problems[:1])
-    when = files.since(file)
-    missing = await views.show(context, layout)
-    return "; ".join(filter(None, [f"this is what was on the screen {when}", missing, *problems[:1]]))
+async def view_left(context: Context, left: files.Left) -> str:
+    """Put on the screen what was left; return what is to be said of it, as nobody typed its filter today."""
+    missing = await views.show(context, left.layout)
+    return "; ".join(filter(None, [f"this is what was on the screen {left.since}", missing, *left.problems[:1]]))
 
 
 async def view_shown(context: Context, name: str) -> str:
@@ -311,17 +309,14 @@ async def view_shown(context: Context, name: str) -> str:
     `robot:NAME` is one that the robot keeps, whose name alone will do where no other has it; only then it is asked.
     """
     kept = files.names()
-    is_here = name.startswith(ROBOT) or name in {LOST, *BY_NAME, *kept}
+    is_here = name.startswith(ROBOT) or name in {LAST, *BY_NAME, *kept}
     if not is_here and ROBOT + name in await kept_names(context):
         name = ROBOT + name
     preset = BY_NAME.get(name) if name not in kept else None
     problems: list[str] = []
     try:
-        if name == LOST and LOST not in kept and (left := files.left_behind(context.session.name)):
-            words = await view_left(context, left[-1])
-            for path in left:
-                path.unlink(missing_ok=True)
-            return words
+        if name == LAST and LAST not in kept and context.left_view is not None:
+            return await view_left(context, context.left_view)
         if preset is not None and name == NEAR:
             await context.session.refresh_conditions()
             layout, words = near_limit(context.session.limits)

@@ -1,12 +1,14 @@
 """Views as files, in `views/` beside the settings.
 
-`.last-NAME` is what was on the screen of a logger at last, `.left-NAME.PID` what a process has there that hasn't ended.
+`.left-NAME.TERMINAL.PID` is what a process has on the screen of a logger, or had there when it ended.
 """
 
 import os
 import re
 import time
 from pathlib import Path
+
+import msgspec
 
 from silo.core.names import did_you_mean, nearest
 from silo.errors import SaveError, reason
@@ -31,24 +33,51 @@ def place(name: str) -> Path:
     return _folder() / (name + ENDING)
 
 
-def last_of(logger: str) -> Path:
-    """Return the file of what was on the screen of a logger at last."""
-    return _folder() / f".last-{re.sub(r'[^A-Za-z0-9_.-]', '_', logger)[:80]}{ENDING}"
+class Left(msgspec.Struct, frozen=True):
+    """What was on the screen of a logger when a process ended, and what of its file was left out."""
+
+    path: Path
+    changed_ns: int
+    layout: KeptLayout
+    problems: list[str]
+
+    @property
+    def since(self) -> str:
+        """How long ago that was, in words."""
+        return f"{ago(time.time() - self.changed_ns / 1e9)} ago"
 
 
 def left_by_us(logger: str) -> Path:
-    """Return the file of what is on the screen of a logger now, for the case that this terminal is lost."""
-    return _folder() / f".left-{_plain(logger)}.{os.getpid()}{ENDING}"
+    """Return the file of what this process has on the screen of a logger."""
+    return _folder() / f".left-{_plain(logger)}.{_terminal()}.{os.getpid()}{ENDING}"
 
 
-def left_behind(logger: str) -> list[Path]:
-    """Return what processes that are no more had on the screen when they ended without being asked to, newest last."""
+def left_last(logger: str) -> Left | None:
+    """Return what this terminal showed of a logger at last, else what processes that are no more did; None for nothing.
+
+    Older ones of this terminal are removed. ValueError for one that can't be read.
+    """
     found = []
     for path in _folder().glob(f".left-{_plain(logger)}.*{ENDING}"):
-        pid = path.name.removesuffix(ENDING).rpartition(".")[2]
+        _, terminal, pid = path.name.removesuffix(ENDING).rsplit(".", 2)
         if pid.isdecimal() and not lives(int(pid)):
-            found.append(path)
-    return sorted(found, key=_changed)
+            found.append((terminal, _changed(path), path))
+    ours = sorted(each for each in found if each[0] == _terminal())
+    for _, _, path in ours[:-1]:
+        path.unlink(missing_ok=True)
+    for _, changed_ns, path in ours[-1:] or sorted(found, key=lambda each: each[1], reverse=True):
+        layout, problems = load_file(path)
+        if layout != KeptLayout() or problems:
+            return Left(path, changed_ns, layout, problems)
+    return None
+
+
+def _terminal() -> str:
+    """Return the name of the terminal that this process is in: each comes back with what it showed itself."""
+    try:
+        return _plain(os.ttyname(0).removeprefix("/dev/"))
+    except OSError:
+        return "none"
 
 
 def _changed(path: Path) -> int:
@@ -56,11 +85,6 @@ def _changed(path: Path) -> int:
         return path.stat().st_mtime_ns
     except OSError:
         return 0
-
-
-def since(file: Path) -> str:
-    """Return how long ago a view was written, in words."""
-    return f"{ago(time.time() - _changed(file) / 1e9)} ago"
 
 
 def _plain(logger: str) -> str:

@@ -41,7 +41,7 @@ OPTIONS = (
     Option("rate", "refreshes a second", low=0.5, high=10.0),
     Option(
         "view", "what was on the screen is there again", ("offered", "always", "off"),
-        ("a line tells of it after a terminal was lost", "as it was left, whenever one opens", "nothing is kept"),
+        ("a line tells of it", "as it was left, whenever one opens", "nothing is kept"),
     ),
     Option(
         "keymap", "which keys there are", ("two-layer", "classic"),

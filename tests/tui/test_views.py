@@ -153,24 +153,35 @@ async def left_by_a_lost_terminal(new_fake, opened):
     return of_a_process_that_is_gone(mine)
 
 
-def of_a_process_that_is_gone(left):
+def of_a_process_that_is_gone(left, terminal="none"):
     """The number is the largest that there is: the tests' own process goes on."""
-    return left.rename(left.with_name(left.name.replace(f".{os.getpid()}.", ".4194303.")))
+    return left.rename(left.with_name(left.name.replace(f".none.{os.getpid()}.", f".{terminal}.4194303.")))
 
 
 async def test_what_a_lost_terminal_showed_is_offered_by_a_line_and_comes_when_it_is_asked_for(new_fake, opened):
     left = await left_by_a_lost_terminal(new_fake, opened)
     async with opened(new_fake()) as screen:
-        await screen.shows("a terminal was lost ")
+        await screen.shows("`:view last` shows what was on the screen ")
         assert capture(screen.app.context) == KeptLayout()
-        await run(screen, "view lost")
+        await run(screen, "view last")
         await screen.until(lambda: capture(screen.app.context) == KeptLayout("div", filter="base"))
         await screen.shows("this is what was on the screen ")
+        await run(screen, "filter")
+        await run(screen, "sort name")
         await screen.press("q")
         await screen.until(lambda: not screen.app.is_running)
-    assert not left.exists(), "who quits wants none of it the next time"
+    assert not left.exists(), "what was there at the end is newer"
     async with opened(new_fake()) as screen:
         assert capture(screen.app.context) == KeptLayout()
+        assert ":view last" not in screen.text
+
+
+async def test_what_was_offered_stays_to_be_offered_where_this_terminal_is_lost_before_it_is_taken(new_fake, opened):
+    left = await left_by_a_lost_terminal(new_fake, opened)
+    async with opened(new_fake()) as screen:
+        await screen.shows("`:view last` shows")
+        screen.app._opener.keep_view()  # a second has passed
+    assert left.exists()
 
 
 async def test_what_another_terminal_shows_now_is_left_to_it(new_fake, opened):
@@ -178,6 +189,30 @@ async def test_what_another_terminal_shows_now_is_left_to_it(new_fake, opened):
     left.rename(left.with_name(left.name.replace("4194303", "1")))  # which runs
     async with opened(new_fake()) as screen:
         assert capture(screen.app.context) == KeptLayout()
+        assert ":view last" not in screen.text
+
+
+@pytest.mark.parametrize("wish", ["always", "offered"])
+async def test_each_terminal_comes_back_with_what_it_showed_itself(wish, new_fake, opened):
+    left = await left_by_a_lost_terminal(new_fake, opened)
+    files.save(left.with_name(left.name.replace(".none.", ".pts_7.")), KeptLayout(filter="torque"))  # newer
+    async with opened(new_fake(), settings=Settings(view=wish)) as screen:
+        await screen.shows("what was on the screen ")
+        if wish == "offered":
+            await run(screen, "view last")
+        await screen.until(lambda: screen.session.rows.filter.text == "base")
+        await screen.press("q")
+        await screen.until(lambda: not screen.app.is_running)
+    assert [".pts_7." in each.name for each in sorted(left.parent.glob(".left-*"))] == [False, True], "theirs stays"
+
+
+async def test_a_terminal_that_showed_nothing_yet_is_offered_the_newest_that_shows_something(new_fake, opened):
+    left = await left_by_a_lost_terminal(new_fake, opened)
+    left = left.rename(left.with_name(left.name.replace(".none.", ".pts_7.")))
+    files.save(left.with_name(left.name.replace("_7.", "_8.")), KeptLayout())
+    async with opened(new_fake()) as screen:
+        await screen.shows("`:view last` shows")
+        assert screen.app.context.left_view.path == left
 
 
 async def test_edits_and_plots_that_were_left_both_come_back(new_fake, opened):
@@ -194,7 +229,7 @@ async def test_edits_and_plots_that_were_left_both_come_back(new_fake, opened):
         await screen.shows("Take up 1 edit")
         await screen.press("t")
         await screen.until(lambda: not screen.app.screen.is_modal)
-        await run(screen, "view lost")
+        await run(screen, "view last")
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "the plots")
         assert screen.session.table.pending_count == (1, 1)
         await screen.until(lambda: not screen.app.context._flow_running)
@@ -252,7 +287,7 @@ async def test_a_view_that_isnt_there_is_told_with_those_that_are(fake, opened):
 
 
 async def test_a_view_that_is_yet_to_be_shown_is_not_overwritten_by_what_is_there_before_it(fake, opened, monkeypatch):
-    show, last, found = views.show, files.last_of("robot"), []
+    show, last, found = views.show, files.left_by_us("robot"), []
 
     async def show_late(context, layout):
         context.app._opener.keep_view()  # a second has passed since the table came
@@ -269,41 +304,38 @@ async def test_a_view_that_is_yet_to_be_shown_is_not_overwritten_by_what_is_ther
 async def test_the_view_that_was_left_last_comes_back_if_wished(new_fake, opened):
     for wished, order in (("always", "div"), ("off", "name"), ("offered", "name")):
         async with opened(new_fake(), settings=Settings(view="always")) as screen:
+            mine = files.left_by_us(screen.session.name)
             await run(screen, "sort div")
-            await screen.until(lambda: files.last_of(screen.session.name).exists(), "kept within a second")
-            await screen.until(lambda: files.load_file(files.last_of(screen.session.name))[0].sort == "div")
+            await screen.until(lambda mine=mine: mine.exists() and files.load_file(mine)[0].sort == "div", "kept")
         async with opened(new_fake(), settings=Settings(view=wished)) as screen:
             await screen.until(lambda order=order: screen.session.rows.sort == order)
-            if wished == "always":
-                await screen.shows("this is what was on the screen 0.")
-            else:
+            told = {"always": "this is what was on the screen 0.", "off": "", "offered": "`:view last` shows"}[wished]
+            await screen.shows(told)
+            if not told:
                 assert "what was on the screen" not in screen.text
     assert files.names() == []
 
 
 @pytest.mark.parametrize("key", ["q", "ctrl+q"])
-async def test_who_quits_on_purpose_finds_no_old_filter_the_next_time(key, new_fake, opened):
+async def test_who_quits_on_purpose_is_offered_the_view_the_next_time_and_finds_no_old_filter(key, new_fake, opened):
     async with opened(new_fake()) as screen:
-        await run(screen, "filter torque")
-        mine = files.left_by_us(screen.session.name)
-        await screen.until(mine.exists, "kept within a second")
+        await run(screen, "filter torque")  # less than a second before the end
         await screen.press(key)
         await screen.until(lambda: not screen.app.is_running)
         screen.app._opener.keep_view()  # the last of its timers
-    assert not mine.exists()
     async with opened(new_fake()) as screen:
         assert capture(screen.app.context) == KeptLayout()
-        assert "lost" not in screen.text.splitlines()[-2]
-        await screen.type("/torque")
+        await screen.shows("`:view last` shows what was on the screen ")
+        screen.app.screen.action_command("view")
+        await screen.shows("What was on the screen ")
+        await screen.press("a")
         await screen.until(lambda: screen.session.rows.filter.text == "torque")
 
 
 async def test_ctrl_q_over_a_dialog_is_on_purpose_too(new_fake, opened):
     async with opened(new_fake()) as screen:
         await run(screen, "filter torque")
-        mine = files.left_by_us(screen.session.name)
-        await screen.until(mine.exists, "kept within a second")
         await screen.press("o", "escape", "?")
         await screen.press("ctrl+q")
         await screen.until(lambda: not screen.app.is_running)
-    assert not mine.exists()
+    assert files.left_last(screen.session.name).layout.filter == "torque"
