@@ -278,7 +278,10 @@ class SiloApp(Guarded, App[None]):
 
     async def _regain(self, session: Session, *, quiet: bool = False) -> None:
         async def follow() -> None:
+            before = session.status.pid
             words = await session.regain()
+            if session.status.pid != before:
+                self.context.tell(lambda screen: screen.say(""))  # what was answered was of the program that is gone
             if not quiet:
                 self.context.hear(words)
 

@@ -418,7 +418,14 @@ async def leave(context: Context) -> None:
     session = context.logger_session
     edits, ends_robot = _pending(context), context.has_demo() and session is not None and not session.dead
     if edits or ends_robot:
-        goes_on = "The demo robot ends with silo-tui; what it logged is saved." if ends_robot else "The logger goes on."
+        goes_on = "The logger goes on."
+        if ends_robot:
+            goes_on = "The demo robot ends with silo-tui; what it logged is saved."
+        elif session is not None and session.dead:
+            in_file = and_more([file.path for file in session.left_files], 3)
+            goes_on = (
+                f"The robot program is dead; its data is in {in_file}." if in_file else "The robot program is dead."
+            )
         title = "Quit without applying?" if edits else "Quit, and end the demo?"
         body = f"{edits} would be lost. {goes_on}" if edits else goes_on
         if not await confirmed(context.app, title, body, "Quit", loses=bool(edits)):

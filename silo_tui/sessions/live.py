@@ -575,6 +575,7 @@ class Session:
         self.connection.watch_again()
         if before.pid == self.status.pid:
             return "the link is back"
+        self.knobs.forget()
         with suppress(RefusedError):  # an older silo has none
             await self.refresh_conditions()
         there = self._conditions()

@@ -67,6 +67,11 @@ class Knobs(msgspec.Struct):
         self.known = {one.name: one for one in table.parameters}
         self.locked = table.locked
 
+    def forget(self) -> None:
+        """Take nothing back of what was set in a robot program that is gone: the new one begins with its own values."""
+        self.done.clear()
+        self.undone.clear()
+
     def check(self, name: str) -> ParameterInfo:
         """Return a parameter that may be set. Raises ElementError, which says why not."""
         info = self.known.get(name)
@@ -98,8 +103,7 @@ class Knobs(msgspec.Struct):
         async with self._in_turn():
             of, to = (self.undone, self.done) if again else (self.done, self.undone)
             if not of:
-                taken_back = "all that was set from here is taken back" if to else "nothing was set from here"
-                raise ElementError("nothing to redo" if again else taken_back)
+                raise ElementError("nothing to redo" if again else "nothing is left to take back")
             last = of[-1]
             is_now, becomes = (last.before, last.after) if again else (last.after, last.before)
             await self.refresh(link)

@@ -11,7 +11,7 @@ from textual import events
 
 from silo.conditions.standing import TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
-from silo.core.elements import State
+from silo.core.elements import FileType, SavedFile, State
 from silo.rpc.published import EventKind
 from silo_tui.commands.flows import left_words
 from silo_tui.screens.lists.recordings import RecordingsScreen
@@ -124,6 +124,19 @@ async def test_who_quits_without_applying_is_told_what_becomes_of_the_robot(open
     async with opened(fake) as screen:
         screen.app.context.has_demo = lambda: is_demo
         await screen.press("t", "q")
+        await screen.shows(words)
+
+
+@pytest.mark.parametrize(
+    ("files", "words"),
+    [([SavedFile("/l/a.silo", FileType.SILO, 1)], "its data is in /l/a.silo."), ([], "The robot program is dead.")],
+)
+async def test_who_quits_without_applying_to_a_robot_that_is_dead_is_told_where_its_data_is(files, words, opened, fake):
+    async with opened(fake) as screen:
+        await screen.press("t")
+        screen.session.take_status(structs.replace(screen.session.status, state=State.DEAD))
+        screen.session.left_files = files
+        await screen.press("q")
         await screen.shows(words)
 
 

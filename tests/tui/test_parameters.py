@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 from textual.widgets import Input
 
-from silo.core.elements import LoggedEvent
+from silo.core.elements import LoggedEvent, State
 from silo.core.tuning.excitation import read_excitation
 from silo.core.tuning.parameters import ParameterChange, ParameterInfo, ParameterKind, Writable
 from silo.errors import ElementError
@@ -136,7 +136,7 @@ async def test_turns_of_which_one_looked_between_are_steps_back_of_their_own(fak
         await screen.press("u")
         await screen.until(lambda: values(fake)["height"] == 0.48)
         await screen.press("u")
-        await screen.shows("all that was set from here is taken back")
+        await screen.shows("nothing is left to take back")
 
 
 async def test_one_is_turned_typed_undone_and_set_again(fake, opened, monkeypatch):
@@ -206,6 +206,35 @@ async def test_what_somebody_else_set_since_is_not_undone(fake, opened):
         await screen.press("u")
         await screen.shows("somebody else set height to 0.5 m since")
         assert values(fake)["height"] == 0.5
+
+
+async def test_a_robot_program_that_was_started_anew_has_none_of_what_was_set_in_the_one_before(fake, opened):
+    async with opened(fake) as screen:
+        await screen.do("parameters")
+        await screen.shows("above ground")
+        await screen.press("right")
+        await screen.shows("height 0.485 m: it holds from tick 17 on")
+        fake.cut()
+        await screen.shows("No link")
+        fake.pid = 5000
+        fake.put({"/log/gait/height": 0.48})
+        fake.mend()
+        await screen.shows("started again")
+        await screen.until(lambda: "it holds from tick 17" not in screen.text, "the answer of the other program")
+        await screen.press("u")
+        await screen.shows("nothing is left to take back")
+
+
+async def test_parameters_of_a_robot_program_that_is_gone_come_back_with_it(fake, opened, monkeypatch):
+    async with opened(fake) as screen:
+        screen.session.take_status(replace(screen.session.status, state=State.DEAD))
+        monkeypatch.setattr(knobs.Knobs, "refresh", nothing)
+        await screen.do("parameters")
+        await screen.shows("The robot program is gone; its parameters come back with it")
+
+
+async def nothing(*given):
+    """Bring nothing."""
 
 
 async def test_what_is_closed_says_so_and_is_not_asked_for(fake, opened):

@@ -83,6 +83,8 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
         return line
 
     def none(self) -> str:
+        if self.session.dead:
+            return "The robot program is gone; its parameters come back with it"
         return "No parameters: log.parameter(...) in the program offers values to be tuned"
 
     def words(self) -> str:
