@@ -145,6 +145,18 @@ async def test_two_marked_runs_are_compared(fake, opened, folder):
         await screen.until(lambda: screen.app.screen.scope == "runs")
 
 
+async def test_what_differs_is_plotted_at_the_moment_of_the_largest_difference(fake, opened):
+    logs = [(f"run{number}", Log(run_of(number))) for number in range(2)]
+    found = compare(*(log for _, log in logs))
+    found = replace(found, rows=tuple(replace(one, at_s=1.25) for one in found.rows))
+    async with opened(fake) as screen:
+        screen.app.push_screen(ComparisonScreen(logs, found))
+        await screen.shows("/tau")
+        await screen.press("enter")
+        await screen.until(lambda: screen.app.screen.scope == "file_monitor", "the signal of both")
+        await screen.until(lambda: screen.app.screen.window.at_ns == 1_250_000_000, "the moment")
+
+
 async def test_a_derived_signal_of_two_runs_has_no_samples_to_be_plotted(fake, opened, folder):
     async with opened(fake) as screen:
         logs = [(f"run{number}", Log(run_of(number))) for number in range(2)]

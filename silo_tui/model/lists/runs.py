@@ -126,11 +126,16 @@ class Differences:
         return f"{name:<{self._room}}{rest}"
 
 
-def of_one(logs: Sequence[tuple[str, Log]], signal: str) -> tuple[Recording, list[str]] | None:
-    """Return the element of a scalar over each other, and what that scalar is called there; None of a derived one.
+class OneOfRuns(NamedTuple):
+    """The element of a scalar of several runs over each other, what that scalar is called there, and their start."""
 
-    Raises ElementError.
-    """
+    recording: Recording
+    names: list[str]
+    start_ns: int
+
+
+def of_one(logs: Sequence[tuple[str, Log]], signal: str) -> OneOfRuns | None:
+    """Return the element of a scalar over each other; None of a derived one. Raises ElementError."""
     elements = logs[0][1].recording.elements
     found = next((each for each in elements if signal in (entry.name for entry in each.entries)), None)
     if found is None:
@@ -139,7 +144,8 @@ def of_one(logs: Sequence[tuple[str, Log]], signal: str) -> tuple[Recording, lis
     for run, log in logs:
         mine = [each for each in log.recording.elements if each.name == found.name]
         alone.append((run, Log(replace(log.recording, elements=mine), log.path)))
-    return together(alone), [f"{found.name}/{run}{signal[len(found.name) :]}" for run, _ in logs]
+    names = [f"{found.name}/{run}{signal[len(found.name) :]}" for run, _ in logs]
+    return OneOfRuns(together(alone), names, -max(_extent_ns(log)[0] - log.start_ns for _, log in alone))
 
 
 def together(logs: Sequence[tuple[str, Log]], event: str = "") -> Recording:

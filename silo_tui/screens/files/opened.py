@@ -58,10 +58,16 @@ async def open_path(context: Context, path: str) -> None:
     await show_read(context, lambda: open_log(typed_path("the log", path)), f"{path} can't be opened")
 
 
-async def show_read(context: Context, read: "Callable[[], Log]", failed: str, plotted: Sequence[str] = ()) -> None:
+async def show_read(
+    context: Context,
+    read: "Callable[[], Log]",
+    failed: str,
+    plotted: Sequence[str] = (),
+    at_ns: int | None = None,
+) -> None:
     """Show a log that is read now, over the logger that is open; say that it `failed`, and why.
 
-    Scalars that are `plotted` share a plot over its table.
+    Scalars that are `plotted` share a plot over its table, with the cursor at a moment.
     """
     from silo_tui.sessions.recorded import opened
 
@@ -72,7 +78,7 @@ async def show_read(context: Context, read: "Callable[[], Log]", failed: str, pl
         context.fail(f"{failed}: {error}")
         return
     if plotted:
-        await _show_plots(context, file, file.table.names, plotted)
+        await _show_plots(context, file, file.table.names, plotted, at_ns)
 
 
 async def _show(context: Context, opened: "FileSession") -> None:
@@ -84,8 +90,14 @@ async def _show(context: Context, opened: "FileSession") -> None:
     context.status_changed()
 
 
-async def _show_plots(context: Context, opened: "FileSession", names: Sequence[str], alone: Sequence[str] = ()) -> None:
-    """Show plots of elements; of these scalars `alone` one for all, where there are some."""
+async def _show_plots(
+    context: Context,
+    opened: "FileSession",
+    names: Sequence[str],
+    alone: Sequence[str] = (),
+    at_ns: int | None = None,
+) -> None:
+    """Show plots of elements, at a moment; of these scalars `alone` one for all, where there are some."""
     from silo_tui.screens.plots.monitor import MonitorScreen
 
     monitor = MonitorScreen(opened, names)
@@ -93,7 +105,9 @@ async def _show_plots(context: Context, opened: "FileSession", names: Sequence[s
         monitor.stack.show_panels([tuple(each for each in monitor.stack.plots if each.name in alone)])
     await context.app.push_screen(monitor)
     if opened.capture is not None and opened.capture.fires_ns:
-        monitor.call_after_refresh(monitor.show_moment_of, opened.capture.fires_ns[0])
+        at_ns = opened.capture.fires_ns[0]
+    if at_ns is not None:
+        monitor.call_after_refresh(monitor.show_moment_of, at_ns)
 
 
 async def overlay_recording(context: Context, session: Session, folder: str, file: RecordingFile, name: str) -> None:

@@ -259,9 +259,10 @@ class ComparisonScreen(ListScreen[SignalDifference]):
     def command_plot_compared(self) -> None:
         one = self.here()
         if one is not None:
-            run_alone(self, "opening", self._plot, one.name)
+            run_alone(self, "opening", self._plot, one.name, one.at_s)
 
-    async def _plot(self, name: str) -> None:
+    async def _plot(self, name: str, at_s: float) -> None:
+        """Plot a scalar of both where they differ most, as its line says."""
         try:
             found = await asyncio.to_thread(rows.of_one, self._logs, name)
         except SiloError as error:
@@ -270,8 +271,9 @@ class ComparisonScreen(ListScreen[SignalDifference]):
         if found is None:
             self.say(f"{self.named(name)} is derived, and stands in no file: plot the signals that it is of")
             return
-        made = Log(found[0], " + ".join(run for run, _ in self._logs))
-        await show_read(self.context, lambda: made, f"{self.named(name)} can't be shown", found[1])
+        made = Log(found.recording, " + ".join(run for run, _ in self._logs))
+        at_ns = found.start_ns + round(1e9 * at_s)
+        await show_read(self.context, lambda: made, f"{self.named(name)} can't be shown", found.names, at_ns)
 
     enter = command_plot_compared
 
