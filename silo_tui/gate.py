@@ -5,6 +5,7 @@ what has the focus as it comes: it answered nobody, or edited the table below.
 """
 
 import asyncio
+import re
 import time
 from collections import deque
 from typing import Any, cast
@@ -12,7 +13,7 @@ from typing import Any, cast
 from textual import events
 from textual.app import ComposeResult
 from textual.message_pump import MessagePump
-from textual.widgets import Static
+from textual.widgets import Input, Static
 
 from silo_tui.modal import Dialog, run_aside
 from silo_tui.model.words import text
@@ -21,6 +22,7 @@ AT_ONCE = ("ctrl+q",)  # ends the program, whatever is waited for
 LETS_GO = ("escape", "ctrl+c")  # what is waited for while a flow is under way
 DROPPED = "keys typed before this question was there were dropped: it may lose something"
 TELLS_AFTER_S = 0.3
+IN_ONE_GO_S = 0.5  # between the letters of a word
 WALKS = 2  # the key up to the app, then what it posted on its way
 Typed = events.Key | events.Paste
 
@@ -44,6 +46,7 @@ class Gate:
         self._through: Typed | None = None
         self._moved = asyncio.Event()
         self.free = True  # whether all that was typed is carried out
+        self._spelled: tuple[str, str, float] = "", "", 0.0  # what a letter chose, as far as it is typed, and when
 
     def keeps(self, typed: Typed) -> bool:
         """Whether what was typed must wait, or is dropped; else it is carried out now."""
@@ -77,8 +80,24 @@ class Gate:
             while self._kept and self._kept[0].time < top.drawn_s:  # what followed it was meant for where it led
                 self._kept.popleft()
             return
+        if self._spells_on(typed, top):
+            return
         self._through = typed
         self._app.post_message(typed)
+
+    def _spells_on(self, typed: Typed, top: Any) -> bool:
+        """Whether it only spells out the word of what one letter chose already: on the screen it would be a command."""
+        letter = (typed.character or "") if isinstance(typed, events.Key) else ""
+        words, begun, at_s = self._spelled
+        goes_on = letter.isalpha() and typed.time - at_s < IN_ONE_GO_S and bool(begun)
+        on_screen = not isinstance(top, Dialog) and not isinstance(self._app.focused, Input)
+        if goes_on and on_screen and re.search(rf"\b{re.escape(begun)}{letter}", words):
+            self._spelled = words, begun + letter, typed.time
+            self._app.context.say(f"{letter}: left out, {begun[0]} alone chose it")
+            return True
+        chosen = top.chosen_by(letter) if letter and isinstance(top, Dialog) else ""
+        self._spelled = chosen, letter if chosen else "", typed.time
+        return False
 
     async def _go_on(self) -> None:
         try:

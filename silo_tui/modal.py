@@ -105,6 +105,10 @@ class Dialog(ModalScreen[ResultT], Leaving[ResultT]):  # in this order: Textual 
     asks = False  # whether it is a question: nothing typed is lost where it closes by itself
     drawn_s = math.inf
 
+    def chosen_by(self, letter: str) -> str:
+        """Return the words of what a letter alone chooses, after which this closes; empty for none."""
+        return ""
+
     def may_lose(self, typed: events.Event) -> bool:
         """Whether what is typed may lose something: it is dropped where it was typed before this was drawn."""
         return self.loses

@@ -70,9 +70,9 @@ class Editing(ElementsScreen):
         elif self._field_chosen:
             self.edit_field(self.table.field)
         elif self._targets_known():
-            count, fields = len(self.session.rows.targets()), FIELDS_BY_COMMAND.items()
+            fields = FIELDS_BY_COMMAND.items()
             choices = [Choice(str(int(field)), field.label, BY_ID[command].keys) for command, field in fields]
-            question = Question(f"Edit what of {many(count, 'element')}?", "", choices)
+            question = Question(f"Edit what of {self.session.rows.targets_words}?", "", choices)
             ask(self, question, lambda answer: self.edit_field(Field(int(answer))))
 
     @property
@@ -182,19 +182,19 @@ class Editing(ElementsScreen):
 
     def _choose_value(self, field: Field, value: int) -> None:
         """Let one of a few values be chosen from a list."""
-        count = len(self.session.rows.targets())
         words = field.option.words
         choices = [Choice(str(int(each.value)), phrase_for(field, int(each.value)), each.cell[0]) for each in words]
-        title = f"{field.label} of {many(count, 'element')}"
+        title = f"{field.label} of {self.session.rows.targets_words}"
         question = Question(title, f"now {and_more(self._values_of(field), 3)}", choices, str(value))
         ask(self, question, lambda answer: self._set(field, int(answer)))
 
     def _open_editor(self, value: str, *, select: bool) -> None:
         if self.table.field not in self.table.field_spans():
             self.show_set("settings")  # in which one sees what is edited
+        about = self.session.rows.targets_words  # before the cursor goes there
         if self.session.rows.move_to_target():  # the editor lies over a row that is edited
             self.context.table_changed()
-        field, count, region = self.table.field, len(self.session.rows.targets()), self.table.cell_region()
+        field, region = self.table.field, self.table.cell_region()
         words = ""
         if not select:  # what begins with = may be words of several fields
             region = Region(max(0, min(region.x, self.size.width - WORDS_WIDTH - 2)), region.y, WORDS_WIDTH, 1)
@@ -203,9 +203,7 @@ class Editing(ElementsScreen):
         differ = f", now {and_more(now, 3)}" if select and len(now) > 1 else ""
         self.query_one(CellEditor).open(field, region, value, select=select)
         hidden = "" if field in self.table.field_spans() else f" (its column is not shown: {key_of('columns')})"
-        self.info.ask(
-            f"{field.label} of {many(count, 'element')}{differ}{hidden}, e.g. {examples(field.option)}{words}"
-        )
+        self.info.ask(f"{field.label} of {about}{differ}{hidden}, e.g. {examples(field.option)}{words}")
         self.query_one(KeyBar).show_instead(EDITOR_KEYS)
 
     def _again(self, edit: Callable[[], None]) -> None:
@@ -241,7 +239,8 @@ class Editing(ElementsScreen):
             self.repeats = lambda: self._again(lambda: self._set(field, value))
         targets = self.session.rows.targets()
         changed = self.session.table.edit(targets, field, value)
-        self._edited(f"{field.label} {phrase_for(field, value)}: {changed} changed" if changed else "nothing to change")
+        words = f"{field.label} {phrase_for(field, value)}: {changed} changed{self.session.rows.not_here}"
+        self._edited(words if changed else "nothing to change")
 
     def command_set(self, typed: Spelled) -> None:
         if not typed.arguments:
@@ -256,7 +255,7 @@ class Editing(ElementsScreen):
             self.context.fail(str(error))
             return
         takes = f"{key_of('undo')} takes {'it' if changed == 1 else 'them'} back"
-        self._edited(f"{many(changed, 'field')} changed; {takes}" if changed else "nothing to change")
+        self._edited(f"{many(changed, 'field')} changed{self.session.rows.not_here}; {takes}" if changed else "nothing to change")
 
     def _edited(self, words: str) -> None:
         if self.session.rows.filter.text or self.session.rows.sort not in STEADY:

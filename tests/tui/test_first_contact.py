@@ -239,12 +239,26 @@ async def test_after_an_apply_fill_counts_against_the_buffers_of_the_recording(f
         await screen.until(lambda: "40000    0%" in screen.text or "40000      0%" in screen.text)
 
 
+async def test_edits_of_marked_rows_say_that_they_are_not_of_the_row_under_the_cursor(fake, opened):
+    async with opened(fake, size=(120, 24)) as screen:
+        await screen.do("mark", "mark", "next_buffer")
+        await screen.shows("buffer of 2 marked elements, not of this row")
+        await screen.press("escape")
+        await screen.until(lambda: not screen.app.screen.is_modal)
+        await screen.do("edit_divider")
+        await screen.shows("divider of 2 marked elements, not of this row")
+        await screen.press("7", "enter")
+        await screen.shows("divider: 2 changed")
+        await screen.do("unmark", "edit_divider")
+        await screen.shows("divider of 1 element, e.g.")
+
+
 async def test_an_open_editor_says_what_to_type_and_which_keys_count(fake, opened):
     async with opened(fake) as screen:
         await screen.do("asterisk", "toggle", "edit_size")
-        await screen.shows("size of 72 elements, now 4000, 100, e.g. 1000 10k 10s *2 /2 +10")
+        await screen.shows("size of 72 marked elements, now 4000, 100, e.g. 1000 10k 10s *2 /2 +10")
         await screen.shows("Enter sets it")
-        assert "72 marked" not in screen.text
+        assert "│ 72 marked" not in screen.text
         await screen.press("escape")
         await screen.shows("space Mark")
         await screen.shows("72 marked")

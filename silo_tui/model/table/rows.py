@@ -7,6 +7,7 @@ import numpy as np
 
 from silo.core.arrays.columns import Floats
 from silo.core.names import component_name
+from silo.core.quantities.writing import many
 from silo.live.quantities import NOT_FINITE
 from silo_tui.model.samples.live import has_norm
 from silo_tui.model.table import filter as filters
@@ -348,6 +349,18 @@ class RowList:
         if self.branch is not None:
             return self.branch.rows
         return np.array([self.row], np.intp) if self.row is not None else np.zeros(0, np.intp)
+
+    @property
+    def targets_words(self) -> str:
+        """What an edit is about, to be told before it is made."""
+        count = len(self.targets())
+        marked = "marked " if self.anchor is None and self.marked.any() else ""
+        return f"{many(count, f'{marked}element')}{self.not_here}"
+
+    @property
+    def not_here(self) -> str:
+        """What to add where that is marked elsewhere: one looks at the row under the cursor."""
+        return ", not of this row" if self.row is not None and self.row not in self.targets() else ""
 
     @property
     def hidden_targets(self) -> int:

@@ -137,6 +137,9 @@ class Question(Dialog[str | None]):
             each.styles.max_height = max(3, room - rows)
         choices.styles.max_height = max(3, min(rows, room - (3 if body else 0)))
 
+    def chosen_by(self, letter: str) -> str:
+        return next((choice.label for choice in self._choices if choice.key and choice.key == letter), "")
+
     def on_key(self, event: events.Key) -> None:
         """Take a choice by its key; the screen below must not get it too."""
         for choice in self._choices:
@@ -372,6 +375,9 @@ class OrderDialog(Dialog[str | None]):
             lines.append("\n")
         lines.append("\nthe same letter again: the other way round")
         return lines
+
+    def chosen_by(self, letter: str) -> str:
+        return next((f"{one.name} {one.words}" for one in self._orders if one.letter == letter), "")
 
     def on_key(self, event: events.Key) -> None:
         event.stop()
