@@ -84,8 +84,8 @@ def _scales(node: yaml.Node) -> dict[str, tuple[float, float]]:
 
 FIELDS: dict[str, Callable[[yaml.Node], Any]] = {
     "sort": _text, "turned": _truth, "filter": _text, "columns": _texts, "set": _text, "folded": _texts,
-    "unfolded": _texts, "components": _components, "plots": _panels, "chosen": _text, "span_s": _span,
-    "inspector": _truth, "scales": _scales, "logs": _texts,
+    "unfolded": _texts, "components": _components, "inspector": _truth, "plots": _panels, "chosen": _text,
+    "span_s": _span, "scales": _scales, "logs": _texts,
 }  # fmt: skip
 
 

@@ -117,7 +117,7 @@ class Desk(Context):
     def run_worker(self, work: Any, **_: Any) -> None:
         self._work.append(work)
 
-    def run_flow(self, flow: Any) -> None:
+    def run_flow(self, flow: Any, **_: Any) -> None:
         self.does(flow)
 
     def does(self, flow: Any = None) -> str:

@@ -39,7 +39,7 @@ def opener(fake, screen, new_finder):
     return made(Desk(fake), new_finder(fake))
 
 
-def made(desk: Desk, finder: Any, *, view: str = "", wish: str = "lost", demo: Any = None) -> Opener:
+def made(desk: Desk, finder: Any, *, view: str = "", wish: str = "offered", demo: Any = None) -> Opener:
     desk.settings = Settings(view=wish)
     found = Opener(desk, finder, "", demo, 5.0, view)
     found.desk = desk
@@ -61,7 +61,7 @@ def wishes(opener: Opener, wish: str) -> None:
 # --------------------------------------------------------------------------------------------------- what is kept of it
 
 
-@pytest.mark.parametrize(("wish", "file"), [("lost", files.left_by_us), ("last", files.last_of), ("none", None)])
+@pytest.mark.parametrize(("wish", "file"), [("offered", files.left_by_us), ("always", files.last_of), ("none", None)])
 def test_what_is_on_the_screen_is_kept_as_is_wished(wish, file, opener, screen):
     wishes(opener, wish)
     opener.keep_view()
@@ -86,7 +86,7 @@ def test_for_a_lost_terminal_a_view_like_the_first_one_is_not_kept_but_as_the_la
     screen.layout = NOTHING
     opener.keep_view()
     assert not files.left_by_us("robot").exists()
-    wishes(opener, "last")
+    wishes(opener, "always")
     opener._kept = None
     opener.keep_view()
     assert files.last_of("robot").exists()
@@ -136,10 +136,10 @@ def test_who_quits_leaves_nothing_behind_nor_what_was_offered(opener):
 @pytest.mark.parametrize(
     ("view", "wish", "says", "shown"),
     [
-        ("walk", "lost", "view walk", [TWO]),
-        ("", "last", "", [ONE]),
+        ("walk", "offered", "view walk", [TWO]),
+        ("", "always", "this is what was on the screen 0.", [ONE]),
         ("", "none", "", []),
-        ("gone", "last", "there is no view 'gone'; did you mean", []),
+        ("gone", "always", "there is no view 'gone'; did you mean", []),
     ],
 )
 def test_what_was_asked_for_or_was_left_last_is_put_on_the_screen(view, wish, says, shown, fake, screen, new_finder):
@@ -157,7 +157,7 @@ def test_what_was_asked_for_or_was_left_last_is_put_on_the_screen(view, wish, sa
 def test_what_a_lost_terminal_showed_is_offered_and_what_older_ones_showed_forgotten(opener, screen):
     older, newest, others = left(7, ONE), left(8, TWO), left(1, ONE)
     words = asyncio.run(opener._show_view())
-    assert words.startswith("a terminal was lost at ")
+    assert words.startswith("a terminal was lost ")
     assert words.endswith(": `:view lost` shows what was on it")
     assert [path.exists() for path in (older, newest, others)] == [False, True, True]
     assert screen.shown == []
@@ -165,7 +165,7 @@ def test_what_a_lost_terminal_showed_is_offered_and_what_older_ones_showed_forgo
 
 def test_where_nothing_was_left_nothing_is_said(opener, screen):
     assert asyncio.run(opener._show_view()) == ""
-    wishes(opener, "last")
+    wishes(opener, "always")
     assert asyncio.run(opener._show_view()) == ""
 
 
