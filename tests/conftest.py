@@ -27,7 +27,7 @@ import pytest
 from silo.core.runtime import shared_memory_root
 from tests.examples import load_profile
 from tests.waiting import wait_until
-from tests.warm import ADDRESS, COLD, Nursery, WarmPopen
+from tests.warm import ADDRESS, COLD, HEAD, Nursery, WarmPopen
 from tests.watchdog import pytest_timeout_set_timer  # noqa: F401
 
 SLOW_FIXTURES = {"bench", "robots"}  # they start helper processes
@@ -42,6 +42,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if not hasattr(config, "workerinput"):
         os.environ["SILO_TEST_ROOM"] = tempfile.mkdtemp(prefix="silo-test-", dir=root)
         Path(os.environ["SILO_TEST_ROOM"]).chmod(0o1777)  # as that which it lies in
+        os.environ[HEAD] = str(os.getpid())
     if "PYTEST_DEBUG_TEMPROOT" not in os.environ and shutil.disk_usage(root).free > ROOM_BYTES:
         # a file that is written anew goes to the disk as it is closed: half of the time of those that do so often
         os.environ["PYTEST_DEBUG_TEMPROOT"] = str(root)
@@ -196,11 +197,10 @@ def disk_path() -> Iterator[Path]:
 
 
 @pytest.fixture(scope="session")
-def nursery() -> Iterator[Nursery]:
+def nursery() -> Nursery:
     """From where processes start warm."""
-    made = WarmPopen.nursery = Nursery()
-    yield made
-    made.end()
+    made = WarmPopen.nursery = Nursery(Path(os.environ["SILO_TEST_ROOM"]))
+    return made
 
 
 @pytest.fixture

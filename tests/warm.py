@@ -30,6 +30,7 @@ from silo.core.child import RUN
 from silo.logger.serving.process import HELPER_ENVIRONMENT
 
 ADDRESS, COLD = "SILO_TEST_NURSERY", "SILO_TEST_COLD"
+HEAD = "SILO_TEST_HEAD"  # the process of pytest whose tests these are, with which a nursery ends
 ALLOCATOR = "PYTHONMALLOC"  # as helper processes have one of their own, a nursery has it from its start
 MODULES = {"silo.cli", "silo.helper", "silo.recorder", "silo.recordings.writing", "silo.run_index.keeping"}
 EXECUTABLE = sys.executable  # some tests say that it is another
@@ -111,29 +112,34 @@ def _is_warm(words: list[str], environment: dict[str, str]) -> bool:
 
 
 class Nursery:
-    """The processes that fork, one for each allocator, begun with the first that is warm."""
+    """The processes that fork, one for each allocator: begun by the first worker that needs them, for all of them."""
 
-    def __init__(self) -> None:
-        self.name = f"silo-test-nursery-{os.getpid()}-{os.urandom(4).hex()}"
+    def __init__(self, room: Path) -> None:
+        self.name = f"silo-test-nursery-{room.name}"
+        self._begun = room / "nursery"
         self._started: list[subprocess.Popen[bytes]] = []
+        self._is_there = False
         self._beginning = threading.Lock()
 
     def begin(self) -> None:
         """Start them where they aren't there, and wait until they listen."""
-        command = [EXECUTABLE, "-c", "from tests.warm import fork_for_all; fork_for_all()()", "silo.helper"]
         with self._beginning:
-            if self._started:
+            if self._is_there:
                 return
-            for more in ({}, HELPER_ENVIRONMENT):
-                environment = dict(os.environ, PYTHONPATH=HOME, **{ADDRESS: self.name}, **more)
-                self._started.append(_Popen(command, stdin=-1, stdout=-1, env=environment))
-            for one in self._started:
-                one.stdout.readline()
+            with self._begun.open("a") as begun:
+                fcntl.flock(begun, fcntl.LOCK_EX)
+                if not os.fstat(begun.fileno()).st_size:
+                    self._start()
+                    begun.write("begun")
+            self._is_there = True
 
-    def end(self) -> None:
-        """End them."""
+    def _start(self) -> None:
+        command = [EXECUTABLE, "-c", "from tests.warm import fork_for_all; fork_for_all()()", "silo.helper"]
+        for more in ({}, HELPER_ENVIRONMENT):
+            environment = dict(os.environ, PYTHONPATH=HOME, **{ADDRESS: self.name}, **more)
+            self._started.append(_Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, env=environment))
         for one in self._started:
-            one.communicate()
+            one.stdout.readline()
 
 
 # ------------------------------------------------------------------------------------------------ in the nursery
@@ -144,6 +150,7 @@ def fork_for_all() -> Callable[[], None]:
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     listener.bind(_address(dict(os.environ)))
     listener.listen(128)
+    head = os.pidfd_open(int(os.environ[HEAD]))
     import numpy.ma  # noqa: F401 - NumPy loads it with the first `unique`
 
     import silo.cli.bulk
@@ -165,8 +172,8 @@ def fork_for_all() -> Callable[[], None]:
     print("ready", flush=True)
     children: dict[int, tuple[int, socket.socket]] = {}  # by what tells of its end: its pid, and who is told
     while True:
-        for ready in select.select([0, listener, *children], [], [])[0]:
-            if ready == 0:
+        for ready in select.select([head, listener, *children], [], [])[0]:
+            if ready == head:
                 os._exit(0)
             if ready is not listener:
                 pid, asker = children.pop(ready)
