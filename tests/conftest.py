@@ -10,6 +10,7 @@ Tests marked `sampled` try some of their cases, others with each commit (`drawn`
 import contextlib
 import functools
 import gc
+import marshal
 import os
 import random
 import resource
@@ -20,9 +21,11 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from _pytest.assertion import rewrite
 
 from silo.core.runtime import shared_memory_root
 from tests.examples import load_profile
@@ -65,6 +68,11 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # What is collected stays to the end: to look through it again and again for garbage takes a third of the time of
 # collection, and a tenth of that of the tests.
 gc.disable()
+
+
+# pytest hands the file to `marshal.load`, which calls it for each number and word: of a worker that reads 400 modules
+# a twentieth of what it takes to collect.
+rewrite.marshal = SimpleNamespace(dumps=marshal.dumps, load=lambda file: marshal.loads(file.read()))  # type: ignore[attr-defined]
 
 
 @pytest.hookimpl(tryfirst=True)
