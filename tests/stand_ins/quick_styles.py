@@ -100,6 +100,30 @@ def _replace_known(node: Any, rules: dict[str, Any], *, animate: bool) -> None:
     node.notify_style_update()
 
 
+class Parts(dict[str, Any]):
+    """Styles of the parts of a widget, each made as it is first looked at, as most never are."""
+
+    def __init__(self, node: Any, rules: dict[str, dict[str, Any]]) -> None:
+        super().__init__()
+        self.rules = rules
+        self._node = node
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.rules
+
+    def __missing__(self, name: str) -> Any:
+        part = DOMNode(classes=name)
+        part._attach(self._node)
+        part.styles.base._rules.update(self.rules[name])
+        part.styles.base._updates += 1
+        self[name] = part.styles
+        return part.styles
+
+    def clear(self) -> None:
+        super().clear()
+        self.rules = {}
+
+
 def process_known(sheet: Any, node: Any) -> None:
     """`Stylesheet._process_component_classes`."""
     names = node._get_component_classes()
@@ -107,25 +131,20 @@ def process_known(sheet: Any, node: Any) -> None:
         return
     number = _number_of(sheet)
     states = _states_of(sheet, number, frozenset({"*", "DOMNode", *(f".{name}" for name in names)}))
-    if states is None:
-        process(sheet, node)
-        return
-    likeness = (*_likeness(number, node, states), frozenset(names))
-    if likeness not in _components:
-        process(sheet, node)
+    before = node._component_styles
+    if states is not None:
+        likeness = (*_likeness(number, node, states), frozenset(names))
+        if likeness in _components:
+            known = _components[likeness]
+            had = before.rules if isinstance(before, Parts) else {name: one.base._rules for name, one in before.items()}
+            if had is known:
+                return
+            node._component_styles = parts = Parts(node, known)
+            parts.update((name, one) for name, one in before.items() if one.base._rules == known.get(name))
+            if had != known:
+                node.refresh()
+            return
+    node._component_styles = dict(before)
+    process(sheet, node)
+    if states is not None:
         _components[likeness] = {name: dict(node._component_styles[name].base._rules) for name in sorted(names)}
-        return
-    before, now, known = dict(node._component_styles), node._component_styles, _components[likeness]
-    now.clear()
-    for name, rules in known.items():
-        old = before.get(name)
-        if old is not None and old.base._rules == rules:
-            now[name] = old
-            continue
-        part = DOMNode(classes=name)
-        part._attach(node)
-        part.styles.base._rules.update(rules)
-        part.styles.base._updates += 1
-        now[name] = part.styles
-    if any(before.get(name) is not one for name, one in now.items()):
-        node.refresh()

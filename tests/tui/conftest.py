@@ -7,7 +7,7 @@ import time
 import traceback
 import unicodedata
 from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import asynccontextmanager
+from contextlib import AbstractContextManager, ExitStack, asynccontextmanager, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +52,25 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
     return True
 
 
+_for_all: list[Callable[[], AbstractContextManager[None]]] = []
+
+
+def for_all(patched: Callable[[], Iterator[None]]) -> Callable[[], Iterator[None]]:
+    """Have it patched from the first test of the terminal on."""
+    _for_all.append(contextmanager(patched))
+    return patched
+
+
 @pytest.fixture(autouse=True, scope="session")
+def textual_is_quick() -> Iterator[None]:
+    """One fixture for all: each that a test has takes its time with each test, as it is collected and as it runs."""
+    with ExitStack() as patches:
+        for patched in _for_all:
+            patches.enter_context(patched())
+        yield
+
+
+@for_all
 def styles_parsed_once() -> Iterator[None]:
     """Keep what Textual parses of styles for the next app: a quarter of the processor time of each."""
     parse, parsed = Stylesheet._parse_rules, {}
@@ -79,7 +97,7 @@ def styles_parsed_once() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(autouse=True, scope="session")
+@for_all
 def styles_found_once() -> Iterator[None]:
     """Keep which rules mean nodes that are alike: of an app that opens they were a quarter of the processor time."""
     with pytest.MonkeyPatch.context() as patch:
@@ -92,7 +110,7 @@ CACHES = {f"_{name}_cache": 4 for name in ("divide", "filter", "line_length", "c
 CACHES |= {"_crop_cache": 16, "_style_cache": 16}  # what a strip keeps, and how much
 
 
-@pytest.fixture(autouse=True, scope="session")
+@for_all
 def strips_keep_what_is_kept() -> Iterator[None]:
     """Make a cache of a strip as it is first looked into: Textual makes seven with each line, most for nothing."""
 
@@ -116,7 +134,7 @@ def strips_keep_what_is_kept() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(autouse=True, scope="session")
+@for_all
 def painted_when_looked_at() -> Iterator[None]:
     """Paint what is looked at, once: Textual paints all for a terminal that isn't there, a quarter of these tests."""
     paint, strips, pop = Compositor.render_update, Compositor.render_strips, App.pop_screen
@@ -148,7 +166,7 @@ def painted_when_looked_at() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(autouse=True, scope="session")
+@for_all
 def parameters_counted_once() -> Iterator[None]:
     """Keep how many parameters a function has: Textual looks at the signature of each callback that is made anew."""
     count, known = _callback._count_parameters, {}
@@ -172,7 +190,7 @@ def is_computed(node: type, method: str) -> bool:
     return hasattr(node, method)
 
 
-@pytest.fixture(autouse=True, scope="session")
+@for_all
 def values_read_at_once() -> Iterator[None]:
     """Read values and rules of nodes where they are: Textual asks four times for each whether it is there."""
     get = Reactive.__get__
@@ -208,10 +226,16 @@ def handlers_of(node: type, message: type, name: str) -> list[tuple[type, Any]] 
     return found
 
 
-@pytest.fixture(autouse=True, scope="session")
+def forget_classes() -> None:
+    """Look anew at what methods classes have."""
+    handlers_of.cache_clear()
+    is_computed.cache_clear()
+
+
+@for_all
 def handlers_looked_up_once() -> Iterator[None]:
-    """Keep which methods handle a message, for one test: Textual goes through all classes of a widget for each."""
-    look = MessagePump._get_dispatch_methods
+    """Keep which methods handle a message until one is put into a class: Textual goes through all for each."""
+    look, put, undo = MessagePump._get_dispatch_methods, pytest.MonkeyPatch.setattr, pytest.MonkeyPatch.undo
 
     def look_once(pump: MessagePump, name: str, message: Message) -> Iterator[tuple[type, Any]]:
         found = handlers_of(type(pump), type(message), name)
@@ -223,8 +247,20 @@ def handlers_looked_up_once() -> Iterator[None]:
                 break
             yield each, method.__get__(pump, each)
 
+    def put_anew(patch: pytest.MonkeyPatch, *arguments: Any, **named: Any) -> None:
+        put(patch, *arguments, **named)
+        if isinstance(patch._setattr[-1][0], type):
+            forget_classes()
+
+    def undo_anew(patch: pytest.MonkeyPatch) -> None:
+        if any(isinstance(whose, type) for whose, *_ in patch._setattr):
+            forget_classes()
+        undo(patch)
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(MessagePump, "_get_dispatch_methods", look_once)
+        patch.setattr(pytest.MonkeyPatch, "setattr", put_anew)
+        patch.setattr(pytest.MonkeyPatch, "undo", undo_anew)
         yield
 
 
@@ -243,7 +279,7 @@ class Silent:
     warning = __call__
 
 
-@pytest.fixture(autouse=True, scope="session")
+@for_all
 def nothing_logged() -> Iterator[None]:
     """Textual makes two objects for each message, with which it would tell its console of it."""
     with pytest.MonkeyPatch.context() as patch:
@@ -272,7 +308,7 @@ class Busy:
         return [node for node, queue in queues if queue.values or not queue.ready_event._waiters]
 
 
-@pytest.fixture(autouse=True, scope="session")
+@for_all
 def only_the_busy_are_waited_for() -> Iterator[None]:
     """Until none is busy, or as often as one that is busy for long is waited for."""
     wait = Pilot._wait_for_screen
@@ -319,8 +355,6 @@ def keys_of_nobody(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPat
         monkeypatch.setattr(Settings.__init__, "__defaults__", tuple(defaults))
         use_keys("classic", {})
     yield
-    handlers_of.cache_clear()  # a test may have put another method into a class
-    is_computed.cache_clear()
     if actions._own != DEFAULT_KEYS:
         use_keys(DEFAULT, {})
 
