@@ -21,6 +21,7 @@ from pathlib import Path
 from types import TracebackType
 
 NETWORK = "10.98.0"
+WITHIN = ["nsenter", "--net", "--uts", "--target"]  # what runs a command in the namespace of a process: its pid, `--`
 MTU = 1400
 _TUNSETIFF, _TUN_NO_HEADER = 0x400454CA, 0x0001 | 0x1000
 _STOP = 0.05
@@ -59,7 +60,7 @@ class Computer:
 
     def command(self, *words: str) -> list[str]:
         """Return a command as it runs there."""
-        return ["nsenter", "--net", "--uts", "--target", str(self._holder.pid), "--", *words]
+        return [*WITHIN, str(self._holder.pid), "--", *words]
 
     def environment(self, **more: str) -> dict[str, str]:
         """Return the variables of a user of that computer: nothing of ours but where programs are."""

@@ -6,6 +6,7 @@ starts is warm, too. Its parent is the nursery, and its command line that one's.
 """
 
 import contextlib
+import ctypes
 import faulthandler
 import fcntl
 import functools
@@ -28,12 +29,14 @@ from typing import Any
 
 from silo.core.child import RUN
 from silo.logger.serving.process import HELPER_ENVIRONMENT
+from tests.thin_net import WITHIN
 
 ADDRESS, COLD = "SILO_TEST_NURSERY", "SILO_TEST_COLD"
 HEAD = "SILO_TEST_HEAD"  # the process of pytest whose tests these are, with which a nursery ends
 ALLOCATOR = "PYTHONMALLOC"  # as helper processes have one of their own, a nursery has it from its start
 MODULES = {"silo.cli", "silo.helper", "silo.recorder", "silo.recordings.writing", "silo.run_index.keeping"}
 EXECUTABLE = sys.executable  # some tests say that it is another
+_libc = ctypes.CDLL(None, use_errno=True)
 _Popen = subprocess.Popen  # what stands for it while tests run is the one below
 HOME = str(Path(__file__).parents[1])
 _GIVEN = list(inspect.signature(subprocess.Popen._execute_child).parameters)[3:]  # type: ignore[attr-defined]
@@ -54,10 +57,14 @@ class WarmPopen(subprocess.Popen):
         given = dict(zip(_GIVEN, more, strict=True))
         environment = dict(os.environ if given["env"] is None else given["env"])
         words = [] if isinstance(args, str | bytes) else [os.fsdecode(word) for word in args]
+        within, known = 0, environment
+        if words[: len(WITHIN)] == WITHIN:  # its user knows of no nursery, whose address is none there
+            within, words = int(words[len(WITHIN)]), words[len(WITHIN) + 2 :]
+            known = {key: os.environ[key] for key in (ADDRESS, COLD) if key in os.environ} | environment
         if words[1:3] == ["-c", RUN]:
             words[1:3] = ["-m"]
         self._end: socket.socket | None = None
-        if given["shell"] or given["preexec_fn"] is not None or not _is_warm(words, environment):
+        if given["shell"] or given["preexec_fn"] is not None or not _is_warm(words, known):
             super()._execute_child(args, executable, *more)  # type: ignore[misc]
             return
         streams = {0: given["p2cread"], 1: given["c2pwrite"], 2: given["errwrite"]}
@@ -66,12 +73,13 @@ class WarmPopen(subprocess.Popen):
         asked = {
             "words": words[1:], "environment": environment, "numbers": list(taken),
             "folder": os.fsdecode(given["cwd"] or Path.cwd()), "session": given["start_new_session"],
+            "within": within,
         }  # fmt: skip
         if self.nursery is not None:
             self.nursery.begin()
         sys.audit("subprocess.Popen", words[0], words, None, None)  # so that it is noted as a process
         self._end = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._end.connect(_address(environment))
+        self._end.connect(_address(known))
         socket.send_fds(self._end, [json.dumps(asked).encode()], list(taken.values()))
         self.pid = int(self._end.recv(32))
         self._child_created = True
@@ -196,6 +204,14 @@ def fork_for_all() -> Callable[[], None]:
                 asker.send(str(pid).encode())
 
 
+def _enter(pid: int) -> None:
+    """Go to the network and the host name of a process."""
+    for kind in ("net", "uts"):
+        with Path(f"/proc/{pid}/ns/{kind}").open() as namespace:
+            if _libc.setns(namespace.fileno(), 0):
+                raise OSError(ctypes.get_errno(), f"can't enter the namespace {kind} of {pid}")
+
+
 def _start(asked: dict[str, Any], given: list[int]) -> Callable[[], None]:
     """Take descriptors, environment and folder that were asked for; return what is to be done."""
     high = [fcntl.fcntl(one, fcntl.F_DUPFD, _MANY) for one in given]
@@ -205,6 +221,8 @@ def _start(asked: dict[str, Any], given: list[int]) -> Callable[[], None]:
         os.close(one)
     if asked["session"]:
         os.setsid()
+    if asked["within"]:
+        _enter(asked["within"])
     os.environ.clear()
     os.environ.update(asked["environment"])
     os.chdir(asked["folder"])
