@@ -385,7 +385,7 @@ def test_runs_of_one_name_from_two_places_are_kept_apart(runs, written, tmp_path
 
 
 @pytest.mark.slow
-def test_tables_that_many_write_at_once_have_all_runs(written, tmp_path):
+def test_tables_that_many_write_at_once_have_all_runs(warm, written, tmp_path):
     """Each of several processes adds a run of its own."""
     to, went = str(tmp_path / "kept"), "import sys, silo; from silo.run_index.archive import Archive as A\n"
     went += "r = silo.runs(sys.argv[1])[int(sys.argv[3]):][:1]; a = A(sys.argv[2]); input(); a.add(r)"
