@@ -1,6 +1,7 @@
 """The runs of a folder on the screen: what the index knows, narrowed, ordered, opened, over each other."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -13,6 +14,8 @@ from silo.core.elements import BufferType, Entry, LoggedEvent, Stretch
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import ElementError
 from silo.files import write
+from silo.run_index.facts import RunFacts
+from silo.run_index.listed import ListedRun
 from silo_tui.app import SiloApp
 from silo_tui.model.lists import runs
 from silo_tui.model.lists.runs import together
@@ -295,3 +298,10 @@ async def test_a_folder_without_runs_says_what_to_do(fake, opened, tmp_path):
         await screen.press(":", *f"runs {tmp_path / 'none'}", "enter")
         await screen.shows("There is no run in")
         assert silo.runs(tmp_path / "none").values("lost") == []
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_a_row_of_the_list_of_runs_has_room_beside_a_scrollbar(width):
+    one = ListedRun(RunFacts(f"{'long' * 20}.silo", begun_ns=BEGIN, span_s=7.25, lost=12, limits=345), Path("runs"))
+    made = runs.widths([one], width, 0)
+    assert len("  " + runs.row(one, "x" * made.name, made)) == width - 1

@@ -62,10 +62,10 @@ class Widths(NamedTuple):
 
 
 def widths(found: Sequence[ListedRun], width: int, columns: int) -> Widths:
-    """Return the widths of the columns: names are whole where they can be, what no run has takes no cells."""
+    """Return the widths of the columns beside a scrollbar: names whole where they fit, what no run has takes none."""
     episodes, task = any(one.facts.episodes for one in found), any(one.facts.task for one in found)
     said = any(one.tags or one.notes or one.more_words or one.facts.problem for one in found)
-    room = width - 40 - columns * (VALUE_WIDTH + 1) - 6 * episodes - 9 * task - max(SAID_WIDTH, width // 4) * said
+    room = width - 41 - columns * (VALUE_WIDTH + 1) - 6 * episodes - 9 * task - max(SAID_WIDTH, width // 4) * said
     longest = max((cells(one.facts.path) for one in found), default=0)
     return Widths(max(NAME_WIDTH, min(room, longest)), episodes, task)
 
