@@ -179,22 +179,30 @@ def fork_for_all() -> Callable[[], None]:
     gc.freeze()  # a process that was forked looks through nothing of it, nor copies it by that
     print("ready", flush=True)
     children: dict[int, tuple[int, socket.socket]] = {}  # by what tells of its end: its pid, and who is told
+    askers: set[socket.socket] = set()  # who has not said yet for what: one that is frozen then holds up no other
     while True:
-        for ready in select.select([head, listener, *children], [], [])[0]:
+        for ready in select.select([head, listener, *askers, *children], [], [])[0]:
             if ready == head:
                 os._exit(0)
-            if ready is not listener:
+            if ready is listener:
+                askers.add(listener.accept()[0])
+                continue
+            if ready not in askers:
                 pid, asker = children.pop(ready)
                 code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
                 os.close(ready)
                 with contextlib.suppress(OSError), asker:
                     asker.send(str(code).encode())
                 continue
-            asker = listener.accept()[0]
+            asker = ready
+            askers.remove(asker)
             request, given, _, _ = socket.recv_fds(asker, 2**18, 32)
+            if not request:
+                asker.close()
+                continue
             pid = os.fork()
             if not pid:
-                for one in (listener, asker, *(each for _, each in children.values())):
+                for one in (listener, asker, *askers, *(each for _, each in children.values())):
                     one.detach()  # their numbers are others' from now on
                 return _start(json.loads(request), given)
             for each in given:
