@@ -255,7 +255,9 @@ class Editing(ElementsScreen):
             self.context.fail(str(error))
             return
         takes = f"{key_of('undo')} takes {'it' if changed == 1 else 'them'} back"
-        self._edited(f"{many(changed, 'field')} changed{self.session.rows.not_here}; {takes}" if changed else "nothing to change")
+        self._edited(
+            f"{many(changed, 'field')} changed{self.session.rows.not_here}; {takes}" if changed else "nothing to change"
+        )
 
     def _edited(self, words: str) -> None:
         if self.session.rows.filter.text or self.session.rows.sort not in STEADY:

@@ -210,7 +210,13 @@ class ElementsScreen(SiloScreen):
             rows.marked[mask] = True
             self.table_changed()
             return
-        self.session.rows.toggle_mark()
+        if (branch := rows.branch) is not None:
+            rows.toggle_mark()
+            done = "marked" if rows.marked[branch.rows].all() else "no longer marked"
+            self.say(f"{many(len(branch.rows), 'element')} of {branch.path} {done}")
+            self._marks_changed()
+            return
+        rows.toggle_mark()
         self.command_down()
 
     def command_mark_shown(self) -> None:

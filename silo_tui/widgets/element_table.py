@@ -491,7 +491,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         """Return the last level of a name, whole where it fits, behind what shows how deep it lies."""
         element = self.session.table.elements[row]
         several = len(element.entries) > 1
-        sign = ("- " if element.name in self.rows.unfolded else "+ ") if several else "  "
+        sign = ("▼ " if element.name in self.rows.unfolded else "► ") if several else "  "
         space, _, label = self.session.short_name(element.name).rpartition("/")
         begin, end = "  " * depth + sign, f" |{len(element.entries)}|" if several else ""
         room = width - cell_len(begin + end)

@@ -63,8 +63,12 @@ class TestWords:
         assert head_words([], [seen])[0] == ("1 alarm HH seen", "HH 1")
         assert head_words([], [HOT, seen, seen])[0] == ("3 alarms HH", "HH 3")
         over = replace(HOT, word=LimitWord.OK)
-        assert head_words([], [over, replace(over, alarm=False)]) == (("1 alarm unseen", "1 unseen"), False, ("", ""))
-        assert head_words([], [over, seen])[0] == ("1 alarm HH seen, 1 unseen", "HH 1+")
+        assert head_words([], [over, replace(over, alarm=False)]) == (
+            ("1 alarm ended unseen", "1 unseen"),
+            False,
+            ("", ""),
+        )
+        assert head_words([], [over, seen])[0] == ("1 alarm HH seen, 1 ended unseen", "HH 1+")
         assert head_words([], []) == (("", ""), False, ("", ""))
         assert head_words([BLIND], []) == (("", ""), False, ("", ""))  # none is armed: nothing to tell
         assert head_words([replace(FALL, state=TriggerWord.FIRING)], [])[2][0] == "trigger fall fires"
@@ -145,7 +149,7 @@ class TestWords:
 
     @pytest.mark.parametrize(
         ("held", "blind", "says"),
-        [(6000, 0, "beyond all the time"), (5000, 1000, "beyond all the time; blind at 17 % of it"),
+        [(6000, 0, "beyond all the time"), (5000, 1000, "beyond all the time; 17 % of it can't be judged"),
          (5999, 0, "beyond for 99.9 %"), (60, 0, "beyond for 1 %"), (1, 0, "beyond for 0.0167 %")],
     )  # fmt: skip
     def test_a_test_tells_of_what_holds_without_ever_turning_true(self, fake, held, blind, says):

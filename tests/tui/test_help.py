@@ -69,6 +69,15 @@ def test_every_sign_of_the_table_is_explained():
     assert all(explained[letters] for letters in (*(letters for _, letters in SIGNS), OLD))
 
 
+@pytest.mark.parametrize(
+    ("scope", "title"), [("monitor", "In plots"), ("file_detail", "In plots"), ("events", "Kinds")]
+)
+def test_letters_of_events_and_signs_of_plots_are_explained_where_they_stand(scope, title):
+    left = {line.left for line in entries(scope, everywhere=False) if line.group == title}
+    assert set("MTSEXH") <= left
+    assert ({"╎", "│", "┊", "░"} <= left) == (title == "In plots")
+
+
 @pytest.mark.parametrize("width", [80, 160])
 async def test_each_word_and_sign_of_the_first_screen_is_found_in_help(fake, opened, width):
     fake.run(20)

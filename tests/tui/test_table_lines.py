@@ -108,8 +108,8 @@ def test_in_a_tree_name_spaces_have_lines_and_names_their_last_level(table):
     table.rows.order_by("tree")
     table.follow()
     assert [line[:34].rstrip() for line in table.text[:8]] == [
-        "  ▼ base                    3", " >  + orientation |4|", "    + position |3|          m",
-        "    + velocity |3|          m/s", "  ▼ imu                     2", "    + acceleration |3|      m/s2",
+        "  ▼ base                    3", " >  ► orientation |4|", "    ► position |3|          m",
+        "    ► velocity |3|          m/s", "  ▼ imu                     2", "    ► acceleration |3|      m/s2",
         "      temperature           degC", "  ▼ legs                    64",
     ]  # fmt: skip
     table.rows.move_to(0)
@@ -118,7 +118,7 @@ def test_in_a_tree_name_spaces_have_lines_and_names_their_last_level(table):
     table.follow()
     assert [line[:28].rstrip() for line in table.text[:7]] == [
         " >► base", "  ▼ imu",
-        "    - acceleration |3|", "        x", "        y", "        z", "      temperature",
+        "    ▼ acceleration |3|", "        x", "        y", "        z", "      temperature",
     ]  # fmt: skip
 
 

@@ -268,7 +268,7 @@ def test_rows_that_a_measured_filter_lets_go_stay_for_two_seconds(rows):
 async def test_a_branch_and_a_vector_show_by_a_sign_whether_they_are_open(fake, opened):
     async with opened(fake, size=(80, 48)) as screen:
         await screen.press("o", "n")
-        for words in ("▼ base  ", "▼ legs  ", "  ▼ LF  ", "    ▼ HAA  ", "+ velocity |3|"):
+        for words in ("▼ base  ", "▼ legs  ", "  ▼ LF  ", "    ▼ HAA  ", "► velocity |3|"):
             await screen.shows(words)
         screen.session.rows.folded = frozenset({"/legs", "/base"})
         screen.app.context.table_changed()
@@ -278,7 +278,19 @@ async def test_a_branch_and_a_vector_show_by_a_sign_whether_they_are_open(fake, 
         await screen.shows("▼ base  ")
         assert "► legs  " in screen.text
         await screen.press("j", "j", "j", "plus")
-        await screen.shows("- velocity |3|")
+        await screen.shows("▼ velocity |3|")
         lines = screen.text.splitlines()
-        at = next(at for at, line in enumerate(lines) if "- velocity" in line)
+        at = next(at for at, line in enumerate(lines) if "▼ velocity" in line)
         assert [line.split()[0] for line in lines[at + 1 : at + 4]] == ["x", "y", "z"]
+
+
+@pytest.mark.slow
+async def test_a_mark_on_a_name_space_says_how_many_it_marked_and_stays(fake, opened):
+    async with opened(fake, size=(80, 48)) as screen:
+        await screen.press("o", "n")
+        await screen.shows("▼ base  ")
+        await screen.do("top", "mark")
+        await screen.shows("3 elements of /base marked")
+        assert (screen.session.rows.marked_count, screen.session.rows.branch.path) == (3, "/base")
+        await screen.do("mark")
+        await screen.shows("3 elements of /base no longer marked")

@@ -147,9 +147,9 @@ def head_words(
         )
     seen = "" if any(one.alarm for one in over) else " seen"
     missed = sum(one.alarm for one in limits if not one.is_over)  # short ones, too: the table may never show them
-    alarm = (f"{many(missed, 'alarm')} unseen", f"{missed} unseen") if missed else ("", "")
+    alarm = (f"{many(missed, 'alarm')} ended unseen", f"{missed} unseen") if missed else ("", "")
     if worst is not None:
-        more = f", {missed} unseen" if missed else ""
+        more = f", {missed} ended unseen" if missed else ""
         alarm = (
             f"{many(len(over), 'alarm')} {worst.value}{seen}{more}",
             f"{worst.value} {len(over)}{'+' * bool(more)}",
@@ -220,7 +220,7 @@ def tried_lines(
     if tried.why:
         return [f"blind: {tried.why}"]
     held_s = (tried.end_ns - tried.begin_ns) / 1e9
-    blind = f"; blind at {100 * tried.blind / tried.judged:.0f} % of it" if tried.blind else ""
+    blind = f"; {100 * tried.blind / tried.judged:.0f} % of it can't be judged" if tried.blind else ""
     share = share_words(tried.held, tried.judged - tried.blind) if tried.held else ""
     last = f"in the last {text.short(held_s, 3)} s (all that is held)"
     if share and not tried.fires:  # it holds already, so that it begins to hold nowhere

@@ -18,7 +18,7 @@ LETTERS = {
     "marker": "M", "triggered": "T", "captured": "T", "started": "S", "stopped": "S", "closed": "S", "edited": "E",
     "script loaded": "E", "lost": "X", "crashed": "X", "blind": "X", "files deleted": "X", "unheld": "X", "limit": "H",
 }  # fmt: skip
-NAMES = {"M": "marker", "T": "trigger", "S": "start/stop", "E": "edit", "X": "loss", "H": "limit"}
+NAMES = {"M": "marker", "T": "trigger", "S": "start/stop", "E": "edit", "X": "loss", "H": "limit, of any kind"}
 EVENT_LINE = "╎"
 RANK = "XSTMEH"  # of several in one cell that one is shown which comes first
 MOST = 2000  # that a session keeps of limits, and as many of all else: a limit that flickers pushes nothing out

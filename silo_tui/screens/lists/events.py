@@ -12,7 +12,7 @@ from silo.errors import SiloError
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.lists.conditions import MOST_PLOTS, named_in
-from silo_tui.model.lists.happened import ORDERS, csv_text, in_time, letter, line, matches, words
+from silo_tui.model.lists.happened import NAMES, ORDERS, csv_text, in_time, letter, line, matches, words
 from silo_tui.model.words.paths import typed_file
 from silo_tui.screens.dialogs.exporting import write_whole
 from silo_tui.screens.dialogs.questions import Prompt, ask_line
@@ -67,13 +67,15 @@ class EventsScreen(LoggerList[LoggedEvent]):
         return words(one, self.session.told)
 
     def head(self, width: int) -> str:
-        return "  time                tick   what"
+        return "  time                tick kind and what"
 
     def going_on(self) -> Sequence[str]:
         count = many(len(self.all), "event")
         follows = "follows" if self._following else f"{key_of('list_top')} follows"
         one = self.chosen
+        kind = NAMES.get(letter(one), "") if one is not None else ""
         told = "" if one is None else self.told(one)  # whole: its line may have no room for it
+        told = f"{letter(one)} {kind}: {told}" if one is not None and kind else told
         return [told, f"{count}, {follows}" if self.all else "nothing happened yet"]
 
     def follow(self, known: str, place: int | None) -> int | None:

@@ -17,10 +17,13 @@ from textual.widgets import Input, Static
 from silo.settings.typed import help_rows
 from silo_tui.actions import COMMANDS, FILE_SCOPES, PLACES, commands_for, commands_like
 from silo_tui.modal import Dialog
+from silo_tui.model.drawing.braille import SHADE
+from silo_tui.model.lists.happened import EVENT_LINE, NAMES
 from silo_tui.model.table.facts import MEANINGS
 from silo_tui.model.table.filter import TERMS
 from silo_tui.widgets.inputs import Fleeting, Line
 from silo_tui.widgets.lines import MARKED
+from silo_tui.widgets.plot_stack import CURSOR_A, CURSOR_B
 
 THREE_FROM, TWO_FROM = 120, 72
 GAP = 2
@@ -46,7 +49,7 @@ HEAD = (
     ("BUSY 1.2 of 5 Hz", "this computer is too busy to draw as often as it should; not the link"),
 )  # fmt: skip
 COLUMNS = (
-    ("name in /legs", "all that are shown begin so"), ("▼ legs 412, ►", "a branch of so many, folded: ►"),
+    ("name in /legs", "all that are shown begin so"), ("▼ legs 412, ►", "a branch of so many, open; folded: ►, as a vector of which no entries are shown"),
     ("norm", "of a vector, in place of its entries"), ("unit", "of the value; - none"), ("on", "whether it is logged"),
     ("div", "divider: it is logged every so many ticks"), ("act", "action: saved, published, or both"),
     ("buf", "buffer: keeps the newest (loop), the first (fix), or all (grow)"), ("size", "samples that its buffer has"),
@@ -61,6 +64,12 @@ SIGNS = (
     (MARKED, "marked: edits and the monitor are about all that is marked"),
     ("=", "derived: computed from others; its options are those of its signals"),
 )  # fmt: skip
+PLOT_SCOPES = ("monitor", "detail", "file_monitor", "file_detail")
+PLOT_SIGNS = (
+    *((each, f"below a plot: {name}") for each, name in NAMES.items()),
+    (EVENT_LINE, "where it happened"), (CURSOR_A, "cursor A"), (CURSOR_B, "cursor B"), (SHADE, "a hole, with its reason: stopped, lost, off, full …"),
+)  # fmt: skip
+EVENT_SIGNS = tuple((each, name) for each, name in NAMES.items())
 FILE_SIGNS = (
     (MARKED, "marked: the plots are of all that is marked"), ("= 1.23", "the value that held at the cursor"),
     ("min max mean", "of the samples in the window"),
@@ -114,6 +123,10 @@ def entries(scope: str, *, everywhere: bool) -> list[HelpLine]:
         found += [HelpLine(left, right, "Columns") for left, right in COLUMNS]
         found += [HelpLine(left, right, "Signs") for left, right in signs]
         found += [HelpLine(left, right, "Filter") for left, right in (*WORDS, *filter_rows())]
+    if everywhere or scope in PLOT_SCOPES:
+        found += [HelpLine(left, right, "In plots") for left, right in PLOT_SIGNS]
+    elif scope in ("events", "file_events"):
+        found += [HelpLine(left, right, "Kinds") for left, right in EVENT_SIGNS]
     if not on_file and (everywhere or scope == "table"):
         found += [HelpLine(left, right, "Commands") for left, right in typed_rows()]
     return found

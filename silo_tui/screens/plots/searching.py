@@ -277,9 +277,10 @@ class MomentSearch:
                 return
         if keep:
             self.found = found
-        await self._go_to_found(found, step, search.words)
+        await self._go_to_found(found, step, search.words, ("next_found", "previous_found"))
 
-    async def _go_to_found(self, found: SearchResult, step: int, words: str) -> None:
+    async def _go_to_found(self, found: SearchResult, step: int, words: str, others: tuple[str, str]) -> None:
+        """Go to a moment, and tell it, with the keys of the commands that go to `others`."""
         if not found.moments:
             self.screen.say(found.none())
             return
@@ -304,6 +305,8 @@ class MomentSearch:
         plotted = (*(each.name for each in self.screen.stack.plots), moment.name)
         name, *_ = names = tuple(map(self.screen.session.short_name, reversed(plotted)))
         name = fitted_among(name, names, room)
+        if not step and found.total > 1:  # who goes on knows them
+            told += f" ({' '.join(map(key_of, others))}: others)"
         self.screen.say(
             f"{words} in {name}{told}" if len(self.screen.stack.plots) > 1 and moment.name else f"{words}{told}"
         )
@@ -351,7 +354,7 @@ class MomentSearch:
             held = text.span(found.held_s, 3)
             self.screen.say(f"events: no hole, trigger, marker or start in {held} held")
             return
-        await self._go_to_found(found, step, "event")
+        await self._go_to_found(found, step, "event", ("next_event", "previous_event"))
 
     # ------------------------------------------------------------------------------------------------------ samples
 
