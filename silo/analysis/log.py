@@ -551,7 +551,7 @@ class Log(Mapping[str, Signal]):
         """Seconds from the first to the last time stamp."""
         return float(self.time_ns[-1] - self.time_ns[0]) * 1e-9 if len(self.time_ns) else 0.0
 
-    @property
+    @cached_property
     def parameters(self) -> LoggedParameters:
         """What was tuned: `log.parameters.at(12.5)` are all values then, `log.parameters.changes` who changed what."""
         return parameters_of(self.recording, self.start_ns)

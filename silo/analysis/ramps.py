@@ -8,7 +8,6 @@ parameters that it changed tell the rest.
 import sys
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator, Sequence
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -185,14 +184,18 @@ class Arrival:
         self, aim: ParameterValue, samples: TunedSamples, begin: int, end: int, stamp: Callable[[int], int]
     ) -> None:
         """Look at the samples of ticks from `begin` to before `end`. `stamp` is that of a tick, ns."""
-        self._stamp, self._aim = stamp, aim
-        part = slice(*np.searchsorted(samples.ticks, [begin, end]))
-        self._ticks, self._values = samples.ticks[part].tolist(), samples.values[part].tolist()
-        goal = _numbers(aim)
-        left = [[there - one for one, there in zip(row, goal, strict=False)] for row in self._values]
-        comes = all(_is_nearer(*pair) for pair in pairwise(left)) and all(len(row) == len(goal) for row in self._values)
-        self._count = next((at for at, row in enumerate(left) if not any(row)), len(left)) if comes else 0
-        self._goal = goal
+        self._stamp, self._aim, self._goal = stamp, aim, _numbers(aim)
+        low, high = np.searchsorted(samples.ticks, [begin, end])
+        rows = samples.values[low:high]
+        # nearly always it was there already, and no more is looked at
+        stands = len(rows) == 0 or rows.shape[1] != len(self._goal) or rows[0].tolist() == self._goal
+        left = np.zeros((0, 0)) if stands else _left(rows, self._goal)
+        self._count = next(iter(np.flatnonzero(~left.any(axis=1)).tolist()), len(left))
+        left = left[: self._count]
+        if not ((np.abs(left[1:]) <= np.abs(left[:-1])) & (left[1:] * left[:-1] >= 0)).all():
+            self._count = 0  # it is excited
+        some = slice(low, low + min(self._count + 1, high - low))  # with the one that is there
+        self._ticks, self._values = samples.ticks[some].tolist(), samples.values[some].tolist()
 
     def at(self, tick: int) -> ParameterValue:
         """Return what it was at a tick."""
@@ -220,9 +223,11 @@ class Arrival:
         return max(0, self._stamp(tick - 1) - self._stamp(begin - 1))
 
 
-def _is_nearer(before: Sequence[float], behind: Sequence[float]) -> bool:
-    """Whether of each number less is left than before, and none went beyond."""
-    return all(abs(b) <= abs(a) and a * b >= 0 for a, b in zip(before, behind, strict=True))
+def _left(rows: NDArray[Any], goal: Sequence[float]) -> NDArray[np.float64]:
+    """How far each is from its goal, 0 only where it is there to the last digit."""
+    there = np.array(goal, rows.dtype)
+    made: NDArray[np.float64] = np.where(rows < there, -1.0, 1.0) * np.abs(rows.astype(float) - there.astype(float))
+    return np.where((rows != there) & (made == 0), np.finfo(float).tiny, made)
 
 
 def between(old: ParameterValue, new: ParameterValue, share: float) -> ParameterValue:

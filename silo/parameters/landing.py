@@ -10,7 +10,7 @@ import itertools
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import msgspec
 import numpy as np
@@ -33,6 +33,15 @@ OVERTAKEN = "the program changed what belongs to it meanwhile: look at it and as
 Part: TypeAlias = tuple[ParameterInfo, slice]  # with the place of its words among those of a change
 
 
+class Course(NamedTuple):
+    """What of a change goes on over many ticks, from its old words to the new ones."""
+
+    infos: tuple[ParameterInfo, ...]
+    selection: slice | NDArray[np.int64]
+    old: NDArray[np.int64]
+    new: NDArray[np.int64]
+
+
 @dataclass(eq=False)
 class WaitingChange:
     """A change on its way. It is over once it `landed`, at `tick`, or was `refused`, in words."""
@@ -51,6 +60,7 @@ class WaitingChange:
     refused: str = ""
     old: NDArray[np.int64] | None = None
     ramp_ns: float = 0.0
+    course: Course | None = None  # of one that goes on, as long as not all of it was set again
     begun_ns: int = 0
     fraction: float = 0.0
     slot: OpenChange | None = None
@@ -60,7 +70,8 @@ class WaitingChange:
     @functools.cached_property
     def parts(self) -> "list[Part]":
         """What it changes."""
-        return _parts(self.infos)
+        ends = list(itertools.accumulate(info.words for info in self.infos))
+        return [(info, slice(end - info.words, end)) for info, end in zip(self.infos, ends, strict=True)]
 
 
 class Landing:
@@ -228,11 +239,15 @@ class Landing:
         change.ramp_ns = _ramp_ns(change) if ramps else 0.0
         if change.ramp_ns:
             change.begun_ns = t
+            change.course = Course(change.infos, change.selection, change.old, change.new)
         else:
             self._words[change.selection] = change.new
         self.revision = next(self._revisions)
         for info in change.infos:
             self.last[info.name] = self.landed[info.group] = change.token
+        for other in self.waiting:
+            if other.course is not None and other is not change:
+                other.course = self._left(other)
         change.tick = n
         change.landed = True
         return not change.ramp_ns
@@ -241,25 +256,35 @@ class Landing:
         """Go a step on the way to the new values, all of a change the same share of it, so that their ratios hold; what
         was set by another one meanwhile stays as that says.
         """
-        assert change.old is not None
-        going = self.going(change)
-        if going and not (self.locked and not change.own and any(info.locked for info, _ in going)):
+        course = change.course
+        if course is not None and not (self.locked and not change.own and any(info.locked for info in course.infos)):
             change.fraction = max(change.fraction, min(1.0, (t - change.begun_ns) / change.ramp_ns))
-            found = np.array(self._words[change.selection])
-            there = between(change.infos, change.old, change.new, change.fraction)
-            for info, part in going:
-                self._words[info.offset : info.offset + info.words] = there[part]
+            is_new = change.record is not self.record and n >= 0  # there was a start, or a cut, meanwhile
+            found = np.array(self._words[course.selection]) if is_new else course.old
+            there = between(course.infos, course.old, course.new, change.fraction)
+            self._words[course.selection] = there  # at once: others read while the loop turns
             self.revision = next(self._revisions)
-            if change.record is not self.record and n >= 0:  # there was a start, or a cut, meanwhile
+            if is_new:
                 self._open(change)
                 if change.slot is not None:
                     # where it is over now, the new run has no other tick of it
-                    change.slot.land(n, _joined(found if change.fraction >= 1.0 else there, going))
+                    change.slot.land(n, (found if change.fraction >= 1.0 else there).tobytes())
             if change.fraction < 1.0:
                 return False
         if change.slot is not None:
             change.slot.end(n)
         return True
+
+    def _left(self, change: WaitingChange) -> Course | None:
+        """What goes on of a change on its way: not what was set again; None for nothing."""
+        going, old = self.going(change), change.old
+        if not going or old is None:
+            return None
+        if change.course is not None and len(going) == len(change.course.infos):
+            return change.course
+        words = np.concatenate([np.arange(part.start, part.stop) for _, part in going])
+        places = np.concatenate([np.arange(info.offset, info.offset + info.words) for info, _ in going])
+        return Course(tuple(info for info, _ in going), places, old[words], change.new[words])
 
     def _excite(self, change: WaitingChange, excited: Excited, n: int, t: int) -> bool:
         """Go where its course has come to by now, and note its end."""
@@ -289,18 +314,16 @@ def between(
     if fraction >= 1.0:
         return new
     found: NDArray[np.int64] = np.array(old)
-    for info, part in _parts(infos):
+    at = 0
+    for info in infos:
+        part = slice(at, at + info.words)
+        at += info.words
         if info.kind is ParameterKind.FLOAT:
             a, b = old[part].view(np.float64), new[part].view(np.float64)
             found[part] = (a + fraction * (b - a)).view(np.int64)
         elif info.kind is ParameterKind.INT:
             found[part] = old[part] + np.rint(fraction * (new[part] - old[part])).astype(np.int64)
     return found
-
-
-def _parts(infos: Sequence[ParameterInfo]) -> list[Part]:
-    ends = list(itertools.accumulate(info.words for info in infos))
-    return [(info, slice(end - info.words, end)) for info, end in zip(infos, ends, strict=True)]
 
 
 def _joined(words: NDArray[np.int64], parts: Sequence[Part]) -> bytes:

@@ -407,6 +407,25 @@ def test_of_what_was_set_together_that_goes_on_which_was_not_set_again(new_logge
     assert [one[0] for one in (*first, *then)] == pytest.approx([one[0] for one in ramps.saw], abs=1e-9)
 
 
+def test_what_goes_on_together_is_written_at_once_for_who_reads_beside_the_loop(new_logger):
+    ramps = Ramps(new_logger(frequency=100, clock=Clock()))
+    landing, written = ramps.logger.parameters.landing, []
+
+    class Noted(np.ndarray):
+        def __setitem__(self, where, what):
+            written.append(len(np.atleast_1d(what)))
+            super().__setitem__(where, what)
+
+    ramps.ticks(1)
+    ask(ramps.logger, {"slow": 0.5, "on": True, "n": 40})
+    ramps.ticks(3)
+    landing._words = landing._words.view(Noted)
+    ramps.ticks(2)
+    ask(ramps.logger, {"n": 3})
+    ramps.ticks(3)
+    assert written == [3, 3, 3, 1, 2, 2]
+
+
 def test_what_a_lock_ends_of_two_that_were_set_together_stays_where_it_came_to(new_logger):
     ramps = Ramps(new_logger(frequency=100, clock=Clock()))
     ask(ramps.logger, {"slow": 5.0, "n": 400})
