@@ -154,10 +154,3 @@ def test_a_word_that_no_name_has_is_looked_for_in_what_the_program_says_of_its_e
     found = filters.parse("jitter")
     rows, none = np.flatnonzero(found.mask(state, np.zeros(len(state), bool))), np.zeros(len(state), bool)
     assert found.by_description(state, none, rows.tolist()) == rows.tolist()
-
-
-def test_a_pattern_without_its_sign_says_which_that_is():
-    assert filters.parse("torque$ LF|^base").problems == (
-        "torque$: a pattern begins with ~: ~torque$", "^base: a pattern begins with ~: ~^base",
-    )  # fmt: skip
-    assert not filters.parse('"torque$" ~torque$').problems

@@ -188,6 +188,13 @@ async def test_brackets_go_from_crossing_to_crossing(monitor):
         await screen.until(lambda: shown.file.time_ns == first, "the one before")
 
 
+async def test_of_two_plots_the_keys_below_say_how_they_become_one(monitor):
+    async with monitor("LF/torque", "RF/torque") as (screen, shown):
+        await screen.until(lambda: " Join" in screen.text.splitlines()[-1])
+        await screen.do("join_plots")
+        await screen.until(lambda: len(shown.stack.panels) == 1 and " Join" not in screen.text.splitlines()[-1])
+
+
 async def test_what_is_no_level_is_said_and_can_be_typed_again(monitor):
     async with monitor("LF/torque") as (screen, _):
         await screen.do("find", "x")

@@ -144,7 +144,6 @@ def test_views_are_listed_by_name_but_for_what_was_on_a_screen(views):
         files.load("walk")
     for name in ("walk", "a" * 80, "Lab 2.1"):
         files.save(files.place(name), WHOLE)
-    files.save(files.last_of("robot"), WHOLE)
     files.save(files.left_by_us("robot"), WHOLE)
     (views / "notes.txt").touch()
     assert files.names() == ["Lab 2.1", "a" * 80, "walk"]
@@ -167,14 +166,20 @@ def test_a_view_that_cant_be_read_or_written_is_told(views):
         files.save(files.place("walk"), WHOLE)
 
 
-def test_what_was_on_a_screen_is_kept_by_logger_and_process(views, monkeypatch):
-    assert files.last_of("robot3/any mal") == views / ".last-robot3_any_mal.yaml"
-    assert files.last_of("r" * 90).name == f".last-{'r' * 80}.yaml"
-    assert files.left_by_us("robot3/any.mal") == views / f".left-robot3_any_mal.{os.getpid()}.yaml"
-    assert files.left_by_us("r" * 90).name == f".left-{'r' * 80}.{os.getpid()}.yaml"
-    views.mkdir(parents=True)
+def test_what_was_on_a_screen_is_kept_by_logger_terminal_and_process(views, monkeypatch):
+    monkeypatch.setattr(os, "ttyname", lambda number: "/dev/pts/7")
+    assert files.left_by_us("robot3/any.mal") == views / f".left-robot3_any_mal.pts_7.{os.getpid()}.yaml"
+    assert files.left_by_us("r" * 90).name == f".left-{'r' * 80}.pts_7.{os.getpid()}.yaml"
     monkeypatch.setattr(files, "lives", lambda pid: pid == 12)
-    for at, name in enumerate(["robot.13", "robot.11", "robot.12", "robot.x", "robots.14"]):
-        (views / f".left-{name}.yaml").touch()
+    names = ["robot.pts_8.13", "robot.none.11", "robot.pts_7.12", "robot.pts_7.x", "robots.pts_7.14"]
+    for at, name in enumerate(names):
+        files.save(views / f".left-{name}.yaml", WHOLE)
         os.utime(views / f".left-{name}.yaml", (100 - at, 100 - at))
-    assert [path.name for path in files.left_behind("robot")] == [".left-robot.11.yaml", ".left-robot.13.yaml"]
+    assert files.left_last("robot").path.name == ".left-robot.pts_8.13.yaml", "the newest of nobody who is there"
+    for at, name in enumerate(["robot.pts_7.21", "robot.pts_7.22"]):
+        files.save(views / f".left-{name}.yaml", WHOLE)
+        os.utime(views / f".left-{name}.yaml", (50 + at, 50 + at))
+    assert files.left_last("robot").path.name == ".left-robot.pts_7.22.yaml", "ours"
+    assert not (views / ".left-robot.pts_7.21.yaml").exists()
+    files.save(views / ".left-robot.pts_7.22.yaml", KeptLayout())
+    assert files.left_last("robot") is None, "this terminal showed nothing at last"

@@ -320,3 +320,12 @@ async def test_one_is_excited_after_a_look_at_how_far_and_how_long_and_any_key_e
 def test_a_line_that_makes_no_sense_says_what_it_should_be(line, words):
     with pytest.raises(ElementError, match=words):
         read_excitation("kp", line)
+
+
+async def test_the_plot_of_a_parameter_says_what_stands_beside_it(fake, opened):
+    async with opened(fake.run(), size=(100, 24)) as screen:
+        await screen.do("mark", "parameters")
+        await screen.shows("above ground")
+        await screen.do("plot_conditions")
+        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "the plots")
+        await screen.shows("with 1 signal marked in the table")

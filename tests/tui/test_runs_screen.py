@@ -127,7 +127,9 @@ async def test_two_marked_runs_are_compared(fake, opened, folder):
         await on_runs(screen, folder)
         await screen.do("compare_runs")
         await screen.shows("two are compared, 1 are marked")
-        await screen.do("mark", "mark", "compare_runs")
+        await screen.do("mark", "mark")
+        await screen.until(lambda: " Compare" in screen.text.splitlines()[-1], "what two marks are for")
+        await screen.do("compare_runs")
         await screen.shows("run1, then run2")
         await screen.shows("1 entry differs")
         assert "/tau" in screen.text and "/log/tau" not in screen.text

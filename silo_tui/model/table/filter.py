@@ -31,7 +31,6 @@ from silo_tui.model.table.terms import OTHER_TERMS, Test, negate
 _TOKEN = re.compile(r'-?~\S+|(?:"[^"]*"?|[^\s"])+')
 _PART = re.compile(r'\|[A-Za-z]+\|(?:>=|<=|!=|>|<|=|:)[^\s|"]*|(?:"[^"]*"?|[^|"])+')
 _TERM = re.compile(r"(\|?[A-Za-z]+\|?)(>=|<=|!=|>|<|=|:)(.*)", re.DOTALL)
-_ANCHORED = re.compile(r"^\^|\$$")  # as no name begins or ends
 _MEASURED_WORDS = ("alarm", *WORDS)
 _FLAGS = ("dirty", "pending", "marked", "conflict", "live", "derived", "off", *_MEASURED_WORDS)
 TERMS = (*(term for column in LIVE_COLUMNS for term in column.terms), *OTHER_TERMS)
@@ -153,8 +152,6 @@ def _word(word: str) -> Test | str | None:
     folded = word.casefold()
     if not quoted and any(char in word for char in "*?["):
         return _by_glob(folded)
-    if not quoted and (_ANCHORED.search(word)):
-        return f"{word}: a pattern begins with ~: ~{word}"
     if "_" in folded:  # as names are typed by heart: LF_KFE is LF/KFE, too
         by_name = _by_name(lambda name: folded in name or folded in name.replace("/", "_"))
     else:

@@ -49,7 +49,7 @@ HEAD = (
     ("BUSY 1.2 of 5 Hz", "this computer is too busy to draw as often as it should; not the link"),
 )  # fmt: skip
 COLUMNS = (
-    ("name in /legs", "all that are shown begin so"), ("▼ legs 412, ►", "a branch of so many, open; folded: ►, as a vector of which no entries are shown"),
+    ("name in /legs", "all that are shown begin so"), ("▼ legs 412, ►", "a branch of so many, or a vector; folded: ►"),
     ("norm", "of a vector, in place of its entries"), ("unit", "of the value; - none"), ("on", "whether it is logged"),
     ("div", "divider: it is logged every so many ticks"), ("act", "action: saved, published, or both"),
     ("buf", "buffer: keeps the newest (loop), the first (fix), or all (grow)"), ("size", "samples that its buffer has"),
@@ -67,7 +67,8 @@ SIGNS = (
 PLOT_SCOPES = ("monitor", "detail", "file_monitor", "file_detail")
 PLOT_SIGNS = (
     *((each, f"below a plot: {name}") for each, name in NAMES.items()),
-    (EVENT_LINE, "where it happened"), (CURSOR_A, "cursor A"), (CURSOR_B, "cursor B"), (SHADE, "a hole, with its reason: stopped, lost, off, full …"),
+    (EVENT_LINE, "where it happened"), (CURSOR_A, "cursor A"), (CURSOR_B, "cursor B"),
+    (SHADE, "a hole, with its reason: stopped, lost, off, full …"),
 )  # fmt: skip
 EVENT_SIGNS = tuple((each, name) for each, name in NAMES.items())
 FILE_SIGNS = (

@@ -96,15 +96,19 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
     def signals_of(self, one: ParameterInfo) -> Sequence[str]:
         return [one.name]
 
-    def beside_of(self) -> Sequence[str]:
-        """What stood in the plots below, else what is marked in the table: what the parameters move."""
+    def beside_of(self) -> tuple[Sequence[str], str]:
+        """What stood in the plots below, else what is marked in the table: what the parameters move; which it is."""
         from silo_tui.screens.plots.monitor import MonitorScreen
 
         plotted = [
             each.element.name for below in self.app.screen_stack if isinstance(below, MonitorScreen)
             for each in below.stack.plots
         ]  # fmt: skip
-        return plotted or [self.session.table.names[row] for row in self.session.rows.targets()]
+        if plotted:
+            return plotted, "of the plots before"
+        rows = self.session.rows
+        which = "marked in the table" if rows.marked_count else "under the cursor of the table"
+        return [self.session.table.names[row] for row in rows.targets()], which
 
     # ------------------------------------------------------------------------------------------------- commands
 
@@ -233,4 +237,7 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
 
     def command_plot_conditions(self) -> None:
         if targets := self.targets():
-            self.plot([*(one.name for one in targets[:2]), *self.beside_of()])
+            beside, which = self.beside_of()
+            self.plot([*(one.name for one in targets[:2]), *beside])
+            if beside:
+                self.context.say(f"with {many(len(beside), 'signal')} {which}")

@@ -171,6 +171,10 @@ class RunsScreen(ListScreen[ListedRun]):
 
     enter = command_open_run
 
+    def mode_keys(self) -> Sequence[tuple[str, str]]:
+        """Return what two marks are for."""
+        return (("compare_runs", "Compare"),) if len(self.marks.keys) == 2 else ()
+
     def command_compare_runs(self) -> None:
         targets = self.targets("no run is here")
         if len(targets) != 2:

@@ -381,7 +381,8 @@ class MonitorScreen(PlotScreen):
             (("pause", "Go on" if self.pause.source is not None else "Hold"),) if self.window.paused and live else ()
         )
         back, _ = self.way_back()
-        return (*paused, ("cursor_left", "Cursor"), ("back", back)) if back else paused
+        joins = (("join_plots", "Join"),) if self.scope.endswith("monitor") and len(self.stack.panels) == 2 else ()
+        return (*paused, ("cursor_left", "Cursor"), ("back", back), *joins) if back else (*paused, *joins)
 
     def way_back(self) -> tuple[str, Callable[[], None]]:
         """Return what Esc leaves, in words for the key bar, and how: B, the cursor, the pause; empty: the screen.
