@@ -203,7 +203,8 @@ def _cursor_words(session: Session) -> str:
         return ""
     element = session.table.elements[rows.row]
     reading = session.live.readings.get(element.name)
-    if session.fresh and (letters := sign_of(session.table, rows.row, reading)):
+    letters = sign_of(session.table, rows.row, reading) if session.fresh else OLD
+    if letters:
         why = NOT_LIVE_TEXTS[reading.why] if reading is not None and reading.why and letters == OLD else ""
         parts.append(f"{letters} {why or MEANINGS[letters]}")
     position = rows.entry or 0

@@ -35,3 +35,9 @@ async def test_a_move_of_the_cursor_looks_at_two_lines_alone(fake, opened):
         table.rows.move_to(3)
         table.show_cursor()
         assert sorted(looked) == [0, 3]
+
+
+async def test_the_sign_that_all_rows_have_without_the_robot_is_told_in_words(fake, opened):
+    async with opened(fake, size=(120, 24)) as screen:
+        fake.cut()
+        await screen.shows("~~ the value is old: no link, the program is dead, or its buffer is full")
