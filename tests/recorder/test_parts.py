@@ -27,6 +27,7 @@ from silo.files.bags.writer import write_bag
 from silo.files.manifest import Ledger, size_of_parts
 from silo.files.mcap.index import indexed_records
 from silo.files.parts.scan import rows_after, scan_part
+from silo.recorder.event_tail import EventTail
 from silo.recorder.layout import layout_of
 from silo.recorder.orders import RecordOrder
 from silo.recorder.requests import StartRecorder
@@ -477,10 +478,13 @@ def test_a_hole_at_the_seam_of_two_parts_is_counted_by_the_one_behind_it(tmp_pat
     writing.put(writing.write, replace(drained, rows=[]))  # what is missing is known, the rows behind it are to come
     writing.put(writing._finish_part, "it lasts 2 s")
     writing.put(writing.write, replace(drained, losses=[]))
+    writing.put(writing._finish_part, "it lasts 2 s")
+    robot.ticks(10)
+    direct.step()
     totals = direct.finish()
     robot.log.close()
-    first, second = (read_bag(path) for path in parts(tmp_path))
-    assert (first.lost, first.warnings) == (0, ())
+    first, second, third = (read_bag(path) for path in parts(tmp_path))
+    assert (first.lost, first.warnings) == (third.lost, third.warnings) == (0, ())
     assert second.lost == totals.lost == sum(one.lost for one in second.elements) > 500
     x = next(one for one in second.elements if one.name == "/log/x")
     begin = second.offset - len(second.time_ns)
@@ -490,6 +494,27 @@ def test_a_hole_at_the_seam_of_two_parts_is_counted_by_the_one_behind_it(tmp_pat
     assert len(metadata(parts(tmp_path)[1], "silo/lost")) == len(drained.losses)
     (run,) = silo.runs(tmp_path)
     assert run.facts.lost == totals.lost
+
+
+def test_a_hole_at_the_end_of_a_run_is_none_of_the_next_one(tmp_path, truth) -> None:
+    robot = truth.robot(tmp_path, size=50)
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(40)
+    direct.step()
+    robot.ticks(500)
+    drained = direct.drain.read(2**20)
+    direct.writing.put(direct.writing.write, replace(drained, rows=[]))
+    robot.start()
+    reader = SegmentReader(robot.log._present.path)
+    direct.drain = RingCursor(reader, layout_of(reader.schema, order(tmp_path).patterns), None)
+    direct.writing.put(direct.writing.begin_run, direct.drain.layout, direct.drain.begun_with, EventTail(reader, 0))
+    robot.ticks(30)
+    direct.step()
+    direct.finish()
+    robot.log.close()
+    *_, last = (read_bag(path) for path in parts(tmp_path))
+    assert (last.lost, last.warnings) == (0, ())
 
 
 def test_a_part_that_was_finished_and_not_renamed_gets_its_name_alone(robot, tmp_path, truth) -> None:
