@@ -42,6 +42,7 @@ class ControlLock:
         self.closed, self.one = closed, one
         self._events, self._replica, self._logger = events, replica, logger
         self._leases: Leases[str, Control] = Leases()  # of one thing: control
+        self._released: dict[str, str] = {}  # by whom it was given up, by the words of who did
 
     @property
     def control(self) -> Control | None:
@@ -77,12 +78,16 @@ class ControlLock:
             mine = before is not None and before.owner == sender.identity
             if before is not None and not mine and (request.renew or not request.force):
                 raise RequestRefusedError(RefusedWhy.CONTROL, self._taken(before, sender))
+            if before is None and request.renew and (who := self._released.get(sender.identity)):
+                text = f"control of {self._logger} was given up by {who}: take it again where you want it"
+                raise RequestRefusedError(RefusedWhy.CONTROL, text)
+            self._released.pop(sender.identity, None)
             self._hold(sender.identity, sender.words, request.lease_s, before if mine else None)
         if not mine:
             self.watch()  # first what ended by itself
             taken = f" from {before.value.who}" if before is not None else ""
             self._tell(f"control taken{taken}", sender.words)
-        ends = f"unless it is renewed, it ends in {duration(request.lease_s)}"  # silo-tui renews, a command doesn't
+        ends = f"it ends in {duration(request.lease_s)} unless it is renewed"  # silo-tui renews, a command doesn't
         return f"you have control of {self._logger} until you release it; {ends}"
 
     def release(self, sender: Sender) -> str:
@@ -94,6 +99,7 @@ class ControlLock:
                 raise RequestRefusedError(RefusedWhy.CONTROL, text)
             if before is not None:
                 self._leases.drop(CONTROL)
+                self._released[sender.identity] = sender.words  # its other programs don't renew it
         if before is None:
             return f"nobody had control of {self._logger}"
         self._tell("control released", sender.words)

@@ -428,7 +428,7 @@ def test_silo_control_takes_tells_and_releases(bench, capsys) -> None:
     assert run(["control", "take", "bot", "--for", "10s"]) == 0
     assert run(["control", "show", "bot"]) == 0
     said = capsys.readouterr().out
-    assert "you have control of bot until you release it; unless it is renewed, it ends in 10 s" in said
+    assert "you have control of bot until you release it; it ends in 10 s unless it is renewed" in said
     assert "has control since" in said
     with Other("bob") as bob:
         with pytest.raises(RefusedError, match="has control"):

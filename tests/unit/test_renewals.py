@@ -3,6 +3,7 @@
 from collections import deque
 
 import msgspec
+import pytest
 
 from silo.client.renewals import ControlLease, Renewals
 from silo.control.authentication import Sender
@@ -10,7 +11,7 @@ from silo.control.requests import TakeControl
 from silo.control.server import CONTROL, ControlLock
 from silo.rpc.declaring import Done
 from silo.rpc.leases import Leases
-from silo.rpc.refusals import Refused, RefusedWhy
+from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError
 
 
 class Answered:
@@ -90,3 +91,22 @@ def test_that_control_ended_by_itself_is_told_before_that_somebody_else_took_it(
     control_lock.release(bob)
     control_lock.watch()
     assert told.texts[3:] == ["control released"]
+
+
+def test_control_that_was_given_up_is_not_taken_again_by_a_renewal_of_the_same_user() -> None:
+    told = Told()
+    control_lock = ControlLock(told, None, "robot")
+    terminal, shell = Sender("anna", "anna from desk1, silo-tui 1"), Sender("anna", "anna from desk1, silo 2")
+    control_lock.take(TakeControl(), terminal)
+    control_lock.take(TakeControl(renew=True), terminal)
+    control_lock.release(shell)
+    with pytest.raises(RequestRefusedError, match="was given up by anna from desk1, silo 2: take it again") as refused:
+        control_lock.take(TakeControl(renew=True), terminal)
+    assert refused.value.why is RefusedWhy.CONTROL
+    assert control_lock.control is None
+    control_lock.take(TakeControl(), terminal)  # by hand
+    assert told.texts == ["control taken", "control released", "control taken"]
+    # a helper process that has just begun knows of nobody, and is told by a renewal
+    after = ControlLock(told, None, "robot")
+    after.take(TakeControl(renew=True), terminal)
+    assert after.control.identity == "anna"
