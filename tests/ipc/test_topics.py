@@ -82,6 +82,30 @@ def test_a_topic_has_each_sample_of_stretches_of_a_few_ticks(bench, client):
     assert topic.missed == 0
 
 
+def test_a_topic_has_the_values_of_its_element_where_others_leave_its_ring(bench, client):
+    bench.logger.start()
+    topic, values = client.topic("q"), []
+
+    def has_read(value):
+        for batch in topic.read():
+            values.extend(batch.values[:, 0].tolist())
+        return bool(values) and values[-1] >= value
+
+    def tick():
+        bench.q[:] = bench.x + 1
+        bench.ticks(1)
+        return has_read(0)
+
+    wait_until(tick)
+    for divider in (2, 1, 3):
+        bench.logger.set("x", divider=divider, cut=True)  # stood before it in each row
+        for _ in range(5):
+            tick()
+        wait_until(lambda: has_read(bench.q[0]))
+    topic.close()
+    assert np.diff(values).tolist() == [1] * (len(values) - 1)
+
+
 def test_topics_and_streams_have_every_run_of_a_burst(bench, client):
     """Episodes of a fast simulation: the helper process sees but some of them as the present one."""
     client.derive("twice", "2 * x")
