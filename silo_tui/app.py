@@ -427,7 +427,7 @@ class SiloApp(Guarded, App[None]):
         from silo_tui.screens.lists.runs import RunsScreen
 
         if self.context.file_over_logger:
-            self._leave_file()
+            self.context.leave_file()
         folder = self.context.session.status.folder if self.context.has_session else ""
         if isinstance(self.screen, RunsScreen):
             self.pop_screen()
@@ -507,15 +507,8 @@ class SiloApp(Guarded, App[None]):
 
     def command_quit(self) -> None:
         if self.context.file_over_logger:
-            self._leave_file()  # what is pending in the logger is asked for there
+            self.context.leave_file()  # what is pending in the logger is asked for there
         self.context.run_flow(flows.leave(self.context), asks_robot=False)
-
-    def _leave_file(self) -> None:
-        from silo_tui.screens.files.file_table import FileTableScreen
-
-        while not isinstance(self.screen_stack[-1], FileTableScreen):
-            self.pop_screen()
-        self.context.leave_file()
 
     def command_quit_now(self) -> None:
         self.context.left()

@@ -124,6 +124,8 @@ class Context:
 
     def leave_file(self) -> None:
         """Go back to the logger, and to the screen from which the file was opened."""
+        while getattr(self.app.screen_stack[-1], "scope", "") != "file":
+            self.app.pop_screen()  # what lies over its table
         self._session, self._behind = self._behind, None
         self.leave_screen()
         self.came_back()

@@ -263,8 +263,6 @@ async def test_a_capture_is_opened_from_the_triggers_as_any_file_is(opened, fake
         await screen.do("events")
         await screen.until(lambda: screen.app.screen.scope == "file_events", "what happened in the file")
         await screen.press("escape", "escape")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "its table")
-        await screen.press("escape")
         await screen.until(lambda: screen.app.screen.scope == "triggers", "the triggers")
         assert screen.session is live
         await screen.shows("legs/LF/HAA/torque > 3")

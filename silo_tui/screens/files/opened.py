@@ -101,6 +101,7 @@ async def _show_plots(
     from silo_tui.screens.plots.monitor import MonitorScreen
 
     monitor = MonitorScreen(opened, names)
+    monitor.came_with_file = True
     if alone:
         monitor.stack.show_panels([tuple(each for each in monitor.stack.plots if each.name in alone)])
     await context.app.push_screen(monitor)

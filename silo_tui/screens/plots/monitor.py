@@ -34,6 +34,7 @@ class MonitorScreen(PlotScreen):
 
     scope = "monitor"
     PARTS = (MomentSearch,)
+    came_with_file = False  # whether one key opened a file and these plots of it: one leaves both
 
     def __init__(self, session: Session, names: Sequence[str], chosen: str = "") -> None:
         super().__init__(session, names, chosen)
@@ -382,6 +383,8 @@ class MonitorScreen(PlotScreen):
         )
         back, _ = self.way_back()
         joins = (("join_plots", "Join"),) if self.scope.endswith("monitor") and len(self.stack.panels) == 2 else ()
+        if self.came_with_file:  # its table was not asked for
+            return (("back", "Back"), ("go_home", "Its table"), *joins)
         return (*paused, ("cursor_left", "Cursor"), ("back", back), *joins) if back else (*paused, *joins)
 
     def way_back(self) -> tuple[str, Callable[[], None]]:
@@ -390,7 +393,7 @@ class MonitorScreen(PlotScreen):
         What one key entered, as a find its pause and its cursor, is left by one.
         """
         if self.file is not None:
-            return "", self.context.leave_screen
+            return "", self.context.leave_file if self.came_with_file else self.context.leave_screen
         if self.window.other_ns is not None:
             return "No B", self.command_cursor_b
         held = self.window.paused and self.pause.possible
