@@ -17,7 +17,7 @@ from silo.analysis.compute.calculus import Floats
 from silo.analysis.plots.events import LogEvent, event_lines, events_of
 from silo.core.arrays.values import from_base, text_of
 from silo.core.quantities.writing import printable, size_text
-from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, alike, stamps_of
+from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, alike, rate_of, stamps_of
 
 if TYPE_CHECKING:
     from silo.analysis.compute.samples import Samples
@@ -95,7 +95,7 @@ def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
         start_ns=int(times[0]) if len(times) else 0,
         duration_s=span,
         ticks=len(times) - recording.early,
-        rate_hz=(len(times) - 1) / span if span > 0 else None,
+        rate_hz=rate_of(times) or None,
         frequency_hz=recording.frequency_hz,
         lost=recording.lost,
         warnings=tuple(recording.warnings),
@@ -110,7 +110,6 @@ def _describe(recording: Recording, element: RecordedElement) -> ElementReport:
     count = element.count
     times = stamps_of(recording, element)
     zero = int(recording.time_ns[0]) if len(recording.time_ns) else 0
-    span = float(times[-1] - times[0]) / 1e9 if count else 0.0
     labels = element.entries[0].entry.labels if element.entries else None
     return alike(
         ElementReport,
@@ -120,7 +119,7 @@ def _describe(recording: Recording, element: RecordedElement) -> ElementReport:
         samples=count,
         start_s=float(times[0] - zero) / 1e9 if count else None,
         end_s=float(times[-1] - zero) / 1e9 if count else None,
-        rate_hz=(count - 1) / span if span > 0 else None,
+        rate_hz=rate_of(times) or None,
         labels=labels or {},
     )
 

@@ -408,6 +408,17 @@ def common_axis(stamps: Iterable[NDArray[np.int64]]) -> NDArray[np.int64]:
     return axis if (times == 1).all() else np.repeat(axis, times)
 
 
+def rate_of(time_ns: NDArray[np.int64]) -> float:
+    """Return the rate of time stamps, Hz, exact where they are; 0 where nothing tells.
+
+    Where a clock begins anew, as in each episode of a simulation, only the steps ahead count.
+    """
+    steps = np.diff(time_ns)
+    ahead = steps[steps >= 0]
+    span_ns = int(ahead.sum())
+    return len(ahead) * 10**9 / span_ns if span_ns else 0.0
+
+
 def ticks_of(time_ns: NDArray[np.int64], element: RecordedElement) -> NDArray[np.int64]:
     """Shape `(count,)`: which of these time stamps, those of the recording, each sample belongs to."""
     if element.own_ns is None:

@@ -25,7 +25,7 @@ from silo.core.elements import MARKER, LoggedEvent
 from silo.core.episodes.words import Episode, said_by
 from silo.core.names import grouped
 from silo.core.quantities.writing import EPOCH_FROM_NS
-from silo.core.recording import Recording, places_of_ticks, read_ahead, samples_of_ticks
+from silo.core.recording import Recording, places_of_ticks, rate_of, read_ahead, samples_of_ticks
 from silo.core.tuning.parameters import ParameterValue
 from silo.errors import SiloError
 from silo.files.added import added_formats
@@ -183,7 +183,7 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
         span_s=span_s,
         ticks=ticks,
         elements=len(recording.elements),
-        rate_hz=_rate(ticks, span_s) or recording.frequency_hz or 0.0,
+        rate_hz=rate_of(stamps) or recording.frequency_hz or 0.0,
         why=recording.why,
         marks=happened[0],
         limits=happened[1],
@@ -212,10 +212,11 @@ def _run_of(events: Iterable[LoggedEvent]) -> str:
     return found[0][0] if found else ""
 
 
-def _rate(ticks: int, span_s: float) -> float:
-    """Return Hz, exact where the stamps are; 0 where nothing tells."""
+def _rate_of_all(files: Sequence[RunFacts], ticks: int, span_s: float) -> float:
+    """Return the rate of files that follow one another, Hz; 0 where nothing tells, as where a clock began anew."""
     span_ns = round(span_s * 1e9)
-    return (ticks - 1) * 10**9 / span_ns if ticks > 1 and span_ns > 0 else 0.0
+    follow = len(files) > 1 and span_ns >= round(sum(one.span_s for one in files) * 1e9)
+    return (ticks - 1) * 10**9 / span_ns if follow and ticks > 1 and span_ns else 0.0
 
 
 def _happened(events: Iterable[LoggedEvent]) -> tuple[int, int, int]:
@@ -386,7 +387,7 @@ def merged(files: Sequence[RunFacts]) -> tuple[RunFacts, tuple[tuple[Piece, ...]
         span_s=span_s,
         ticks=ticks,
         elements=max(one.elements for one in files),
-        rate_hz=_rate(ticks, span_s) or first.rate_hz,
+        rate_hz=_rate_of_all(files, ticks, span_s) or first.rate_hz,
         about={key: value for one in files for key, value in one.about.items()},
         parameters={key: value for one in files for key, value in one.parameters.items()},
         episodes=tuple(episodes),

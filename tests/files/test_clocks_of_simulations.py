@@ -8,6 +8,8 @@ import pytest
 
 import silo
 from silo.analysis.log import Log
+from silo.analysis.reports import report
+from silo.core.elements import LoggedEvent
 from silo.core.recording import Recording, samples_of_ticks
 from tests.stand_ins.saved import element
 
@@ -184,3 +186,20 @@ def test_missing_ticks_of_episodes_have_no_samples_at_a_rate():
     found = Log(made).resample(100)["x"].values
     assert len(found) == 110
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(found)), np.arange(70, 80))
+
+
+def test_rates_of_a_clock_that_begins_anew_are_those_of_its_steps_ahead(logged, tmp_path):
+    log = logged(anew)
+    found = report(log.recording, "run", 0)
+    assert found.rate_hz == pytest.approx(100)
+    assert [one.rate_hz for one in found.elements] == pytest.approx([100, 100 / 3])
+    (run,) = silo.runs(log.path.rpartition("/")[0])
+    assert run.facts.rate_hz == pytest.approx(100)
+
+
+def test_what_has_no_tick_counts_from_the_start_where_stamps_are_of_another_clock():
+    start = 1_700_000_000 * 10**9
+    told = (LoggedEvent("marker", "begin", start - 10**8), LoggedEvent("marker", "push", start + 10**9, 3, 3 * 10**7))
+    stamps = 10**7 * np.arange(5)
+    log = Log(Recording("sim", stamps, 5, [element("n", np.arange(5.0))], started_ns=start, events=told))
+    assert [event.seconds for event in log.events] == pytest.approx([-0.1, 0.03])

@@ -3,7 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from silo.core.elements import LoggedEvent
 from silo.core.episodes.words import Episode, found_episodes
+from silo.core.quantities.writing import EPOCH_FROM_NS
 from silo.core.recording import Recording
 
 MOST_SHOWN = 20
@@ -32,9 +34,18 @@ class LogEvent:
 
 
 def events_of(recording: Recording, start_ns: int) -> list[LogEvent]:
-    """Return what happened, in the order of time; seconds count from `start_ns`."""
+    """Return what happened, in the order of time; seconds count from `start_ns`.
+
+    Of a clock that is not the system's, what has no tick counts from the start by the system's.
+    """
+    own = start_ns < EPOCH_FROM_NS
+
+    def seconds(event: LoggedEvent) -> float:
+        by_system = own and event.at_ns >= EPOCH_FROM_NS
+        return (event.at_ns - (recording.started_ns if by_system else start_ns)) * 1e-9
+
     return [
-        LogEvent(event.tick, event.at_ns, (event.at_ns - start_ns) * 1e-9, event.kind, event.text, event.who)
+        LogEvent(event.tick, event.at_ns, seconds(event), event.kind, event.text, event.who)
         for event in recording.events
     ]
 
