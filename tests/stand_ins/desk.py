@@ -58,6 +58,7 @@ class Desk(Context):
         self.said: list[str] = []
         self.noted: list[str] = []
         self.ended = False
+        self.left_view: Any = None
         self._work: list[Any] = []
         self.answers = list(answers)
         self.screen_stack: list[Any] = []

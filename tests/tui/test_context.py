@@ -174,7 +174,8 @@ def test_a_file_over_a_logger_leaves_it_behind_and_gives_it_back(desk):
     assert not desk.file_over_logger
     desk.show_file(file)
     assert (desk.file_over_logger, desk.session, desk.logger_session) == (True, file, live)
-    desk.screen_stack.append(Sheet())
+    desk.screen_stack += [Sheet(), Sheet()]  # its table, and plots of it
+    desk.screen_stack[-2].scope = "file"
     desk.leave_file()
     assert (desk.file_over_logger, desk.session, desk.logger_session, back) == (False, live, live, [True])
     assert desk.sheet.told == ["table", "status", "view"]

@@ -47,8 +47,9 @@ def made(desk: Desk, finder: Any, *, view: str = "", wish: str = "offered", demo
 
 
 def left(pid: int, layout: KeptLayout) -> Any:
-    """What a process left."""
-    path = files.left_by_us("robot").with_name(f".left-robot.{pid}.yaml")
+    """What a process left that was in the same terminal."""
+    ours = files.left_by_us("robot")
+    path = ours.with_name(ours.name.replace(f".{os.getpid()}.", f".{pid}."))
     files.save(path, layout)
     os.utime(path, (pid, pid))
     return path
@@ -61,14 +62,13 @@ def wishes(opener: Opener, wish: str) -> None:
 # --------------------------------------------------------------------------------------------------- what is kept of it
 
 
-@pytest.mark.parametrize(("wish", "file"), [("offered", files.left_by_us), ("always", files.last_of), ("none", None)])
-def test_what_is_on_the_screen_is_kept_as_is_wished(wish, file, opener, screen):
+@pytest.mark.parametrize(("wish", "is_kept"), [("offered", True), ("always", True), ("off", False)])
+def test_what_is_on_the_screen_is_kept_as_is_wished(wish, is_kept, opener, screen):
     wishes(opener, wish)
     opener.keep_view()
-    paths = [files.left_by_us("robot"), files.last_of("robot")]
-    assert [path for path in paths if path.exists()] == ([file("robot")] if file else [])
-    if file:
-        assert files.load_file(file("robot"))[0] == ONE
+    assert files.left_by_us("robot").exists() == is_kept
+    if is_kept:
+        assert files.load_file(files.left_by_us("robot"))[0] == ONE
 
 
 def test_a_view_is_written_when_it_is_another_one(opener, screen):
@@ -81,15 +81,18 @@ def test_a_view_is_written_when_it_is_another_one(opener, screen):
     assert files.load_file(files.left_by_us("robot"))[0] == TWO
 
 
-def test_for_a_lost_terminal_a_view_like_the_first_one_is_not_kept_but_as_the_last_it_is(opener, screen):
+def test_a_view_like_the_first_one_is_kept_where_there_was_another_or_at_the_end(opener, screen):
+    screen.layout = NOTHING
+    opener.keep_view()
+    assert not files.left_by_us("robot").exists(), "what is offered stays until there is something else"
+    screen.layout = ONE
     opener.keep_view()
     screen.layout = NOTHING
     opener.keep_view()
-    assert not files.left_by_us("robot").exists()
-    wishes(opener, "always")
-    opener._kept = None
-    opener.keep_view()
-    assert files.last_of("robot").exists()
+    assert files.load_file(files.left_by_us("robot"))[0] == NOTHING
+    files.left_by_us("robot").unlink()
+    opener.quit()
+    assert files.left_by_us("robot").exists()
 
 
 @pytest.mark.parametrize("nothing", ["screen", "yet to be shown", "quits"])
@@ -98,6 +101,7 @@ def test_there_is_not_always_something_to_keep(nothing, opener, screen):
         screen.layout = None
     elif nothing == "quits":
         opener.quit()
+        files.left_by_us("robot").unlink()
     else:
         opener._view_is_there = False
     opener.keep_view()
@@ -113,21 +117,12 @@ def test_a_view_that_can_t_be_kept_is_told_of(opener, monkeypatch):
     assert opener.desk.said == ["the disk is full"]
 
 
-def test_a_logger_that_was_left_on_purpose_leaves_nothing_behind(opener):
-    opener.keep_view()
-    others = left(7, TWO)
-    opener.forget_view()
-    assert not files.left_by_us("robot").exists()
-    assert others.exists()
-    opener.keep_view()  # of the next one
-    assert files.left_by_us("robot").exists()
-
-
-def test_who_quits_leaves_nothing_behind_nor_what_was_offered(opener):
-    opener.keep_view()
+def test_who_leaves_a_logger_keeps_its_view_in_place_of_what_was_offered(opener):
     offered, others = left(7, TWO), left(1, TWO)
+    asyncio.run(opener._show_view())
     opener.quit()
-    assert [path.exists() for path in (files.left_by_us("robot"), offered, others)] == [False, False, True]
+    assert files.load_file(files.left_by_us("robot"))[0] == ONE
+    assert [path.exists() for path in (offered, others)] == [False, True]
 
 
 # ----------------------------------------------------------------------------------------------------- what is offered
@@ -137,35 +132,34 @@ def test_who_quits_leaves_nothing_behind_nor_what_was_offered(opener):
     ("view", "wish", "says", "shown"),
     [
         ("walk", "offered", "view walk", [TWO]),
-        ("", "always", "this is what was on the screen 0.", [ONE]),
-        ("", "none", "", []),
+        ("", "always", "this is what was on the screen ", [ONE]),
+        ("", "off", "", []),
         ("gone", "always", "there is no view 'gone'; did you mean", []),
     ],
 )
 def test_what_was_asked_for_or_was_left_last_is_put_on_the_screen(view, wish, says, shown, fake, screen, new_finder):
     files.save(files.place("walk"), TWO)
     files.save(files.place("gone2"), TWO)
-    files.save(files.last_of("robot"), ONE)
+    left(7, ONE)
     opener = made(Desk(fake), new_finder(fake), view=view, wish=wish)
     assert asyncio.run(opener._show_view()).startswith(says)
     assert screen.shown == shown
     if view:  # once
-        wishes(opener, "none")
+        wishes(opener, "off")
         assert asyncio.run(opener._show_view()) == ""
 
 
 def test_what_a_lost_terminal_showed_is_offered_and_what_older_ones_showed_forgotten(opener, screen):
     older, newest, others = left(7, ONE), left(8, TWO), left(1, ONE)
     words = asyncio.run(opener._show_view())
-    assert words.startswith("a terminal was lost ")
-    assert words.endswith(": `:view lost` shows what was on it")
+    assert words.startswith("`:view last` shows what was on the screen ")
     assert [path.exists() for path in (older, newest, others)] == [False, True, True]
     assert screen.shown == []
 
 
 def test_where_nothing_was_left_nothing_is_said(opener, screen):
     assert asyncio.run(opener._show_view()) == ""
-    wishes(opener, "always")
+    wishes(opener, "last")
     assert asyncio.run(opener._show_view()) == ""
 
 

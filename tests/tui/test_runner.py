@@ -1,6 +1,7 @@
 """The `:` line and the commands that need no screen, without one: what they do, and what they say."""
 
 import os
+import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -99,27 +100,15 @@ def test_a_view_that_nobody_has_is_refused_with_those_that_are_near(fake, shown)
         typed(Desk(fake), "view wall")
 
 
-def test_what_lost_terminals_showed_is_opened_once_the_newest_of_it(fake, shown, monkeypatch):
-    monkeypatch.setattr(files, "lives", lambda pid: False)
-    for pid, layout in ((7, PLOTS), (8, ONE)):
-        path = files.left_by_us("robot").with_name(f".left-robot.{pid}.yaml")
-        files.save(path, layout)
-        os.utime(path, (pid, pid))
+def test_what_was_left_is_opened_by_its_name_unless_a_view_has_that(fake, shown):
     desk = Desk(fake)
-    assert typed(desk, "view lost").startswith("this is what was on the screen ")
-    assert shown == [ONE]
-    assert not files.left_behind("robot")
-    with pytest.raises(RefusedError, match="there is no view 'lost'"):
-        typed(desk, "view lost")
-
-
-def test_a_view_that_somebody_called_lost_is_his(fake, shown, monkeypatch):
-    monkeypatch.setattr(files, "lives", lambda pid: False)
-    files.save(files.left_by_us("robot"), ONE)
-    files.save(files.place("lost"), PLOTS)
-    typed(Desk(fake), "view lost")
-    assert shown == [PLOTS]
-    assert files.left_behind("robot")
+    with pytest.raises(RefusedError, match="there is no view 'last'"):
+        typed(desk, "view last")
+    desk.left_view = files.Left(files.left_by_us("robot"), time.time_ns(), ONE, [])
+    assert typed(desk, "view last").startswith("this is what was on the screen ")
+    files.save(files.place("last"), PLOTS)
+    typed(desk, "view last")
+    assert shown == [ONE, PLOTS]
 
 
 def test_a_view_that_is_always_there_is_of_what_the_filter_shows_or_of_all_where_that_is_nothing(fake, shown):
