@@ -47,6 +47,7 @@ class Gate:
         self._moved = asyncio.Event()
         self.free = True  # whether all that was typed is carried out
         self._spelled: tuple[str, str, float] = "", "", 0.0  # what a letter chose, as far as it is typed, and when
+        self._last = self._opener = ""  # the last key, and the one before what was chosen, which opens that again
 
     def keeps(self, typed: Typed) -> bool:
         """Whether what was typed must wait, or is dropped; else it is carried out now."""
@@ -89,7 +90,7 @@ class Gate:
         """Whether it only spells out the word of what one letter chose already: on the screen it would be a command."""
         letter = (typed.character or "") if isinstance(typed, events.Key) else ""
         words, begun, at_s = self._spelled
-        goes_on = letter.isalpha() and typed.time - at_s < IN_ONE_GO_S and bool(begun)
+        goes_on = letter.isalpha() and letter != self._opener and typed.time - at_s < IN_ONE_GO_S and bool(begun)
         on_screen = not isinstance(top, Dialog) and not isinstance(self._app.focused, Input)
         if goes_on and on_screen and re.search(rf"\b{re.escape(begun)}{letter}", words):
             self._spelled = words, begun + letter, typed.time
@@ -97,6 +98,7 @@ class Gate:
             return True
         chosen = top.chosen_by(letter) if letter and isinstance(top, Dialog) else ""
         self._spelled = chosen, letter if chosen else "", typed.time
+        self._opener, self._last = self._last if chosen else "", letter
         return False
 
     async def _go_on(self) -> None:

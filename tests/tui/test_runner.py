@@ -1,6 +1,5 @@
 """The `:` line and the commands that need no screen, without one: what they do, and what they say."""
 
-import os
 import time
 from pathlib import Path
 from types import SimpleNamespace
