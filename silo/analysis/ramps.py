@@ -177,7 +177,7 @@ def _numbers(value: ParameterValue) -> list[float]:
 class Arrival:
     """What a number was on its way to what an image says of it, which knows where it goes, not how far it had come.
 
-    So are those of a log that begins while it is under way: its samples tell, which come nearer one by one.
+    So are those of a log that begins while it is under way. Its samples tell: two at least, which come nearer.
     """
 
     def __init__(
@@ -192,8 +192,12 @@ class Arrival:
         left = np.zeros((0, 0)) if stands else _left(rows, self._goal)
         self._count = next(iter(np.flatnonzero(~left.any(axis=1)).tolist()), len(left))
         left = left[: self._count]
-        if not ((np.abs(left[1:]) <= np.abs(left[:-1])) & (left[1:] * left[:-1] >= 0)).all():
-            self._count = 0  # it is excited
+        sizes = np.abs(left)
+        nearer = ((sizes[1:] <= sizes[:-1]) & (left[1:] * left[:-1] >= 0)).all(axis=1) & (sizes[1:] < sizes[:-1]).any(
+            axis=1
+        )
+        if self._count < 2 or not nearer.all():
+            self._count = 0  # it is excited, or may be
         some = slice(low, low + min(self._count + 1, high - low))  # with the one that is there
         self._ticks, self._values = samples.ticks[some].tolist(), samples.values[some].tolist()
 

@@ -16,6 +16,7 @@ one name means the same of every robot. NaN is NULL, as SQL takes it for larger 
 dates and durations are seconds, dates since 1970.
 """
 
+import re
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -63,6 +64,7 @@ COLUMNS: dict[str, dict[str, str]] = {
 }  # fmt: skip
 T, TIME = "##t", "##time"  # columns that no signal is called like
 _SECONDS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "d": 86400.0}  # in one of each; a date without a time is days
+_NUMBER = re.compile(r"\d+")
 HIVE = ("robot", "date", "run")  # of an archive, by its folders: other readers have a column of each
 _OWN = ("time_ns", "time", "events", *HIVE)  # columns of an archived log that are no signals
 FACTS = tuple(name for name in COLUMNS if name not in ("samples", "wide"))  # those that no log is read for
@@ -164,7 +166,8 @@ class Folders:
             of_elements = grouped((one.element, one.name) for one in run.signals_in(every[run.folder], {}))
             for key, value in run.facts.parameters.items():
                 items = value if isinstance(value, tuple | list) else (value,)
-                names = of_elements.get(key, ())  # as the scalars of its element are called
+                # as the scalars of its element are called, in their order
+                names = sorted(of_elements.get(key, ()), key=lambda one: [int(at) for at in _NUMBER.findall(one)])
                 if len(names) != len(items):
                     names = [f"{key}_{place}" for place in range(len(items))] if len(items) > 1 else [key]
                 for scalar, item in zip(names, items, strict=True):

@@ -51,6 +51,7 @@ def written(tmp_path_factory):
         log.parameter("kp", 10.0 * number, min=0, max=100)
         log.parameter("gains", [[1.0, 2.0], [3.0, number]])
         log.parameter("words", ["wet", "dry"], string_bytes=8)
+        log.parameter("many2", [float(one) for one in range(12)])
         log.start()
         for tick in range(TICKS):
             tau[:] = number * np.sin(tick / 3 + np.arange(3))
@@ -162,6 +163,8 @@ def test_facts_statistics_events_and_parameters_stand_in_tables(drawer):
         (f"gains_{row}_{column}", value, None) for row, column, value in ((0, 0, 1), (0, 1, 2), (1, 0, 3), (1, 1, 2))
     ]
     assert drawer.sql(asked).rows() == [*gains, ("words_0", None, "wet"), ("words_1", None, "dry")]
+    asked = "select value from parameters where run = 'run2.silo' and name = 'many2_' || value::int"
+    assert len(drawer.sql(asked).rows()) == 12
     # stamps are exact, and so is what is reckoned from them
     assert drawer.sql("select count(*) from runs where frequency_hz = 100").item() == RUNS
     assert drawer.sql("select count(*) from about where name = 'task'").item() == RUNS
