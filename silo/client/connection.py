@@ -350,14 +350,18 @@ class Connection:
         return False
 
     def _hand_out_events(self) -> None:
+        for sample in iter(self._next_event, None):
+            event = self._event_of(sample)
+            if event is None:
+                continue
+            if event.status is not None:
+                self._dead = event.status.state is State.DEAD
+            self._call_back(self.event_callbacks, event)
+
+    def _next_event(self) -> zenoh.Sample | None:
         with contextlib.suppress(zenoh.ZError):  # of a session that is closed: `_is_gone` tells
-            while (sample := self._events.try_recv()) is not None:
-                event = self._event_of(sample)
-                if event is None:
-                    continue
-                if event.status is not None:
-                    self._dead = event.status.state is State.DEAD
-                self._call_back(self.event_callbacks, event)
+            return self._events.try_recv()
+        return None
 
     def _event_of(self, sample: zenoh.Sample) -> Event | None:
         try:

@@ -74,6 +74,10 @@ class Journaling:
         if reader is None:
             return
         run = reader.schema.run
+        if self._writer is not None and self._writer.is_gone:
+            self._close()
+            self._replica.durable = run, 0
+            self._tell("somebody deleted the journal: ", way_out="")
         if self._writer is None:
             self._writer = self._begin(reader)
         ticks = self._writer.append(reader)
@@ -107,15 +111,14 @@ class Journaling:
             )
         return writer
 
-    def _tell(self, problem: str) -> None:
+    def _tell(self, problem: str, way_out: str | None = None) -> None:
         if problem == self._told:
             return
         self._told = problem
         durable = self._replica.durable_ticks(self._replica.run)
-        text = (
-            f"{problem}a power cut now loses all after tick {durable}; make room in "
-            f"{self._replica.now.robot.folder}, it is tried again every {RETRY_S:.0f} s; logging goes on"
-        )
+        way_out = f"make room in {self._replica.now.robot.folder}, " if way_out is None else way_out
+        again = f"{way_out}it is tried again every {RETRY_S:.0f} s"
+        text = f"{problem}a power cut now loses all after tick {durable}; {again}; logging goes on"
         log.warning("%s", text)
         self._events.publish(EventKind.DURABLE, text)
 

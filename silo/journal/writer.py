@@ -153,6 +153,13 @@ class JournalWriter:
     def _open(self, name: str, rings: Sequence[RingSchema]) -> _Stream:
         return _Stream(self.path / name, self._disk.create(self.path / name), rings)
 
+    @property
+    def is_gone(self) -> bool:
+        """Whether somebody deleted it, or moved it away: what is written to it then is in no journal."""
+        streams = [stream for stream in (self._loop, self._keep) if stream is not None]
+        there = (self.path / SCHEMA_FILE).exists()
+        return not (there and all(is_at(stream.descriptor, stream.path) for stream in streams))
+
     def append(self, source: SegmentReader) -> int:
         """Write and sync all rows up to the present tick; return the ticks that are durable from now on.
 

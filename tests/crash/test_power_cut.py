@@ -393,6 +393,28 @@ def test_a_program_that_saves_at_its_end_by_itself_leaves_no_journal(durable, tm
     assert silo.open_log(path)["/log/x"].values.tolist() == list(range(50))
 
 
+@pytest.mark.parametrize("what", ["the journal", "a file of it", "the folder"])
+def test_a_journal_that_somebody_deleted_is_told_and_made_anew_with_all_that_the_buffers_hold(
+    durable, tmp_path, until, what
+):
+    with Client.connect("arm") as client:
+        until(lambda: client.status().durable_ticks == 50)
+        (journal,) = journals(tmp_path)
+        if what == "a file of it":
+            next(path for path in journal.iterdir() if path.name != "schema").unlink()
+        else:
+            shutil.rmtree(journal if what == "the journal" else tmp_path)
+        durable.collect()
+        told = until(
+            lambda: (found := [e.text for e in client.events() if e.kind == EventKind.DURABLE.value])[1:] and found
+        )
+        assert told[0].startswith("somebody deleted the journal: a power cut now loses all after tick 0; it is tried")
+        until(lambda: client.status().durable_ticks == 51)
+    (journal,) = until(lambda: [path for path in journals(tmp_path) if is_written(path)])
+    (element,) = JournalReader(journal).snapshot().elements
+    assert element.entries[0].values.tolist()[:50] == list(range(50))
+
+
 def test_the_status_tells_durable_ticks_of_the_present_run_only(durable, until, capsys):
     with Client.connect("arm") as client:
         until(lambda: client.status().durable_ticks == 50)
