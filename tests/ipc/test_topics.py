@@ -82,28 +82,41 @@ def test_a_topic_has_each_sample_of_stretches_of_a_few_ticks(bench, client):
     assert topic.missed == 0
 
 
-def test_a_topic_has_the_values_of_its_element_where_others_leave_its_ring(bench, client):
+def test_topics_have_their_values_where_rings_and_places_in_them_change(bench, client):
     bench.logger.start()
-    topic, values = client.topic("q"), []
+    topics = {name: client.topic(name) for name in ("gait", "mixed", "slow")}
+    values = {name: [] for name in topics}
 
-    def has_read(value):
-        for batch in topic.read():
-            values.extend(batch.values[:, 0].tolist())
-        return bool(values) and values[-1] >= value
+    def read():
+        for name, topic in topics.items():
+            for batch in topic.read():
+                values[name] += batch.values.tolist()
+        return all(values.values())
 
     def tick():
-        bench.q[:] = bench.x + 1
+        number = bench.x.item() + 1
+        bench.gait[...], bench.mixed["a"], bench.mixed["n"] = number % 3, number, number
         bench.ticks(1)
-        return has_read(0)
+        return read()
 
     wait_until(tick)
-    for divider in (2, 1, 3):
-        bench.logger.set("x", divider=divider, cut=True)  # stood before it in each row
-        for _ in range(5):
+    for number in range(14):
+        changed = ({"q": {"enabled": bool(number % 2)}}, {"slow": {"divider": 2 + number % 4}},
+                   {"x": {"divider": 1 + number % 3}})[number % 3]  # fmt: skip
+        for name, options in changed.items():
+            bench.logger.set(name, cut=True, **options)
+        for _ in range(4):
             tick()
-        wait_until(lambda: has_read(bench.q[0]))
-    topic.close()
-    assert np.diff(values).tolist() == [1] * (len(values) - 1)
+    end = int(bench.x.item())
+    wait_until(lambda: read() and values["mixed"][-1][0] >= end)
+    numbers = [number for _, number in values["mixed"]]
+    assert [value for value, _ in values["mixed"]] == numbers
+    assert numbers == list(range(numbers[0], end + 1))
+    assert values["gait"][-len(numbers) :] == [number % 3 for number in numbers]
+    assert set(np.diff(values["slow"])) <= {1.0, 2.0, 3.0, 4.0, 5.0}
+    assert [topic.missed for topic in topics.values()] == [0, 0, 0]
+    for topic in topics.values():
+        topic.close()
 
 
 def test_topics_and_streams_have_every_run_of_a_burst(bench, client):
