@@ -141,7 +141,7 @@ async def test_two_marked_runs_are_compared(fake, opened, folder):
         assert [[one.name for one in panel] for panel in screen.app.screen.stack.panels] == [
             ["/log/tau/run1", "/log/tau/run2"]
         ]
-        assert "Its table" in screen.text.splitlines()[-1]
+        await screen.until(lambda: "Its table" in (screen.text.splitlines() or [""])[-1], "the way to the file")
         await screen.press("escape")
         await screen.until(lambda: screen.app.screen.scope == "comparison")
         await screen.press("slash")
