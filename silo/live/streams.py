@@ -19,7 +19,7 @@ from silo.live.feeds import Feed, Feeds, Round
 from silo.net import keys
 from silo.segment.reader import SegmentReader
 from silo.state.replica import LoggerSnapshot, Replica
-from silo.state.run_follower import Between, is_over
+from silo.state.run_follower import Between, is_next, is_over
 
 MIN_PERIOD_S, MAX_PERIOD_S = 0.01, 10.0
 MAX_FRAME_BYTES = 2**20  # the rest follows at once
@@ -106,7 +106,8 @@ class ServedStream(Feed[OpenStream]):
     def frame(self, this: Round) -> tuple[bytes | None, bool]:
         """Return what came since the last one, encoded: of one run."""
         if this.reader is not None and self._reader is not None and self._reader is not this.reader:
-            self._following = self._following or self._between(self.run, this.reader)
+            if self._following is None or not is_next(self._reader, self._following):
+                self._following = self._between(self.run, this.reader)
             frame, more = self._rest(self._reader, self._following, this.now_s)
             if frame is not None or not more:
                 return frame, more

@@ -20,7 +20,7 @@ from silo.segment.layout import ElementSchema
 from silo.segment.picking import Packer, shaped
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import stored_type
-from silo.state.run_follower import Between, is_over
+from silo.state.run_follower import Between, is_next, is_over
 
 MAX_BATCH_BYTES = 2 * 2**20  # rows read per ring and round
 CHECK_PERIOD_S = 0.25  # how soon a new subscriber is noticed
@@ -134,7 +134,8 @@ class Topics:
         """Send what came since the last call; True if there is more than fits in one round."""
         present = self._present
         if self._reader is not present and self._reader is not None and present is not None and self.wanted():
-            self._following = self._following or self._between(self.reading, present)
+            if self._following is None or not is_next(self._reader, self._following):
+                self._following = self._between(self.reading, present)
             over, more = self._publish_rest(self._reader, self._following, now_s)
             if more or not over:
                 return more

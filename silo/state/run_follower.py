@@ -13,11 +13,18 @@ Between: TypeAlias = Callable[[str, SegmentReader], SegmentReader]
 RELEASE_PERIOD_S = 2.0  # a segment of 16 MB that is followed made the process 14 MB larger within 10 s
 
 
+def is_next(before: SegmentReader, following: SegmentReader) -> bool:
+    """Whether a run began right behind another one: of many short ones those between may not be known yet."""
+    return following.schema.number <= before.schema.number + 1
+
+
 def is_over(before: SegmentReader, following: SegmentReader, waited_s: float) -> bool:
     """Whether a run has all its rows, as far as the one that began behind it tells: of a cut a tick may be under way.
 
     waited_s: since that one is known. Raises SegmentError.
     """
+    if not is_next(before, following) and waited_s <= LAST_TICK_S:
+        return False
     return bool(not before.running or following.ticks or not following.running or waited_s > LAST_TICK_S)
 
 

@@ -1,5 +1,7 @@
 """Who follows the present run: goes over to another one, lets go, and goes on after one that can't be read."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ import silo
 from silo.errors import SegmentError
 from silo.logger.serving.answers import robot_state
 from silo.state.replica import Replica
-from silo.state.run_follower import RunFollower
+from silo.state.run_follower import RunFollower, is_next, is_over
 
 
 class Robot:
@@ -105,3 +107,13 @@ def test_who_follows_derived_signals_goes_over_when_others_are_derived(robot):
     robot.x[...] = np.pi
     robot.log.collect()
     assert plain.run == derived.run
+
+
+def test_a_run_is_not_over_for_its_readers_while_one_right_behind_it_is_not_known_yet():
+    def run(number, ticks=0):
+        return SimpleNamespace(schema=SimpleNamespace(number=number), running=False, ticks=ticks)
+
+    assert [is_next(run(4), run(number)) for number in (5, 6, 0)] == [True, False, True]
+    assert is_over(run(4), run(5), 0.0)
+    assert not is_over(run(4), run(6, ticks=3), 0.0)
+    assert is_over(run(4), run(6), 1.5)  # it never came
