@@ -51,7 +51,17 @@ def _samples(element: RecordedElement, time_ns: NDArray[np.int64], before: int) 
     return TunedSamples(ticks_of(time_ns, element) + before, np.stack([one.values for one in element.entries], axis=-1))
 
 
-class Ramp:
+class _Timed:
+    """What takes its time by the stamps of ticks, ns."""
+
+    _stamp: Callable[[int], int]
+
+    def _done(self, begin: int, tick: int) -> int:
+        """Nanoseconds: the row of a tick has what came of the one before it."""
+        return max(0, self._stamp(tick - 1) - self._stamp(begin - 1))
+
+
+class Ramp(_Timed):
     """The way of one change, for what was not set again since."""
 
     def __init__(
@@ -105,10 +115,6 @@ class Ramp:
         if place == len(self._shares) - 1 and self._shares[place - 1 : place] == [share]:
             return share  # it stopped on its way
         return min(share + pace * self._done(self._ticks[place] if place >= 0 else self._begin, tick), following)
-
-    def _done(self, begin: int, tick: int) -> int:
-        """Nanoseconds: the row of a tick has what came of the one before it."""
-        return max(0, self._stamp(tick - 1) - self._stamp(begin - 1))
 
 
 def _again(name: str, later: Sequence[LoggedEvent]) -> tuple[int, ParameterValue | None]:
@@ -174,7 +180,7 @@ def _numbers(value: ParameterValue) -> list[float]:
     return [one for one in items if not isinstance(one, str | bool)]
 
 
-class Arrival:
+class Arrival(_Timed):
     """What a number was on its way to what an image says of it, which knows where it goes, not how far it had come.
 
     So are those of a log that begins while it is under way. Its samples tell: two at least, which come nearer.
@@ -222,9 +228,6 @@ class Arrival:
         whole = isinstance(self._goal[0], int)
         found = tuple(round(one) if whole else one for one in made)
         return found if isinstance(self._aim, tuple) else found[0]
-
-    def _done(self, begin: int, tick: int) -> int:
-        return max(0, self._stamp(tick - 1) - self._stamp(begin - 1))
 
 
 def _left(rows: NDArray[Any], goal: Sequence[float]) -> NDArray[np.float64]:

@@ -465,7 +465,8 @@ def test_a_hole_in_a_part_that_begins_later_is_counted_at_its_place(tmp_path, tr
     assert x.failures.spans == ((140, 140 + x.lost - 1),)
 
 
-def test_a_hole_at_the_seam_of_two_parts_is_counted_by_the_one_behind_it(tmp_path, truth) -> None:
+def overtaken(tmp_path, truth):
+    """A robot whose recorder has written 40 ticks, and what it reads next: the newest rows, and what is lost before."""
     robot = truth.robot(tmp_path, size=50)
     robot.start()
     direct = truth.direct(robot, order(tmp_path))
@@ -474,6 +475,11 @@ def test_a_hole_at_the_seam_of_two_parts_is_counted_by_the_one_behind_it(tmp_pat
     robot.ticks(500)
     drained = direct.drain.read(2**20)
     assert drained.losses
+    return robot, direct, drained
+
+
+def test_a_hole_at_the_seam_of_two_parts_is_counted_by_the_one_behind_it(tmp_path, truth) -> None:
+    robot, direct, drained = overtaken(tmp_path, truth)
     writing = direct.writing
     writing.put(writing.write, replace(drained, rows=[]))  # what is missing is known, the rows behind it are to come
     writing.put(writing._finish_part, "it lasts 2 s")
@@ -497,13 +503,7 @@ def test_a_hole_at_the_seam_of_two_parts_is_counted_by_the_one_behind_it(tmp_pat
 
 
 def test_a_hole_at_the_end_of_a_run_is_none_of_the_next_one(tmp_path, truth) -> None:
-    robot = truth.robot(tmp_path, size=50)
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
-    robot.ticks(40)
-    direct.step()
-    robot.ticks(500)
-    drained = direct.drain.read(2**20)
+    robot, direct, drained = overtaken(tmp_path, truth)
     direct.writing.put(direct.writing.write, replace(drained, rows=[]))
     robot.start()
     reader = SegmentReader(robot.log._present.path)

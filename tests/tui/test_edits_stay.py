@@ -203,7 +203,7 @@ async def test_a_script_over_pending_edits_says_that_they_stay(fake, opened):
         assert "Kept, whatever is loaded: 1 pending edit in 1 row" in screen.text
         await screen.press("enter")
         await screen.shows("nothing to load; kept: 1 pending")
-        assert "(x takes back those of a row)" in screen.text
+        await screen.shows("(x takes back those of a row)")
 
 
 async def test_edits_that_a_lost_terminal_left_are_offered_at_the_next_start(fake, new_fake, opened):
