@@ -9,17 +9,19 @@ its tick lies may be closed.
 import contextlib
 import os
 import time
+from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
 
-from silo.core.elements import PARAMETER, SEEN_LATE_NS, LoggedEvent
+from silo.core.elements import MARKER, PARAMETER, SEEN_LATE_NS, LoggedEvent
 from silo.core.runtime import open_own, read_own
 from silo.core.tuning.parameters import ParameterChange, ParameterValue
 from silo.errors import SegmentError
-from silo.files.event_log import CRASHED, decoded, event_log_path, older_event_log, read_events
+from silo.files.event_log import CRASHED, decoded, event_log_path, lacking, older_event_log, read_events
 from silo.recovery.left import STOPPED, log_end
+from silo.segment.marks import SLOTS
 from silo.segment.reader import SegmentReader
 
 LAST_WORDS_S = 2.0  # how long what is told of the end of a run may take: the disk of the log may hang
@@ -210,6 +212,7 @@ class EventTail:
         self._done_s = 0.0
         self._seen = 0  # the newest number, of whatever run
         self._before: LoggedEvent | None = None  # the newest line
+        self._marks: deque[LoggedEvent] = deque(maxlen=SLOTS)  # the newest of the run that the log told
         self._parameters = ParameterTail(reader)
 
     def close(self) -> None:
@@ -230,6 +233,8 @@ class EventTail:
         for event in decoded(self._tail.lines(), before=self._before):
             self._before = event
             self._seen = max(self._seen, event.number)
+            if event.run == self._run and event.kind == MARKER:
+                self._marks.append(event)
             if event.run == self._run and event.number >= self._next:
                 self._next = event.number + 1
                 if event.kind == PARAMETER:
@@ -271,18 +276,28 @@ class EventTail:
     def read_last(self, until: int, *, died: bool = False) -> tuple[LoggedEvent, ...]:
         """Return all that is left at the end; waits a while for event `until`, which the log is to have.
 
-        Of a program that is gone, with what its event log is to have of its end, whoever writes it there. It
+        And for the program's newest mark, which reaches the log a little after it was set. Of a program that is gone, with what its event log is to have of its end, whoever writes it there. It
         `died`, too, where the kernel still clears up behind it: from the end of its sockets to that of its process time
         passes.
         """
         found = list(self.read())
         waited_s = time.monotonic()
-        while self._seen < until and time.monotonic() - waited_s < LAST_WORDS_S:
+        while self._seen < until or (not self._is_left(died=died) and self._lacks_mark()):
+            if time.monotonic() - waited_s > LAST_WORDS_S:
+                break
             time.sleep(0.01)  # a file gives no sign
             found += self.read()
         found += map(self._stamped, self._unstamped)
         self._unstamped = []
-        if self._reader.running and (died or not self._reader.alive()):
+        if self._is_left(died=died):
             log_end(self._reader)
             found += map(self._stamped, self._fresh())
         return tuple(found)
+
+    def _is_left(self, *, died: bool) -> bool:
+        return self._reader.running and (died or not self._reader.alive())
+
+    def _lacks_mark(self) -> bool:
+        with contextlib.suppress(SegmentError):  # somebody cut it short, which others tell
+            return bool(lacking(self._reader.marks()[-1:], self._marks))
+        return False

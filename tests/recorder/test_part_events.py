@@ -5,6 +5,7 @@ import itertools
 import os
 import socket
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -24,6 +25,7 @@ from silo.files.event_log import append_events, event_log_path, older_event_log
 from silo.files.parts.scan import rows_after, scan_part
 from silo.files.summaries import opened_file
 from silo.journal.derived_rows import with_derived
+from silo.recorder import event_tail
 from silo.recorder.layout import layout_of, more_derived
 from silo.recorder.orders import Finish, NewConditions, RecordOrder, conditions_file, encode
 from silo.recordings.folder import _times
@@ -70,6 +72,28 @@ def test_a_part_of_nothing_but_events_is_read_as_an_empty_run(robot, tmp_path, t
     assert {name: len(log[name].values) for name in log} == dict.fromkeys(robot.log, 0)
     for ending in (".silo", ".csv", ".mcap", ".parquet"):
         assert run(["convert", str(path), str(tmp_path / f"again{ending}")]) == 0
+
+
+def test_a_mark_right_before_the_end_of_a_run_is_waited_for_until_the_log_has_it(
+    robot, tmp_path, truth, monkeypatch
+) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(20)
+    robot.log.mark("fell")
+    (mark,) = direct.drain.reader.stamped_marks()
+    waits: list[float] = []
+
+    def is_told_later(pause_s: float) -> None:
+        waits.append(pause_s)
+        if len(waits) == 2:
+            append_events(tmp_path, "bot", [msgspec.structs.replace(mark, number=1)])
+
+    monkeypatch.setattr(event_tail, "time", SimpleNamespace(monotonic=lambda: 0.0, sleep=is_told_later))
+    direct.finish()
+    (path,) = parts(tmp_path)
+    assert [(event.text, event.tick) for event in read_bag(path).events] == [("fell", 19)]
+    assert len(waits) == 2
 
 
 def test_a_part_goes_from_its_first_sample_to_its_last_whenever_what_it_tells_of_happened(
