@@ -276,9 +276,9 @@ class EventTail:
     def read_last(self, until: int, *, died: bool = False) -> tuple[LoggedEvent, ...]:
         """Return all that is left at the end; waits a while for event `until`, which the log is to have.
 
-        And for the program's newest mark, which reaches the log a little after it was set. Of a program that is gone, with what its event log is to have of its end, whoever writes it there. It
-        `died`, too, where the kernel still clears up behind it: from the end of its sockets to that of its process time
-        passes.
+        And for the program's newest mark, which reaches the log a little after it was set. Of a program that is gone,
+        with what its event log is to have of its end, whoever writes it there. It `died`, too, where the kernel still
+        clears up behind it: from the end of its sockets to that of its process time passes.
         """
         found = list(self.read())
         waited_s = time.monotonic()

@@ -59,7 +59,11 @@ def happened(bench, kind, run=None):
 
 def captured(bench):
     """The file of the only capture, as soon as it is written."""
-    (event,) = wait_until(lambda: happened(bench, EventKind.CAPTURED))
+    try:
+        (event,) = wait_until(lambda: happened(bench, EventKind.CAPTURED))
+    except AssertionError as error:
+        told = read_events(bench.logger.options.folder, "bot")
+        raise AssertionError("\n".join(f"{one.kind} at {one.tick}: {one.text}" for one in told)) from error
     return event.text.rpartition(": ")[2]
 
 
