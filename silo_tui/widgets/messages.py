@@ -14,7 +14,7 @@ from silo_tui.actions import key_of
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.table.cells import sign_of
 from silo_tui.model.table.columns import NAME, STEADY
-from silo_tui.model.table.facts import MEANINGS, OLD, STATISTICS
+from silo_tui.model.table.facts import FULL, MEANINGS, OLD, STATISTICS
 from silo_tui.model.words import text
 from silo_tui.sessions.live import Session
 from silo_tui.theme import bold
@@ -205,7 +205,7 @@ def _cursor_words(session: Session) -> str:
     reading = session.live.readings.get(element.name)
     letters = sign_of(session.table, rows.row, reading) if session.fresh else OLD
     if letters:
-        why = NOT_LIVE_TEXTS[reading.why] if reading is not None and reading.why and letters == OLD else ""
+        why = NOT_LIVE_TEXTS[reading.why] if reading is not None and reading.why and letters in (OLD, FULL) else ""
         parts.append(f"{letters} {why or MEANINGS[letters]}")
     position = rows.entry or 0
     if reading is not None and (rows.entry is not None or len(element.entries) == 1):

@@ -72,10 +72,12 @@ def test_the_sign_of_a_limit_is_of_the_value_that_stands_beside_it(value, judged
 
 
 @pytest.mark.parametrize(
-    ("why", "letters"), [(NotLive.FULL, "~~"), (NotLive.LIMIT, "~~"), (NotLive.SHORT, ""), (None, "")]
-)
-def test_a_value_that_is_the_last_one_kept_has_a_sign(why, letters):
-    assert cells.sign(sight_of("/t", read(1.5, why=why)), ROW["/t"], 2)[0] == letters
+    ("why", "cell"),
+    [(NotLive.FULL, ("##", "quiet")), (NotLive.LIMIT, ("##", "caution")), (NotLive.OTHER, ("~~", "caution")),
+     (NotLive.SHORT, ("", "")), (None, ("", ""))],
+)  # fmt: skip
+def test_a_value_that_is_the_last_one_kept_has_a_sign_and_warns_where_nobody_asked_for_that(why, cell):
+    assert cells.sign(sight_of("/t", read(1.5, why=why)), ROW["/t"], 2) == cell
 
 
 @pytest.mark.parametrize(

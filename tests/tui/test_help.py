@@ -7,7 +7,7 @@ from rich.cells import cell_len
 from silo.settings.typed import OPTIONS
 from silo_tui.actions import BY_ID, COMMANDS, commands_for
 from silo_tui.model.table.columns import COLUMNS
-from silo_tui.model.table.facts import OLD, SIGNS
+from silo_tui.model.table.facts import FULL, OLD, SIGNS
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.filter import TERMS
 from silo_tui.screens.lists.help import _NUMBER, GAP, column_count, entries, page
@@ -66,7 +66,7 @@ def test_the_words_of_options_and_filter_are_those_of_their_tables():
 def test_every_sign_of_the_table_is_explained():
     signs = [entry for entry in entries("table", everywhere=False) if entry.group == "Signs"]
     explained = {letters: entry.right for entry in signs for letters in entry.left.split()}
-    assert all(explained[letters] for letters in (*(letters for _, letters in SIGNS), OLD))
+    assert all(explained[letters] for letters in (*(letters for _, letters in SIGNS), OLD, FULL))
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import msgspec
 from silo.core.elements import BufferType, ElementInfo, Entry
 from silo.rpc.published import NotLive
 from silo_tui.model.samples.live import LiveValues, Reading, component_text, entry_text, fill_share, value_text
-from silo_tui.model.table.facts import BAD, LIMIT_BITS, OLD, worst, worst_of
+from silo_tui.model.table.facts import BAD, FULL, LIMIT_BITS, OLD, worst, worst_of
 from silo_tui.model.table.fields import Field, word_for
 from silo_tui.model.table.state import Rows, TableState
 from silo_tui.model.words import text
@@ -231,7 +231,8 @@ def sign(sight: Sight, row: int, width: int) -> Cell:
         return OLD, "quiet"
     reading = _reading(sight, row)
     letters = sign_of(sight.table, row, None if isinstance(reading, tuple) else reading)
-    return letters, _style(letters)
+    is_meant = not isinstance(reading, tuple) and letters == FULL and reading.why is NotLive.FULL
+    return letters, "quiet" if is_meant else _style(letters)
 
 
 def sign_of(table: TableState, row: int, reading: Reading | None = None) -> str:
@@ -245,7 +246,8 @@ def sign_of(table: TableState, row: int, reading: Reading | None = None) -> str:
     elif one is not None and reading is not None:
         shown = reading.with_value(0, table.facts.detail(one.name, "value")).newest[0]
         bits = bits & ~_OF_BOUNDS | LIMIT_BITS.get(one.word_of(float(shown)).value, 0)
-    return worst(bits) or (OLD if is_old(reading) else "")
+    is_full = reading is not None and reading.why in (NotLive.FULL, NotLive.LIMIT)
+    return worst(bits) or (FULL if is_full else OLD if is_old(reading) else "")
 
 
 def branch_sign(sight: Sight, rows: Rows) -> Cell:

@@ -23,14 +23,16 @@ SIGNS = (
     (RED_HIGH, "HH"), (RED_LOW, "LL"), (NOT_FINITE, "NN"), (YELLOW_HIGH, "H"), (YELLOW_LOW, "L"), (FROZEN, "=="),
     (SLOW, "<<"), (LOST, "XX"),
 )  # fmt: skip
-OLD = "~~"  # nothing comes, or of one row: its buffer keeps no more
+OLD = "~~"  # nothing comes
+FULL = "##"  # of one row: its buffer keeps no more
 MEANINGS = {
     "HH": "above its red limit", "LL": "below its red limit", "H": "above its yellow limit",
     "L": "below its yellow limit", "NN": "nan or inf among its newest values",
     "==": "frozen: it changes no more, or a limit calls it stale",
     "<<": "slow: fewer samples than its divider asks for",
     "XX": "samples lost: the buffer could not keep them",
-    OLD: "the value is old: no link, the program is dead, or its buffer is full",
+    OLD: "the value is old: no link, the program is dead, or it was switched on later",
+    FULL: "its buffer is full and keeps what it has: this is its last sample",
 }  # fmt: skip
 WORDS = {"nan": NOT_FINITE, "frozen": FROZEN, "slow": SLOW}
 BAD = frozenset({"HH", "LL", "NN", "XX"})
