@@ -16,11 +16,10 @@ from silo.conditions import state_file
 from silo.conditions.captures.writer import CaptureWriter
 from silo.conditions.segment_judge import JudgedStep, SegmentJudge
 from silo.conditions.state_file import JudgeState, KeptCapture, Untold
-from silo.core.runtime import list_held, list_segments
 from silo.errors import SegmentError
 from silo.files.manifest import CaptureList
 from silo.rpc.published import EventKind
-from silo.segment.held_runs import readers
+from silo.segment.held_runs import all_runs
 from silo.state.events import EventNotifier
 
 KEEP_S = 1.0  # how often a state is stored in which only rows are new
@@ -189,7 +188,7 @@ def runs_there(logger: str, folder: str = "") -> set[str]:
     """Return the runs of a logger that are in memory still, or in its folder."""
     found = set()
     with contextlib.suppress(SegmentError):  # no runtime folder: then there is nothing in it either
-        for reader in readers([*list_segments(Path(folder) if folder else None), *list_held()], logger):
+        for reader in all_runs(logger, folder=Path(folder) if folder else None):
             found.add(reader.schema.run)
             reader.close()
     return found

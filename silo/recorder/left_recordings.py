@@ -23,7 +23,7 @@ from silo.recorder.orders import CLOSED
 from silo.recorder.process import RecorderHandover, RecorderProcess, store, stored
 from silo.recovery.left import claimed_file, log_start
 from silo.rpc.published import EventKind
-from silo.segment.held_runs import Program, held_runs, is_live, number_of, readers
+from silo.segment.held_runs import Program, all_runs, is_live, number_of, readers
 from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
 
@@ -97,10 +97,7 @@ def _complete(path: Path, kept: Sequence[RecorderHandover], tell: Tell) -> list[
 
 def _runs_of(program: Program, closing: contextlib.ExitStack) -> list[SegmentReader]:
     """What there is of a logger, oldest first: runs that are held, and the last one."""
-    found = [
-        *held_runs(program.logger, program.logger_id),
-        *readers(list_segments(), program.logger, program.logger_id),
-    ]
+    found = list(all_runs(program.logger, program.logger_id))
     for reader in found:
         closing.callback(reader.close)
     return sorted(found, key=lambda reader: number_of(reader.path))

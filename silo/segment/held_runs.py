@@ -9,6 +9,7 @@ finds a hole, and writes it down as any other.
 """
 
 import contextlib
+import itertools
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -153,6 +154,24 @@ def held_runs(logger: str = "", logger_id: str = "") -> list[SegmentReader]:
     return list(readers(paths, logger, logger_id))
 
 
+def all_runs(logger: str = "", logger_id: str = "", folder: Path | None = None) -> Iterator[SegmentReader]:
+    """Yield readers of all runs, to be closed, each once: those that their programs have, then those that are held.
+
+    In this order, as it is that of their names: what is let go of meanwhile is found among the others.
+    """
+    seen = set[str]()
+    for reader in itertools.chain(readers(list_segments(folder), logger, logger_id), _held_by_now(logger, logger_id)):
+        if reader.schema.run in seen:
+            reader.close()
+        else:
+            seen.add(reader.schema.run)
+            yield reader
+
+
+def _held_by_now(logger: str, logger_id: str) -> Iterator[SegmentReader]:
+    yield from readers(list_held(), logger, logger_id)
+
+
 def is_live(program: Program) -> bool:
     """Whether a logger is still there: its program lives and did not close it.
 
@@ -161,7 +180,7 @@ def is_live(program: Program) -> bool:
     if program.boot_id != boot_id():
         return False
     runs = 0
-    for reader in readers([*list_segments(), *list_held()], program.logger, program.logger_id):
+    for reader in all_runs(program.logger, program.logger_id):
         with contextlib.closing(reader):
             runs += 1
             if reader.path.suffix == SEGMENT_SUFFIX and reader.alive():

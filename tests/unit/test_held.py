@@ -16,6 +16,7 @@ from silo.segment import held_runs as held
 from silo.segment.held_runs import (
     HeldRunsLimit,
     Program,
+    all_runs,
     child_of,
     held_runs,
     hold,
@@ -64,6 +65,31 @@ def test_runs_are_found_oldest_first_and_by_their_logger(held_run) -> None:
     assert ([one.path for one in found], [one.ticks for one in found]) == (paths, [3, 4, 5])
     assert [one.schema.number for one in found] == [1, 2, 3]
     assert held_runs("bot", "another") == held_runs("bo") == []
+
+
+@pytest.mark.parametrize("is_opened", [False, True])
+def test_a_run_that_is_let_go_of_while_somebody_looks_is_found_once(new_logger, monkeypatch, is_opened) -> None:
+    log = new_logger("bot", frequency=1000, max_time=0)
+    log.array("x", 1)
+    log.start()
+    log.collect()
+    log.stop()
+    (path,) = list_segments()
+
+    def listed_and_let_go(folder: Path | None = None) -> list[Path]:
+        paths = list_segments(folder)
+        hold(paths[0])
+        return paths
+
+    if not is_opened:
+        monkeypatch.setattr(held, "list_segments", listed_and_let_go)
+    found = []
+    for reader in all_runs("bot", log.options.id):
+        found.append(reader.path)
+        reader.close()
+        if is_opened:
+            hold(path)
+    assert found == [path if is_opened else held.held_name(path)]
 
 
 def test_a_stub_tells_how_much_there_was_and_has_no_row(held_run) -> None:
