@@ -98,7 +98,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         self._name = client_name()
         self._surveyed = ClientId.drawn()  # what its statistics are called after, whatever becomes of the link
         self._saves = Saves()
-        self._connection = Connection(found, timeout_s, self._name)
+        self._connection = Connection(found, timeout_s, self._name, read_only=read_only)
         self._leases = Renewals(self._connection, lambda: self._name)
         self.on_event(self._saves.note)
         self.on_link(self._saves.note_link)
@@ -261,12 +261,11 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         if self.read_only:
             return READ_ONLY
         while True:
-            mine = self._connection.mine
-            question = msgspec.structs.replace(self._question, id=mine.id, proof=mine.proof)
+            asked = told
             try:
-                reply = self._connection.exchange(question, self._timeout_s, as_change=True)
+                reply = self._connection.exchange(self._question, self._timeout_s, as_change=True)
             except NoAnswerError:  # access control swallows what isn't allowed: no answer on this key is the answer
-                asked, told = told, self._call(self._question)
+                told = self._call(self._question)
                 if told.status.helper_pid == asked.status.helper_pid:  # else it had ended, and the next one is asked
                     return told.why_not or viewer_words(self._connection.user, self._connection.root.address)
             else:

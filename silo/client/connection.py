@@ -24,7 +24,7 @@ from silo.core.elements import State
 from silo.core.runtime import process_start
 from silo.decoding import msgpack_decoder
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
-from silo.fleet.exchange import NoAnswerError, exchange, root_at
+from silo.fleet.exchange import NoAnswerError, exchange, introduce, root_at
 from silo.fleet.many import Pending
 from silo.fleet.near import seen_now
 from silo.fleet.resolving import namesakes
@@ -71,10 +71,10 @@ class Attachable(Protocol):
 class Connection:
     """A watched session to one logger."""
 
-    def __init__(self, found: LoggerAddress, timeout_s: float, who: str) -> None:
+    def __init__(self, found: LoggerAddress, timeout_s: float, who: str, *, read_only: bool = False) -> None:
         """Connects. Raises ConnectionLostError, VersionError."""
         self.found = found
-        self._who = who
+        self._who, self._read_only = who, read_only
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._attached: set[Attachable] = set()
@@ -136,6 +136,7 @@ class Connection:
                 reply = checked(question, exchange(borrowed, root, question, timeout_s, label))
             except RefusedError as refused:  # who connects waits for a logger, and has asked it for nothing yet
                 raise ConnectionLostError(f"{label} can't say who it is: {refused}") from refused
+            introduce(borrowed, root, question, timeout_s, may_change=not self._read_only)
             self._clock.learn(reply.clock_s)
             dead = reply.status.state is State.DEAD
             # with history, as the end of a token that was there before goes untold without

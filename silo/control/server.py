@@ -119,7 +119,7 @@ class ControlLock:
                 others = ", ".join(sorted(names)) or "nobody"
                 text = (
                     f"no operator '{plain(to)}' is connected to {self._logger} (there: {others}): who is to "
-                    "have control opens silo-tui first; nothing was changed"
+                    "have control connects first (silo-tui, silo watch); nothing was changed"
                 )
                 raise RequestRefusedError(RefusedWhy.NOT_FOUND, text)
             self._hold(identity, known[identity].who, GIVEN_S)

@@ -23,7 +23,7 @@ from silo.rpc.declaring import Do, GoesOn, Reply, ReplyT, Request, reply_type
 from silo.rpc.foreign import NOT_UNDERSTOOD
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, checked
 from silo.rpc.versions import PROTOCOL, robot_problem
-from silo.state.requests import HelloReply
+from silo.state.requests import Hello, HelloReply
 
 
 class _Peer(msgspec.Struct):
@@ -117,6 +117,23 @@ def payload_of(reply: zenoh.Reply, key: str) -> bytes | None:
     """Return what a reply says if it is under the very key that was asked: rules keep all but its robot from that."""
     answer = reply.ok
     return answer.payload.to_bytes() if answer is not None and str(answer.key_expr) == key else None
+
+
+def introduce(mine: SessionLease, root: keys.Root, hello: Hello, timeout_s: float, *, may_change: bool) -> None:
+    """Say who is there under this user's own keys, to which rules admit nobody else: what is asked says no name that
+    holds. Whom rules keep from changing anything is known by name alone. Raises ConnectionLostError.
+    """
+    mine_alone = [root.do(mine.user)] if may_change else []
+    if mine.config:
+        mine_alone.append(root.key("refused", keys.user_part(mine.user)))
+    payload, within_s = encoded(hello), timeout_s + mine.slack_s
+    try:
+        said = [mine.session.get(key, payload=payload, timeout=within_s, attachment=mine.proof) for key in mine_alone]
+    except zenoh.ZError as error:
+        raise ConnectionLostError(f"lost the connection to {root.address}: {error}") from error
+    for replies in said:
+        for _ in replies:  # to its end, whatever the answer: then it is known who is there
+            pass
 
 
 # Zenoh's end of an answer may overtake the answer, or come while a router still learns who is there (zenoh issues 1734,

@@ -194,7 +194,7 @@ class RequestThreads:
         if len(payload) <= MOST_REFUSED_BYTES:
             with contextlib.suppress(RequestRefusedError):
                 request = decode_do(payload)
-        who = plain(request.client) if isinstance(request, Do) else ""
+        who = plain(request.client) if request is not None else ""
 
         def answer() -> Answer:
             with self._denying(request, self._authentication.name_of(key, who)):
@@ -205,14 +205,20 @@ class RequestThreads:
 
     @contextlib.contextmanager
     def _denying(self, request: Request[Any] | None, who: str) -> Iterator[None]:
-        """Note a change that was not allowed; a hello only asks whether one would be let in."""
+        """Note a change that was not allowed; who only says hello is known by name."""
         try:
             yield
         except RequestRefusedError as refused:
             if isinstance(request, Do) and refused.why in (RefusedWhy.FORBIDDEN, RefusedWhy.CONTROL):
                 why = "somebody else has control" if refused.why is RefusedWhy.CONTROL else "no role for it"
                 self._denials.note(f"change denied: {type(request).__name__} ({why})", plain(who))
+            elif isinstance(request, Hello) and refused.why is RefusedWhy.FORBIDDEN:
+                self._meet(request, who)
             raise
+
+    def _meet(self, hello: Hello, who: str, identity: str = "") -> None:
+        if hello.id and may_use(hello.id, hello.proof):
+            self._know(plain(hello.id), who, identity)
 
     def _wait(self, query: zenoh.Query, request: Request[Any], key: str, size_bytes: int) -> None:
         one, lane = Waiting(query, request, key, size_bytes, _until_s(request)), request.lane
@@ -239,8 +245,7 @@ class RequestThreads:
         with self._denying(request, self._authentication.name_of(key, who)):
             sender = self._authentication.sender(key, attachment_of(one.query), who)
         if isinstance(request, Hello):
-            if request.id and may_use(request.id, request.proof):
-                self._know(plain(request.id), sender.words, sender.identity)
+            self._meet(request, sender.words, sender.identity)
             return self._servers.reply(msgspec.structs.replace(request, id=""))
         one.by = sender.words
         with self._denying(request, sender.words):

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from silo.core.elements import Problem, State
+from silo.net.access.senders import local_words
 from silo.net.keys import may_use
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, Request, request_of
@@ -58,7 +59,7 @@ class StateServer(Server, does=[requests]):
 
     def hello(self, request: requests.Hello) -> requests.HelloReply:
         if request.id and may_use(request.id, request.proof):
-            self.outside.name_client(plain(request.id), plain(request.client))
+            self.outside.name_client(plain(request.id), local_words(plain(request.client)))
         # a client that gets this from the key `do` too may edit
         status, closed = self.replica.status(), self.outside.closed()
         return requests.HelloReply(PROTOCOL, VERSION, self.replica.user, True, status, OLDEST, closed, clock_s())

@@ -17,6 +17,7 @@ from silo.cli.codes import EXIT_NO_LOGGER, EXIT_USAGE
 from silo.cli.group import cli
 from silo.cli.main import run
 from silo.cli.network.authority import Made, make_network, robot_of, role_of
+from silo.client.client import Client
 from silo.errors import RefusedError, SiloError
 from silo.fleet.examining import examine
 from silo.net.access.probing import Layer, LayerError, endpoint_of, reach
@@ -34,6 +35,7 @@ from silo.net.configuration import (
 from silo.net.session import open_client, open_router
 from silo.rpc.versions import PROTOCOL
 from tests.thin_net import free_port
+from tests.waiting import wait_until
 
 CONFIG = Path(__file__).parents[2] / "config"
 
@@ -294,6 +296,22 @@ def test_who_was_handed_a_file_is_in_with_the_role_that_init_gave(network) -> No
         assert client._hello().may_edit
         assert client.start().state.value == "running"
         client.stop()
+
+
+@pytest.mark.slow
+def test_who_is_connected_is_told_by_the_name_that_is_proven_whatever_the_role(network) -> None:
+    alice, bob = (str(network.made.clients[name]) for name in ("alice", "bob"))
+
+    def there(client: Client) -> list[tuple[str, str]]:
+        return sorted((one.who.partition(" from ")[0], one.identity) for one in client.status().clients)
+
+    with silo.connect("walker", config=alice) as operator, silo.connect("walker", config=bob) as viewer:
+        expected = [("alice (proven)", "alice"), ("bob (proven)", "")]
+        assert wait_until(lambda: there(viewer) == expected), there(viewer)
+        with silo.connect("walker", config=alice) as other:
+            other.take_control()
+            assert "alice (proven)" in other.give_control("alice")
+            operator.release_control()
 
 
 @pytest.mark.slow

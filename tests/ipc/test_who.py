@@ -4,6 +4,7 @@ import grp
 import json
 import os
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -321,8 +322,8 @@ class Other:
     """Another user of the same computer, as far as names go."""
 
     def __init__(self, name: str) -> None:
-        self.client = Client.connect("bot")
-        self.client._name = f"{name}@robot3 silo-tui 1"
+        with mock.patch("silo.client.client.client_name", lambda: f"{name}@robot3 silo-tui 1"):
+            self.client = Client.connect("bot")
 
     def __enter__(self) -> Client:
         return self.client
@@ -370,7 +371,6 @@ def test_control_is_handed_over_to_an_operator_who_is_connected(bench) -> None:
         anna.take_control()
         with pytest.raises(RefusedError, match="no operator 'carol' is connected"):
             anna.give_control("carol")
-        bob._hello()
         wait_until(lambda: "@local bob" in {one.identity for one in anna.status().clients})
         anna.give_control("bob")
         assert bob.status().control.identity == "@local bob"
@@ -417,11 +417,16 @@ def test_the_program_itself_needs_no_control(bench) -> None:
 
 def test_the_status_tells_who_is_connected(bench) -> None:
     with Other("anna") as anna:
-        anna._hello()
         (found,) = wait_until(lambda: anna.status().clients)
         assert (found.who, found.identity) == ("anna@robot3 silo-tui 1", "@local anna")
     with Other("bob") as bob:
         wait_until(lambda: [one for one in bob.status().clients if one.identity == "@local anna"] == [])
+
+
+def test_who_only_looks_is_given_no_control(bench) -> None:
+    with Other("anna") as anna, silo.connect("bot", read_only=True):
+        wait_until(lambda: len(anna.status().clients) == 2)
+        assert sorted(one.identity for one in anna.status().clients) == ["", "@local anna"]
 
 
 def test_silo_control_takes_tells_and_releases(bench, capsys) -> None:
