@@ -140,7 +140,7 @@ def _set(
 
     status, table = client.status(), client.table()
     _refuse_derived(table, patterns)
-    _refuse_entries(table, patterns, status.logger)
+    _refuse_entries(table, patterns, client.found.label)
     places = select([element.name for element in table.elements], patterns, status.prefix)
     chosen = [table.elements[place] for place in places]
     options = apply_settings(settings, [(element.name, element.options) for element in chosen], status.frequency_hz)
@@ -161,7 +161,7 @@ def _set(
         tell_viewers(client)
         if not restart:
             raise RefusedError(
-                f"logger '{status.logger}' is running: `silo stop {status.logger}` first, or add --restart "
+                f"logger '{status.logger}' is running: `silo stop {client.found.label}` first, or add --restart "
                 "(its buffers are cleared by a start: `silo save` before), or --cut (it goes on as changed); "
                 "nothing was changed"
             )

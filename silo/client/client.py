@@ -474,7 +474,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
 
         text("element", element, "client.topic('/log/joints/q')")
         name = full_name(element, self.status(), self.table())
-        topic = Topic(name, on_close, lambda: why_silent(name, self.status(), self.table()))
+        topic = Topic(name, on_close, lambda: why_silent(name, self.found.label, self.status(), self.table()))
         self._connection.attach(topic)
         return topic
 

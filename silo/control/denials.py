@@ -28,7 +28,7 @@ class _Kind:
 
 
 class Denials:
-    """Counts what was denied, and tells it by `tell(text, who)` where there is one. Any thread may note."""
+    """Counts what was denied, and tells it by `tell(text, who)`, else on the console. Any thread may note."""
 
     def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
         self.tell: Callable[[str, str], object] | None = None
@@ -91,6 +91,7 @@ class Denials:
         self._minutes = {minute: count for minute, count in self._minutes.items() if minute > oldest}
 
     def _say(self, text: str, who: str) -> None:
-        log.warning("%s, by %s", text, who)
         if self.tell is not None:
             self.tell(text, who)
+        else:
+            log.warning("%s, by %s", text, who)

@@ -13,7 +13,8 @@ from silo.control import requests
 from silo.control.requests import LONGEST_LEASE_S, TakeControl
 from silo.core.elements import Control
 from silo.core.quantities.writing import duration
-from silo.net.access.senders import name_of
+from silo.net.access.senders import came_by_network, name_of
+from silo.net.keys import Root
 from silo.rpc.declaring import Do, Request
 from silo.rpc.leases import Lease, Leases
 from silo.rpc.published import EventKind
@@ -33,14 +34,18 @@ class ControlLock:
         self,
         events: EventNotifier,
         replica: Replica,
-        logger: str,
+        root: Root,
+        label: str,
         *,
         one: bool = False,
         closed: Callable[[], str] = str,
     ) -> None:
-        """`one`: nothing is changed but by who has control; `closed` tells why nothing is from the network, if so."""
+        """`label` means the logger among those of this computer. `one`: nothing is changed but by who has control;
+        `closed` tells why nothing is from the network, if so.
+        """
         self.closed, self.one = closed, one
-        self._events, self._replica, self._logger = events, replica, logger
+        self._events, self._replica, self._logger = events, replica, root.logger
+        self._root, self._label = root, label
         self._leases: Leases[str, Control] = Leases()  # of one thing: control
         self._released: dict[str, str] = {}  # by whom it was given up, by the words of who did
 
@@ -62,7 +67,7 @@ class ControlLock:
         if lease is None and self.one:
             text = (
                 f'changes of {self._logger} need control (the program says so: log.serve(control="one")), and nobody '
-                f"has it: `silo control take {self._logger}`; nothing was changed"
+                f"has it: `silo control take {self._meant(sender)}`; nothing was changed"
             )
             raise RequestRefusedError(RefusedWhy.CONTROL, text)
         if lease is not None and lease.owner != sender.identity:
@@ -138,14 +143,18 @@ class ControlLock:
     def _tell(self, text: str, by: str) -> None:
         self._events.publish(EventKind.CONTROL, text, by=by)
 
+    def _meant(self, sender: Sender) -> str:
+        """Return what means this logger and no other where its sender types it."""
+        return self._root.address if came_by_network(sender.words) else self._label
+
     def _taken(self, lease: Lease[str, Control], sender: Sender) -> str:
         who, logger = lease.value.who, self._logger
         since = duration(max(0.0, (time.time_ns() - lease.value.since_ns) / 1e9))
         left = duration(max(0.0, lease.ends_s - time.monotonic()))
         return (
-            f"{who} has control of {logger} since {since}: ask for it (`silo control give {logger} "
+            f"{who} has control of {logger} since {since}: ask for it (`silo control give {self._root.address} "
             f"{name_of(sender.identity)}` over there), wait (without a renewal it ends in {left}), or take it, which "
-            f"everybody is told: `silo control take {logger} --force`; nothing was changed"
+            f"everybody is told: `silo control take {self._meant(sender)} --force`; nothing was changed"
         )
 
 

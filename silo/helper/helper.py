@@ -41,7 +41,7 @@ from silo.net.access.logins import asks_for_passwords, watch_logins
 from silo.net.configuration import robot_named
 from silo.net.folders import group_folder, share_socket
 from silo.net.keys import Root
-from silo.net.session import Beside, close, forget, open_server
+from silo.net.session import SOCKET_SUFFIX, Beside, close, forget, open_server
 from silo.recorder.requests import StartRecorder, StopRecorder
 from silo.recorder.server import EndlessRecordings
 from silo.recordings.requests import Save, SaveStarted
@@ -141,7 +141,10 @@ class Helper:
 
     def _authority(self, path: Path, replica: Replica, events: EventNotifier) -> tuple[Authentication, ControlLock]:
         one, authentication = self._serving.control == "one", self._authentication(path)
-        control_lock = ControlLock(events, replica, self._name, one=one, closed=lambda: authentication.closed)
+        control_lock = ControlLock(
+            events, replica, self._root, path.name.removesuffix(SOCKET_SUFFIX), one=one,
+            closed=lambda: authentication.closed,
+        )  # fmt: skip
         replica.control = lambda: (control_lock.control, control_lock.one)
         replica.denied = lambda: self._denials.count
         self._denials.tell = lambda text, who: events.publish(EventKind.DENIED, text, by=who)

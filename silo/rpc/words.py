@@ -22,8 +22,8 @@ def full_name(name: str, status: Status, table: Table) -> str:
     return whole
 
 
-def why_silent(name: str, status: Status, table: Table) -> str:
-    """Why no sample of an element comes and none will; empty where one may.
+def why_silent(name: str, label: str, status: Status, table: Table) -> str:
+    """Why no sample of an element of the logger that `label` means comes and none will; empty where one may.
 
     Raises ConnectionLostError where the robot program is dead.
     """
@@ -33,7 +33,7 @@ def why_silent(name: str, status: Status, table: Table) -> str:
     if not info.options.enabled or not info.options.action.publishes:
         off = "is off" if not info.options.enabled else "is saved but not published"
         return (
-            f"'{name}' {off}, so nothing comes: stop the logger, `silo set {status.logger} {name} on action=both`, "
+            f"'{name}' {off}, so nothing comes: stop the logger, `silo set {label} {name} on action=both`, "
             "and start it again"
         )
     if status.state is State.DEAD:

@@ -238,7 +238,7 @@ class EventNotifier:
             event = msgspec.structs.replace(event, number=logged)
         elif kind is not EventKind.SAVING:  # only news; how it ends is logged
             event = self.log.add(event)
-        if came_by_network(by) and kind not in _QUIET:
+        if (came_by_network(by) or kind is EventKind.DENIED) and kind not in _QUIET:
             # whoever sits before the robot wants to know why it does what nobody there asked for
             log.warning("%s: %s, by %s", self._replica.now.robot.logger, text, plain(by))
         self._put(event, by=plain(by), status=status, job=job, progress=progress, files=list(files))

@@ -225,7 +225,7 @@ class Bench:
             self.robot,
             judge,
             self.recording,
-            ControlLock(events, self.replica, "fuzz"),
+            ControlLock(events, self.replica, root, "fuzz"),
         )
         self.frames = self.session.declare_subscriber(root.key("view", "*"), lambda _: None)
         self.publisher.start()

@@ -3,6 +3,7 @@
 import grp
 import json
 import os
+import re
 from pathlib import Path
 from unittest import mock
 
@@ -343,6 +344,15 @@ def test_who_has_control_alone_changes_things_and_the_refusal_says_who_since_whe
         assert bob.stop().control is None
 
 
+def test_a_refusal_names_commands_that_mean_this_logger_where_others_have_its_name(bench) -> None:
+    with Other("anna") as anna, Other("bob") as bob:
+        anna.take_control()
+        with pytest.raises(RefusedError) as caught:
+            bob.start()
+        commands = re.findall(r"`silo control (\w+) (\S+)", str(caught.value))
+        assert commands == [("give", bob.found.root.address), ("take", bob.found.label)]
+
+
 def test_marks_need_no_control(bench) -> None:
     with Other("anna") as anna, Other("bob") as bob:
         anna.start()
@@ -402,7 +412,7 @@ def test_a_logger_may_want_one_operator_before_anything_is_changed(bench) -> Non
     bench.serving = bench.logger.serve(control="one")
     with Other("anna") as anna:
         assert anna.status().one_operator
-        with pytest.raises(RefusedError, match=r"need control .*`silo control take bot`"):
+        with pytest.raises(RefusedError, match=rf"need control .*`silo control take {anna.found.label}`"):
             anna.start()
         anna.take_control()
         assert anna.start().state.value == "running"

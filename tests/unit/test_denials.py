@@ -40,6 +40,14 @@ def test_the_first_is_told_at_once_and_a_flood_in_ever_fewer_lines() -> None:
     assert made.count in range(3540, 3601)
 
 
+def test_the_console_is_told_once_by_whoever_tells_it(caplog) -> None:
+    made, _, told = denials()
+    made.note("login refused", "somebody at 10.0.0.7")
+    assert (len(told), caplog.messages) == (1, [])
+    Denials().note("login refused", "somebody at 10.0.0.7")
+    assert caplog.messages == ["login refused, by somebody at 10.0.0.7"]
+
+
 def test_what_ended_is_told_at_once_when_it_begins_again() -> None:
     made, clock, told = denials()
     for _ in range(2):

@@ -9,6 +9,7 @@ from silo.client.renewals import ControlLease, Renewals
 from silo.control.authentication import Sender
 from silo.control.requests import TakeControl
 from silo.control.server import CONTROL, ControlLock
+from silo.net.keys import Root
 from silo.rpc.declaring import Done
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError
@@ -76,7 +77,7 @@ class Told:
 
 def test_that_control_ended_by_itself_is_told_before_that_somebody_else_took_it() -> None:
     clock, told = [0.0], Told()
-    control_lock = ControlLock(told, None, "robot")
+    control_lock = ControlLock(told, None, Root("here", "robot"), "robot.1")
     control_lock._leases = Leases(clock=lambda: clock[0])
     anna, bob = Sender("anna", "anna from desk1"), Sender("bob", "bob from desk2")
     control_lock.take(TakeControl(lease_s=2.0), anna)
@@ -95,7 +96,7 @@ def test_that_control_ended_by_itself_is_told_before_that_somebody_else_took_it(
 
 def test_control_that_was_given_up_is_not_taken_again_by_a_renewal_of_the_same_user() -> None:
     told = Told()
-    control_lock = ControlLock(told, None, "robot")
+    control_lock = ControlLock(told, None, Root("here", "robot"), "robot.1")
     terminal, shell = Sender("anna", "anna from desk1, silo-tui 1"), Sender("anna", "anna from desk1, silo 2")
     control_lock.take(TakeControl(), terminal)
     control_lock.take(TakeControl(renew=True), terminal)
@@ -107,6 +108,6 @@ def test_control_that_was_given_up_is_not_taken_again_by_a_renewal_of_the_same_u
     control_lock.take(TakeControl(), terminal)  # by hand
     assert told.texts == ["control taken", "control released", "control taken"]
     # a helper process that has just begun knows of nobody, and is told by a renewal
-    after = ControlLock(told, None, "robot")
+    after = ControlLock(told, None, Root("here", "robot"), "robot.1")
     after.take(TakeControl(renew=True), terminal)
     assert after.control.identity == "anna"

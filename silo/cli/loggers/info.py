@@ -51,7 +51,7 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
         raise click.UsageError(f"one file at a time: silo info {words[0]}; of its signals `silo stats FILE NAME`")
     logger, patterns = split_logger(words)
     with _telling_what_was_left(logger), connect(logger) as client:
-        status = client.status()
+        status, label = client.status(), client.found.label
         table = client.table() if patterns or all_elements or as_json else None
         elements = [*table.elements, *table.derived] if table is not None else []
     if patterns:
@@ -65,7 +65,7 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
         show_json({"status": status, "elements": elements})
         return
     if not patterns:
-        _show_status(status)
+        _show_status(status, label)
     if elements:
         _show_elements(elements)
 
@@ -90,7 +90,7 @@ def _telling_what_was_left(logger: str | None) -> Iterator[None]:
         raise ConnectionLostError("\n".join([str(error), *left])) from error
 
 
-def _show_status(status: "Status") -> None:
+def _show_status(status: "Status", label: str) -> None:
     since, most, ticks = logged_for(status), status.held_bytes_most, status.durable_ticks
     failed = ", ".join(f"{name} at {many(count, 'tick')}" for name, count in status.failed_most.items())
     unheld = ", ".join(f"{name} (seen at tick {tick})" for name, tick in status.unheld.items())
@@ -100,7 +100,7 @@ def _show_status(status: "Status") -> None:
     logged = f"{many(status.run_ticks, 'tick')}{f' in {since}' if since != '-' else ''}"
     logged += f", not saved ({_held(status)})" if status.run_ticks and not status.saved else ""
     elements = f"{status.enabled} of {status.elements} are logged, {status.entries} values per tick at most"
-    recorded = f"{many(status.recorders, 'recording')} under way: `silo record {status.logger} --ls`"
+    recorded = f"{many(status.recorders, 'recording')} under way: `silo record {label} --ls`"
     rows = [  # whether it is told, what it is, the words
         (True, "logger", f"{status.logger} on {status.host}, user {status.user}"),
         (True, "state", f"{status.state.value}{f' ({status.reason})' if status.reason else ''}{_stalled(status)}"),

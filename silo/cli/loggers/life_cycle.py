@@ -19,6 +19,7 @@ from silo.cli.common import (
 from silo.core.quantities.writing import many, size_text
 
 if TYPE_CHECKING:
+    from silo.client.client import Client
     from silo.core.elements import Status
 
 
@@ -42,7 +43,7 @@ def start(logger: str | None, save_first: bool, discard: bool, everyone: bool) -
         carry_out("start", found, lambda client: starting(client, chosen))
         return
     with connect(logger) as client, naming_ways_out("start", client):
-        _say_state(client.start(chosen, click.echo))
+        _say_state(client, client.start(chosen, click.echo))
 
 
 @click.command()
@@ -66,7 +67,7 @@ def stop(logger: str | None, everyone: bool) -> None:
         carry_out("stop", found, stopping)
         return
     with connect(logger) as client:
-        _say_state(client.stop())
+        _say_state(client, client.stop())
 
 
 @click.command()
@@ -88,12 +89,12 @@ def restart(logger: str | None, save_first: bool, discard: bool, everyone: bool)
         carry_out("restart", found, lambda client: restarting(client, chosen))
         return
     with connect(logger) as client, naming_ways_out("restart", client):
-        _say_state(client.restart(chosen, click.echo))
+        _say_state(client, client.restart(chosen, click.echo))
 
 
-def _say_state(status: "Status") -> None:
+def _say_state(client: "Client", status: "Status") -> None:
     unsaved = status.state.value == "stopped" and status.run_ticks and not status.saved
-    hint = f", not saved (`silo save {status.logger}`)" if unsaved else ""
+    hint = f", not saved (`silo save {client.found.label}`)" if unsaved else ""
     click.echo(f"{status.logger}: {status.state.value}, {many(status.run_ticks, 'tick')}{hint}")
 
 
