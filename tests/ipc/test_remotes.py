@@ -457,6 +457,30 @@ def test_init_again_keeps_address_and_port_of_its_own_that_nobody_says_anew(tmp_
     assert '"tls/[::1]:17451"' in (lab / "server" / "server.json5").read_text()
 
 
+def test_init_removes_a_user_who_is_refused_from_then_on(mine, capsys) -> None:
+    folder = mine / "lab"
+    assert run(["remote", "init", str(folder), "--host", "h", "--user", "alice", "--user", "bob:operator"]) == 0
+    before = read_json5((folder / "clients" / "bob.json5").read_text())
+    assert run(["remote", "init", str(folder), "--remove", "bob"]) == 0
+    assert "bob:  is removed" in capsys.readouterr().out
+    assert [line.split(":")[0] for line in (folder / "server" / "users.txt").read_text().splitlines()] == ["alice"]
+    assert "bob" not in (folder / "server" / "server.json5").read_text()
+    assert [path.name for path in (folder / "clients").iterdir()] == ["alice.json5"]
+    assert run(["remote", "init", str(folder), "--user", "bob"]) == 0  # somebody else by then
+    after = read_json5((folder / "clients" / "bob.json5").read_text())
+    assert after["transport"]["auth"] != before["transport"]["auth"]
+    for words in (["--remove", "carol"], ["--remove", "bob", "--user", "bob"]):
+        assert run(["remote", "init", str(folder), *words]) == 1
+        assert "nothing was changed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("host", ["x y", "", "a/b", "tls/robot3", "robot3:7447"])
+def test_a_host_that_can_not_be_is_refused(mine, capsys, host) -> None:
+    assert run(["remote", "init", str(mine / "lab"), "--host", host, "--user", "alice"]) == 1
+    assert f"as robot3.local or 10.0.0.7, got '{host}'; nothing was made" in capsys.readouterr().err
+    assert not (mine / "lab").exists()
+
+
 @pytest.mark.parametrize("word", ["alice:boss", "a b:viewer", ":viewer", "local:operator"])
 def test_a_user_who_can_not_be_is_refused(word) -> None:
     with pytest.raises(SiloError, match="nothing was made"):

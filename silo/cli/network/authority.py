@@ -12,6 +12,7 @@ import secrets
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -60,30 +61,41 @@ class Made:
 
 
 def make_network(
-    folder: Path, hosts: list[str], port: int | None, users: dict[str, str], listen: str | None = None
+    folder: Path,
+    hosts: list[str],
+    port: int | None,
+    users: dict[str, str],
+    listen: str | None = None,
+    removed: Collection[str] = (),
 ) -> Made:
-    """Make, or add to, a folder with authority, certificate, users and files to hand out.
+    """Make, add to, or take from, a folder with authority, certificate, users and files to hand out.
 
     The authority that is there stays, and so do users and their passwords, and names, address and port that aren't
-    given; the certificate is renewed. `users` gives a role to each name. Raises SiloError with the reason where
-    something can't be made.
+    given; the certificate is renewed. `users` gives a role to each name, `removed` are let in no more. Raises SiloError
+    with the reason where something can't be made.
     """
+    for host in hosts:
+        check_host(host)
     server, clients = folder / "server", folder / "clients"
+    known = _known(folder)
+    check_roles(known["users"], users)
+    _check_removed(known["users"], users, removed)
     for each in (folder, server, clients):
         each.mkdir(mode=0o700, parents=True, exist_ok=True)
     if not (folder / "ca-key.pem").exists():
         _make_authority(folder)
-    known = _known(folder)
     port, listen = port or known["port"], listen or known["listen"]
-    check_roles(known["users"], users)
     hosts = hosts or known["hosts"]
     if not hosts:
         raise SiloError("say by which name or address the robot is reached: `silo remote init --host robot3.local`")
-    roles: dict[str, str] = {**known["users"], **users}
+    kept = {name: role for name, role in known["users"].items() if name not in removed}
+    roles: dict[str, str] = {**kept, **users}
     _make_certificate(folder, server, hosts)
     passwords = _passwords(server / "users.txt", list(roles))
     write_private(server / "users.txt", "".join(f"{name}:{password}\n" for name, password in passwords.items()))
     write_private(server / "server.json5", _server_text(hosts, port, roles, listen))
+    for name in removed:
+        (clients / f"{name}.json5").unlink(missing_ok=True)
     made = {}
     for name, role in roles.items():
         made[name] = clients / f"{name}.json5"
@@ -115,6 +127,23 @@ def robot_of(name: str) -> tuple[str, str]:
             f"'{name}'; nothing was made"
         )
     return name, ROBOT
+
+
+def check_host(host: str) -> None:
+    """Raise SiloError for what is neither a name nor an address of a computer."""
+    if not _is_address(host) and not re.fullmatch(HOST_NAME, host):
+        raise SiloError(
+            f"--host takes a name or an address, as robot3.local or 10.0.0.7, got '{host}'; nothing was made"
+        )
+
+
+def _check_removed(known: dict[str, str], users: dict[str, str], removed: Collection[str]) -> None:
+    for name in removed:
+        if name not in known:
+            there = ", ".join(known) or "none"
+            raise SiloError(f"there is no user '{name}' to remove (there are: {there}); nothing was changed")
+        if name in users:
+            raise SiloError(f"'{name}' can't be removed and made at once; nothing was changed")
 
 
 def check_roles(known: dict[str, str], users: dict[str, str]) -> None:

@@ -152,6 +152,7 @@ def rm(name: str) -> None:
 @click.option(
     "--robots", is_flag=True, help="For a router: one file for all robots; who has it can pose as any of them."
 )
+@click.option("--remove", "removed", multiple=True, metavar="NAME", help="A user or robot to let in no more; several.")
 @click.option("--port", type=click.IntRange(1, 65535), help=f"Where it listens; as before, else {PORT}.")
 @click.option("--listen", metavar="ADDRESS", help="On which address of its own; as before, else 0.0.0.0: on all.")
 def init(
@@ -160,18 +161,20 @@ def init(
     users: tuple[str, ...],
     names: tuple[str, ...],
     robots: bool,
+    removed: tuple[str, ...],
     port: int | None,
     listen: str | None,
 ) -> None:
     """Make an authority, a certificate for a robot or router, users with roles, and a file to hand out to each.
 
-    Again with the same FOLDER, it adds users and renews the certificate; authority, passwords, names, address and port
-    stay.
+    Again with the same FOLDER, it adds or removes users and renews the certificate; authority, passwords, names,
+    address and port stay.
 
     \b
     Examples:
       silo remote init lab --host robot3.local --host 10.0.0.7 --user alice:operator --user bob:viewer
       silo remote init lab --user carol      (one more)
+      silo remote init lab --remove carol    (refused from then on)
       silo remote init lab --host router.local --user alice:operator --robot robot3 --robot robot4
       silo remote init lab --robot robot5    (one more)
     """
@@ -181,7 +184,7 @@ def init(
     people, own = dict(map(role_of, users)), {**dict(map(robot_of, names)), **({SHARED: ROBOT} if robots else {})}
     check_roles(people, own)
     roles = {**people, **own}
-    made = make_network(folder, list(hosts), port, roles, listen)
+    made = make_network(folder, list(hosts), port, roles, listen, removed)
     there = f"silo-{folder.name}"
     first = hosts[0] if hosts else "HOST"
     if made.robots:
@@ -196,8 +199,11 @@ def init(
         click.echo(f"{name}:  give {path}; there: {how}")
     if SHARED in made.robots:
         click.echo(f"whoever has {SHARED}.json5 can pose as any robot: --robot HOSTNAME makes a file for each instead")
+    for name in removed:
+        click.echo(f"{name}:  is removed: whoever comes with that file is refused from that start on")
+    news = "removed" if removed and not roles else "new"
     click.echo(
-        f"keep {made.folder / 'ca-key.pem'} to yourself. Who listens already learns of new users at its next start."
+        f"keep {made.folder / 'ca-key.pem'} to yourself. Who listens already learns of {news} users at its next start."
     )
 
 
