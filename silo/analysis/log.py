@@ -482,9 +482,9 @@ class Log(Mapping[str, Signal]):
         """Return the signal that an expression gives: `log.eval("abs(joints/tau_3) > 20 and mode == STANCE")`.
 
         It has a value at every tick that the rates of its signals have in common (of every third tick and every second:
-        every tick), where they hold, as derived signals have. It is bool where it is a condition, int64 where it is a
-        sum or product of integers. Ticks at which it can't be told (a signal has no sample yet, or its buffer had
-        ended) are left out.
+        every tick), where they hold, as derived signals have. It is bool where it is a condition, int64 (or uint64)
+        where it is a sum or product of integers. Ticks at which it can't be told (a signal has no sample yet, or its
+        buffer had ended) are left out.
 
         Args:
             expression: signals, numbers, operators and functions.

@@ -30,6 +30,8 @@ from silo.run_index.runs import RunList, runs
 
 if TYPE_CHECKING:
     from silo.client.client import Client
+    from silo.core.elements import Entry
+    from silo.rpc.frames import Frame
 
 MOST_ROWS = 200
 MOST_POINTS = 2000
@@ -165,11 +167,11 @@ class Shelf:
             if not names:
                 raise ElementError(f"'{logger}' has no element '{signals}' that is on")
             shown = names[:MOST_ROWS]
-            values = _newest(client, shown)
-        entries = [(name, entry.suffix) for name in shown for entry in table[name].entries]
+            frame = _newest(client, shown)
+        entries = [(table[name], entry) for name in shown for entry in table[name].entries]
         rows = [
-            {"name": name + suffix, "unit": table[name].unit, "value": value}
-            for (name, suffix), value in zip(entries, values, strict=False)
+            {"name": info.name + entry.suffix, "unit": info.unit, **_value(frame, place, entry)}
+            for place, (info, entry) in enumerate(entries)
         ]
         return _told({"logger": logger, "values": rows}, len(names) - len(shown), "elements", "name fewer")
 
@@ -210,18 +212,27 @@ class Shelf:
         return sum(element.lost for element in log.recording.elements if element.name in names)
 
 
-def _newest(client: "Client", names: Sequence[str]) -> list[float | None]:
-    """The newest value of each entry, None where there is none. Raises SiloError where none comes in time."""
+def _newest(client: "Client", names: Sequence[str]) -> "Frame":
+    """The newest value of each entry. Raises SiloError where none comes in time."""
     until_s = time.monotonic() + PATIENCE_S
     with client.view(names) as view:
         while time.monotonic() < until_s:
             frame = view.frame()
             if frame is not None:
-                return [value if math.isfinite(value) else None for value in frame.newest.tolist()]
+                return frame
             if view.refused:
                 raise SiloError(view.refused)
             time.sleep(POLL_S)
     raise SiloError(f"no value came within {PATIENCE_S:g} s: is the logger started?")
+
+
+def _value(frame: "Frame", place: int, entry: "Entry") -> dict[str, Any]:
+    """A newest value, None where there is none; of an enumeration the number and the word for it."""
+    value = frame.exact(place, entry.dtype)
+    if isinstance(value, float) and math.isnan(value):
+        return {"value": None}
+    word = entry.labels.get(value) if entry.labels and isinstance(value, int) else None
+    return {"value": value, **({"word": word} if word is not None else {})}
 
 
 def _bounded(word: str, value: int, most: int) -> int:

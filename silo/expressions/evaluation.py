@@ -54,8 +54,8 @@ FALSE, TRUE, UNOBSERVABLE = 0, 1, -1
 class SourceRows:
     """New rows of one source: ticks and time stamps of shape `(n,)`, and by (element, entry) values of that shape.
 
-    They are float64, integers int64: sums, products and comparisons of these are exact. `holds`, of that shape, are how
-    many ticks each row holds, where it isn't always the divider of the source.
+    They are float64, integers int64 or uint64: sums, products and comparisons of these are exact. `holds`, of that
+    shape, are how many ticks each row holds, where it isn't always the divider of the source.
     """
 
     ticks: Ints
@@ -79,7 +79,8 @@ class Judged:
     def numbers(self, which: int = 0) -> Floats:
         """Return the results of an expression as float64, NaN where they are unobservable.
 
-        Of an evaluator of what is `whole` those that are: int64, whatever they are where they are unobservable.
+        Of an evaluator of what is `whole` those that are: int64, or uint64 where that is too small, whatever they are
+        where they are unobservable.
         """
         value = self.values[which]
         return as_numbers(value) if isinstance(value, Truth) else value  # type: ignore[no-any-return]
@@ -288,7 +289,7 @@ class Evaluator:
         """
         self._rows, self._grids, self._made, self._made_whole, self._wholes = rows, {}, {}, {}, {}
         columns = [column for one in rows.values() for column in one.columns.values()]
-        self._has_whole = any(column.dtype.kind == "i" for column in columns)
+        self._has_whole = any(column.dtype.kind in "iu" for column in columns)
         grid = self._grid(self.sources)
         count = len(grid.ticks)
         with np.errstate(all="ignore"):
@@ -373,13 +374,16 @@ class Evaluator:
     # ---------------------------------------------------------------------- integers that a float64 can't hold
 
     def _result(self, part: Part, grid: _Grid) -> Value:
-        """The value of an expression; where whole ones are asked for, and it is one, int64."""
+        """The value of an expression; where whole ones are asked for, and it is one, int64 or uint64."""
         made = self._value(part, grid)
         if not self._gives_whole or isinstance(made, Truth) or _remembers(part):  # before the first sample is none
             return made
         if (whole := self._whole(part, grid)) is None:
             return made
-        return whole if not (np.abs(made) >= 2.0**63).any() else made
+        if not (np.abs(made) >= 2.0**63).any():
+            return whole
+        unsigned = whole.astype(np.uint64)  # modulo 2^64 as well: far off where the result doesn't fit
+        return made if (np.abs(unsigned - made) >= 2.0**63).any() else unsigned
 
     def _exactly(self, part: Computed, grid: _Grid, values: Sequence[Value], made: Value) -> Value:
         """What was made of float64 to the last digit, as far as it is made of integers."""
@@ -417,7 +421,7 @@ class Evaluator:
             whole = part.whole
             if whole is None and part.value.is_integer() and abs(part.value) < EXACT:
                 whole = int(part.value)
-            return np.asarray(whole, np.int64) if whole is not None and abs(whole) < 2**63 else None
+            return _modulo(whole) if whole is not None and -(2**63) <= whole < 2**64 else None
         if isinstance(part, BoundSignal):
             columns = _all_of(self._whole_column(column, grid) for column in part.columns)
             return None if columns is None else np.stack(columns, axis=1) if part.vector else columns[0]
@@ -450,14 +454,15 @@ class Evaluator:
         before = self._sources[source].values.get(key, math.nan)
         rows = self._rows.get(source)
         column: Any = _NO_WHOLE if rows is None else rows.columns[key]  # one without rows says what it is of, too
-        if column.dtype.kind != "i" or (rows is None and not isinstance(before, int)):
+        if column.dtype.kind not in "iu" or (rows is None and not isinstance(before, int)):
             return None
+        column = column.astype(np.int64, copy=False)
         if grid.alike:
             return column  # type: ignore[no-any-return]
         if isinstance(before, float) and (abs(before) > EXACT or before % 1 > 0):
             return None  # it was rounded
         held = 0 if math.isnan(before) else int(before)  # of a NaN there is no result either
-        return np.concatenate([np.asarray([held], np.int64), column])[grid.places(source) + 1]
+        return np.concatenate([_modulo(held)[None], column])[grid.places(source) + 1]
 
     # ------------------------------------------------------------------------------------------------------------
 
@@ -556,6 +561,11 @@ def _meeting(values: Sequence[Value]) -> Sequence[Value]:
     if any(raw(value).ndim == 2 for value in values if not isinstance(value, float)):
         return [columned(value) for value in values]
     return values
+
+
+def _modulo(number: int) -> Ints:
+    """An integer modulo 2^64, as that of 64 bits with a sign."""
+    return np.asarray(number % 2**64, np.uint64).astype(np.int64)
 
 
 def _kept(whole: Ints | None) -> Ints | None:

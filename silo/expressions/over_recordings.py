@@ -50,7 +50,7 @@ class Evaluated:
     bound: BoundExpression
     ticks: NDArray[np.int64]
     time_ns: NDArray[np.int64]
-    values: NDArray[np.float64] | NDArray[np.bool_] | NDArray[np.int64]
+    values: NDArray[np.float64] | NDArray[np.bool_] | NDArray[np.int64] | NDArray[np.uint64]
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class RecordingJudge:
         self.catalogue = Catalogue(known, recording.prefix, recording.conditions.derived)
 
     def batches(self, *expressions: BoundExpression, whole: bool = False) -> Iterator[Judged]:
-        """Judge bound expressions together from the first tick to the last; what is `whole` gives int64."""
+        """Judge bound expressions together from the first tick to the last; what is `whole` gives integers."""
         evaluator = Evaluator(*expressions, whole=whole)
         wanted: dict[int, set[tuple[int, int]]] = {source: set() for source in evaluator.sources if source <= _RATES}
         for column in (column for bound in expressions for column in bound.columns):
@@ -193,7 +193,7 @@ class RecordingJudge:
         return found and found[0]
 
     def evaluate(self, text: str, *, whole: bool = False) -> Evaluated:
-        """Return an expression over the whole recording; of integers alone as int64, if what is `whole` is asked for.
+        """Return an expression over the whole recording; of integers alone as such, if what is `whole` is asked for.
 
         Raises ExpressionError with the place.
         """
@@ -207,7 +207,7 @@ class RecordingJudge:
             values.append(found[known])
         shape = (0, bound.width) if bound.width else (0,)
         empty = np.zeros(shape, bool if bound.logical else np.float64)
-        return Evaluated(bound, np.concatenate(ticks), np.concatenate(times), np.concatenate(values or [empty]))
+        return Evaluated(bound, np.concatenate(ticks), np.concatenate(times), _joined(values or [empty]))
 
     def _with_rate(self, bound: BoundExpression) -> BoundExpression:
         """Return it with what has it judged at every tick that its rates have in common, too; a bag of others has none.
@@ -245,6 +245,14 @@ def _own_ticks(axis: NDArray[np.int64], element: RecordedElement) -> _Ticks:
         return _Ticks(0, int(holds.max()), len(ticks), ticks, holds)
     # a single message, as of a map, holds to the end
     return _Ticks(0, int(np.diff(ticks).max()) if len(ticks) > 1 else len(axis) + 1, len(ticks), ticks)
+
+
+def _joined(batches: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Return batches as one; NumPy would make floats of integers of which some batches need the 64th bit."""
+    kinds = {one.dtype.kind for one in batches}
+    if kinds == {"i", "u"} and not any((one < 0).any() for one in batches):
+        batches = [one.astype(np.uint64) for one in batches]
+    return np.concatenate(batches)
 
 
 def _known(bound: BoundExpression, judged: Judged) -> tuple[NDArray[np.float64] | NDArray[np.bool_], NDArray[np.bool_]]:

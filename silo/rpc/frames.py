@@ -1,5 +1,7 @@
 """What a view shows, for those who draw it and know no network."""
 
+import math
+
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
@@ -55,3 +57,14 @@ class Frame(msgspec.Struct, frozen=True):
     def running(self) -> bool:
         """Whether the logger collects."""
         return self.state is State.RUNNING
+
+    def exact(self, place: int, dtype: str) -> float | int | str | bool:
+        """Return a newest value of that type as JSON has it: integers and truth values as such, whatever the frame
+        carries.
+        """
+        value, word, kind = float(self.newest[place]), self.texts.get(place), dtype.lstrip("<|>=")[0]
+        if kind in "iu" and word is not None:
+            return int(word)  # the digits of an integer that a float can't hold
+        if word is not None or not math.isfinite(value) or kind not in "iub":
+            return value if word is None else word
+        return bool(value) if kind == "b" else int(value)

@@ -1,6 +1,7 @@
 """Logs for agents: what the tools answer against the logs, bounds, and that nothing else is reached."""
 
 import asyncio
+import enum
 import json
 from types import SimpleNamespace
 
@@ -87,6 +88,28 @@ def test_infinite_values_and_whole_numbers_are_told_as_they_are(tmp_path):
     )
     (told,) = shelf.signal_statistics("run.silo", "big")["signals"]
     assert json.dumps([told["min"], told["max"]]) == "[9007199254740992, 9007199254740995]"
+
+
+def test_an_expression_of_integers_that_need_64_bits_is_told_to_the_last_digit(tmp_path):
+    log = silo.Logger("arm", frequency=100, folder=tmp_path, script=tmp_path / "no.yaml")
+    count, slow = log.array("count", dtype="u8"), log.array("slow", dtype="u8", divider=2)
+    log.start()
+    for tick in range(4):
+        count[...] = 2**63 + 5 + tick
+        slow[...] = 2**63 + 1
+        log.collect()
+    log.save(name="run")
+    log.close()
+
+    def ends(expression: str) -> list[int]:
+        return Shelf([tmp_path]).evaluate("run.silo", expression, points=1)["points"][0][1:]
+
+    assert ends("count") == [2**63 + 5, 2**63 + 8]
+    assert ends("count + 1") == [2**63 + 6, 2**63 + 9]
+    assert ends("count - slow") == [4, 7]
+    assert ends(f"count - {2**63 + 6}") == [-1, 2]
+    assert ends("diff(count)")[1] == 1
+    assert ends("count * 2") == [2.0**64, 2.0**64]  # too large for 64 bits
 
 
 def test_runs_of_one_name_in_two_folders_are_told_apart(shelf, tmp_path):
@@ -181,3 +204,27 @@ def test_a_logger_that_runs_is_read(shelf, new_logger):
     assert shelf.newest_values("live", "level")["values"] == [{"name": "/log/level", "unit": "m", "value": 4.5}]
     with pytest.raises(silo.ElementError, match="no element 'none'"):
         shelf.newest_values("live", "none")
+
+
+class Gait(enum.IntEnum):
+    STAND, WALK = 0, 1
+
+
+@pytest.mark.slow
+def test_newest_values_are_told_as_they_are(shelf, new_logger):
+    log = new_logger("live")
+    log.add(lambda: Gait.WALK, "gait")
+    log.add(lambda: "slipped", "why")
+    log.add(lambda: True, "contact")
+    log.add(lambda: 2**53 + 1, "count")
+    log.array("far")[...] = np.inf
+    log.array("none")[...] = np.nan
+    log.serve()
+    log.start()
+    log.collect()
+    told = {one["name"].removeprefix("/log/"): one for one in shelf.newest_values("live")["values"]}
+    assert {name: one["value"] for name, one in told.items()} == {
+        "gait": 1, "why": "slipped", "contact": True, "count": 2**53 + 1, "far": "inf", "none": None,
+    }  # fmt: skip
+    assert told["gait"]["word"] == "WALK"
+    assert "word" not in told["count"]

@@ -202,9 +202,8 @@ def _show_lines(lines: Sequence[WatchedElement], frame: "Frame") -> None:
 
 
 def _show_json(lines: Sequence[WatchedElement], frame: "Frame") -> None:
-    newest = frame.newest.tolist()
     values = {
-        line.info.name + entry.suffix: _exact(newest[place], frame.texts.get(place), entry.dtype)
+        line.info.name + entry.suffix: frame.exact(place, entry.dtype)
         for line in lines
         for place, entry in enumerate(line.info.entries, start=line.first)
     }
@@ -213,13 +212,3 @@ def _show_json(lines: Sequence[WatchedElement], frame: "Frame") -> None:
     not_live = {lines[place].info.name: why.value for place, why in frame.not_live.items()}
     told = {**({"failed": failed} if failed else {}), **({"not_live": not_live} if not_live else {})}
     show_json({**shown, "values": values, **told})
-
-
-def _exact(value: float, word: str | None, dtype: str) -> float | int | str | bool:
-    """Return a value of an entry as JSON has it: integers and truth values as such, whatever a frame carries."""
-    kind = dtype.lstrip("<|>=")[0]
-    if kind in "iu" and word is not None:
-        return int(word)  # the digits of an integer that a float can't hold
-    if word is not None or not math.isfinite(value) or kind not in "iub":
-        return value if word is None else word
-    return bool(value) if kind == "b" else int(value)

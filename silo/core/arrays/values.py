@@ -95,11 +95,13 @@ def as_floats(column: NDArray[Any]) -> Floats:
 
 
 def as_exact(column: NDArray[Any]) -> NDArray[Any]:
-    """Return integers as int64, shape `(n,)`, any other values (and what needs the 64th bit) as the nearest float64."""
+    """Return integers as int64, those that need the 64th bit as uint64, shape `(n,)`, other values as the nearest
+    float64.
+    """
     if column.dtype.kind not in "iu" or np.ma.is_masked(column):
         return as_floats(column)
     if column.dtype.kind == "u" and column.dtype.itemsize == 8 and len(column) and int(column.max()) >= 2**63:
-        return as_floats(column)
+        return np.asarray(column)
     return np.asarray(column, np.int64)
 
 
