@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.arrays.values import EXACT
+from silo.core.arrays.values import EXACT, fitting
 from silo.expressions.binding import (
     OFF,
     BoundExpression,
@@ -380,10 +380,7 @@ class Evaluator:
             return made
         if (whole := self._whole(part, grid)) is None:
             return made
-        if not (np.abs(made) >= 2.0**63).any():
-            return whole
-        unsigned = whole.astype(np.uint64)  # modulo 2^64 as well: far off where the result doesn't fit
-        return made if (np.abs(unsigned - made) >= 2.0**63).any() else unsigned
+        return fitting(whole, made)
 
     def _exactly(self, part: Computed, grid: _Grid, values: Sequence[Value], made: Value) -> Value:
         """What was made of float64 to the last digit, as far as it is made of integers."""

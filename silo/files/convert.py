@@ -12,7 +12,7 @@ from silo.core.arguments import path as checked_path
 from silo.core.recording import Progress, Recording
 from silo.errors import FileFormatError, SaveError
 from silo.files.atomic import replaced_folder
-from silo.files.formats import format_of, is_bag_folder, read_recording, writer_for
+from silo.files.formats import format_of, is_bag_folder, read_recording, with_rounding_told, writer_for
 
 CONVERTED = "converted"  # why such a file is there, instead of why its source was saved
 
@@ -38,7 +38,7 @@ def convert(
     if final.exists() and not force:
         raise SaveError(f"'{final}' exists already; add --force to replace it, or choose another name")
     recording = change(_with_what_is_not_known(read_recording(source, added_formats, check=True), Path(source)))
-    recording = replace(recording, why=CONVERTED)
+    recording = with_rounding_told(replace(recording, why=CONVERTED), format_of(final))
     if not recording.elements and recording.warnings:
         raise FileFormatError(f"'{source}': nothing in it can be read, nothing was written: {recording.warnings[-1]}")
     if final.is_dir():

@@ -19,10 +19,13 @@ import msgspec
 from silo.core.arguments import shown
 from silo.core.elements import FileType
 from silo.core.names import did_you_mean, nearest
+from silo.core.quantities.writing import and_more
 from silo.errors import ElementError, FileFormatError, LogNotFoundError, SaveError
 
 if TYPE_CHECKING:
     import os
+
+    from numpy.typing import NDArray
 
     from silo.core.recording import Progress, Recording
 
@@ -57,7 +60,8 @@ class Keeps(enum.Flag):
     BUFFERS = enum.auto()  # buffer type, how many samples were lost, at which ticks a source could not be read
     ABOUT = enum.auto()  # of the log: logger, prefix, frequency, ticks since start, wall clock at start, warnings
     EMPTY = enum.auto()  # elements without a sample
-    ALL = DTYPES | BITS | KINDS | UNITS | LABELS | DESCRIPTIONS | BUFFERS | ABOUT | EMPTY
+    LONG = enum.auto()  # all digits of long doubles
+    ALL = LONG | DTYPES | BITS | KINDS | UNITS | LABELS | DESCRIPTIONS | BUFFERS | ABOUT | EMPTY
 
 
 class Format(msgspec.Struct, frozen=True):
@@ -121,7 +125,7 @@ class Format(msgspec.Struct, frozen=True):
 
                 recording = with_derived(recording)
             # of logs it is told when they are read again; in tables stands all that other tools may want to know
-            whole = recording if self.for_logs else _clock_told(recording)
+            whole = recording if self.for_logs else _clock_told(with_rounding_told(recording, self))
             function(whole, path, progress=progress or silent, **options)
 
         return write
@@ -183,7 +187,7 @@ FORMATS = (
         about="Apache Parquet: pandas, polars, DuckDB",
         writer="silo.files.tables.parquet:write_parquet",
         reader="silo.files.tables.parquet:read_parquet",
-        keeps=Keeps.ALL & ~Keeps.BITS,
+        keeps=Keeps.ALL & ~Keeps.BITS & ~Keeps.LONG,
         extra="convert",
     ),
     Format(
@@ -192,7 +196,7 @@ FORMATS = (
         about="MATLAB, Octave",
         writer="silo.files.tables.arrays:write_mat",
         reader="silo.files.tables.arrays:read_mat",
-        keeps=Keeps.ALL & ~Keeps.BITS,
+        keeps=Keeps.ALL & ~Keeps.BITS & ~Keeps.LONG,
         own_times=True,
         extra="convert",
     ),
@@ -400,6 +404,33 @@ def _clock_told(recording: "Recording") -> "Recording":
         recording.warnings.append(words)
         return recording
     return replace(recording, warnings=(*recording.warnings, words))
+
+
+def with_rounding_told(recording: "Recording", one: Format | None) -> "Recording":
+    """The recording, which is read whole for that, with a warning where a format rounds long doubles of it."""
+    if one is None or Keeps.LONG in one.keeps:
+        return recording
+    from dataclasses import replace
+
+    import numpy as np
+
+    from silo.core.recording import read_whole
+
+    def is_rounded(values: "NDArray[Any]") -> bool:
+        narrow = {"f": np.float64, "c": np.complex128}.get(values.dtype.kind)
+        if narrow is None or values.dtype.itemsize <= np.dtype(narrow).itemsize:
+            return False
+        with np.errstate(over="ignore", invalid="ignore"):
+            kept = values.astype(narrow)
+        return bool(((kept != values) & ~np.isnan(values)).any())
+
+    read_whole(recording)
+    names = [element.name for element in recording.elements if any(is_rounded(one.values) for one in element.entries)]
+    if not names:
+        return recording
+    whole = _list([each.ending for each in FORMATS if each.writer and Keeps.LONG in each.keeps])
+    words = f"{and_more(names, 3)}: long doubles are rounded to 53 bits, as {one.ending} has none ({whole} keep them)"
+    return replace(recording, warnings=tuple(dict.fromkeys((*recording.warnings, words))))
 
 
 def means_log(word: str) -> bool:

@@ -77,6 +77,19 @@ def source(log, tmp_path):
     return path
 
 
+@pytest.mark.parametrize("ending", [".parquet", ".mat"])
+def test_long_doubles_that_a_format_rounds_are_told_and_none_of_those_that_it_holds(tmp_path, log, ending):
+    third = element("/log/third", [np.full(TICKS, np.longdouble(1) / 3)])
+    write_bag(replace(log, elements=[*log.elements, third]), tmp_path / "in.mcap")
+    target = tmp_path / f"out{ending}"
+    told = f"/log/third: long doubles are rounded to 53 bits, as {ending} has none"
+    assert [words.partition(" (")[0] for words in convert(tmp_path / "in.mcap", target).warnings] == [told]
+    assert [words.partition(" (")[0] for words in read_recording(target).warnings] == [told]
+    with pytest.warns(silo.LogWarning, match="/log/third: long doubles are rounded"):
+        silo.open_log(tmp_path / "in.mcap").save(target, overwrite=True)
+    assert convert(tmp_path / "in.mcap", tmp_path / "out.npz").warnings == []
+
+
 class TestParquet:
     @pytest.fixture
     def path(self, source, tmp_path):

@@ -389,6 +389,13 @@ class TestStamps:
         if dtype is np.uint64:
             assert (sent * sent).values[0] == pytest.approx(float(self.BEGIN) ** 2)
             assert (sent + np.uint64(2**63)).values[0] == pytest.approx(float(self.BEGIN + 2**63))
+        if dtype is np.uint64:
+            for high in (2**62, 2**63):
+                far = sent + np.uint64(high)
+                assert far.values.tolist() == [int(value) + high for value in sent.values]
+                assert (far - far.values[0]).values.tolist() == [0, 3, 4, 9]
+                assert (sent - far).values.tolist() == [-high] * 4
+            assert ((sent * 5) - sent.values[0] * np.uint64(5)).values.tolist() == [0, 15, 20, 45]
         masked = np.ma.masked_array(sent.values, [True, False, False, True])
         assert (replace(sent, values=masked) + 1).values[1] == pytest.approx(self.BEGIN + 4)
         assert replace(sent, values=masked).std() == pytest.approx(0.5)

@@ -165,8 +165,7 @@ def test_a_format_keeps_what_its_row_promises(one, log):
         assert list(after) == list(before)
         same = same_bits if Keeps.BITS in one.keeps else same_values
         for name, (element, entry) in before.items():
-            # Parquet and MATLAB have no long doubles
-            narrow = entry.values.dtype == np.longdouble and one.name in ("parquet", "matlab")
+            narrow = entry.values.dtype == np.longdouble and Keeps.LONG not in one.keeps
             assert same(entry.values.astype("<f8") if narrow else entry.values, after[name][1].values), name
             assert after[name][0].stamp_indices.tolist() == element.stamp_indices.tolist()
             for promise, facts in PROMISES.items():
@@ -175,7 +174,7 @@ def test_a_format_keeps_what_its_row_promises(one, log):
         if Keeps.ABOUT in one.keeps:
             for name in ("logger", "prefix", "offset", "frequency_hz", "started_ns", "time_looping"):
                 assert getattr(again, name) == getattr(log, name)
-            assert tuple(again.warnings) == log.warnings  # a bag's may grow
+            assert tuple(again.warnings)[: len(log.warnings)] == log.warnings  # what it rounds may be told
         if Keeps.KINDS in one.keeps:
             for one_element, other in zip(kept, again.elements, strict=True):
                 assert assembled(other).shape == assembled(one_element).shape

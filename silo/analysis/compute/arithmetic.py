@@ -17,7 +17,7 @@ from silo.analysis.compute.samples import Samples, UntoldError, in_order, risen_
 from silo.core import units
 from silo.core.arguments import shown
 from silo.core.arrays.enumerations import to_compare
-from silo.core.arrays.values import missing_in
+from silo.core.arrays.values import fitting, missing_in
 from silo.core.recording import falls
 from silo.errors import ElementError, LogWarning
 
@@ -40,7 +40,9 @@ def combined(
     """Return what a function makes of a signal and another, a number or an array; `swapped` puts the other first."""
     if not isinstance(other, Samples):
         _warn_of_turn(one, other, sign)
-    numbers = _to_be_added if sign in ("+", "-") else wide
+    numbers = wide
+    if sign in ("+", "-", "*"):
+        function, numbers = _wholly(function), _exact
     values, made, name = _both(one, other, function, sign, swapped, numbers, "calculate")
     return replace(
         made, name=name, values=values, unit=_unit(one, other, sign, swapped), labels={}, component_labels={}
@@ -150,11 +152,29 @@ def wide(signal: Samples) -> NDArray[Any]:
     return values.astype(np.int64) if values.dtype.kind in "iu" else values
 
 
-def _to_be_added(signal: Samples) -> NDArray[Any]:
-    """The same for a sum or difference, in which integers without a sign keep all digits, too, where it fits."""
+def _exact(signal: Samples) -> NDArray[Any]:
+    """The same for sums and products, in which integers without a sign keep all digits, too, where the result fits."""
     values = signal._numbers("calculate with")
-    small = values.dtype.kind == "u" and values.size and not np.ma.is_masked(values) and int(values.max()) < 2**62
-    return values.astype(np.int64) if small else wide(signal)
+    return values if _is_unsigned(values) and not np.ma.is_masked(values) else wide(signal)
+
+
+def _is_unsigned(values: NDArray[Any]) -> bool:
+    return values.dtype.kind == "u" and values.dtype.itemsize == 8
+
+
+def _wholly(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """Return a sum or product that is exact where 64 bits hold the result, with a sign or without; else float64."""
+
+    def made(one: Any, other: Any) -> Any:
+        sides = [np.asarray(side) if not np.ma.isMaskedArray(side) else side for side in (one, other)]
+        if not any(map(_is_unsigned, sides)):
+            return function(one, other)
+        floats = function(*(side.astype(np.float64) for side in sides))
+        if any(side.dtype.kind not in "iu" or np.ma.isMaskedArray(side) for side in sides):
+            return floats
+        return fitting(function(*(side.astype(np.int64) for side in sides)), floats)
+
+    return made
 
 
 def aligned(one: One, other: Other, what: str, two_clocks: bool = False) -> tuple[One, Other]:
