@@ -37,6 +37,7 @@ from silo.helper.runs import Runs, taken_over
 from silo.helper.saver import Saver
 from silo.link.channel import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, readable
 from silo.live.publisher import Publisher
+from silo.net.access.certificates import not_valid_today
 from silo.net.access.logins import asks_for_passwords, watch_logins
 from silo.net.configuration import robot_named
 from silo.net.folders import group_folder, share_socket
@@ -133,6 +134,8 @@ class Helper:
         authentication = Authentication.of(self._root, self._serving.config)
         if self._serving.group:
             authentication.share(path, self._serving.group, may_change=self._serving.group_role != "viewer")
+        for words in not_valid_today(self._serving.config) if self._serving.config is not None else ():
+            log.warning("%s: %s", self._name, words)
         if authentication.old_rules:
             log.warning("%s: %s", self._name, authentication.old_rules)
         if authentication.admission.why:

@@ -20,6 +20,8 @@ from silo.cli.network.authority import Made, make_network, robot_of, role_of
 from silo.client.client import Client
 from silo.errors import RefusedError, SiloError
 from silo.fleet.examining import examine
+from silo.helper.helper import Helper, ServingOptions
+from silo.net.access.certificates import not_valid_today
 from silo.net.access.probing import Layer, LayerError, endpoint_of, reach
 from silo.net.access.rights import access_control
 from silo.net.configuration import (
@@ -375,6 +377,29 @@ def test_a_certificate_that_ran_out_is_a_matter_of_the_tls_date(tmp_path, monkey
         failed = failure(str(made.clients["alice"]))
     logger.close()
     assert (failed.layer, "not valid today" in str(failed)) == (Layer.TLS_DATE, True)
+
+
+def test_a_robot_whose_certificate_ran_out_says_so_when_it_starts(tmp_path, monkeypatch, caplog) -> None:
+    users = {"alice": "operator"}
+    monkeypatch.setattr("silo.cli.network.authority.ROBOT_DAYS", -1)
+    server = make_network(tmp_path / "lab", ["localhost"], 7447, users).server
+    config = str(server / "server.json5")
+    (words,) = not_valid_today(config)
+    ends = subprocess.run(
+        ["openssl", "x509", "-in", server / "certificate.pem", "-noout", "-enddate", "-dateopt", "iso_8601"],
+        capture_output=True, text=True, check=True,
+    ).stdout.strip().removeprefix("notAfter=")  # fmt: skip
+    assert words.startswith(
+        f"{server / 'certificate.pem'}: this certificate ran out on {ends[:16]} UTC: nobody gets in"
+    )
+    Helper(None, "late", ServingOptions(config=config))._authentication(server)
+    assert f"late: {words}" in caplog.messages
+    monkeypatch.setattr("silo.cli.network.authority.ROBOT_DAYS", 825)
+    make_network(tmp_path / "lab", [], 7447, users)
+    assert list(not_valid_today(config)) == []
+    with monkeypatch.context() as early:
+        early.setattr("silo.net.access.certificates.time.time", lambda: 1.0)
+        assert "valid from" in next(not_valid_today(config))
 
 
 @pytest.mark.slow

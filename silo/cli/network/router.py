@@ -31,6 +31,7 @@ def router(config: Path) -> None:
     from silo.control.denials import Denials
     from silo.fleet.routers import RouterFeed
     from silo.net.access.admission import direction_words, hold_directions, router_admission
+    from silo.net.access.certificates import not_valid_today
     from silo.net.access.logins import asks_for_passwords, watch_logins
     from silo.net.configuration import from_file
     from silo.net.session import close, open_router
@@ -44,6 +45,8 @@ def router(config: Path) -> None:
     feed = RouterFeed(session, lambda: denials.told)
     ending = Ending()
     click.echo(f"router on {', '.join(endpoints)}")
+    for words in not_valid_today(str(config)):
+        click.echo(words, err=True)
     if old:
         click.echo(direction_words(str(config), old), err=True)
     if not admission.changes:

@@ -4,17 +4,15 @@ Zenoh itself says only "unable to connect". What can be told is told before it i
 the round trip of a TCP connection, by which all waiting scales.
 """
 
-import base64
 import enum
-import json
 import re
 import socket
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from silo.errors import ConnectionLostError, reason
-from silo.net.configuration import endpoints_of, from_file, reason_of, user_of, written
+from silo.net.access.certificates import not_valid_today, pem_of, tls_of
+from silo.net.configuration import endpoints_of, from_file, reason_of, user_of
 
 if TYPE_CHECKING:
     import ssl
@@ -163,11 +161,9 @@ def tls_problem(config: str, endpoint: Endpoint, rtt_s: float = 0.0) -> LayerErr
     """Shake hands as Zenoh does, and return what is wrong with the certificates; None where nothing is."""
     import ssl  # takes 15 ms, and only what fails needs it
 
-    tls = json.loads(from_file(config).get_json("transport/link/tls"))
-    # Zenoh shows no values that can be secret, and takes this one for such
-    tls |= {key: value for key, value in _written_tls(config).items() if key.endswith("_base64")}
+    tls = tls_of(config)
     try:
-        context = ssl.create_default_context(cadata=_authority(tls))
+        context = ssl.create_default_context(cadata=pem_of(tls, "root_ca_certificate"))
         context.check_hostname = tls.get("verify_name_on_connect") is not False
         if tls.get("connect_certificate") and tls.get("connect_private_key"):
             context.load_cert_chain(tls["connect_certificate"], tls["connect_private_key"])
@@ -186,6 +182,8 @@ def tls_problem(config: str, endpoint: Endpoint, rtt_s: float = 0.0) -> LayerErr
     except TimeoutError:
         return None  # it waits for our first word: all is well
     except ssl.SSLError as error:
+        if "CERTIFICATE_EXPIRED" in (error.reason or "") and (ours := next(not_valid_today(config), "")):
+            return LayerError(Layer.TLS_DATE, f"{endpoint.text}: it refuses our certificate: {ours}")
         if "CERTIFICATE" in (error.reason or "").upper() or "ALERT_UNKNOWN_CA" in (error.reason or ""):
             return LayerError(
                 Layer.TLS_CLIENT,
@@ -199,20 +197,6 @@ def tls_problem(config: str, endpoint: Endpoint, rtt_s: float = 0.0) -> LayerErr
     except OSError:
         return None  # it hung up: not because of TLS
     return None
-
-
-def _written_tls(config: str) -> dict[str, object]:
-    place: object = written(config)
-    for word in ("transport", "link", "tls"):
-        place = place.get(word) if isinstance(place, dict) else None
-    return place if isinstance(place, dict) else {}
-
-
-def _authority(tls: dict[str, object]) -> str | None:
-    encoded, path = tls.get("root_ca_certificate_base64"), tls.get("root_ca_certificate")
-    if isinstance(encoded, str):
-        return base64.b64decode(encoded).decode()
-    return Path(path).read_text() if isinstance(path, str) else None
 
 
 def _certificate_problem(endpoint: Endpoint, error: "ssl.SSLCertVerificationError") -> LayerError:
