@@ -122,16 +122,17 @@ def resolve(asked: str, own_script: Path) -> Path:
     if path == own_script:
         return own_script
     place = next((one for one in _places(own_script) if path.is_relative_to(one)), None)
+    outside = f"{asked}: is outside of the script folder; {where}: '{path.name}' alone means {folder / path.name}"
     if ".." in Path(asked).parts or place is None:
-        raise RequestRefusedError(RefusedWhy.FORBIDDEN, f"{asked}: is outside of the script folder; {where}")
+        raise RequestRefusedError(RefusedWhy.FORBIDDEN, outside)
     if any(part.startswith(".") for part in path.relative_to(place).parts):
         raise RequestRefusedError(RefusedWhy.FORBIDDEN, f"{asked}: is hidden, and no script; {where}")
     if path.suffix.lower() not in SUFFIXES:
         raise RequestRefusedError(RefusedWhy.INVALID, f"{asked}: does not end in .yaml or .yml; {where}")
     if not _inside(path, place):
         raise RequestRefusedError(RefusedWhy.FORBIDDEN, f"{asked}: leads out of the script folder by a link; {where}")
-    if place != folder and not (path.is_file() and is_script(_text_of(path))):
-        raise RequestRefusedError(RefusedWhy.FORBIDDEN, f"{asked}: is outside of the script folder; {where}")
+    if place != folder and not _is_old_script(path, place):
+        raise RequestRefusedError(RefusedWhy.FORBIDDEN, outside)
     if place != folder and path not in _told:
         _told.add(path)
         log.warning("%s: scripts of clients stand in %s: move it there, the next silo doesn't look here", path, folder)
@@ -139,9 +140,15 @@ def resolve(asked: str, own_script: Path) -> Path:
 
 
 def _meant(asked: str, own_script: Path) -> Path:
-    """Return the path that is meant: in the folder, or of a script that stands in the old place."""
-    places = [place / asked for place in _places(own_script)]
-    return next((path for path in places if os.path.lexists(path)), places[0])
+    """Return the path that is meant: in the folder, or of a script that stands in the old place, where it has none."""
+    path, *old = [place / asked for place in _places(own_script)]
+    if os.path.lexists(path) or ".." in Path(asked).parts:
+        return path
+    return next((one for one in old if one == own_script or _is_old_script(one, own_script.parent)), path)
+
+
+def _is_old_script(path: Path, place: Path) -> bool:
+    return path.suffix.lower() in SUFFIXES and _inside(path, place) and path.is_file() and is_script(_text_of(path))
 
 
 def _inside(path: Path, folder: Path) -> bool:

@@ -46,6 +46,15 @@ def test_nothing_hidden_and_nothing_outside_is_made(started_in, asked) -> None:
         resolve(asked, started_in)
 
 
+def test_a_name_means_the_folder_of_scripts_whatever_else_lies_beside_it(started_in) -> None:
+    folder = started_in.parent / "logger.scripts"
+    assert resolve("compose.yaml", started_in) == folder / "compose.yaml"
+    for asked in (str(started_in.parent / "walk.yaml"), "../walk.yaml", str(started_in.parent / "compose.yaml")):
+        name = Path(asked).name
+        with pytest.raises(RequestRefusedError, match=f"or below: '{name}' alone means {folder / name}$"):
+            resolve(asked, started_in)
+
+
 @pytest.mark.parametrize("asked", ["circle/x.yaml", "circle.yaml", f"{'ö' * 200}.yaml"])
 def test_a_path_that_leads_nowhere_is_refused_in_words(tmp_path, asked) -> None:
     for name in ("circle", "circle.yaml"):
