@@ -42,6 +42,7 @@ from silo.core.recording import (
     common_axis,
     falls,
     has_own_stamps,
+    lasted_s,
     read_ahead,
     rises,
     stamps_of,
@@ -551,8 +552,8 @@ class Log(Mapping[str, Signal]):
 
     @property
     def duration_s(self) -> float:
-        """Seconds from the first to the last time stamp."""
-        return float(self.time_ns[-1] - self.time_ns[0]) * 1e-9 if len(self.time_ns) else 0.0
+        """Seconds from the first to the last time stamp; where the clock stepped back, those that passed in between."""
+        return lasted_s(self.time_ns)
 
     @cached_property
     def parameters(self) -> LoggedParameters:

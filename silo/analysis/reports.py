@@ -17,14 +17,14 @@ from silo.analysis.compute.calculus import Floats
 from silo.analysis.plots.events import LogEvent, event_lines, events_of
 from silo.core.arrays.values import from_base, text_of
 from silo.core.quantities.writing import printable, size_text
-from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, alike, rate_of, stamps_of
+from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, alike, lasted_s, rate_of, stamps_of
 
 if TYPE_CHECKING:
     from silo.analysis.compute.samples import Samples
 
 
 class ElementReport(msgspec.Struct, frozen=True):
-    """One row of `silo info`: times in s, rate in Hz (None where it can't be told)."""
+    """One row of `silo info`: its first and last time in s, rate in Hz (None where it can't be told)."""
 
     name: str
     unit: str
@@ -86,14 +86,13 @@ class SignalStats(msgspec.Struct, frozen=True):
 def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
     """Describe a whole log."""
     times = recording.time_ns
-    span = float(times[-1] - times[0]) / 1e9 if len(times) else 0.0
     elements = tuple(_describe(recording, element) for element in recording.elements)
     return LogReport(
         path=path,
         size_bytes=size_bytes,
         logger=recording.logger,
         start_ns=int(times[0]) if len(times) else 0,
-        duration_s=span,
+        duration_s=lasted_s(times),
         ticks=len(times) - recording.early,
         rate_hz=rate_of(times) or None,
         frequency_hz=recording.frequency_hz,
@@ -117,8 +116,8 @@ def _describe(recording: Recording, element: RecordedElement) -> ElementReport:
         type=type_text(element),
         buffer=element.buffer_type.name.lower(),
         samples=count,
-        start_s=float(times[0] - zero) / 1e9 if count else None,
-        end_s=float(times[-1] - zero) / 1e9 if count else None,
+        start_s=float(times.min() - zero) / 1e9 if count else None,
+        end_s=float(times.max() - zero) / 1e9 if count else None,
         rate_hz=rate_of(times) or None,
         labels=labels or {},
     )

@@ -1,12 +1,11 @@
 """One command for many loggers, where that is said so: `--all`, or a glob that is affirmed. One answer per logger."""
 
-import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.common import discovered, read_only, show_json, tell_unreachable
+from silo.cli.common import ask_first, discovered, read_only, show_json, tell_unreachable
 from silo.core.quantities.writing import many
 from silo.errors import ConnectionLostError, SiloError
 
@@ -39,12 +38,8 @@ def many_meant(verb: str, logger: str | None, *, everyone: bool) -> "list[Logger
         raise ConnectionLostError(not_found_text(pattern, discovery))
     if not everyone:
         named = f"'{pattern}' means {many(len(found), 'logger')}: {', '.join(told_apart(found))}"
-        if not (sys.stdin is not None and sys.stdin.isatty()):
-            raise click.UsageError(
-                f"{named}; say --all to {verb} {'it' if len(found) == 1 else 'all of them'}; nothing was asked"
-            )
-        click.echo(named)
-        click.confirm(f"{verb} {'it' if len(found) == 1 else 'all of them'}?", abort=True)
+        what = f"{verb} {'it' if len(found) == 1 else 'all of them'}"
+        ask_first(f"{named}\n{what}?", f"{named}; say --all to {what}; nothing was asked")
     return found
 
 

@@ -172,6 +172,13 @@ class Ending:
         return self._asked.wait(time_s)
 
 
+def ask_first(question: str, way: str) -> None:
+    """Ask on a terminal. Raises UsageError with the way to go where nobody can be asked, Abort for no."""
+    if sys.stdin is None or not sys.stdin.isatty():
+        raise click.UsageError(way)
+    click.confirm(question, abort=True)
+
+
 def tell_viewers(client: "Client") -> None:
     """Raise RefusedError for who may not change anything, before a word of how a change could be made."""
     hello = client._hello()

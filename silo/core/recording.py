@@ -341,6 +341,13 @@ def falls(time_ns: NDArray[np.int64]) -> bool:
     return bool((time_ns[1:] < time_ns[:-1]).any())
 
 
+def lasted_s(time_ns: NDArray[np.int64]) -> float:
+    """Return how long it took from the first stamp to the last, in s: what passed between steps back of the clock."""
+    if falls(time_ns):
+        return float(np.maximum(np.diff(time_ns), 0).sum()) * 1e-9
+    return float(time_ns[-1] - time_ns[0]) * 1e-9 if len(time_ns) else 0.0
+
+
 def within(time_ns: NDArray[np.int64], first_ns: int, last_ns: int) -> slice | NDArray[np.bool_]:
     """Which stamps lie from `first_ns` to `last_ns`, both included: no stretch where the clock stepped back."""
     if falls(time_ns):

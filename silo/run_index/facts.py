@@ -25,7 +25,7 @@ from silo.core.elements import MARKER, LoggedEvent
 from silo.core.episodes.words import Episode, said_by
 from silo.core.names import grouped
 from silo.core.quantities.writing import EPOCH_FROM_NS
-from silo.core.recording import Recording, places_of_ticks, rate_of, read_ahead, samples_of_ticks
+from silo.core.recording import Recording, lasted_s, places_of_ticks, rate_of, read_ahead, samples_of_ticks
 from silo.core.tuning.parameters import ParameterValue
 from silo.errors import SiloError
 from silo.files.added import added_formats
@@ -168,7 +168,7 @@ def facts_of(recording: Recording, name: str, size_bytes: int, path: Path) -> In
 def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunFacts:
     stamps = recording.time_ns
     ticks = len(stamps)
-    span_s = float(stamps[-1] - stamps[0]) * 1e-9 if ticks else 0.0
+    span_s = lasted_s(stamps)
     happened = _happened(recording.events)
     began = max(
         recording.started_ns, int(stamps[0]) if ticks and stamps[0] >= EPOCH_FROM_NS else 0

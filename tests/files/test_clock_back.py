@@ -1,5 +1,8 @@
 """A clock that steps back within a log: told when the log is opened, and what is asked of it is answered right."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -73,6 +76,16 @@ def test_a_table_has_each_sample_in_its_row(log):
     assert frame["/log/x"].tolist() == list(range(COUNT))
     assert frame["/log/slow"].dropna().tolist() == list(range(0, COUNT, 3))
     assert np.flatnonzero(frame["/log/slow"].notna()).tolist() == list(range(0, COUNT, 3))
+
+
+def test_how_long_it_took_is_what_passed_between_the_steps(path, tmp_path, log):
+    lasted = (COUNT - 2) * STEP * 1e-9
+    assert log.duration_s == pytest.approx(lasted)
+    (run,) = silo.runs(Path(path).parent)
+    assert run.facts.span_s == pytest.approx(lasted)
+    told = json.loads(CliRunner().invoke(cli, ["info", str(path), "--json"]).stdout)
+    assert told["duration_s"] == pytest.approx(lasted)
+    assert [(one["start_s"], one["end_s"]) for one in told["elements"]] == [(0.0, 0.19)] * 2
 
 
 def test_the_shell_tells_of_it(path):

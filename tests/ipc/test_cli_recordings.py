@@ -1,6 +1,7 @@
 """`silo files`: what it lists, fetches and deletes of a logger that runs."""
 
 import os
+import re
 import signal
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import msgspec
 import pytest
 from click.testing import CliRunner
 
-from silo.cli.codes import EXIT_FAILED
+from silo.cli.codes import EXIT_FAILED, EXIT_USAGE
 from silo.cli.group import cli
 from silo.client.client import Client
 from silo.fleet.exchange import client_name
@@ -56,7 +57,9 @@ def test_a_run_is_fetched_by_its_number_with_all_its_files(bench, saved, tmp_pat
 
 
 def test_deleting_asks_first(bench, saved):
-    assert "delete walk.rosbag2 on bot" in run("rm", "bot", "walk", text="n\n").output
+    asked = run("rm", "bot", "walk")  # of nobody: there is no terminal
+    assert asked.exit_code == EXIT_USAGE
+    assert re.search(r"delete walk.rosbag2 on bot.*Say --yes to delete .*nothing was deleted", asked.output)
     assert saved[1].exists()
     assert "deleted walk.rosbag2" in run("rm", "bot", "walk", "--yes").output
     assert not saved[1].exists()

@@ -47,6 +47,12 @@ def test_what_was_left_is_listed_and_not_touched(tmp_path: Path, capsys: pytest.
     assert not list(tmp_path.glob("*.silo"))
 
 
+@pytest.mark.parametrize("words", [[], ["--list"]])
+def test_a_folder_that_is_not_there_is_told_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str], words) -> None:
+    assert run(["recover", str(tmp_path / "none"), *words]) == EXIT_FAILED
+    assert f"'{tmp_path / 'none'}': there is no such folder or segment; `silo recover" in capsys.readouterr().err
+
+
 def test_what_was_left_is_saved_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     die(tmp_path)
     assert run(["recover"]) == 0

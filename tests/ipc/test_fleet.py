@@ -23,6 +23,7 @@ from silo.fleet.member import Member
 from silo.fleet.near import HERE, unreachable_text
 from silo.fleet.resolving import discover
 from silo.live.publisher import differs, room_of
+from silo.net.access.senders import network_words
 from silo.net.session import close, open_router
 from silo.net.sessions import open_configurations
 from silo.rpc.published import MOST_REASON, Summary
@@ -153,7 +154,7 @@ def test_state_rate_losses_disk_alarms_and_who_is_there_are_told_without_asking(
             one = waited(fleet, "walker", lambda one: one.summary.alarms)
             assert (one.summary.alarm, one.summary.alarms) == ("HH", 1)
             one = waited(fleet, "walker", lambda one: one.summary.clients)
-            assert one.summary.clients == [client._name]
+            assert one.summary.clients == [network_words(client._connection.user, client._name, proven=False)]
             assert 0 < one.summary.disk_free_bytes <= one.summary.disk_bytes
             client.stop()
         waited(fleet, "walker", lambda one: one.state is State.STOPPED and not one.summary.clients)

@@ -52,7 +52,7 @@ def make_chart(recording: Recording, spec: ChartSpec, title: str = "") -> tuple[
     chosen = [*left, *right]
     shown = [window(signal, low, high) for signal in chosen[: spec.most]]
     if not any(len(signal.values) for signal in shown):
-        span = f"{(recording.time_ns[-1] - zero) / 1e9:.6g}" if len(recording.time_ns) else "0"
+        span = f"{(recording.time_ns.max() - zero) / 1e9:.6g}" if len(recording.time_ns) else "0"
         raise ElementError(f"there is no sample to plot in that window; the log goes from 0 to {span} s")
     is_right = {signal.name for signal in right}
     over = None if spec.x is None else _one(recording, spec.x)

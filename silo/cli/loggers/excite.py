@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from silo.cli.common import ask_first
 from silo.cli.verbs import verb
 from silo.core.tuning.excitation import ends_of, excitation_of, number_at
 from silo.core.tuning.parameters import Wave, value_text
@@ -59,9 +60,7 @@ def excite(
     if divider > 1:
         click.echo(f"it is logged every {divider} ticks: for `silo bode` set its divider to 1 before (`silo set`)")
     if not yes:
-        if not sys.stdin.isatty():
-            raise click.UsageError("say --yes to begin without being asked; nothing was changed")
-        click.confirm("begin?", abort=True)
+        ask_first("begin?", "say --yes to begin without being asked; nothing was changed")
     for number in _ENDS:
         signal.signal(number, signal.default_int_handler)
     with _keys() as keyboard:

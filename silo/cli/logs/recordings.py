@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 from click.shell_completion import CompletionItem
 
-from silo.cli.common import TypedPath, complete_logger, connect, find_logger, items, progress, show_rows
+from silo.cli.common import TypedPath, ask_first, complete_logger, connect, find_logger, items, progress, show_rows
 from silo.cli.verbs import verb
 from silo.core.quantities.writing import many, size_text, wall_clock
 from silo.errors import RefusedError, SiloError
@@ -108,7 +108,8 @@ def rm(logger: str, names: tuple[str, ...], yes: bool) -> None:
     with connect(logger) as client:
         meant = _meant(client, names)
         if not yes:
-            click.confirm(f"delete {', '.join(meant)} on {client.found.label} for good?", abort=True)
+            question = f"delete {', '.join(meant)} on {client.found.label} for good?"
+            ask_first(question, f"{question} Say --yes to delete without being asked; nothing was deleted")
         for name in meant:
             click.echo(client.delete_recording(name))
 

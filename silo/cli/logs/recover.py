@@ -1,5 +1,6 @@
 """`silo recover`: what programs that died without saving left in shared memory, or in journals on the disk."""
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +10,7 @@ import click
 from silo.cli.common import TypedPath, json_option, show_json, types_option
 from silo.core.elements import FileType
 from silo.core.quantities.writing import many, size_text
-from silo.errors import SaveError, SegmentError, SiloError
+from silo.errors import LogNotFoundError, SaveError, SegmentError, SiloError
 from silo.journal.folders import OPEN_PARTS, RECORDINGS, remembered_folders
 
 if TYPE_CHECKING:
@@ -56,6 +57,12 @@ def recover(
     from silo.files.formats import file_types
 
     chosen = file_types(types)
+    missing = [path for path in paths if not os.path.lexists(path)]
+    if missing:
+        raise LogNotFoundError(
+            f"'{missing[0]}': there is no such folder or segment; `silo recover --list` shows what can be recovered; "
+            "nothing was done"
+        )
     single, stale = _meant(paths, look_in)
     named = [path.resolve() for path in paths if path not in single] if paths else None  # folders; None for all
     folders = _recording_folders(named, look_in)
