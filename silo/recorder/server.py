@@ -128,7 +128,7 @@ class EndlessRecordings:
             name = self._free_name(request.name)
             self._give_up(name)
             order = msgspec.structs.replace(checked, name=name, order=secrets.token_hex(8), **self._present())
-            warnings = [self._warning(request), _earlier(order)]
+            warnings = [_earlier(order), self._warning(request)]
             try:
                 recorder = self._spawn(RecorderHandover(order, request.client, time.time_ns(), self._program))
             except OSError as error:

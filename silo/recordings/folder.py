@@ -14,7 +14,7 @@ import struct
 import threading
 import time
 import zlib
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -198,13 +198,17 @@ class RecordingFolder:
             until_s = time.monotonic() + READ_S
             looked = [self._recording(folder, logger, stem, files, until_s) for stem, files in shown]
             free, size = disk_room(folder)
-            recorded = [self._part_row(folder, part) for part in parts_below(folder)]
+            parts = list(parts_below(folder))
+            recorded = [self._part_row(folder, part) for part in parts]
         rows = [row for row in looked if row is not None]
         # without those that turned out to be others' files
         count = len(newest) - (len(shown) - len(rows)) + len(recorded)
         rows += recorded
         rows = sorted(rows, key=_changed, reverse=True)[: max(0, min(most, MAX_LISTED))] if recorded else rows
-        return Recordings(place, rows, count, size, free)
+        sizes = Counter[str]()
+        for part in parts:
+            sizes[f"{part.folder}/{part.recorder}"] += part.about.st_size
+        return Recordings(place, rows, count, size, free, dict(sizes))
 
     def parts(self, place: str, name: str) -> RecordingParts:
         """Return the plain files of a recording. Raises RequestRefusedError."""

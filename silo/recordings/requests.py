@@ -49,7 +49,8 @@ class SavedRecording(msgspec.Struct, frozen=True, omit_defaults=True):
 class Recordings(Reply, frozen=True):
     """What is in the logger's own folder, the newest first: at most as many as asked for, of `count`.
 
-    `disk_bytes` is the size of the disk of the folder, `free_bytes` what is free of it.
+    `disk_bytes` is the size of the disk of the folder, `free_bytes` what is free of it. `recorded` has the bytes of all
+    finished parts by folder and recording, as `recordings/demo`: they count into the budget of the next one so called.
     """
 
     folder: str
@@ -57,6 +58,7 @@ class Recordings(Reply, frozen=True):
     count: int
     disk_bytes: int = 0
     free_bytes: int = 0
+    recorded: dict[str, int] = {}
 
 
 class PartOfRecording(msgspec.Struct, frozen=True):

@@ -141,7 +141,7 @@ class CommandRunner:
     def command_record(self, typed: Spelled) -> None:
         from silo_tui.screens.dialogs import recorder
 
-        self._context.run_flow(recorder.begin(self._context, self._context.session, 0, typed.rest))
+        self._context.run_flow(recorder.begin(self._context, self._context.session, signals=typed.rest))
 
     def command_open(self, typed: Spelled) -> None:
         if not typed.arguments:

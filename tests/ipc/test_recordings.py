@@ -81,6 +81,7 @@ def test_parts_of_endless_recordings_are_listed_with_their_folder_and_times(tmp_
     ]
     assert listed(tmp_path).count == 2
     assert len(listed(tmp_path, 1).recordings) == 1
+    assert listed(tmp_path, 1).recorded == {"recordings/walk": part.stat().st_size}  # however few are asked for
 
 
 def test_a_part_is_read_in_pieces_by_its_plain_name(tmp_path):

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from silo.core.elements import FieldChange, RecorderState
 from silo.errors import SiloError
 from silo.recorder.requests import RecorderInfo
+from silo.recordings.requests import Recordings
 from silo.scripts.requests import ScriptDiff, Scripts
 from silo_tui.model.table.changes import Cost
 from silo_tui.model.table.state import PendingChange
@@ -189,7 +190,9 @@ class Lines(RecordDialog):
     """The lines that begin a recording, as they are typed."""
 
     def __init__(self, desk: Desk, free_bytes: int = 0, **typed: str) -> None:
-        self._session, self._free_bytes = desk.session, free_bytes
+        recorded = {"walks/robot": 6_750_000}
+        self._session = desk.session
+        self._found = Recordings("/logs", [], 0, free_bytes=free_bytes, recorded=recorded)
         self.typed = {**FIRST, **typed}
 
     fields = property(lambda self: self.typed)
@@ -241,6 +244,9 @@ def test_what_can_t_be_recorded_is_refused(typed, why, desk):
          "oldest parts of its name go"),
         (10**9, {"keep": "1GB"}, "3 signals, 1 of them off: about {rate}/s\nkeeps about the newest {day}, then the "
          "oldest parts of its name go\na part ends at 500 MB, half of it"),
+        (0, {"keep": "4GB", "to": "walks", "name": "robot"}, "3 signals, 1 of them off: about {rate}/s\nkeeps about "
+         "the newest {kept}, then the oldest parts of its name go\n6.75 MB of earlier recordings 'robot' go first: "
+         "another name keeps them"),
     ],
 )  # fmt: skip
 def test_how_fast_files_grow_and_for_how_long_there_is_room_is_told(free_bytes, typed, words, desk):
@@ -257,13 +263,13 @@ def test_a_recording_is_begun_with_what_is_marked_else_with_all(desk, monkeypatc
         await send(Wish("a/*", ("a/*",), "to", "1GB", "", "mine"))
 
     monkeypatch.setattr(recorder, "taken", taken)
-    said = desk.does(recorder.begin(desk, desk.session, 0))
+    said = desk.does(recorder.begin(desk, desk.session))
     assert said == "recording 'mine' to /home/ann/logs/to"
     assert desk.fake.calls == [("record", ("a/*",), "to", "1GB", "", "mine")]
     assert [one.name for one in desk.session.recorders] == ["mine"]
     desk.session.rows.marked[1] = True
     record = desk.fake.record
     desk.fake.record = lambda *given: msgspec.structs.replace(record(*given), text="b/z is off")
-    assert desk.does(recorder.begin(desk, desk.session, 0)).endswith("; b/z is off")
+    assert desk.does(recorder.begin(desk, desk.session)).endswith("; b/z is off")
     desk.does(recorder.begin(desk, desk.session, 0, "imu/*"))
     assert begun == ["all", "marked", "imu/*"]

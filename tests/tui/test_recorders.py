@@ -1,12 +1,12 @@
 """Endless recordings in the terminal: begun, watched, ended."""
 
-import msgspec
 import pytest
 from msgspec import structs
 
 from silo.core.elements import RecorderState
 from silo.errors import RefusedError
 from silo.recorder.requests import RecorderInfo
+from silo.recordings.requests import Recordings
 from silo_tui.model.lists.recorders import WritingPace, head, row
 
 SECOND = 10**9
@@ -92,14 +92,17 @@ class TestScreens:
             await screen.shows("walks/robot")
             await screen.shows("REC 1")
 
-    async def test_what_a_budget_deletes_of_an_earlier_recording_is_said_before_it_is_begun(self, fake, opened):
-        ended = msgspec.structs.replace(WALK, name="robot", state=RecorderState.ENDED, size_bytes=6_750_000)
-        fake.recorder_infos = [ended, WALK]
+    @pytest.mark.parametrize("steps", [("recordings", "record"), (":", *"record", "enter")])
+    async def test_what_a_budget_deletes_of_an_earlier_recording_is_said_before_it_is_begun(
+        self, fake, opened, monkeypatch, steps
+    ):
+        found = Recordings("/home/ann/logs", [], 0, recorded={"recordings/robot": 6_750_000, "recordings/arm": 5})
+        monkeypatch.setattr(fake, "recordings", lambda most=1000: found)
         async with opened(fake) as screen:
-            await screen.do("recordings", "record")
+            await screen.do(*steps)
             await screen.press("tab", "tab", "tab", "tab")
             await screen.type("8MB")
-            await screen.shows("6.75 MB of the earlier recording 'robot' go first")
+            await screen.shows("6.75 MB of earlier recordings 'robot' go first")
             await screen.press("tab", "tab", "tab")
             await screen.type("second")
             await screen.until(lambda: "go first" not in screen.text)

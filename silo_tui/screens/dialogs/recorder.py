@@ -1,12 +1,15 @@
 """Endless recordings from the terminal: the lines that begin one, the questions that end one."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import ClassVar
 
 from silo.core.names import matching
 from silo.core.quantities.reading import read_keep, read_split
 from silo.core.quantities.writing import duration, many, size_text
-from silo.recorder.requests import SAMPLE_BYTES, RecorderInfo
+from silo.errors import SiloError
+from silo.recorder.requests import DEFAULT_FOLDER, SAMPLE_BYTES, RecorderInfo
+from silo.recordings.requests import Recordings
 from silo_tui.actions import key_of
 from silo_tui.context import Context
 from silo_tui.model.table.changes import cost_of
@@ -48,10 +51,10 @@ class RecordDialog(Form[Wish]):
         "keep": "beyond so much the oldest parts of this name are deleted; all: it stops when the disk is full",
     }
 
-    def __init__(self, session: Session, free_bytes: int, begun: Wish, problem: str = "") -> None:
+    def __init__(self, session: Session, found: Recordings | None, begun: Wish, problem: str = "") -> None:
         values = {name: getattr(begun, name) for names in LINES for name in names}
         super().__init__(f"Record on {session.name}, until it is stopped", LINES, values, HINTS, problem, "signals")
-        self._session, self._free_bytes = session, free_bytes
+        self._session, self._found = session, found
 
     def _patterns(self) -> tuple[str, ...]:
         """Return what is typed as patterns; without any, all is meant. ValueError where nothing matches one."""
@@ -92,22 +95,30 @@ class RecordDialog(Form[Wish]):
         if room:
             kept = f"{first}\nkeeps about the newest {duration(room / bytes_s)}, then the oldest parts of its name go"
             name = wish.name or session.name
-            earlier = sum(one.size_bytes for one in session.recorders if one.name == name and one.state.over)
-            if earlier:
-                kept += f"\n{size_text(earlier)} of the earlier recording '{name}' go first: another name keeps them"
+            found = await self._folder()
+            if found is not None and (earlier := found.recorded.get(f"{wish.to or DEFAULT_FOLDER}/{name}")):
+                kept += f"\n{size_text(earlier)} of earlier recordings '{name}' go first: another name keeps them"
             half = room // 2  # a part ends there, so that one can go while the next is written
             return f"{kept}\na part ends at {size_text(half)}, half of it" if read_split(wish.split)[0] > half else kept
-        if self._free_bytes:
-            return f"{first}\nthe disk takes {duration(self._free_bytes / bytes_s)} of it, then it stops by itself"
+        found = await self._folder()
+        if found is not None and found.free_bytes:
+            return f"{first}\nthe disk takes {duration(found.free_bytes / bytes_s)} of it, then it stops by itself"
         return first
 
+    async def _folder(self) -> Recordings | None:
+        """Return what is known of the folder of the logger; None where it can't be asked for."""
+        if self._found is None:
+            with suppress(SiloError):
+                self._found = await self._session.recordings(1)
+        return self._found
 
-async def begin(context: Context, session: Session, free_bytes: int, signals: str = "") -> None:
-    """Ask what is to be recorded, `signals` at first, and have it recorded."""
+
+async def begin(context: Context, session: Session, found: Recordings | None = None, signals: str = "") -> None:
+    """Ask what is to be recorded, `signals` at first, and have it recorded; `found` is there, if that is known."""
     first = Wish(signals or (MARKED if session.rows.marked_count else ALL), (), "", "1GB", "", "")
 
     def form(wish: Wish | None, problem: str) -> RecordDialog:
-        return RecordDialog(session, free_bytes, wish or first, problem)
+        return RecordDialog(session, found, wish or first, problem)
 
     async def send(wish: Wish) -> None:
         started = await context.link.call(

@@ -268,8 +268,7 @@ class RecordingsScreen(LoggerList[SavedRecording]):
     # --------------------------------------------------------------------------------------------------- recording
 
     def command_record(self, typed: Spelled = BY_KEY) -> None:
-        free = self.found.free_bytes if self.found is not None else 0
-        self.context.run_flow(self._then_look(recorder.begin(self.context, self.session, free, typed.rest)))
+        self.context.run_flow(self._then_look(recorder.begin(self.context, self.session, self.found, typed.rest)))
 
     def command_stop_recording(self) -> None:
         self.context.run_flow(self._then_look(recorder.end(self.context, self.session)))
