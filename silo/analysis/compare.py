@@ -30,6 +30,7 @@ from silo.errors import ElementError
 Event = Callable[[Log], "Signal | float"]
 
 _CELLS = 1 << 20  # of signals that are looked at together
+_NEVER_NS = 2**62  # later than any stamp, and room to move it
 MOST_SHIFT_SAMPLES = 200_000  # of a signal by which runs are aligned
 HEADS = ("signal", "unit", "largest", "at s", "rms", "mean", "differ")
 
@@ -480,7 +481,7 @@ def _meeting(
     )
     if shift_s:
         other = replace(other, start_ns=other.start_ns - round(shift_s * 1e9))
-    mine, theirs, span = in_common(one, other)
+    mine, theirs, span = in_common(_of_one_tick(one, other._step_ns), _of_one_tick(other, one._step_ns))
     if len(mine) == 0:
         raise ElementError("there is no sample in common")
     each_with_each = np.array_equal(mine.values, one.values) and np.array_equal(theirs.values, other.values)
@@ -490,6 +491,13 @@ def _meeting(
         span = "; ".join(filter(None, [span, "not where it was switched off, or not recorded, in one of them"]))
     moved_ns = moved.time_ns
     return met.setdefault(key, _Meeting(places, mine.times, moved_ns, span, stamps))
+
+
+def _of_one_tick(one: Samples, step_ns: float) -> Samples:
+    """A sample of a run that has a single tick tells of that moment alone: until the other run's next one."""
+    if one.axis_ns is None or len(one.axis_ns) != 1 or not np.isfinite(step_ns):
+        return one
+    return replace(one, _holes=((int(one.axis_ns[0]) + int(step_ns), _NEVER_NS),))
 
 
 def _signals(

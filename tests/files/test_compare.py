@@ -46,6 +46,28 @@ def met(monkeypatch):
     return calls
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_run_of_one_tick_is_held_against_that_moment(tmp_path, turned):
+    logs = []
+    for ticks, begin_ns in ((1, 10**18), (100, 10**18 + 10**15)):
+        now = [begin_ns]
+        log = silo.Logger("o", folder=tmp_path, script=tmp_path / "no.yaml", frequency=100, clock=lambda: now[0])  # noqa: B023
+        x, wide, slow = log.array("x"), log.array("wide", 2), log.array("slow", divider=200)
+        log.start()
+        for tick in range(ticks):
+            x[...], wide[...], slow[...] = tick, tick + (ticks > 1), 5
+            log.collect()
+            now[0] += 10_000_000
+        logs.append(silo.open_log(log.save()[0].path))
+        log.close()
+    a, b = logs[::-1] if turned else logs
+    found = silo.compare(a, b)
+    assert {row.name: (row.count, row.samples) for row in found} == {"/log/wide_0": (1, 1), "/log/wide_1": (1, 1)}
+    assert found.alike == 2
+    assert found.partly["/log/x"].startswith("compared from 0 to 0 s: ")
+    assert "switched off" not in found.partly["/log/x"]
+
+
 @pytest.mark.parametrize("jitter", [0, 100_000])
 def test_two_runs_are_laid_on_each_other_once_for_all_signals_of_one_time_base(met, jitter):
     a, b = silo.Log(recorded(many(50))), silo.Log(recorded(many(50, differ=True), 2 * 10**18, jitter))
