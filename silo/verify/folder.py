@@ -102,7 +102,10 @@ class _Run:
     captured: list[tuple[Path, Recording]] = field(default_factory=list)
     memory: list[Span] = field(default_factory=list)  # of which any ring has a row
     held: list[Span] = field(default_factory=list)  # of which any value has its row
-    newest: dict[str, list[Span]] = field(default_factory=dict)  # by looping element, what saves and memory have of it
+    newest: dict[str, list[Span]] = field(
+        default_factory=dict
+    )  # by looping element, what saves and memory have of it, from its first sample there on
+    dividers: dict[str, int] = field(default_factory=dict)  # of these elements, the largest that there was
     slack: int = 1  # ticks by which buffers differ that are rounded up to whole samples
     trimmed: dict[str, tuple[list[Span], bool]] = field(default_factory=dict)  # by recorder, what its list says it had
     ended: bool = False  # nobody logs in it any more
@@ -118,8 +121,9 @@ class _Run:
         return next((event.number for event in self.events if event.kind == EventKind.STARTED.value), 0)
 
     def hold(self, name: str, first: int, last: int, divider: int) -> None:
-        """Note what a looping buffer has; before its first sample it held another one for no divider."""
-        self.newest.setdefault(name, []).append((max(0, first - divider + 1), last))
+        """Note what a looping buffer has."""
+        self.newest.setdefault(name, []).append((first, last))
+        self.dividers[name] = max(self.dividers.get(name, 1), divider)
         self.slack = max(self.slack, divider)
 
     def lose(self, part: int, name: str, samples: int) -> None:
@@ -391,7 +395,8 @@ def _newest(run: _Run) -> Iterator[Verdict]:
     recorded = [span for part in run.parts for span in part.covered()]
     shorter: dict[str, list[Span]] = {}
     for name, spans in run.newest.items():
-        lacks = without(there, [*spans, *recorded])
+        before = run.dividers[name] - 1  # its first sample: these ticks are of one that it held for no divider
+        lacks = without(there, [*((max(0, first - before), last) for first, last in spans), *recorded])
         if sum(last + 1 - first for first, last in lacks) > run.slack:
             shorter[name] = lacks
     if shorter:

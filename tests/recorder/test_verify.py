@@ -374,6 +374,20 @@ def test_a_looping_buffer_that_is_shorter_by_its_own_option_was_to_keep_the_newe
     assert "in no file" not in shown
 
 
+def test_what_a_looping_buffer_holds_is_counted_from_its_first_sample_on(tmp_path, truth):
+    robot = truth.robot(tmp_path, size=2000)
+    late = robot.log.array("late", (), size=8, divider=5)
+    robot.start()
+    late[...] = 1
+    robot.ticks(500)
+    robot.log.save()
+    robot.log.close()
+    (found,) = verify(tmp_path).newest
+    (element,) = [one for one in silo.open_log(tmp_path).recording.elements if one.name == "/log/late"]
+    assert element.count * 5 == 500 - element.stamp_indices[0]
+    assert found.text.endswith(f": looping buffers hold the newest only: /log/late the last {element.count * 5} ticks")
+
+
 def test_buffers_that_differ_as_sizes_are_rounded_up_are_not_told(tmp_path, truth):
     robot = truth.robot(tmp_path, size=100)
     robot.log.update()
