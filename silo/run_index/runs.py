@@ -1,22 +1,24 @@
 """`silo.runs("logs")`: the runs of folders as a list that can be narrowed, tagged and opened."""
 
 import functools
+import math
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
+from silo.analysis.compute.arithmetic import warn_outside
 from silo.core.arguments import path as checked_path
 from silo.core.arguments import shown
 from silo.core.calls import told, told_names
-from silo.core.quantities.writing import many, size_text
+from silo.core.quantities.writing import and_more, many, size_text
 from silo.errors import ElementError
 from silo.run_index import labels
 from silo.run_index.facts import SignalFacts
 from silo.run_index.index import RunIndex, Told
 from silo.run_index.listed import EPOCH, ListedEpisode, ListedRun, episodes_of, listed
-from silo.run_index.where import Query, said_by
+from silo.run_index.where import Query, SeveralSignalsError, is_true, said_by
 
 if TYPE_CHECKING:
     from silo.analysis.compare import Comparison
@@ -66,7 +68,8 @@ class RunList(Sequence[ListedRun]):
 
         Args:
             condition: over `min max mean std rms last count` of signals, facts (`span lost limits triggers marks ...`),
-                tags and parameters. A run that lacks what is asked for is left out.
+                tags and parameters. A run that lacks what is asked for is left out; one in which a name means several
+                signals, too, with a `LogWarning`.
 
         Returns:
             The runs.
@@ -74,8 +77,7 @@ class RunList(Sequence[ListedRun]):
         Raises:
             ExpressionError: it can't be understood; the message has the place.
         """
-        found = self._judged(condition, lambda one: one.holds)
-        return self._kept([place for place, value in enumerate(found) if value])
+        return self._kept([place for place, value in enumerate(self._judged(condition)) if is_true(value)])
 
     def values(self, expression: str) -> list[float]:
         """Return a number for each run: `runs.values("max(joints/tau_3)")`; NaN where a run lacks it.
@@ -89,7 +91,7 @@ class RunList(Sequence[ListedRun]):
         Raises:
             ExpressionError: it can't be understood.
         """
-        return [float(value) for value in self._judged(expression, lambda one: one.number)]
+        return self._judged(expression)
 
     def find(self, *words: str) -> "RunList":
         """Return those that have all of some words in name, robot, task, reason, tags, notes or what else is told.
@@ -199,7 +201,8 @@ class RunList(Sequence[ListedRun]):
 
         return query(Folders(self, self.indexes), statement)
 
-    def _judged(self, text: str, how: Callable[[Query], Callable[..., float]]) -> list[float]:
+    def _judged(self, text: str) -> list[float]:
+        """What an expression is for each run, NaN where that can't be told."""
         known: dict[str, list[str]] = {}
         for index in self.indexes:
             for element, scalars in index.elements().items():
@@ -208,8 +211,20 @@ class RunList(Sequence[ListedRun]):
         said = said_by([index.words() for index in self.indexes], parameters)
         tags = {word for run in self for word in run.tags}
         condition = Query(text, known, {name for some in parameters for name in some}, tags, said)
-        judge, signals = how(condition), self.signals(condition.signals)
-        return [judge(run.facts, run.tags, of_run) for run, of_run in zip(self, signals, strict=True)]
+        found: list[float] = []
+        unclear: dict[str, SeveralSignalsError] = {}  # by run, what means several signals there
+        for run, of_run in zip(self, self.signals(condition.signals), strict=True):
+            try:
+                found.append(condition.number(run.facts, run.tags, of_run))
+            except SeveralSignalsError as error:  # noqa: PERF203
+                found.append(math.nan)
+                unclear[run.facts.path] = error
+        if unclear:
+            first = next(iter(unclear.values()))
+            if all(map(math.isnan, found)):
+                raise first  # nowhere does it mean one
+            warn_outside(f"not known of {and_more(list(unclear), 3)}: there {first.reason}")
+        return found
 
     def signals(self, names: Sequence[str] | None = None) -> list[Sequence[SignalFacts]]:
         """Return the facts of scalars, by their whole names, of each of these; of all scalars without names."""

@@ -12,8 +12,10 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from silo.core.names import Names, did_you_mean
+from silo.core.quantities.writing import and_more
 from silo.core.tuning.parameters import ParameterValue
 from silo.core.units import factor
+from silo.errors import ExpressionError
 from silo.expressions.operations import Function
 from silo.expressions.parsing import Call, ComparisonChain, Expression, Name, Node, Number, Operation, parse
 from silo.run_index.facts import RunFacts, SignalFacts
@@ -57,13 +59,17 @@ def _names(node: Node, of_tag: bool = False) -> Iterator[tuple[Name, bool]]:
             yield from _names(part, isinstance(node, Call) and node.function == "tagged")
 
 
-def _true(number: float) -> bool:
+def is_true(number: float) -> bool:
     """Whether something holds: what can't be computed doesn't."""
     return bool(number) and not math.isnan(number)
 
 
 class MissingError(Exception):
     """A run lacks what is asked for."""
+
+
+class SeveralSignalsError(ExpressionError):
+    """In a run a name means several signals, where one is meant."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +170,7 @@ class Query:
 
     def holds(self, run: RunFacts, tags: Sequence[str], signals: Sequence[SignalFacts]) -> bool:
         """Whether it holds for a run; False where the run lacks something. Raises ExpressionError."""
-        return _true(self.number(run, tags, signals))
+        return is_true(self.number(run, tags, signals))
 
     def number(self, run: RunFacts, tags: Sequence[str], signals: Sequence[SignalFacts]) -> float:
         """Return what it is for a run, NaN where the run lacks something. Raises ExpressionError."""
@@ -203,7 +209,7 @@ class Query:
 
     def _operation(self, node: Operation, value: Callable[[Node], Value]) -> Value:
         if node.operator == "and":
-            return Value(float(all(_true(value(part).number) for part in node.operands)))
+            return Value(float(all(is_true(value(part).number) for part in node.operands)))
         if node.operator == "or":
             return Value(float(any(self._or_missing(part, value) for part in node.operands)))
         if node.operator == "not":
@@ -221,7 +227,7 @@ class Query:
     @staticmethod
     def _or_missing(part: Node, value: Callable[[Node], Value]) -> bool:
         try:
-            return _true(value(part).number)
+            return is_true(value(part).number)
         except MissingError:
             return False
 
@@ -250,8 +256,8 @@ class Query:
         if not values:
             raise MissingError
         if len(values) > 1 and function not in ("min", "max", "count"):
-            names = ", ".join(one.name for one in found[:3])
-            raise self.expression.error(f"'{name.text}' means {len(found)} signals ({names}): name one", name)
+            reason = f"'{name.text}' means {len(found)} signals ({and_more([one.name for one in found], 3)}): name one"
+            raise SeveralSignalsError(reason, self.expression.text, name.at, name.end)
         units = {one.unit for one in found}
         unit = units.pop() if len(units) == 1 and function != "count" else ""
         number = float(together(values))

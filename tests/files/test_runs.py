@@ -4,6 +4,7 @@ import itertools
 import json
 import math
 import os
+import re
 import shutil
 import sqlite3
 import subprocess
@@ -315,6 +316,27 @@ def test_a_number_of_each_run_is_nan_where_it_is_missing(root):
 def test_a_condition_that_means_nothing_says_where(root, condition, words):
     with pytest.raises(ExpressionError, match=words):
         silo.runs(root, where=condition)
+
+
+def test_a_run_in_which_a_name_means_several_signals_is_left_out_and_told(tmp_path):
+    for number, shape in enumerate([(), 3, ()]):
+        log = silo.Logger("arm", folder=tmp_path, script=tmp_path / "no.yaml")
+        x = log.array("x", shape)
+        log.start()
+        x[...] = number
+        log.collect()
+        log.save(name=f"run{number}")
+        log.close()
+    told = r"not known of run1.silo: there 'x' means 3 signals \(/log/x_x, /log/x_y, /log/x_z\): name one"
+    with pytest.warns(silo.LogWarning, match=told):
+        assert names(silo.runs(tmp_path, where="last(x) > 1")) == ["run2"]
+    with pytest.warns(silo.LogWarning, match=told):
+        assert [math.isnan(one) for one in silo.runs(tmp_path).values("last(x)")] == [False, True, False]
+    said = CliRunner().invoke(cli, ["runs", str(tmp_path), "--where", "last(x) > 1"])
+    assert (said.exit_code, said.stdout.count("run2.silo"), said.stdout.count("run1.silo")) == (0, 1, 0)
+    assert re.fullmatch(f"warning: {told}\n", said.stderr)
+    with pytest.raises(ExpressionError, match="name one"):
+        silo.runs(tmp_path)[1:2].where("last(x) > 1")
 
 
 def test_runs_are_found_by_words_and_times(root):

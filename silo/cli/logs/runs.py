@@ -1,5 +1,8 @@
 """`silo runs`, `silo tag`, `silo note`: which runs there are, and what people say of them."""
 
+import contextlib
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -7,7 +10,7 @@ import click
 
 from silo.cli.common import TypedPath, find_saved, progress, show_json, show_rows
 from silo.core.quantities.writing import many, size_text
-from silo.errors import LogNotFoundError
+from silo.errors import LogNotFoundError, LogWarning
 
 MOST_APART = 20
 
@@ -61,11 +64,27 @@ def runs(
       silo runs logs --tag slip --since 2026-11-22 --show 'rms(imu/acc_z)'
     """
     from silo.run_index.runs import runs as find_runs
-    from silo.run_index.runs import told_of
 
     with progress("index") as tell:
         found = find_runs(*folders, since=since, until=until, rebuild=rebuild, told=tell)
     every = found.episodes() if episodes else found
+
+    with _telling_warnings():
+        _show(every, where, words, tags, shown, against, as_json=as_json, what="episode" if episodes else "run")
+
+
+def _show(
+    every: "RunList",
+    where: str,
+    words: tuple[str, ...],
+    tags: tuple[str, ...],
+    shown: tuple[str, ...],
+    against: str,
+    *,
+    as_json: bool,
+    what: str,
+) -> None:
+    from silo.run_index.runs import told_of
 
     def narrowed(condition: str) -> "RunList":
         some = (every.where(condition) if condition else every).find(*words)
@@ -86,7 +105,17 @@ def runs(
         head = ("RUN", "ROBOT", "BEGUN", "SPAN", "LOST", "LIMITS", "TASK", *(name for name, _ in columns), "SAID")
         table = [_row(run, [f"{values[place]:.5g}" for _, values in columns]) for place, run in enumerate(found)]
         show_rows([head, *table], right=(3, 4, 5, *range(7, 7 + len(columns))))
-    click.echo(_summary(found, "episode" if episodes else "run"))
+    click.echo(_summary(found, what))
+
+
+@contextlib.contextmanager
+def _telling_warnings() -> Iterator[None]:
+    """Say in lines what Python programs are warned of."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", LogWarning)
+        yield
+    for words in dict.fromkeys(str(one.message) for one in told):
+        click.echo(f"warning: {words}", err=True)
 
 
 @click.command("tag")
