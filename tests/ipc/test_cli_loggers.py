@@ -174,7 +174,7 @@ def test_an_entry_of_an_element_has_no_settings_of_its_own_and_it_is_said_which_
     shown = command("set", "arm", "joints/q", entry, "divider=3")
     assert shown.code != 0
     assert f"'{entry}' is an entry of '/log/joints/tau'" in shown.err
-    assert "`silo set arm /log/joints/tau ...` sets the element; nothing was changed" in shown.err
+    assert f"`silo set arm.{os.getpid()} /log/joints/tau ...` sets the element; nothing was changed" in shown.err
     assert log.elements == before
 
 
@@ -227,7 +227,7 @@ def test_a_running_logger_refuses_to_be_changed(log: silo.Logger, command: Run) 
     log.start()
     shown = command("set", "*", "divider=2")
     assert (shown.code, shown.out) == (EXIT_FAILED, "")
-    assert "logger 'arm' is running: `silo stop arm` first, or add --restart" in shown.err
+    assert f"logger 'arm' is running: `silo stop arm.{os.getpid()}` first, or add --restart" in shown.err
     assert {element.options.divider for element in log.elements} == {1}
 
 
@@ -240,7 +240,7 @@ def test_one_that_was_started_since_it_was_looked_at_is_told_of_and_restarted_li
     monkeypatch.setattr(Client, "status", lambda _client: stopped)
     shown = command("set", "*", "divider=2")
     assert (shown.code, shown.out) == (EXIT_FAILED, "")
-    assert "logger 'arm' is running: `silo stop arm` first, or add --restart" in shown.err
+    assert f"logger 'arm' is running: `silo stop arm.{os.getpid()}` first, or add --restart" in shown.err
     shown = command("set", "*", "divider=2", "--restart", "--discard")
     assert (shown.code, "logging again" in shown.out, log.is_running) == (0, True, True)
 
