@@ -523,7 +523,7 @@ class LeasedTriggers(Leases[str, TriggerOptions]):
 
         Raises ElementError for what makes no sense beside the conditions and the table of the logger.
         """
-        from silo.judging.checks import check_held, with_trigger
+        from silo.judging.checks import check_held, table_catalogue, with_trigger
 
         real("lease_s of a trigger", lease_s, SHORTEST_LEASE_S, LONGEST_LEASE_S, "s")
         with self:
@@ -537,7 +537,7 @@ class LeasedTriggers(Leases[str, TriggerOptions]):
             if self.full(one.name, owner):
                 held = ", ".join(sorted({each.owner for each in self.all()}))
                 raise ElementError(f"{MOST_LEASED} triggers are held by clients already ({held}); nothing was changed")
-            with_trigger(conditions, one, table, logger.prefix)
+            with_trigger(conditions, one, table_catalogue(table, logger.prefix))
             check_held(one, table, logger.frequency_hz)
             self.set(one.name, one, lease_s, owner)
             return True

@@ -51,6 +51,10 @@ class Names:
         """Return what a text means, in the order of the table; nothing for what there isn't."""
         return next((found for found in self._steps(text, scalars, namespaces) if found), [])
 
+    def has(self, name: str) -> bool:
+        """Whether something has this whole name: an element, or a scalar of one."""
+        return name in self.places or name in self._scalars
+
     def every(self, text: str, *, scalars: bool = False) -> list[Found]:
         """Return what a text means by any of the rules, not by the first alone: what it meant to commands so far."""
         if text.startswith("/"):

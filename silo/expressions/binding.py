@@ -74,10 +74,17 @@ class Catalogue:
         if not found or is_glob(name):
             return None
         place = found[0][0]
-        made = Catalogue(self.elements, self.prefix, self.derived[:place])
-        if "_names" in vars(self):
-            vars(made)["_names"] = self._names
-        return self.derived[place], made
+        return self.derived[place], self.having(self.derived[:place])
+
+    def having(self, derived: Sequence[Derived]) -> "Catalogue":
+        """Return the same elements with other derived signals beside them: what is known of their names stays known."""
+        made = Catalogue(self.elements, self.prefix, derived)
+        vars(made)["_names"] = self._names
+        return made
+
+    def has(self, name: str) -> bool:
+        """Whether an element or a scalar has this whole name."""
+        return self._names.has(name)
 
     @cached_property
     def _names(self) -> Names:

@@ -94,7 +94,7 @@ def bound_derived(catalogue: Catalogue) -> Iterable[tuple[Derived, BoundExpressi
     """Yield each derived signal with what it is computed by; with a reason where it can't be computed now."""
     for place, one in enumerate(catalogue.derived):
         try:
-            bound = bind(one.expression, Catalogue(catalogue.elements, catalogue.prefix, catalogue.derived[:place]))
+            bound = bind(one.expression, catalogue.having(catalogue.derived[:place]))
         except ExpressionError as error:
             yield one, None, error.reason
             continue
@@ -113,18 +113,18 @@ def placed(one: Derived, catalogue: Catalogue) -> tuple[Derived, ...]:
     """
     others = [old for old in catalogue.derived if old.name != one.name]
 
-    def within(derived: Sequence[Derived]) -> Catalogue:
-        return Catalogue(catalogue.elements, catalogue.prefix, derived)
-
+    leaf = one.name.rpartition("/")[2]
     before: list[Derived] = []
     after: list[Derived] = []
-    for old in others:  # what can't be computed without it stands on it
-        (before if binds(old.expression, within(before)) else after).append(old)
+    for old in others:  # what can't be computed without it stands on it; what names neither it nor such a one can't
+        named = bool(after) or leaf in old.expression
+        (after if named and not binds(old.expression, catalogue.having(before)) else before).append(old)
     try:
-        bind(one.expression, within(before))
+        bind(one.expression, catalogue.having(before))
     except ExpressionError:
         names = names_in(parse(one.expression).root)
-        if any(within([*after, one]).before(name) is not None and not within(before).find(name) for name in names):
+        theirs = catalogue.having([*after, one])
+        if any(theirs.before(name) is not None and not catalogue.find(name) for name in names):
             circle = ", ".join(f"{old.name} = {old.expression}" for old in (one, *after[:2]))
             text = f"'{one.name}' would be computed from itself: {circle}; nothing was changed"
             raise ElementError(text) from None
@@ -132,7 +132,7 @@ def placed(one: Derived, catalogue: Catalogue) -> tuple[Derived, ...]:
     made = [*before, one]
     for old in after:
         if binds(old.expression, catalogue):  # else it is of elements that are gone
-            bind(old.expression, within(made))  # what stands on it must still fit
+            bind(old.expression, catalogue.having(made))  # what stands on it must still fit
         made.append(old)
     return tuple(made)
 

@@ -1,6 +1,7 @@
 """Derived signals, limits and triggers (structs: `silo.core.conditions`): checked as given, bound as rows are read."""
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 import msgspec
 import numpy as np
@@ -18,10 +19,13 @@ from silo.judging.triggers import NO_END, BufferSpan, Slope, TriggerMode, Trigge
 MOST_DERIVED = 200
 MOST_LIMITS = 1000
 MOST_TRIGGERS = 100
+MOST_LETTERS = 200  # of a name or a unit
 MOST_STALE_S = MOST_TRIGGER_S = 86_400.0
 LONG_CAPTURE_S, LONG_CAPTURE = 60.0, 10  # or so many times what one fire captures
 
 WORD_BYTES = 8  # a time stamp
+
+_Named = TypeVar("_Named", bound=SignalLimits | TriggerOptions)
 
 
 def seconds(argument: str, given: object, most_s: float) -> float:
@@ -41,27 +45,47 @@ def table_catalogue(elements: Sequence[ElementInfo], prefix: str, derived: Seque
     return Catalogue([Known.of(info, info.options.divider) for info in elements], prefix, derived)
 
 
-def with_derived(conditions: Conditions, one: Derived, elements: Sequence[ElementInfo], prefix: str) -> Conditions:
+def _check_count(conditions: Conditions) -> None:
+    """Raise ElementError for more of a kind than there may be."""
+    for there, most, what in (
+        (conditions.derived, MOST_DERIVED, "signals are derived"),
+        (conditions.limits, MOST_LIMITS, "signals have limits"),
+        (conditions.triggers, MOST_TRIGGERS, "triggers are set"),
+    ):
+        if len(there) > most:
+            raise ElementError(f"at most {most} {what}; nothing was changed")
+
+
+def _check_words(*words: str) -> None:
+    """Raise ElementError for a name or a unit without end: it goes to every client and into every file."""
+    for word_given in words:
+        if len(word_given) > MOST_LETTERS:
+            text = f"{shown(word_given)} has {len(word_given)} characters, {MOST_LETTERS} are possible"
+            raise ElementError(f"{text}; nothing was changed")
+
+
+def with_derived(conditions: Conditions, one: Derived, catalogue: Catalogue) -> Conditions:
     """Return the conditions with one more derived signal, or with a new expression for one of that name.
+
+    `catalogue` is of the table (`table_catalogue`), here and below.
 
     Raises ElementError for a name that an element has, or for one that would be computed from itself, ExpressionError
     for what can't be computed.
     """
-    if len(conditions.derived) >= MOST_DERIVED and all(old.name != one.name for old in conditions.derived):
-        raise ElementError(f"at most {MOST_DERIVED} signals are derived; nothing was changed")
-    names = {info.name for info in elements}
-    if one.name in names or any(one.name == info.name + entry.suffix for info in elements for entry in info.entries):
+    _check_words(one.name, one.unit)
+    if catalogue.has(one.name):
         raise ElementError(f"'{one.name}' is an element already: derive it under another name; nothing was changed")
-    derived = placed(one, table_catalogue(elements, prefix, conditions.derived))
-    return msgspec.structs.replace(conditions, derived=derived)
+    made = msgspec.structs.replace(conditions, derived=placed(one, catalogue.having(conditions.derived)))
+    _check_count(made)
+    return made
 
 
-def without_derived(conditions: Conditions, name: str, elements: Sequence[ElementInfo], prefix: str) -> Conditions:
+def without_derived(conditions: Conditions, name: str, catalogue: Catalogue) -> Conditions:
     """Return the conditions without the derived signal of this name, whole or from behind a `/`.
 
     Raises ElementError where there is none, or where something stands on it.
     """
-    catalogue = table_catalogue(elements, prefix, conditions.derived)
+    catalogue = catalogue.having(conditions.derived)
     found = catalogue.before(name)
     if found is None:
         names = ", ".join(one.name for one in conditions.derived[:5])
@@ -69,7 +93,7 @@ def without_derived(conditions: Conditions, name: str, elements: Sequence[Elemen
         raise ElementError(f"no derived signal is called '{name}', {there}; nothing was changed")
     gone = found[0]
     kept = tuple(one for one in conditions.derived if one is not gone)
-    less = table_catalogue(elements, prefix, kept)
+    less = catalogue.having(kept)
     users = [f"'{one.name}'" for one in kept if binds(one.expression, catalogue) and not binds(one.expression, less)]
     users += [f"the limits of '{one.name}'" for one in conditions.limits if not _fits(one, less)]
     users += [
@@ -90,32 +114,34 @@ def _fits(limits: SignalLimits, catalogue: Catalogue) -> bool:
     return True
 
 
-def with_limits(conditions: Conditions, one: SignalLimits, elements: Sequence[ElementInfo], prefix: str) -> Conditions:
+def with_limits(conditions: Conditions, one: SignalLimits, catalogue: Catalogue) -> Conditions:
     """Return the conditions with limits of one more signal, or with new ones for it. Raises ElementError."""
-    known = {old.name for old in conditions.limits}
-    if len(known) >= MOST_LIMITS and one.name not in known:
-        raise ElementError(f"at most {MOST_LIMITS} signals have limits; nothing was changed")
-    bind_limits(one, table_catalogue(elements, prefix, conditions.derived))
-    made = tuple(one if old.name == one.name else old for old in conditions.limits)
-    return msgspec.structs.replace(conditions, limits=made if one.name in known else (*made, one))
+    bind_limits(one, catalogue.having(conditions.derived))
+    made = msgspec.structs.replace(conditions, limits=_with(one, conditions.limits))
+    _check_count(made)
+    return made
 
 
-def with_trigger(
-    conditions: Conditions, one: TriggerOptions, elements: Sequence[ElementInfo], prefix: str
-) -> Conditions:
+def _with(one: _Named, others: tuple[_Named, ...]) -> tuple[_Named, ...]:
+    """The others with one more, in the place of that of its name if there is one."""
+    if one.name not in {old.name for old in others}:
+        return (*others, one)
+    return tuple(one if old.name == one.name else old for old in others)
+
+
+def with_trigger(conditions: Conditions, one: TriggerOptions, catalogue: Catalogue) -> Conditions:
     """Return the conditions with one more trigger, or with a new one of that name. Raises ElementError."""
-    known = {old.name for old in conditions.triggers}
-    if len(known) >= MOST_TRIGGERS and one.name not in known:
-        raise ElementError(f"at most {MOST_TRIGGERS} triggers are set; nothing was changed")
-    catalogue = table_catalogue(elements, prefix, conditions.derived)
+    _check_words(one.name)
+    catalogue = catalogue.having(conditions.derived)
     trigger_rule(one, 1.0)  # its words and times make sense
     for text in filter(None, (one.when, one.rearm)):
         bind(text, catalogue).condition()
     if not one.name or "/" in one.name or not one.name.isprintable() or one.name.startswith("."):
         raise ElementError(f"the name of trigger '{one.name}' stands in names of files; take letters and digits")
     whole(f"keep of trigger '{one.name}'", one.keep, 0, 1_000_000)
-    made = tuple(one if old.name == one.name else old for old in conditions.triggers)
-    return msgspec.structs.replace(conditions, triggers=made if one.name in known else (*made, one))
+    made = msgspec.structs.replace(conditions, triggers=_with(one, conditions.triggers))
+    _check_count(made)
+    return made
 
 
 def trigger_rule(options: TriggerOptions, frequency_hz: float) -> TriggerRule:

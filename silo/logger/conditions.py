@@ -13,7 +13,7 @@ from silo.conditions.given import TakesConditions
 from silo.core.arguments import line, shown, text
 from silo.core.calls import told_class
 from silo.core.conditions import NO_CONDITIONS, Conditions, Derived, SignalLimits, TriggerOptions
-from silo.core.elements import Edit, ElementInfo, LoggerOptions, join_name
+from silo.core.elements import ElementInfo, LoggerOptions, join_name
 from silo.errors import ElementError, SaveError
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
@@ -47,10 +47,10 @@ class LoggerConditions(TakesConditions[None]):
 
     def with_limits(self, info: ElementInfo, bounds: Sequence[float | None]) -> Conditions:
         """Return them with limits of an element that is about to be added. Raises ElementError."""
-        from silo.judging.checks import bounds_given, with_limits
+        from silo.judging.checks import bounds_given, table_catalogue, with_limits
 
         one = SignalLimits(info.name, bounds_given(info.name, bounds))
-        return with_limits(self.now, one, [*self._table.all_infos, info], self.options.prefix)
+        return with_limits(self.now, one, table_catalogue([*self._table.all_infos, info], self.options.prefix))
 
     def derive(self, name: str, expression: str | None, *, group: str = "", unit: str = "") -> None:
         """Have a signal computed from others wherever rows are read: `log.derive("power", "joints/tau * joints/qd")`.
@@ -71,7 +71,7 @@ class LoggerConditions(TakesConditions[None]):
             ElementError: the name is taken, or it would be computed from itself.
             StateError: the logger is closed.
         """
-        from silo.judging.checks import with_derived
+        from silo.judging.checks import table_catalogue, with_derived
 
         if expression is None:
             self._remove_derived(name)
@@ -88,15 +88,16 @@ class LoggerConditions(TakesConditions[None]):
         with self._life.lock:
             self._life.check_open()
             one = Derived(whole_name, expression, self._table.unit(whole_name, unit) if unit.strip() else "")
-            self._take_derived(with_derived(self.now, one, self._table.all_infos, prefix))
+            self._take_derived(with_derived(self.now, one, table_catalogue(self._table.all_infos, prefix)))
 
     def _remove_derived(self, name: str) -> None:
-        from silo.judging.checks import without_derived
+        from silo.judging.checks import table_catalogue, without_derived
 
         name = text("the signal's name", name, 'log.derive("power", None)')
         with self._life.lock:
             self._life.check_open()
-            self._take_derived(without_derived(self.now, name, self._table.all_infos, self.options.prefix))
+            catalogue = table_catalogue(self._table.all_infos, self.options.prefix)
+            self._take_derived(without_derived(self.now, name, catalogue))
 
     def _take_derived(self, conditions: Conditions) -> None:
         if conditions.derived != self.now.derived:
@@ -104,7 +105,7 @@ class LoggerConditions(TakesConditions[None]):
             self._life.tell()
 
     def _set_limits(self, limits: SignalLimits) -> None:
-        from silo.judging.checks import with_limits
+        from silo.judging.checks import table_catalogue, with_limits
 
         if not isinstance(limits, SignalLimits):
             raise ElementError(
@@ -113,7 +114,7 @@ class LoggerConditions(TakesConditions[None]):
             )
         with self._life.lock:
             self._life.check_open()
-            self.now = with_limits(self.now, limits, self._table.all_infos, self.options.prefix)
+            self.now = with_limits(self.now, limits, table_catalogue(self._table.all_infos, self.options.prefix))
             self._life.tell()
 
     def _remove_limits(self, name: str) -> None:
@@ -128,7 +129,7 @@ class LoggerConditions(TakesConditions[None]):
 
     def _set_trigger(self, trigger: TriggerOptions) -> None:
         from silo.files.naming import check_name
-        from silo.judging.checks import check_held, with_trigger
+        from silo.judging.checks import check_held, table_catalogue, with_trigger
 
         if not isinstance(trigger, TriggerOptions):
             raise ElementError(
@@ -143,7 +144,7 @@ class LoggerConditions(TakesConditions[None]):
             self._life.check_open()
             infos = self._table.all_infos
             check_held(trigger, infos, self.options.frequency_hz)
-            self.now = with_trigger(self.now, trigger, infos, self.options.prefix)
+            self.now = with_trigger(self.now, trigger, table_catalogue(infos, self.options.prefix))
             if self._life.running:
                 self._warn_of_off(trigger)  # else at the start: until then elements may be switched on
             self._life.tell()
@@ -158,20 +159,6 @@ class LoggerConditions(TakesConditions[None]):
                 raise ElementError(f"no trigger is called '{name}', {there}; nothing was changed")
             self.now = msgspec.structs.replace(self.now, triggers=kept)
             self._life.tell()
-
-    def apply_conditions(self, conditions: Conditions, edits: Sequence[Edit]) -> None:
-        """Take derived signals, limits and triggers of a script in the place of all that there are; none forget them.
-
-        For who has the logger's lock, and tells of it; `edits` are what is about to be changed of the table. Raises
-        ElementError, ExpressionError.
-        """
-        from silo.settings.script_conditions import checked_conditions
-
-        options = {edit.name: edit.options for edit in edits}
-        planned = [
-            msgspec.structs.replace(info, options=options.get(info.name, info.options)) for info in self._table.infos
-        ]
-        self.take(checked_conditions(conditions, planned, self.options.prefix, self.options.frequency_hz))
 
     def warn_at_start(self, *, served: bool) -> None:
         """Tell at a start which triggers and limits can't do what they were set for."""

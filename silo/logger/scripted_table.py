@@ -461,6 +461,9 @@ class ScriptedTable:
     ) -> int:
         """Apply edits as one transaction, all or none, with `conditions` in the place of all; how many changed.
 
+        These fit the table as it is then (`silo.state.server.fitting`): to find that out takes longer than a loop may
+        wait, and is done elsewhere.
+
         `cut`: also while the logger runs, as `set`, for whom is `who`. Raises StateError, SegmentError, ElementError
         with a line for each reason: nothing was changed.
         """
@@ -469,9 +472,9 @@ class ScriptedTable:
             problems = self._table.problems(edits)
             if problems:
                 raise ElementError(refusal(problems))
-            if conditions is not None:  # first, as it may be refused
-                self._conditions.apply_conditions(conditions, edits)
             changed = self._table.apply(edits)
+            if conditions is not None:
+                self._conditions.take(conditions)
             self._warn_of_size(changed)
             return changed
 

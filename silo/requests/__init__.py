@@ -64,24 +64,29 @@ _kind_decoder = msgpack_decoder(_Kind)
 
 def decode_ask(payload: bytes) -> AnyAsk:
     """Decode a request that reads. Raises RequestRefusedError, as all of these do."""
-    return _decoded(_ask_decoder, payload, Ask.max_bytes)
+    return _decoded(_ask_decoder, payload, Ask)
 
 
 def decode_do(payload: bytes) -> AnyDo | Hello:
     """Decode a request that changes something (or `Hello`, by which a client finds out whether it gets through)."""
-    return _decoded(_do_decoder, payload, Do.max_bytes)
+    return _decoded(_do_decoder, payload, Do)
 
 
-def _decoded(decoder: "msgspec.msgpack.Decoder[Kind]", payload: bytes, limit: int) -> Kind:
-    if len(payload) > limit:
-        text = f"a request of {len(payload)} bytes; at most {limit} are read"
+def _check_size(payload: bytes, kind: type[Request[Any]]) -> None:
+    if len(payload) > kind.max_bytes:
+        text = f"a request of {len(payload)} bytes; at most {kind.max_bytes} are read"
         raise RequestRefusedError(RefusedWhy.INVALID, text)
+
+
+def _decoded(decoder: "msgspec.msgpack.Decoder[Kind]", payload: bytes, base: type[Request[Any]]) -> Kind:
+    _check_size(payload, base)
     try:
         request = decoder.decode(payload)
     except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
         if isinstance(error, msgspec.ValidationError):
             _check_values(payload)
         raise _not_understood(payload, error) from None
+    _check_size(payload, type(request))
     # in words that clients of every protocol decode; a hello is answered
     problem = "" if isinstance(request, Hello) else client_problem(request.protocol)
     if problem:

@@ -30,7 +30,7 @@ from silo.core.elements import ElementInfo, FileType
 from silo.core.names import did_you_mean, nearest
 from silo.core.quantities.writing import many
 from silo.errors import ElementError, ExpressionError
-from silo.settings.options import OPTION, shorten
+from silo.settings.options import MAX_PROBLEMS, OPTION, shorten
 from silo.settings.typed import read_word
 from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, key_name, line_of
 
@@ -227,7 +227,7 @@ def checked_conditions(
     conditions: Conditions, elements: Sequence[ElementInfo], prefix: str, frequency_hz: float
 ) -> Conditions:
     """Return conditions that fit a table. Raises ElementError for the first that doesn't."""
-    made, unfit = fitting_conditions(conditions, elements, prefix, frequency_hz)
+    made, unfit = fitting_conditions(conditions, elements, prefix, frequency_hz, most=1)
     if unfit:
         raise unfit[0].error
     return made
@@ -247,22 +247,36 @@ class UnfitCondition(NamedTuple):
 
 
 def fitting_conditions(
-    conditions: Conditions, elements: Sequence[ElementInfo], prefix: str, frequency_hz: float
+    conditions: Conditions,
+    elements: Sequence[ElementInfo],
+    prefix: str,
+    frequency_hz: float,
+    *,
+    most: int = MAX_PROBLEMS,
 ) -> tuple[Conditions, list[UnfitCondition]]:
-    """Return what of conditions fits a table, and what doesn't."""
-    from silo.judging.checks import check_held, with_derived, with_limits, with_trigger
+    """Return what of conditions fits a table, and what doesn't; with `most` of that it ends."""
+    from silo.judging.checks import check_held, table_catalogue, with_derived, with_limits, with_trigger
 
-    made, unfit = NO_CONDITIONS, []
+    catalogue, made, names = table_catalogue(elements, prefix), NO_CONDITIONS, set[tuple[str, str]]()
+
+    def add(kind: Kind, one: Derived | SignalLimits | TriggerOptions) -> Conditions:
+        if (kind, one.name) in names:
+            raise ElementError(f"{kind} '{shorten(one.name)}' stands there twice; nothing was changed")
+        names.add((kind, one.name))
+        if isinstance(one, Derived):
+            return with_derived(made, one, catalogue)
+        if isinstance(one, SignalLimits):
+            return with_limits(made, one, catalogue)
+        check_held(one, elements, frequency_hz)
+        return with_trigger(made, one, catalogue)
+
+    unfit: list[UnfitCondition] = []
     for kind, items in kinds_of(conditions):
         for one in items:
             try:
-                if isinstance(one, Derived):
-                    made = with_derived(made, one, elements, prefix)
-                elif isinstance(one, SignalLimits):
-                    made = with_limits(made, one, elements, prefix)
-                else:
-                    made = with_trigger(made, one, elements, prefix)
-                    check_held(one, elements, frequency_hz)
+                made = add(kind, one)
             except ElementError as error:  # noqa: PERF203  # each may be wrong, and all that are shall be told
                 unfit.append(UnfitCondition(kind, one.name, error))
+                if len(unfit) >= most:
+                    return made, unfit
     return made, unfit

@@ -8,7 +8,7 @@ from silo.core.calls import told_class
 from silo.core.conditions import Conditions
 from silo.core.elements import Edit, ElementOptions, LoggedEvent, Problem, Status, Table
 from silo.errors import ElementError
-from silo.rpc.declaring import Ask, Caller, Reply, RobotRequest, ask, change, request_of
+from silo.rpc.declaring import Ask, Caller, Do, Reply, RobotRequest, ask, change, request_of
 from silo.rpc.published import Summary
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, meant
 
@@ -88,8 +88,11 @@ class EditsApplied(Reply, frozen=True):
 class ApplyEdits(RobotRequest[EditsApplied], frozen=True, rename={"conditions": "extras"}):
     """All or nothing, and only while stopped, or at a `cut` of the run, which goes on in another stretch.
 
-    `revision` is the table's that the edits are based on (-1: any).
+    `revision` is the table's that the edits are based on (-1: any). As large as a table is: the helper process hands on
+    one edit of each element at most, and conditions that fit.
     """
+
+    max_bytes = Do.max_bytes
 
     revision: int
     edits: list[Edit]

@@ -1,10 +1,13 @@
 """Who is there and how the logger stands; starting and stopping it; its table and edits of it; its event log."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from silo.core.elements import Problem, State
+import msgspec
+
+from silo.core.conditions import Conditions
+from silo.core.elements import Edit, Problem, State
 from silo.net.access.senders import local_words
 from silo.net.keys import may_use
 from silo.rpc.clocks import clock_s
@@ -125,9 +128,27 @@ class StateServer(Server, does=[requests]):
 def apply_edits(robot: RobotProgram, turn: Turn, request: ApplyEdits, now: LoggerSnapshot) -> EditsApplied:
     """Have edits of the table that is there now done, once they are checked. Raises what refuses them."""
     check_edits(request, now)
-    if not request.edits and request.conditions is None:
+    if request.conditions is not None:
+        # they fit this table: for the robot program, whose loop goes on, they are then to be taken
+        conditions = fitting(request.conditions, request.edits, now)
+        request = msgspec.structs.replace(request, revision=now.table.revision, conditions=conditions)
+    elif not request.edits:
         return EditsApplied(robot.replica.now.table.revision, 0)
     return robot.reply(request, turn)
+
+
+def fitting(conditions: Conditions, edits: Sequence[Edit], now: LoggerSnapshot) -> Conditions:
+    """Return conditions that fit the table as it is once edits of it are done.
+
+    Raises ElementError for the first that doesn't.
+    """
+    from silo.settings.script_conditions import checked_conditions
+
+    elements = list(now.table.elements)
+    for edit in edits:
+        place = now.places[edit.name]
+        elements[place] = msgspec.structs.replace(elements[place], options=edit.options)
+    return checked_conditions(conditions, elements, now.options.prefix, now.options.frequency_hz)
 
 
 def check_edits(request: ApplyEdits, now: LoggerSnapshot) -> None:

@@ -18,10 +18,12 @@ from silo.errors import RefusedError
 from silo.fleet.exchange import encoded
 from silo.history.requests import GetHistory
 from silo.live.requests import OpenView
+from silo.logger.serving.answers import answer
 from silo.net.keys import ANY_ALIVE
 from silo.net.session import close, open_client
 from silo.recordings.requests import Save
 from silo.rpc.published import EventKind
+from silo.rpc.versions import PROTOCOL
 from silo.state.requests import ApplyEdits
 from tests.examples import examples
 from tests.waiting import DEADLINE_S
@@ -135,6 +137,53 @@ GARBAGE = [
     msgspec.msgpack.encode({"type": "Save", "types": [0] * 1000, "name": "../../x"}),
     msgspec.msgpack.encode({"type": "LoadScript", "path": "\x00\x1b[2J"}),
 ]
+
+
+@pytest.fixture
+def reached(bench, monkeypatch):
+    """What reaches the robot program."""
+    found = []
+
+    def noted(logger, request):
+        found.append(request)
+        return answer(logger, request)
+
+    monkeypatch.setattr("silo.logger.serving.serving.answer", noted)
+    return found
+
+
+TOO_MUCH = {
+    "conditions": {
+        "type": "ApplyEdits", "revision": -1, "cut": True, "edits": [],
+        "extras": {"limits": [{"name": f"d{at}"} for at in range(20_000)]},
+    },
+    "one name again and again": {
+        "type": "ApplyEdits", "revision": -1, "cut": True, "edits": [], "extras": {"limits": [{"name": "x"}] * 20_000},
+    },
+    "parameters": {"type": "SetParameters", "values": {f"x{at}": 1.0 for at in range(20_000)}},
+    "a trigger": {"type": "SetTrigger", "trigger": {"name": "t" * 200_000, "when": "x > 1"}},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", TOO_MUCH)
+def test_what_would_hold_up_the_robot_program_is_refused_before_it_reaches_that(raw, reached, what) -> None:
+    """It reads a request with the interpreter held, and its control loop waits for that."""
+    (reply,) = raw(msgspec.msgpack.encode({"protocol": PROTOCOL, **TOO_MUCH[what]}), "do")
+    assert (reply["type"], reply["why"], reached) == ("Refused", "invalid", [])
+
+
+def test_conditions_that_fit_come_to_the_robot_program_as_of_the_table_that_they_were_checked_with(
+    bench, raw, reached
+) -> None:
+    extras = {
+        "derived": [{"name": "/log/two", "expression": "2 * x"}],
+        "limits": [{"name": "two", "bounds": (1, 2, 3, 4)}],
+    }
+    wanted = {"type": "ApplyEdits", "protocol": PROTOCOL, "revision": -1, "edits": [], "extras": extras}
+    (reply,) = raw(msgspec.msgpack.encode(wanted), "do")
+    assert reply["type"] == "EditsApplied"
+    assert [one.name for one in bench.logger._conditions.now.limits] == ["two"]
+    assert reached[0].revision == bench.logger._scripted.revision - 1
 
 
 @pytest.mark.parametrize("kind", ["ask", "do"])

@@ -7,7 +7,7 @@ from silo.conditions.standing import TriggerStatus
 from silo.core.conditions import Derived, SignalLimits, TriggerOptions, TriggerWord
 from silo.core.elements import join_name
 from silo.errors import ElementError
-from silo.judging.checks import with_derived, without_derived
+from silo.judging.checks import table_catalogue, with_derived, without_derived
 from silo.rpc.refusals import RefusedWhy
 from tests.stand_ins.fake_signals import refused
 
@@ -75,7 +75,7 @@ class FakeConditions:
             raise refused(RefusedWhy.INVALID, self.refuse_derived)
         whole = Derived(join_name("/log", "", name), expression, unit)
         try:
-            self.derived = with_derived(self.conditions, whole, self.elements, "/log").derived
+            self.derived = with_derived(self.conditions, whole, table_catalogue(self.elements, "/log")).derived
         except ElementError as error:
             raise refused(RefusedWhy.INVALID, str(error)) from error
         self.revision += 1
@@ -85,7 +85,7 @@ class FakeConditions:
         self._ask()
         self.calls.append(("remove_derived", name))
         try:
-            self.derived = without_derived(self.conditions, name, self.elements, "/log").derived
+            self.derived = without_derived(self.conditions, name, table_catalogue(self.elements, "/log")).derived
         except ElementError as error:
             raise refused(RefusedWhy.INVALID, str(error)) from error
         self.revision += 1

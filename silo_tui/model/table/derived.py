@@ -7,7 +7,7 @@ from silo.core.elements import ElementInfo, join_name
 from silo.core.quantities.writing import many
 from silo.errors import ElementError
 from silo.expressions.derived_signals import derived_infos
-from silo.judging.checks import with_derived
+from silo.judging.checks import table_catalogue, with_derived
 from silo_tui.model.table.state import TableState
 
 UNNAMED = "it stands in tables, plots and files"  # what it has a name for
@@ -39,7 +39,7 @@ def words_of(one: Derived, table: TableState) -> list[str]:
         raise ElementError(f"name it before Enter: {UNNAMED}")
     whole = Derived(join_name(table.prefix, "", one.name), one.expression, one.unit)
     own = table.elements[: table.own]
-    conditions = with_derived(Conditions(present(table)), whole, own, table.prefix)
+    conditions = with_derived(Conditions(present(table)), whole, table_catalogue(own, table.prefix))
     info = next(info for info in derived_infos(own, table.prefix, conditions.derived) if info.name == whole.name)
     return [_kind(info), *_users(whole.name, conditions.derived, table)]
 

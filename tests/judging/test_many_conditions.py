@@ -1,0 +1,79 @@
+"""As many conditions as there may be are checked at once, in a time that grows with them and with the table alone."""
+
+import pytest
+
+from silo.core.conditions import Conditions, Derived, SignalLimits, TriggerOptions
+from silo.core.elements import ElementInfo, ElementOptions, Entry
+from silo.core.names import Names
+from silo.errors import ElementError
+from silo.expressions import derived_signals
+from silo.judging import checks
+from silo.judging.checks import MOST_DERIVED, MOST_LIMITS, MOST_TRIGGERS
+from silo.settings.options import MAX_PROBLEMS
+from silo.settings.script_conditions import checked_conditions, fitting_conditions
+
+NAMES = [f"/log/e{at}" for at in range(MOST_LIMITS)]
+TABLE = [
+    ElementInfo(
+        name=name, unit="-", kind="SCALAR", shape=(), entries=(Entry("", "<f8"),), options=ElementOptions(size=1000)
+    )
+    for name in NAMES
+]
+ALL = Conditions(
+    tuple(Derived(f"/log/d{at}", f"e{at} + 1") for at in range(MOST_DERIVED)),
+    tuple(SignalLimits(name, (None, None, 1.0, 2.0)) for name in NAMES),
+    tuple(TriggerOptions(f"t{at}", f"e{at} > 1") for at in range(MOST_TRIGGERS)),
+)
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """How often an expression is bound, and how often the names of the table are gone through."""
+    found = {"bound": 0, "tables": 0}
+
+    def bind(text, catalogue, bound=checks.bind):
+        found["bound"] += 1
+        return bound(text, catalogue)
+
+    def made(self, names, *args, init=Names.__init__):
+        names = list(names)
+        found["tables"] += len(names) >= len(NAMES)
+        init(self, names, *args)
+
+    monkeypatch.setattr(checks, "bind", bind)
+    monkeypatch.setattr(derived_signals, "bind", bind)
+    monkeypatch.setattr(Names, "__init__", made)
+    return found
+
+
+def test_each_is_bound_once_in_a_table_that_is_gone_through_once(counted) -> None:
+    assert checked_conditions(ALL, TABLE, "/log", 100) == ALL
+    assert counted["bound"] <= MOST_DERIVED + MOST_LIMITS + MOST_TRIGGERS
+    assert counted["tables"] == 1
+
+
+def test_the_rows_of_derived_signals_are_made_likewise(counted) -> None:
+    assert len(derived_signals.derived_infos(TABLE, "/log", ALL.derived)) == MOST_DERIVED
+    assert counted == {"bound": MOST_DERIVED, "tables": 1}
+
+
+@pytest.mark.parametrize("one", [Derived("/log/" + "d" * 300, "e0"), Derived("/log/d", "e0", "m" * 300)])
+def test_names_and_units_have_an_end(one) -> None:
+    with pytest.raises(ElementError, match=r"has 30\d characters, 200 are possible"):
+        checks.with_derived(Conditions(), one, checks.table_catalogue(TABLE, "/log"))
+
+
+@pytest.mark.parametrize("name", ["e0", "nothing"])
+def test_of_far_too_many_not_all_are_looked_at(counted, name) -> None:
+    far = Conditions(limits=tuple(SignalLimits(name) for _ in range(50_000)))
+    with pytest.raises(ElementError):
+        checked_conditions(far, TABLE, "/log", 100)
+    assert counted["bound"] <= 1
+    assert len(fitting_conditions(far, TABLE, "/log", 100)[1]) == MAX_PROBLEMS
+
+
+def test_what_stands_on_a_new_signal_comes_behind_it() -> None:
+    derived = (Derived("/log/a", "e0"), Derived("/log/b", "a + 1"), Derived("/log/c", "b + 1"), Derived("/log/d", "e1"))
+    catalogue = checks.table_catalogue(TABLE, "/log")
+    made = checks.with_derived(Conditions(derived), Derived("/log/a", "d + e2"), catalogue)
+    assert [one.name for one in made.derived] == ["/log/d", "/log/a", "/log/b", "/log/c"]
