@@ -280,8 +280,10 @@ def _placed(parts: Sequence[tuple[Recording, Stretch]]) -> tuple[list[_Piece], N
         first = _first(part)
         elements = [_fresh(element, first, taken) for element in part.elements] if stretch.recorder else part.elements
         if not pieces or stretch.part != pieces[-1].stretch.part:
-            missing = _missing(pieces[-1].stretch if pieces else None, stretch, first)
-            told, gaps = told + missing, gaps + [end] * bool(missing)
+            missing = _missing(pieces[-1].stretch if pieces else None, stretch)
+            cut_on = stretch.part > 1 and not stretch.recorder
+            told += [*missing, *(_overwritten(stretch, part) if cut_on else ())]
+            gaps += [end] * bool(missing or (cut_on and first))
             taken, elements, after = {}, part.elements, first
             if stretch.recorder and (pieces or stretch.since >= 0) and len(part.time_ns):
                 after = min(first, max(0, stretch.since))
@@ -308,15 +310,25 @@ def _placed(parts: Sequence[tuple[Recording, Stretch]]) -> tuple[list[_Piece], N
     return pieces, time_ns, told, gaps
 
 
-def _missing(before: Stretch | None, stretch: Stretch, first: int) -> list[str]:
-    """What to tell of the stretches before one, and of its own begin, where it comes behind another, or behind none."""
+def _missing(before: Stretch | None, stretch: Stretch) -> list[str]:
+    """What to tell of the stretches before one, where it comes behind another, or behind none."""
     begin = before.part + 1 if before is not None else stretch.part if stretch.recorder else 1
-    told = [
+    return [
         f"part {number} of this run, which was cut, is missing: its samples are not here"
         for number in range(begin, stretch.part)
     ]
-    lost = first if stretch.part > 1 and not stretch.recorder else 0
-    return told + ([f"part {stretch.part}: its oldest {lost} ticks were overwritten"] if lost else [])
+
+
+def _overwritten(stretch: Stretch, part: Recording) -> list[str]:
+    """What to tell of samples that looping buffers had no longer as a part was saved."""
+    first = _first(part)
+    loops = [one for one in part.elements if one.count and one.buffer_type is BufferType.LOOPING]
+    ticks = [max(first, first + one.first - one.divider + 1) for one in loops] or [first]
+    least, most = min(ticks), max(ticks)
+    if least + max((one.divider for one in loops), default=0) >= most:
+        return [f"part {stretch.part}: its oldest {most} ticks were overwritten"] if most else []
+    of = f"{least} ticks were overwritten, of some elements" if least else "ticks were overwritten of some elements:"
+    return [f"part {stretch.part}: its oldest {of} {most}"]
 
 
 def _gap(stretch: Stretch, first: int, last: int) -> str:
@@ -442,7 +454,6 @@ def _as_one(
         entries=tuple(_one_entry([one.entries[number] for _, one in pieces]) for number in range(len(last.entries))),
         lost=sum(one.lost for _, one in pieces),
         failures=Failures(sum(one.failures.count for _, one in pieces), spans),
-        buffer_type=BufferType.GROWING,
     )
 
 

@@ -7,6 +7,9 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 from textual.command import DiscoveryHit, Hit, Hits, Provider
+from textual.content import Content
+from textual.fuzzy import Matcher
+from textual.markup import escape
 
 from silo_tui.actions import COMMANDS, FILE_SCOPES, commands_for, commands_like, key_of, typed_on_file
 from silo_tui.context import SiloScreen
@@ -21,15 +24,16 @@ class CommandProvider(Provider):
     async def discover(self) -> Hits:
         """Return everything, before anything is typed."""
         for title, words, do in self._offers():
-            yield DiscoveryHit(title, do, help=words)
+            yield DiscoveryHit(Content(title), do, title, escape(words))
 
     async def search(self, query: str) -> Hits:
-        """Return what matches."""
-        matcher = self.matcher(query)
+        """Return what matches: a name by its letters, a sentence by whole words, as it has most letters anyhow."""
+        matcher, typed = self.matcher(query), query.lower().split()
         for title, words, do in (*self._offers(), *self._of_large_plots(), *self._of_others()):
-            score = max(matcher.match(title), BY_WORDS * matcher.match(words))
+            told = f"{title} {words}".lower()
+            score = max(matcher.match(title), BY_WORDS * all(word in told for word in typed))
             if score > 0:
-                yield Hit(score, matcher.highlight(title), do, help=words)
+                yield Hit(score, _lit(matcher, title), do, help=escape(words))
 
     def _offers(self) -> Iterator[tuple[str, str, Callable[[], None]]]:
         """Yield title, meaning and what is done: by key, by a word to type, by a file to open."""
@@ -89,3 +93,11 @@ class CommandProvider(Provider):
             self.app.call_after_refresh(large.action_command, then)
             return
         screen.context.say(note if way == "detail" else f"{note}: {key_of('detail')} makes it so")
+
+
+def _lit(matcher: Matcher, title: str) -> Content:
+    """Return a title with the letters that match, whatever brackets it has."""
+    lit = Content(title)
+    for at in matcher.fuzzy_search.match(matcher.query, title)[1]:
+        lit = lit.stylize(matcher.match_style, at, at + 1)
+    return lit

@@ -10,7 +10,7 @@ import pytest
 
 import silo
 from silo.analysis.stretches import joined
-from silo.core.elements import Edit, LoggedEvent, Stretch
+from silo.core.elements import BufferType, Edit, LoggedEvent, Stretch
 from silo.core.recording import Recording
 from silo.errors import ElementError, SaveError, SegmentError, StateError, UnsavedError
 from silo.journal.holdings import segment_holdings
@@ -418,6 +418,29 @@ def test_an_event_of_a_part_that_lost_its_oldest_ticks_stands_at_its_own(tick, t
     assert [event.tick for event in whole.events] == [there]
     assert whole.warnings == ("part 2: its oldest 20 ticks were overwritten",)
     assert (len(whole.time_ns), whole.offset) == (20, 20)
+
+
+@pytest.mark.parametrize(
+    ("firsts", "told"),
+    [
+        ([20, 20], "part 2: its oldest 20 ticks were overwritten"),
+        ([20, 9], "part 2: its oldest 5 ticks were overwritten, of some elements 20"),
+        ([20, 4], "part 2: its oldest ticks were overwritten of some elements: 20"),
+        ([0, 0], ""),
+    ],
+)
+def test_the_hole_that_looping_buffers_left_between_parts_is_told_where_all_stamps_are_there(firsts, told):
+    """In a file whose time stamps grow only its samples tell what is not there any more."""
+
+    def part(number, fast, slow):
+        loops = element("x", np.zeros(3), first=fast), element("slow", np.zeros(2), divider=5, first=slow)
+        stamps = np.arange(30, dtype=np.int64) * 1000
+        elements = (*loops, element("once", np.zeros(1), buffer_type=BufferType.GROWING))
+        return Recording("arm", stamps, 30, elements, stretch=Stretch("run", number))
+
+    whole = joined([part(1, 7, 5), part(2, *firsts)])
+    assert "".join(whole.warnings) == told
+    assert [one.buffer_type.name for one in whole.elements] == ["LOOPING", "LOOPING", "GROWING"]
 
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(4))))
