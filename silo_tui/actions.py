@@ -207,7 +207,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("plot_up", "k,up", "Previous", "previous plot", "Plots", _MONITORS),
     Command("plot_top", "g", "First", "first plot", "Plots", _MONITORS),
     Command("plot_bottom", "G", "Last", "last plot", "Plots", _MONITORS),
-    Command("pause", "space", "Pause", "hold what is shown, and as much before it", "Plots", _LIVE_PLOTS, 1),
+    Command("pause", "space", "Pause", "freeze what is shown, and as much before it", "Plots", _LIVE_PLOTS, 1),
     Command("closer", "plus,equals_sign", "Shorter", "shorter time span, or range of frequencies", "Plots",
             _PLOTS + _SCOPE, 2, shown_key="+"),
     Command("wider", "minus", "Longer", "longer time span, or range of frequencies", "Plots", _PLOTS + _SCOPE, 3),
@@ -455,8 +455,8 @@ COMMANDS: tuple[Command, ...] = (
                         "put a view on the screen, or keep it; robot:NAME is on the robot", 8)),
     Command("open", "", "Open a file", "look into a saved log of this machine; Esc comes back", "Go", (),
             typed=_read(("open",), "logs", ":open FILE", "look into a saved log of this machine", 9)),
-    Command("picture", "", "Picture", "the screen as a picture", "Go", (),
-            typed=_read(("picture",), "", ":picture FILE.svg", "the screen as a picture", 7)),
+    Command("picture", "", "Picture", "a screenshot: the screen as a picture", "Go", (),
+            typed=_read(("picture",), "", ":picture FILE.svg", "a screenshot, to a file", 7)),
 )
 # fmt: on
 

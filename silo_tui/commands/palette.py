@@ -31,7 +31,7 @@ class CommandProvider(Provider):
         matcher, typed = self.matcher(query), query.lower().split()
         for title, words, do in (*self._offers(), *self._of_large_plots(), *self._of_others()):
             told = f"{title} {words}".lower()
-            score = max(matcher.match(title), BY_WORDS * all(word in told for word in typed))
+            score = max(matcher.match(_name(title)), BY_WORDS * all(word in told for word in typed))
             if score > 0:
                 yield Hit(score, _lit(matcher, title), do, help=escape(words))
 
@@ -98,6 +98,11 @@ class CommandProvider(Provider):
 def _lit(matcher: Matcher, title: str) -> Content:
     """Return a title with the letters that match, whatever brackets it has."""
     lit = Content(title)
-    for at in matcher.fuzzy_search.match(matcher.query, title)[1]:
+    for at in matcher.fuzzy_search.match(matcher.query, _name(title))[1]:
         lit = lit.stylize(matcher.match_style, at, at + 1)
     return lit
+
+
+def _name(title: str) -> str:
+    """Return a title without the keys and the place behind it."""
+    return title.partition("  (")[0]

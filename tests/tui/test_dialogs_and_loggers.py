@@ -310,6 +310,24 @@ async def test_the_palette_finds_a_command_by_what_it_does(fake, opened):
         await screen.shows("Undo")
 
 
+async def test_the_palette_shows_words_in_brackets_as_they_are_typed(fake, opened):
+    async with opened(fake, size=(100, 40)) as screen:
+        await screen.press("ctrl+p")
+        await screen.type(":view")
+        await screen.shows(":view [save] NAME")
+        await screen.shows("put a view on the screen, or keep it")
+
+
+async def test_the_palette_finds_by_words_of_a_sentence_and_not_by_letters_that_are_in_any(fake, opened):
+    async with opened(fake, size=(100, 40)) as screen:
+        await screen.press("ctrl+p")
+        await screen.type("beyond its")
+        await screen.shows("Alarms  (A)")
+        assert screen.app.screen.query_one("CommandList").option_count == 1
+        await screen.type(" shores")
+        await screen.shows("No matches found")
+
+
 async def test_the_palette_finds_a_spectrum_from_the_table_and_from_the_plots_and_leads_there(fake, opened):
     async with opened(fake, size=(120, 40)) as screen:
         await screen.press("ctrl+p")
