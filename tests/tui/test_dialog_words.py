@@ -13,10 +13,19 @@ from silo.errors import SiloError
 from silo.recorder.requests import RecorderInfo
 from silo.recordings.requests import Recordings
 from silo.scripts.requests import ScriptDiff, Scripts
+from silo_tui.model.lists.runs import COMPARED, ORDERS
 from silo_tui.model.table.changes import Cost
 from silo_tui.model.table.state import PendingChange
 from silo_tui.screens.dialogs import recorder
-from silo_tui.screens.dialogs.questions import LARGEST, MAX_GROUPS, MAX_LINES, cost_text, diff_text, groups_text
+from silo_tui.screens.dialogs.questions import (
+    LARGEST,
+    MAX_GROUPS,
+    MAX_LINES,
+    OrderDialog,
+    cost_text,
+    diff_text,
+    groups_text,
+)
 from silo_tui.screens.dialogs.recorder import RecordDialog, Wish
 from silo_tui.screens.dialogs.scripts import script_diff_text, scripts_question
 from tests.stand_ins.desk import ESC, Desk, Straight
@@ -273,3 +282,20 @@ def test_a_recording_is_begun_with_what_is_marked_else_with_all(desk, monkeypatc
     assert desk.does(recorder.begin(desk, desk.session)).endswith("; b/z is off")
     desk.does(recorder.begin(desk, desk.session, 0, "imu/*"))
     assert begun == ["all", "marked", "imu/*"]
+
+
+# -------------------------------------------------------------------------------------------------------------- orders
+
+
+def test_orders_whose_words_fit_beside_one_another_stand_in_two_columns_others_below_one_another():
+    lines = OrderDialog(COMPARED, "largest", "↑")._lines().plain.splitlines()
+    assert [line.rstrip() for line in lines[: len(COMPARED)]] == [
+        "d the most different first: by the rms, for how far it moves",
+        "n name",
+        "a the largest difference first  ↑",
+        "f how much of it differs, the most first",
+    ]
+    assert OrderDialog(ORDERS, "name", "↓")._lines().plain.splitlines()[:2] == [
+        "b begun, the newest first       s span, the longest first       ",
+        "n name  ↓                       l lost, the most first          ",
+    ]

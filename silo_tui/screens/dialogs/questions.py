@@ -29,7 +29,7 @@ from silo_tui.model.lists.ordering import Order
 from silo_tui.model.table.changes import Cost, groups_of
 from silo_tui.model.table.columns import TableOrder
 from silo_tui.model.table.state import PendingChange
-from silo_tui.model.words.names import below
+from silo_tui.model.words.names import below, cells
 from silo_tui.widgets.inputs import Fleeting, Line
 
 MOVED_BY = "jkqG"  # letters that are bound
@@ -366,10 +366,14 @@ class OrderDialog(Dialog[str | None]):
 
     def _lines(self) -> Text:
         lines = Text()
-        half = -(-len(self._orders) // 2)
-        for left in range(half):
-            for order in self._orders[left::half][:2]:
-                words = (order.words or order.name) + (f"  {self._arrow}" if order.name == self._now else "")
+        told = [
+            (order.words or order.name) + (f"  {self._arrow}" if order.name == self._now else "")
+            for order in self._orders
+        ]
+        columns = 2 if max(map(cells, told)) < COLUMN - 2 else 1  # no words run into those beside them
+        rows = -(-len(told) // columns)
+        for left in range(rows):
+            for order, words in list(zip(self._orders, told, strict=True))[left::rows]:
                 lines.append(order.letter, style="bold")
                 lines.append(f" {words:<{COLUMN - 2}}")
             lines.append("\n")
