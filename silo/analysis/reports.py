@@ -94,7 +94,7 @@ def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
         start_ns=int(times[0]) if len(times) else 0,
         duration_s=lasted_s(times),
         ticks=len(times) - recording.early,
-        rate_hz=rate_of(times) or None,
+        rate_hz=rate_of(times, recording.gaps) or None,
         frequency_hz=recording.frequency_hz,
         lost=recording.lost,
         warnings=tuple(recording.warnings),
@@ -118,7 +118,7 @@ def _describe(recording: Recording, element: RecordedElement) -> ElementReport:
         samples=count,
         start_s=float(times.min() - zero) / 1e9 if count else None,
         end_s=float(times.max() - zero) / 1e9 if count else None,
-        rate_hz=rate_of(times) or None,
+        rate_hz=rate_of(times, recording.gaps) or None,
         labels=labels or {},
     )
 

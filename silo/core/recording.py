@@ -415,13 +415,16 @@ def common_axis(stamps: Iterable[NDArray[np.int64]]) -> NDArray[np.int64]:
     return axis if (times == 1).all() else np.repeat(axis, times)
 
 
-def rate_of(time_ns: NDArray[np.int64]) -> float:
+def rate_of(time_ns: NDArray[np.int64], gaps: Sequence[tuple[int, int]] = ()) -> float:
     """Return the rate of time stamps, Hz, exact where they are; 0 where nothing tells.
 
-    Where a clock begins anew, as in each episode of a simulation, only the steps ahead count.
+    Where a clock begins anew, as in each episode of a simulation, only the steps ahead count, and no step over `gaps`.
     """
     steps = np.diff(time_ns)
-    ahead = steps[steps >= 0]
+    counted = steps >= 0
+    for before, behind in gaps:
+        counted &= (time_ns[:-1] > before) | (time_ns[1:] < behind)
+    ahead = steps[counted]
     span_ns = int(ahead.sum())
     return len(ahead) * 10**9 / span_ns if span_ns else 0.0
 

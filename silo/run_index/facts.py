@@ -212,11 +212,11 @@ def _run_of(events: Iterable[LoggedEvent]) -> str:
     return found[0][0] if found else ""
 
 
-def _rate_of_all(files: Sequence[RunFacts], ticks: int, span_s: float) -> float:
-    """Return the rate of files that follow one another, Hz; 0 where nothing tells, as where a clock began anew."""
-    span_ns = round(span_s * 1e9)
-    follow = len(files) > 1 and span_ns >= round(sum(one.span_s for one in files) * 1e9)
-    return (ticks - 1) * 10**9 / span_ns if follow and ticks > 1 and span_ns else 0.0
+def _rate_of_all(files: Sequence[RunFacts]) -> float:
+    """Return the rate of files that follow one another, Hz, by the steps within them; 0 where nothing tells."""
+    steps = [(one.ticks - 1, one.rate_hz) for one in files if one.ticks > 1 and one.rate_hz]
+    total_s = sum(count / rate for count, rate in steps)
+    return sum(count for count, _ in steps) / total_s if total_s else 0.0
 
 
 def _happened(events: Iterable[LoggedEvent]) -> tuple[int, int, int]:
@@ -387,7 +387,7 @@ def merged(files: Sequence[RunFacts]) -> tuple[RunFacts, tuple[tuple[Piece, ...]
         span_s=span_s,
         ticks=ticks,
         elements=max(one.elements for one in files),
-        rate_hz=_rate_of_all(files, ticks, span_s) or first.rate_hz,
+        rate_hz=_rate_of_all(files) or first.rate_hz,
         about={key: value for one in files for key, value in one.about.items()},
         parameters={key: value for one in files for key, value in one.parameters.items()},
         episodes=tuple(episodes),

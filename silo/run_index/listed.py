@@ -100,12 +100,18 @@ class ListedRun:
         return signals_of([self._of(path, None) for path in self.paths])
 
     @property
-    def more_words(self) -> str:
-        """That it is cut off, and that there are more files of it, of which this has all; empty for neither."""
-        folders = {path.rpartition("/")[0] for path in self.others} - {self.facts.path.rpartition("/")[0]}
+    def said(self) -> str:
+        """What lists say of it in a line: why it can't be read, what it is, its tags, its newest note, its files."""
+        facts = self.facts
+        if facts.problem:
+            return f"can't be read: {facts.problem}"
+        folders = {path.rpartition("/")[0] for path in self.others} - {facts.path.rpartition("/")[0]}
         where = f" in {and_more(sorted(folders), 2)}" if folders else ""
-        more = f"{many(len(self.others), 'more file')}{where}" if self.others else ""
-        return ", ".join(filter(None, ["cut off" if self.facts.cut_off else "", more]))
+        others = f"{many(len(self.others), 'more file')}{where}" if self.others else ""
+        parts = many(len(self.files), "part") if self.files else ""
+        more = ", ".join(filter(None, ["cut off" if facts.cut_off else "", parts, others]))
+        tags = [f"#{tag}" for tag in self.tags]
+        return " ".join(filter(None, ["capture" if facts.kind == "capture" else "", *tags, *self.notes[-1:], more]))
 
     def open(self) -> "Log":
         """Open the log. Raises as `silo.open_log`."""
@@ -171,6 +177,14 @@ class ListedEpisode(ListedRun):
     def key(self) -> tuple[Path, int]:
         """Its run's path, and its number there."""
         return self.path, self.episode.number
+
+    @property
+    def said(self) -> str:
+        """How it went, before what is said of its run, and of how many signals nothing is left of it."""
+        one, lacks = self.episode, self.facts.in_episodes[0].overwritten if self.facts.in_episodes else 0
+        less = f"({many(lacks, 'signal')} overwritten)" if lacks else ""
+        how = one.verdict or ("" if one.whole else "unfinished")
+        return " ".join(filter(None, [how, one.why, super().said, less]))
 
     @property
     def signals(self) -> list[SignalFacts]:

@@ -18,18 +18,19 @@ import pytest
 from click.testing import CliRunner
 
 import silo
+from silo.analysis.reports import report
 from silo.cli.group import cli
 from silo.core.elements import LoggedEvent
 from silo.core.episodes.words import Episode
 from silo.core.recording import Recording
 from silo.core.tuning.parameters import ParameterChange
-from silo.errors import ExpressionError, SiloError
+from silo.errors import ExpressionError, LogWarning, SiloError
 from silo.run_index import finding, index, labels
 from silo.run_index.archive import Archive
 from silo.run_index.facts import EpisodeFacts, RunFacts, SignalFacts, by_run, facts_of, merged, read_facts, signals_of
 from silo.run_index.finding import There
 from silo.run_index.where import FACTS, FUNCTIONS, Query, said_by
-from tests.stand_ins.saved import element
+from tests.stand_ins.saved import element, recorded_in_two
 
 RUNS = 5
 
@@ -795,9 +796,19 @@ def test_saves_of_a_cut_run_that_have_what_others_lack_are_listed_by_themselves(
 
 def test_a_run_begins_with_the_first_of_its_files_that_has_ticks():
     words = RunFacts("1.mcap", run="a", marks=1)
-    filled = RunFacts("2.mcap", run="a", ticks=50, stamp_ns=10**18, span_s=0.49)
+    filled = RunFacts("2.mcap", run="a", ticks=50, stamp_ns=10**18, span_s=0.49, rate_hz=100.0)
     facts, _ = merged([words, filled])
     assert (facts.span_s, facts.rate_hz, facts.marks) == (0.49, pytest.approx(100), 1)
+
+
+def test_nobody_recorded_between_two_files_of_a_run_and_its_rate_is_that_of_before_and_after(tmp_path):
+    recorded_in_two(tmp_path, hole=1000)
+    (run,) = silo.runs(tmp_path)
+    with pytest.warns(LogWarning, match="ticks 10 to 1009 are missing"):
+        log = silo.open_log(tmp_path, alone=False)
+    found = report(log.recording, "", 0)
+    assert [run.facts.rate_hz, found.rate_hz, found.elements[0].rate_hz] == pytest.approx([100, 100, 100])
+    assert (run.said, run.facts.span_s) == ("2 parts", pytest.approx(10.19))
 
 
 def test_of_a_run_in_several_files_each_is_archived_once_whatever_comes_or_goes(cut, tmp_path):

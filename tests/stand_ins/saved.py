@@ -61,12 +61,14 @@ def twenty_seconds(seconds=0, number=1):
     return Recording("robot", times, 8000, elements, events=events, **facts)
 
 
-def recorded_in_two(folder):
-    """Save 20 ticks of a run as a recording in two files has them."""
+def recorded_in_two(folder, hole=0):
+    """Save 20 ticks of a run as a recording in two files has them, with a hole of so many ticks between the two."""
     times = START_NS + np.arange(20, dtype=np.int64) * 10_000_000
+    times[10:] += hole * 10_000_000
     stretch = Stretch("run", 1, recorder="walks", since=0)
     for number, ticks in ((1, slice(0, 10)), (2, slice(10, 20))):
-        made = Recording("robot", times[ticks], ticks.stop, [element("n", np.arange(20.0)[ticks])], stretch=stretch)
+        end = ticks.stop + hole * (number - 1)
+        made = Recording("robot", times[ticks], end, [element("n", np.arange(20.0)[ticks])], stretch=stretch)
         write(made, folder, "robot", ["bag"], f"robot_20260921_14-00-00_{number:05}")
 
 

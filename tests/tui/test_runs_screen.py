@@ -54,8 +54,9 @@ async def test_a_recording_of_several_files_is_one_run_and_opens_whole(fake, ope
     async with opened(fake) as screen:
         await screen.press(":", *f"runs {tmp_path}", "enter")
         await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 1)
-        await screen.press("enter")
         await screen.shows("2 parts")
+        await screen.press("enter")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
         of = screen.app.screen.session.source
         assert [of.readings(["/log/n"], int(at))["/log/n"].newest[0] for at in of.time_ns] == list(range(20))
 
@@ -290,7 +291,7 @@ async def test_a_recording_of_a_run_that_was_saved_is_named_beside_it(fake, open
     async with opened(fake) as screen:
         await screen.press(":", *f"runs {tmp_path}", "enter")
         await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 1)
-        assert screen.app.screen.shown[0].more_words == "1 more file in walks"
+        assert screen.app.screen.shown[0].said == "1 more file in walks"
         await screen.press("/", *"walks/", "enter")
         await screen.shows("/walks/: 1 of 1")
 

@@ -184,20 +184,10 @@ def _show_apart(found: "list[Apart]", as_json: bool) -> None:
 
 def _row(run: "ListedRun", more: list[str]) -> tuple[str, ...]:
     facts = run.facts
-    said = " ".join(filter(None, [*(f"#{tag}" for tag in run.tags), *run.notes[-1:], run.more_words]))
-    if facts.problem:
-        said = f"can't be read: {facts.problem}"
-    elif facts.kind == "episode":
-        (one,) = facts.episodes
-        lacks = facts.in_episodes[0].overwritten
-        less = f"({many(lacks, 'signal')} overwritten)" if lacks else ""
-        said = " ".join(filter(None, [one.verdict or ("" if one.whole else "unfinished"), one.why, said, less]))
-    elif facts.kind != "run":
-        said = f"{facts.kind} {said}".strip()
     place = f"#{facts.episodes[0].number}" if facts.kind == "episode" else ""
     return (
         f"{facts.path}{place}", facts.robot, f"{run.begun:%Y-%m-%d %H:%M:%S}", f"{facts.span_s:.4g} s",
-        str(facts.lost or ""), str(facts.limits or ""), facts.task, *more, said,
+        str(facts.lost or ""), str(facts.limits or ""), facts.task, *more, run.said,
     )  # fmt: skip
 
 

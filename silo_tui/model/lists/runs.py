@@ -64,7 +64,7 @@ class Widths(NamedTuple):
 def widths(found: Sequence[ListedRun], width: int, columns: int) -> Widths:
     """Return the widths of the columns beside a scrollbar: names whole where they fit, what no run has takes none."""
     episodes, task = any(one.facts.episodes for one in found), any(one.facts.task for one in found)
-    said = any(one.tags or one.notes or one.more_words or one.facts.problem for one in found)
+    said = any(one.said for one in found)
     room = width - 41 - columns * (VALUE_WIDTH + 1) - 6 * episodes - 9 * task - max(SAID_WIDTH, width // 4) * said
     longest = max((cells(one.facts.path) for one in found), default=0)
     return Widths(max(NAME_WIDTH, min(room, longest)), episodes, task)
@@ -80,12 +80,11 @@ def row(one: ListedRun, name: str, widths: Widths, values: Sequence[float] = (),
     """Return a row, without the gutter; `name` as it fits."""
     facts = one.facts
     good = sum(each.success is True for each in facts.episodes)
-    said = f"can't be read: {facts.problem}" if facts.problem else ""
     told = (
         name, begun_text(facts.begun_ns, time.time() if now_s is None else now_s), text.span(facts.span_s, 3),
         text.count(facts.lost) if facts.lost else "", str(facts.limits or ""),
         f"{good}/{len(facts.episodes)}" if facts.episodes else "", text.clean(facts.task),
-        said or " ".join(filter(None, [*(f"#{tag}" for tag in one.tags), *one.notes[-1:], one.more_words])),
+        one.said,
     )  # fmt: skip
     return _line(told, ["-" if math.isnan(value) else text.short(value, 5) for value in values], widths)
 
