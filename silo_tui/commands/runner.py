@@ -22,7 +22,7 @@ from silo_tui.modal import ask, run_alone
 from silo_tui.model.words import command_line
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.model.words.paths import typed_file
-from silo_tui.model.words.people import people_words
+from silo_tui.model.words.people import operators, people_words
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.settings.themes import THEMES
 from silo_tui.theme import theme_name
@@ -44,13 +44,13 @@ class CommandRunner:
     def complete(self, line: str) -> list[str]:
         """Return whole lines that `line` may become."""
         command = BY_WORD.get(line.lstrip(":").partition(" ")[0])
-        choices = self.choices(command, line.rpartition(" ")[2]) if command is not None else ()
+        choices = self.choices(command, *line.split(" ")[1:]) if command is not None else ()
         words = [word for word, one in BY_WORD.items() if not self._on_file or typed_on_file(one)]
         return command_line.complete(line, sorted(words), [each for each in choices if each not in line.split()])
 
-    def choices(self, command: Command, begun: str = "") -> Sequence[str]:
-        """Return what the argument of a typed command may be, of which `begun` is typed."""
-        context = self._context
+    def choices(self, command: Command, *typed: str) -> Sequence[str]:
+        """Return what the argument of a command may be, of which the last word of `typed` is typed."""
+        context, begun = self._context, typed[-1] if typed else ""
         sources: dict[str, Callable[[], Sequence[str]]] = {
             "scripts": lambda: context.script_names,
             "settings": lambda: completions(begun),
@@ -60,7 +60,7 @@ class CommandRunner:
             "types": lambda: SAVED_NAMES,
             "views": lambda: ["save", *([LAST] if context.left_view else []), *BY_NAME, *files.names()],
             "logs": lambda: command_line.logs(begun),
-            "control": lambda: ("take", "force", "release", "give"),
+            "control": lambda: self._control_words(typed[:-1]),
             "themes": lambda: (*THEMES, *sorted(context.app.available_themes)),
         }
         needs = () if context.has_session else ("sorts", "names", "derived")
@@ -68,6 +68,11 @@ class CommandRunner:
             sources.get(command.typed.completes) if command.typed and command.typed.completes not in needs else None
         )
         return source() if source is not None else ()
+
+    def _control_words(self, before: Sequence[str]) -> Sequence[str]:
+        if not before:
+            return ("take", "force", "release", "give")
+        return operators(self._context.session.status) if before == ("give",) and self._context.has_session else ()
 
     def run(self, line: str) -> None:
         """Carry out a command line; show what is wrong with it."""

@@ -105,7 +105,7 @@ def test_the_head_says_who_in_what_state_how_long_and_how_fast_as_far_as_it_has_
         ({"durable_ticks": 0}, 100, f"{RUNS}{ALL_ON}  400 Hz  lost 0  durable to tick 0"),
         ({"durable_ticks": 4000}, 160, f"{RUNS}{ALL_ON}  400 Hz  4 800 ticks  lost 0  durable to tick 4 000"),
         ({"control": Control("me@here silo 1", "@local me", 0, 0)}, 80,
-         f"{RUNS}  400 Hz  lost 0  your silo 1 has control"),
+         f"{RUNS}  400 Hz  lost 0  you have control in silo 1"),
         ({"clients": [Present("a", 0), Present("b", 0)]}, 80, f"{RUNS}  72/72 on  400 Hz  lost 0  1 other client"),
     ],
 )  # fmt: skip

@@ -1,6 +1,9 @@
 """Who did what, who is connected, who has control: as the screens tell it."""
 
+import time
+
 from silo.core.elements import Present
+from silo.core.quantities.writing import since_text, wall_clock
 from silo_tui.model.words.people import head_words, people_words
 
 
@@ -75,7 +78,7 @@ def test_two_programs_of_one_user_are_told_apart(fake):
     fake.clients = [Present(one, 1, "@local root"), Present(other, 1, "@local root")]
     assert people_words(fake.status(), "@local root", one).endswith(f"connected: {one}, {other}")
     fake._controlled_by(other, "@local root")
-    assert head_words(fake.status(), "@local root", one)[0] == "your silo-tui 8 has control"
+    assert head_words(fake.status(), "@local root", one)[0] == "you have control in silo-tui 8"
     assert head_words(fake.status(), "@local root", other)[0] == "you have control"
     assert f"{other} has control since" in (told := people_words(fake.status(), "@local root", one))
     assert ", and you with it, as the same user; connected" in told
@@ -91,3 +94,23 @@ async def test_a_word_of_control_that_is_mistyped_is_told_with_the_one_that_is_n
         ):
             await screen.enter(f":control {typed}")
             await screen.shows(told)
+
+
+async def test_control_is_given_to_who_is_connected_and_tab_names_them(fake, opened):
+    fake.clients = [
+        Present("anna (proven) from desk2, silo-tui 2", 1, "anna"),
+        Present("me@here silo-tui 1", 2, "@local me"),
+        Present("bob@desk3 silo 3", 3),
+    ]
+    async with opened(fake) as screen:
+        complete = screen.app.context.runner.complete
+        assert complete(":control give ") == ["control give anna", "control give me"]
+        assert complete(":control give a") == ["control give anna"]
+        assert complete(":control take ") == []
+        assert complete(":control g") == ["control give"]
+
+
+def test_since_when_something_is_so_is_told_by_the_clock_with_the_date_of_another_day():
+    now_ns = time.time_ns()
+    assert since_text(now_ns) == wall_clock(now_ns)
+    assert since_text(now_ns - 3 * 86_400 * 10**9) == wall_clock(now_ns - 3 * 86_400 * 10**9, date=True)

@@ -7,7 +7,7 @@ import click
 
 from silo.cli.verbs import verb
 from silo.core.quantities.reading import read_seconds
-from silo.core.quantities.writing import duration
+from silo.core.quantities.writing import duration, since_text
 from silo.net.access.senders import name_of
 
 if TYPE_CHECKING:
@@ -74,9 +74,8 @@ def _facts(found: "tuple[str, Status]") -> dict[str, object]:
 def _show(found: "tuple[str, Status]") -> None:
     logger, status = found
     if status.control is not None:
-        now_s = time.time()
-        since, left = now_s - status.control.since_ns / 1e9, status.control.until_ns / 1e9 - now_s
-        click.echo(f"{status.control.who} has control since {duration(since)}, for {duration(max(0.0, left))} more")
+        since, left = since_text(status.control.since_ns), status.control.until_ns / 1e9 - time.time()
+        click.echo(f"{status.control.who} has control since {since}, for {duration(max(0.0, left))} more")
     else:
         need = "changes need it: `silo control take`" if status.one_operator else "every operator may change it"
         click.echo(f"nobody has control of {logger}; {need}")

@@ -33,6 +33,12 @@ def wall_clock(time_ns: int, decimals: int = 0, *, date: bool = False) -> str:
     return f"{words}.{rest:09}"[: len(words) + 1 + decimals] if decimals else words
 
 
+def since_text(time_ns: int) -> str:
+    """Return since when something is so, by the clock of this machine; with the date where that was another day."""
+    then, now = wall_clock(time_ns, date=True), wall_clock(time.time_ns(), date=True)
+    return then[11:] if then[:10] == now[:10] else then
+
+
 def size_text(size_bytes: float) -> str:
     """Return a size, of a file, of memory, to three digits: `812 B`, `1.2 MB`, `40 GB`."""
     for unit in ("B", "kB", "MB", "GB"):

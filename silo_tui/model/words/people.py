@@ -1,9 +1,7 @@
 """Who is connected to a logger, and who has control: words for the head of the screen and for `:control`."""
 
-import time
-
 from silo.core.elements import Status
-from silo.core.quantities.writing import duration_text, many
+from silo.core.quantities.writing import many, since_text
 from silo.net.access.senders import claim_of, is_by, name_of, short_words
 
 
@@ -15,11 +13,17 @@ def head_words(status: Status, identity: str, own_name: str) -> tuple[str, str]:
     control, holder = status.control, ""
     if control is not None:
         if control.identity != identity:
-            holder = f"{name_of(control.identity)} has"
-        else:
-            holder = "you have" if is_by(control.who, own_name) else f"your {claim_of(control.who).program} has"
+            holder = f"{name_of(control.identity)} has control"
+        else:  # another program of the same user, who may change all the same
+            its = "" if is_by(control.who, own_name) else f" in {claim_of(control.who).program}"
+            holder = f"you have control{its}"
     others = len(status.clients) - 1
-    return f"{holder} control" if holder else "", many(others, "other client") if others > 0 else ""
+    return holder, many(others, "other client") if others > 0 else ""
+
+
+def operators(status: Status) -> list[str]:
+    """Return the names of those that control can be given to."""
+    return sorted({name_of(one.identity) for one in status.clients if one.identity})
 
 
 def people_words(status: Status, identity: str, own_name: str) -> str:
@@ -28,8 +32,7 @@ def people_words(status: Status, identity: str, own_name: str) -> str:
     if control is not None:
         mine = control.identity == identity
         ours = mine and is_by(control.who, own_name)
-        since_s = max(0.0, time.time() - control.since_ns / 1e9)
-        begin = f"{'you have' if ours else f'{control.who} has'} control since {duration_text(since_s)}"
+        begin = f"{'you have' if ours else f'{control.who} has'} control since {since_text(control.since_ns)}"
         begin += ", and you with it, as the same user" if mine and not ours else ""
     else:
         begin = "nobody has control" + (", and changes need it (:control take)" if status.one_operator else "")
