@@ -213,7 +213,7 @@ class PlotStack(Guarded, Styled):
         panel = self.panels[at]
         if len(panel) == 1:
             return self._single_title(at, panel[0])
-        side_by_side = per_title_line(self.size.width)
+        side_by_side = per_title_line(panel, self.size.width)
         room = self.size.width // side_by_side
         found: list[Segment] = []
         for place in range(line * side_by_side, min(len(panel), (line + 1) * side_by_side)):
@@ -223,6 +223,9 @@ class PlotStack(Guarded, Styled):
             now = self._short_fact(at, place)
             unit = "" if plotted.element.unit == "-" else f" {plotted.element.unit}"
             head = f"{'>' if chosen else ' '}{self.letter(plotted)} "
+            when = self.facts.when_of(self._panel(at).pictures[place])
+            if len(f"{head}{self._short(plotted)} {when} {now}{unit}") + 3 <= room:
+                now = f"{when} {now}"
             name = self._fitted(plotted, max(8, room - len(head) - len(now) - len(unit) - 3))
             colored = Style(color=self._color(panel, place).color, bold=True, bgcolor=style.bgcolor)
             words = f"{name}{'→' if sides(panel)[place] else ''}"
@@ -419,7 +422,7 @@ class PlotStack(Guarded, Styled):
         first = sum(len(each) for each in self.panels[:at])
         titles = title_lines(panel, self.size.width)
         if line < titles:
-            side_by_side = per_title_line(self.size.width) if len(panel) > 1 else 1
+            side_by_side = per_title_line(panel, self.size.width)
             place = line * side_by_side + event.x * side_by_side // max(1, self.size.width)
             self.post_message(self.Pointed(first + min(place, len(panel) - 1), None))
             return

@@ -176,6 +176,25 @@ async def test_find_in_a_spectrum_finds_peaks_by_their_height(fake, opened):
         assert "highest" not in screen.text.splitlines()[-2]
 
 
+async def test_the_head_of_a_spectrum_has_units_whole_and_its_cursor_is_the_only_one_that_is_told(new_fake, opened):
+    names = [f"/log/legs/LF/KFE/{end}" for end in ("position_of_the_joint", "position_of_the_joint_command")]
+    async with opened(new_fake([scalar(name, "rad") for name in names]).run(20)) as screen:
+        await screen.press("asterisk", "m", "left", "J", "enter", "tab", "tab")
+        await screen.until(lambda: large(screen)._peaks)
+        await screen.until(lambda: "Hann" in screen.text.splitlines()[1])
+        title = screen.text.splitlines()[1]
+        assert title.count(" [rad] ") == 2
+        assert re.search(r"SPECTRUM linear  Hann \d+ samples  ", title)
+        assert " A " not in screen.text.splitlines()[-2]
+
+
+async def test_a_spectrum_of_a_short_time_says_that_more_seconds_make_it_finer(fake, opened):
+    async with opened(fake.run(20)) as screen:
+        await open_large(screen)
+        await screen.press(*["plus"] * 4, "tab", "tab")
+        await screen.shows("Hz, finer of more seconds: Tab, -")
+
+
 async def test_the_cursor_reads_the_peak_that_one_goes_to_and_the_lines_beside_it(fake, opened):
     async with opened(fake.run(20)) as screen:
         await open_large(screen)

@@ -54,6 +54,12 @@ def test_levels_on_the_left_become_their_unique_beginning_and_the_longest_loses_
     assert fitted["/legs/LF/HAA/drive_temperature"] == "/l…/LF/HAA/dri…temperature"
 
 
+def test_a_name_that_has_no_room_for_all_its_levels_keeps_the_end_of_the_last_one_whole():
+    assert fitting_names(["/legs/LF/KFE/position", "/legs/LF/KFE/position_command"], 14) == [
+        "…/KFE/position", "…ition_command",
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize("width", [20, 24, 29])
 def test_a_joint_is_never_hidden(width):
     for name, fits in zip(LEGS, fitting_names(LEGS, width), strict=True):

@@ -1,5 +1,6 @@
 """Plots one below the other, without an app: titles, cursors, the axis, which are there, what a click means."""
 
+import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -146,6 +147,20 @@ def test_signals_that_share_a_plot_have_their_names_side_by_side_with_letters_in
     assert len(set(heads)) == 2
     stack.fresh = False
     assert len({stack._title(1, 0)[at].style.color for at in (0, 4)}) == 1
+
+
+def test_names_beside_one_another_share_the_whole_line_and_say_of_when_their_numbers_are_where_that_has_room():
+    stack = Stack(HEAT, scalar("/log/imu/heat", "degC"))
+    stack.width = 160
+    stack.share((0, 1))
+    assert stack.text[0].rstrip() == f"{'>a /imu/temperature now - degC':80}{' b /imu/heat now - degC'}"
+    stack.window.cursor = 4
+    stack.redraw()
+    told = " ".join(re.sub(r"[\d.…]+", "#", stack.text[0]).split())
+    assert told == ">a /imu/temperature at cursor # degC b /imu/heat at cursor # degC"
+    stack.width = 80
+    stack.redraw()
+    assert ">a /imu/temperature at" not in stack.text[0] and " degC" in stack.text[0]
 
 
 def test_a_long_name_gives_way_to_the_numbers_and_stays_apart_from_the_others():

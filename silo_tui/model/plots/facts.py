@@ -27,6 +27,10 @@ class PlotFacts:
             return "last" if self.ended else "now"
         return "at cursor" if self.window.cursor is not None else "at end"
 
+    def when_of(self, picture: Picture) -> str:
+        """Return of when that is what `brief` tells."""
+        return "at cursor" if picture.at_cursor is not None or picture.cursor_signs else self.when
+
     def now(self, plotted: Plotted) -> str:
         """Return the value that is told; a dash where none is known."""
         reading = self.readings.get(plotted.element.name)

@@ -105,12 +105,12 @@ def gathered(plots: Sequence[Plotted], *, by_unit: bool, most: int = MAX_SERIES)
 
 def title_lines(panel: Panel, width: int) -> int:
     """Return how many lines the names of a panel take."""
-    return -(-len(panel) // per_title_line(width))
+    return -(-len(panel) // per_title_line(panel, width))
 
 
-def per_title_line(width: int) -> int:
-    """Return how many names stand side by side."""
-    return max(1, width // TITLE_WIDTH)
+def per_title_line(panel: Panel, width: int) -> int:
+    """Return how many names stand side by side, in as much room for each as there is."""
+    return max(1, min(len(panel), width // TITLE_WIDTH))
 
 
 def least_height(panel: Panel, width: int) -> int:

@@ -130,7 +130,7 @@ def _shortened(name: str, width: int, beginnings: _Beginnings) -> str:
             break
         levels[at] = _without_middle(levels[at], len(levels[at]) - surplus)
     words = "/".join(levels)
-    return words if cells(words) <= width else _last(words, width)
+    return words if cells(words) <= width else _last(name, width)
 
 
 def _without_middle(level: str, length: int) -> str:

@@ -155,11 +155,13 @@ class DetailScreen(MonitorScreen):
         level = f" {self.level}" if self.mode == "spectrum" else ""
         parts = [f"{self.mode.upper()}{level}", *([self._kind] if self._kind else []), self._place()]
         room = self.size.width - len("  ".join(parts)) - 6
-        names = tuple(map(self._label, shown))
+        names = tuple(self.session.short_name(plotted.name) for plotted in shown)
+        units = list(map(_unit, shown))
         begins = [("  " if place else "") + self._letter(place) for place in range(len(shown))]
-        if len("".join((*begins, *names))) > room:
-            names = tuple(fitted_among(name, names, room // len(shown) - len(begins[-1])) for name in names)
-        parts.insert(0, "".join(begin + name for begin, name in zip(begins, names, strict=True)))
+        if len("".join((*begins, *names, *units))) > room:
+            width = (room - len("".join((*begins, *units)))) // len(shown)
+            names = tuple(fitted_among(name, names, width) for name in names)
+        parts.insert(0, "".join("".join(each) for each in zip(begins, names, units, strict=True)))
         for title in self.query("#detail-title").results(Static):  # none while the screen goes
             title.update("  ".join(parts))
 
@@ -240,12 +242,14 @@ class DetailScreen(MonitorScreen):
         whose = self._letter(self.plots.index(plots[0]))  # nothing where it is the only one
         notes = [f"{whose}peak {words[0]}", *words[1:]] if words else [f"{whose}no peak stands out"]
         rate = 1 / first.period_s
-        notes.append(f"resolution {text.compact(step)} Hz")
+        finer = f", finer of more seconds: {key_of('mode_time') or key_of('mode')}, {key_of('wider')}"
+        blurred = any(_is_blurred(peak, step) for peak in peaks)
+        notes.append(f"resolution {text.compact(step)} Hz{finer if blurred else ''}")
         notes.append(f"{duration(first.seconds)} of {text.short(rate)} Hz, jitter {text.span(first.jitter_s, 2)}")
         if first.left_out:
             notes.append(first.left_out)
         notes.append(f"0 dB = 1 {unit}" if self.level == "dB" else f"unit {unit}")
-        return Analysed(drawn, notes, f"Hann {len(first.values)} of {first.held}", peaks, top_hz, spectra[0])
+        return Analysed(drawn, notes, f"Hann {many(len(first.values), 'sample')}", peaks, top_hz, spectra[0])
 
     async def _pair(self) -> Analysed:
         if len(self.plots) < 2:
@@ -277,8 +281,11 @@ class DetailScreen(MonitorScreen):
         return Analysed(drawn, _histogram_notes(floats, finite))
 
     def _label(self, plotted: Plotted) -> str:
-        unit = "" if plotted.element.unit == "-" else f" [{plotted.element.unit}]"
-        return self.session.short_name(plotted.name) + unit
+        return self.session.short_name(plotted.name) + _unit(plotted)
+
+    def cursor_words(self) -> str:
+        """Where in time the cursor is: views without a time axis have none there."""
+        return super().cursor_words() if self.mode == MODES[0] else ""
 
     # --------------------------------------------------------------------------------------------------- commands
 
@@ -507,6 +514,10 @@ def open_large(monitor: MonitorScreen, mode: str) -> None:
         monitor.app.push_screen(DetailScreen(monitor, mode))
 
 
+def _unit(plotted: Plotted) -> str:
+    return "" if plotted.element.unit == "-" else f" [{plotted.element.unit}]"
+
+
 def _decimals(step: float) -> int:
     """How many decimals tell lines of a spectrum apart."""
     return max(0, min(6, -math.floor(math.log10(step)))) if step > 0 else 3
@@ -514,8 +525,13 @@ def _decimals(step: float) -> int:
 
 def _hz_words(peak: Peak, step_hz: float) -> str:
     """Return where it is, to the digits of the resolution, and how far off where few of its periods are there."""
-    blur = f" ±{text.short(step_hz / 2, 2)}" if peak.frequency_hz < 4 * step_hz else ""
+    blur = f" ±{text.short(step_hz / 2, 2)}" if _is_blurred(peak, step_hz) else ""
     return f"{peak.frequency_hz:.{_decimals(step_hz)}f}{blur}"
+
+
+def _is_blurred(peak: Peak, step_hz: float) -> bool:
+    """Whether so few periods of it are there that it lies anywhere around its line."""
+    return peak.frequency_hz < 4 * step_hz
 
 
 def _histogram_notes(floats: Floats, finite: Floats) -> list[str]:

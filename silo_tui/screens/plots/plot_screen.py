@@ -244,15 +244,7 @@ class PlotScreen(SiloScreen):
 
     def _words(self) -> Sequence[str]:
         """Return what the line tells, the newest last: that is read whole."""
-        words = [self.pause.text] if self.pause.text else []
-        if self.file is not None:
-            clock = f" ({self.file.clock})" if self.file.clock and self.size.width >= 100 else ""
-            words.append(f"cursor at {text.short(self.file.seconds, 9)} s{clock}")
-        elif self.window.paused and self.window.at_ns is not None:
-            words.append(f"A {self.moment_words(self.window.at_ns)}")
-        elif self.window.cursor is not None:
-            back = self.window.cursor * self.stack.store.column_ns / 1e9
-            words.append(f"cursor at -{text.span(back)}" if back else "cursor at 0 s")
+        words = [each for each in (self.pause.text, self.cursor_words()) if each]
         total, fitting = len(self.stack.panels), self.stack.fitting
         if total > fitting:
             last = min(total, self.stack.first + fitting)
@@ -266,6 +258,18 @@ class PlotScreen(SiloScreen):
         if self._waiting and not self.line.said:
             words.append(f"{many(len(self._waiting), 'element')} off")
         return words
+
+    def cursor_words(self) -> str:
+        """Where in time cursor A is; empty where there is none."""
+        if self.file is not None:
+            clock = f" ({self.file.clock})" if self.file.clock and self.size.width >= 100 else ""
+            return f"cursor at {text.short(self.file.seconds, 9)} s{clock}"
+        if self.window.paused and self.window.at_ns is not None:
+            return f"A {self.moment_words(self.window.at_ns)}"
+        if self.window.cursor is None:
+            return ""
+        back = self.window.cursor * self.stack.store.column_ns / 1e9
+        return f"cursor at -{text.span(back)}" if back else "cursor at 0 s"
 
     def _ghost_words(self) -> str:
         """Where the saved run is, if it isn't on the screen."""
