@@ -106,10 +106,11 @@ class Do(Request[ReplyT], Generic[ReplyT], frozen=True):
 class RobotRequest(Do[ReplyT], Generic[ReplyT], frozen=True):
     """Base of the requests that the helper process hands on to the robot process.
 
-    That one reads them with the interpreter held, beside its control loop: so many bytes take it a few milliseconds.
+    That one reads them with the interpreter held, beside its control loop: so many bytes take it some milliseconds, and
+    all parameters that a logger has room for are less.
     """
 
-    max_bytes: ClassVar[int] = 128 * 1024
+    max_bytes: ClassVar[int] = 256 * 1024
     lane: ClassVar[Lane] = Lane.ROBOT
 
 

@@ -14,6 +14,7 @@ from silo.errors import RefusedError
 from silo.parameters.requests import ParameterRequests
 from silo.rpc.declaring import request_of
 from silo.rpc.published import EventKind
+from silo.segment.parameter_changes import MOST_WORDS
 from tests.ipc.conftest import Heard
 from tests.stand_ins.ticking import turning
 from tests.waiting import wait_until
@@ -39,6 +40,15 @@ def test_a_client_sets_some_and_is_told_the_tick_from_which_they_hold(tuned, cli
     assert (change.tick, change.change.where) == (told.tick, "this computer")
     client.parameters["kp"] = 60.0
     assert dict(client.parameters) == {"/log/legs/kp": 60.0, "/log/legs/kd": 2.0}
+
+
+def test_all_that_a_logger_has_room_for_is_set_at_once(bench, client):
+    bench.logger.parameter("map", [0.5] * MOST_WORDS)
+    values = [one / 7 for one in range(MOST_WORDS)]
+    bench.logger.start()
+    with turning(bench.logger.collect):
+        client.parameters.set({"map": values})
+    assert client.parameters["map"] == tuple(values)
 
 
 @pytest.mark.parametrize(
