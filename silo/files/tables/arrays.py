@@ -69,8 +69,19 @@ def read_npz(path: Path) -> Recording:
             text,
             lambda: arrays.zip.getinfo("time_ns.npy").file_size // 8,
             lambda: arrays["time_ns"],
-            lambda place, *_: arrays[place[0]],
+            lambda place, _, count: _member(arrays, place[0], count),
         )
+
+
+def _member(arrays: Any, name: str, count: int) -> NDArray[Any]:
+    """An array of so many samples. FileFormatError for one of another length, before it is unpacked."""
+    with arrays.zip.open(f"{name}.npy") as member:
+        version = np.lib.format.read_magic(member)
+        of_version = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+        shape = of_version[version](member)[0] if version in of_version else ()
+    if shape[:1] != (count,):
+        raise FileFormatError(f"'{name}' has the shape {shape}, not {count} samples")
+    return np.asarray(arrays[name])
 
 
 def _add(archive: zipfile.ZipFile, name: str, values: NDArray[Any]) -> None:
@@ -265,12 +276,12 @@ def _fill_store(h5py: Any, store: Any, recording: Recording, progress: Progress)
     places: list[Place] = []
     own: dict[int, str] = {}
     elements = [filled(element) for element in recording.elements]
-    shared = {(0, 1, len(recording.time_ns), id(None)): store.create_dataset("time_ns", data=recording.time_ns)}
+    shared = {(0, 1, len(recording.time_ns), id(None)): _checked(store, "time_ns", recording.time_ns)}
     for done, element in enumerate(elements, start=1):
         group = _group(store, element.name)
         when = (element.first, element.divider, element.count, id(element.own_ns))
         if when not in shared:
-            shared[when] = group.create_dataset(_free(group, "time_ns"), data=stamps_of(recording, element))
+            shared[when] = _checked(group, _free(group, "time_ns"), stamps_of(recording, element))
         else:
             group[_free(group, "time_ns")] = shared[when]
         own |= {} if element.own_ns is None else {done - 1: shared[when].name}
@@ -346,16 +357,21 @@ def _fill_group(h5py: Any, group: Any, element: RecordedElement) -> list[Place]:
         values = columns[0] if len(columns) == 1 else np.column_stack(columns)
         if len(columns) > 1 and np.prod(element.shape) == len(columns):
             values = values.reshape(element.count, *element.shape)
-        dataset = group.create_dataset(_free(group, "values"), data=values)
+        dataset = _checked(group, _free(group, "values"), values)
         _tell_fill(dataset, written)
         return [(dataset.name, at) for at in range(len(columns))]
     places = []
     for entry, column in zip(written, columns, strict=True):
         name = entry.entry.suffix.strip("_").replace("/", "_").replace("\0", "_") or "values"
-        dataset = group.create_dataset(_free(group, name), data=column)
+        dataset = _checked(group, _free(group, name), column)
         _tell_fill(dataset, [entry])
         places.append((dataset.name, -1))
     return places
+
+
+def _checked(group: Any, name: str, values: NDArray[Any]) -> Any:
+    """A new data set, of whose bytes checksums are kept; one that is empty has none."""
+    return group.create_dataset(name, data=values, fletcher32=values.size > 0 or None)
 
 
 def _tell_fill(dataset: Any, entries: Sequence[RecordedEntry]) -> None:

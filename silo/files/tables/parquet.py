@@ -22,6 +22,7 @@ from silo.files.texts import presentable, unique_names
 # cells of a row group: 64 MB of doubles
 _GROUP_CELLS = 8_000_000
 _MAX_ROWS = 1 << 16
+WRITTEN = {"compression": "zstd", "write_page_checksum": True}
 
 
 def write_parquet(
@@ -65,7 +66,7 @@ def write_parquet(
 
     total = len(recording.time_ns)
     rows = max(1, min(_MAX_ROWS, _GROUP_CELLS // len(fields)))
-    with whole_file(path) as file, parquet.ParquetWriter(file, schema, compression="zstd") as writer:
+    with whole_file(path) as file, parquet.ParquetWriter(file, schema, **WRITTEN) as writer:
         for start in range(0, total, rows):
             stop = min(start + rows, total)
             stamps = recording.time_ns[start:stop]
@@ -93,7 +94,7 @@ def read_parquet(path: Path, source: Any = None) -> Recording:
         return values + 1j * _samples(arrow, file, names[names.index(place[0]) + 1], element, count)
 
     with told_of(path):
-        file = parquet.ParquetFile(path if source is None else source)
+        file = parquet.ParquetFile(path if source is None else source, page_checksum_verification=True)
         text = (file.schema_arrow.metadata or {}).get(NAME.encode())
         stamps = lambda: file.read(columns=["time_ns"]).column(0).to_numpy()  # noqa: E731
         return restored(path, text, lambda: file.metadata.num_rows, stamps, column)
