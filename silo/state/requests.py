@@ -41,7 +41,8 @@ class Hello(Ask[HelloReply], frozen=True):
     """Who am I and what may I do? Answered whatever protocol and `version` the client has.
 
     May be asked on the key `do` too: only who may change something gets an answer. `id` is that of the client's token,
-    by which it is shown among those who are connected; `proof` shows that it is this client's.
+    by which it is shown among those who are connected, under the name of that key; `proof` shows that it is this
+    client's.
     """
 
     version: str = ""

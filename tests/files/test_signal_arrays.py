@@ -402,6 +402,24 @@ class TestStamps:
         none = replace(sent, values=np.ma.masked_array(sent.values, True))
         assert np.ma.getmaskarray((none + 1).values).all()
 
+    def test_what_is_no_larger_than_whole_numbers_keeps_their_digits(self, dtype):
+        high = 2**63 if dtype is np.uint64 else 0
+        sent = self.stamps(dtype) + dtype(high)
+        numbers = [int(value) for value in sent.values]
+        assert numbers == [self.BEGIN + high + step for step in (0, 3, 4, 9)]
+        for made, expected in (
+            (sent % 10, [one % 10 for one in numbers]),
+            (sent // 3, [one // 3 for one in numbers]),
+            (sent & 0xFF, [one & 0xFF for one in numbers]),
+            (sent >> 2, [one >> 2 for one in numbers]),
+            (np.maximum(sent, sent.values[1]), [max(one, numbers[1]) for one in numbers]),
+            (abs(sent), numbers),
+            ((sent // 4) * 2, [one // 4 * 2 for one in numbers]),
+        ):
+            assert made.values.tolist() == expected
+        assert np.isinf((sent // 0).values).all() if high else True
+        assert (-(sent - sent.values[0])).values.tolist() == [0, -3, -4, -9]
+
     def test_what_does_not_depend_on_where_zero_is_is_exact(self, dtype):
         sent = self.stamps(dtype)
         assert sent.std() == pytest.approx(np.std([0, 3, 4, 9]))

@@ -6,7 +6,7 @@
 import math
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -40,10 +40,7 @@ def combined(
     """Return what a function makes of a signal and another, a number or an array; `swapped` puts the other first."""
     if not isinstance(other, Samples):
         _warn_of_turn(one, other, sign)
-    numbers = wide
-    if sign in ("+", "-", "*"):
-        function, numbers = _wholly(function), _exact
-    values, made, name = _both(one, other, function, sign, swapped, numbers, "calculate")
+    values, made, name = _both(one, other, wholly(function, sign), sign, swapped, exact, "calculate")
     return replace(
         made, name=name, values=values, unit=_unit(one, other, sign, swapped), labels={}, component_labels={}
     )
@@ -152,8 +149,8 @@ def wide(signal: Samples) -> NDArray[Any]:
     return values.astype(np.int64) if values.dtype.kind in "iu" else values
 
 
-def _exact(signal: Samples) -> NDArray[Any]:
-    """The same for sums and products, in which integers without a sign keep all digits, too, where the result fits."""
+def exact(signal: Samples) -> NDArray[Any]:
+    """The same for what can be computed of whole numbers without a sign to the last digit: they stay as they are."""
     values = signal._numbers("calculate with")
     return values if _is_unsigned(values) and not np.ma.is_masked(values) else wide(signal)
 
@@ -162,19 +159,34 @@ def _is_unsigned(values: NDArray[Any]) -> bool:
     return values.dtype.kind == "u" and values.dtype.itemsize == 8
 
 
-def _wholly(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """Return a sum or product that is exact where 64 bits hold the result, with a sign or without; else float64."""
+def wholly(function: Callable[..., Any], sign: str) -> Callable[..., Any]:
+    """Return what computes of numbers of which some are uint64: whole ones where 64 bits hold the result, with a sign
+    or without, and else float64.
+    """
 
-    def made(one: Any, other: Any) -> Any:
-        sides = [np.asarray(side) if not np.ma.isMaskedArray(side) else side for side in (one, other)]
+    def made(*given: Any) -> Any:
+        sides = [side if np.ma.isMaskedArray(side) else np.asarray(side) for side in given]
         if not any(map(_is_unsigned, sides)):
-            return function(one, other)
+            return function(*given)
+        whole = not any(side.dtype.kind not in "iu" or np.ma.isMaskedArray(side) for side in sides)
+        if whole and sign not in _ADDING and _is_unsigned_still(sides, sign):
+            return function(*(side.astype(np.uint64) for side in sides))
         floats = function(*(side.astype(np.float64) for side in sides))
-        if any(side.dtype.kind not in "iu" or np.ma.isMaskedArray(side) for side in sides):
+        if not (whole and sign in _ADDING):
             return floats
         return fitting(function(*(side.astype(np.int64) for side in sides)), floats)
 
     return made
+
+
+_ADDING = ("+", "-", "*")  # modulo 2^64 they are right where the result fits
+_DIVIDING = ("//", "%")
+_WITHIN = ("max", "min", "&", "|", "^", ">>", "abs")  # the result is no larger than what it is made of
+
+
+def _is_unsigned_still(sides: Sequence[NDArray[Any]], sign: str) -> bool:
+    fits = sign in _WITHIN or (sign in _DIVIDING and not (sides[1] == 0).any())
+    return fits and all(_is_unsigned(side) or not (side < 0).any() for side in sides)
 
 
 def aligned(one: One, other: Other, what: str, two_clocks: bool = False) -> tuple[One, Other]:

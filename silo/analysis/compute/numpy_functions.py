@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from silo.analysis.compute.arithmetic import combined, compared, warn_outside, wide
+from silo.analysis.compute.arithmetic import combined, compared, exact, warn_outside, wholly, wide
 from silo.analysis.compute.samples import Samples
 from silo.core import units
 from silo.core.arrays.function_units import PLAIN, UNIT_RULES
@@ -33,6 +33,8 @@ _COMPARISONS = {
     np.greater_equal: (operator.ge, ">="), np.equal: (operator.eq, "=="), np.not_equal: (operator.ne, "!="),
 }  # fmt: skip
 _WORDS: dict[np.ufunc, str] = {np.negative: "-{}", np.absolute: "abs({})"}
+# as what they are computed of whole numbers
+_WHOLE: dict[np.ufunc, str] = {np.negative: "-", np.square: "*", np.absolute: "abs", np.positive: "abs"}
 _POWERS = {np.sqrt, np.cbrt, np.reciprocal}
 _TO_UNITS = {np.deg2rad, np.radians, np.rad2deg, np.degrees}
 _LOGIC = {
@@ -108,7 +110,8 @@ def _logical(one: One, other: Any, function: Callable[[Any, Any], Any], sign: st
 
 
 def _unary(signal: One, ufunc: np.ufunc) -> One:
-    name, values, rule = ufunc.__name__, wide(signal), UNIT_RULES.get(ufunc, PLAIN)
+    name, rule, sign = ufunc.__name__, UNIT_RULES.get(ufunc, PLAIN), _WHOLE.get(ufunc)
+    values = wide(signal) if sign is None else exact(signal)
     if ufunc is np.invert and signal.values.dtype.kind in "biu":
         values = signal.values
     elif ufunc not in UNIT_RULES:
@@ -121,7 +124,7 @@ def _unary(signal: One, ufunc: np.ufunc) -> One:
     elif ufunc in _POWERS:
         values = values.astype(np.promote_types(values.dtype, np.float64))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        made = ufunc(values)
+        made = ufunc(values) if sign is None else wholly(ufunc, sign)(values)
     words = _WORDS.get(ufunc, f"{name}({{}})").format(signal.name)
     return replace(signal, name=words, values=made, unit=rule.of(signal.unit), labels={}, component_labels={})
 
