@@ -407,11 +407,13 @@ def test_control_is_kept_while_its_client_lives_and_released_with_it(bench) -> N
         assert bob.status().control is None
 
 
-def test_a_logger_may_want_one_operator_before_anything_is_changed(bench) -> None:
+def test_a_logger_may_want_one_operator_before_anything_is_changed(bench, capsys) -> None:
     bench.serving.close()
     bench.serving = bench.logger.serve(control="one")
     with Other("anna") as anna:
         assert anna.status().one_operator
+        assert run(["control", "show", "bot"]) == 0
+        assert f"changes need it: `silo control take {anna.found.label}`" in capsys.readouterr().out
         with pytest.raises(RefusedError, match=rf"need control .*`silo control take {anna.found.label}`"):
             anna.start()
         anna.take_control()

@@ -77,7 +77,8 @@ def _show(found: "tuple[str, Status]") -> None:
         since, left = since_text(status.control.since_ns), status.control.until_ns / 1e9 - time.time()
         click.echo(f"{status.control.who} has control since {since}, for {duration(max(0.0, left))} more")
     else:
-        need = "changes need it: `silo control take`" if status.one_operator else "every operator may change it"
+        take = f"changes need it: `silo control take {logger}`"
+        need = take if status.one_operator else "every operator may change it"
         click.echo(f"nobody has control of {logger}; {need}")
     for each in status.clients:
         may = f"as {name_of(each.identity)}, may change it" if each.identity else "looks"
