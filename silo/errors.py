@@ -1,10 +1,21 @@
 """Every error that silo raises, as one small tree. A message names the thing, the value, the range and the way out."""
 
+import errno
+
 
 def reason(error: BaseException) -> str:
     """Why something failed: in the system's words where it has some (`No space left on device`), else in its own."""
     # libraries end theirs with a line break
     return getattr(error, "strerror", None) or str(error).strip() or type(error).__name__
+
+
+def lacks_descriptors(error: BaseException | None) -> bool:
+    """Return whether something failed because no further file can be opened, for the moment: to be tried again."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE):
+            return True
+        error = error.__cause__
+    return False
 
 
 class SiloError(Exception):

@@ -100,6 +100,14 @@ def runtime_dir() -> Path:
     return folder
 
 
+def _runtime_files(suffix: str) -> list[Path]:
+    folder = runtime_dir()
+    try:
+        return sorted(path for path in folder.iterdir() if path.name.endswith(suffix))
+    except OSError as error:  # no descriptor is left, for the moment
+        raise SegmentError(f"{folder}: can't be read now: {reason(error)}") from error
+
+
 def list_segments(folder: Path | None = None) -> list[Path]:
     """Return segment files of living and dead writers.
 
@@ -107,7 +115,7 @@ def list_segments(folder: Path | None = None) -> list[Path]:
     `folder`. Links to segments that are gone are removed.
     """
     found = []
-    for path in sorted(runtime_dir().glob(f"*{SEGMENT_SUFFIX}")):
+    for path in _runtime_files(SEGMENT_SUFFIX):
         if not path.is_symlink():
             found.append(path)
         elif path.exists():
@@ -122,7 +130,7 @@ def list_segments(folder: Path | None = None) -> list[Path]:
 def list_held() -> list[Path]:
     """Return the files of runs that are held, those in log folders by their links."""
     found = []
-    for path in sorted(runtime_dir().glob(f"*{HELD_SUFFIX}")):
+    for path in _runtime_files(HELD_SUFFIX):
         if not path.is_symlink():
             found.append(path)
         elif path.exists():

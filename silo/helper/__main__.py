@@ -8,6 +8,7 @@ import sys
 import threading
 
 from silo.helper.helper import Helper, ServingOptions, open_link
+from silo.net.knocking import raise_descriptors
 from silo.recordings.heap import limit_heap
 
 
@@ -27,6 +28,7 @@ def main() -> int:
     arguments = parser.parse_args()
     logging.basicConfig(level=logging.WARNING, format="silo: %(message)s", stream=sys.stderr)
     limit_heap()
+    raise_descriptors()
     robot = open_link(arguments.fd, arguments.runs_fd, arguments.changes_fd)
     serving = ServingOptions(arguments.group, arguments.config, arguments.group_role, arguments.control)
     return Helper(robot, arguments.name, serving, arguments.id).run()

@@ -234,8 +234,10 @@ class Helper:
                 self._gave_up = True
                 return _Ended.GOODBYE
             # a run first: what comes after it on the link may be about it, and it outlives the robot process
-            if not runs.take() and handed_over in ready:
-                waited = [link, self._wake]  # that channel is closed
+            if runs.take():
+                waited = [link, handed_over, self._wake]
+            elif handed_over in ready:
+                waited = [link, self._wake]  # that channel is closed, or nothing can be taken from it now
             if not ready and runs.replica.files_deleted() and readable(*waited, timeout_s=0):
                 continue  # the robot process says first what it deletes itself
             if not ready and _files_deleted(runs, events, saver, path):

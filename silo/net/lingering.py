@@ -8,43 +8,72 @@ There is no setting for that, so it is turned off at the sockets, soon after the
 """
 
 import os
+import resource
 import socket
 import stat
 import struct
 import threading
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
+from typing import Protocol
+
+import zenoh
+
+from silo.core.runtime import closing_file
 
 PERIOD_S = 0.5  # a link that vanishes sooner after it was made has nothing to wait for
+DOOR_S = 0.1  # between two looks at a door
 _ZENOHS, _OFF = struct.pack("ii", 1, 10), struct.pack("ii", 0, 0)
 
 
-def release_links(known: "set[tuple[int, int]] | None" = None) -> set[tuple[int, int]]:
-    """Have the links of this process close without a wait; returns the sockets that there are, to be `known` next."""
-    seen = set()
-    for name in [path.name for path in Path("/proc/self/fd").iterdir()]:
-        with suppress(OSError):  # closed meanwhile
-            found = os.fstat(int(name))
-            if not stat.S_ISSOCK(found.st_mode):
-                continue
-            mark = (int(name), found.st_ino)
-            seen.add(mark)
-            if known is None or mark not in known:
-                _release(int(name))
-    return seen
+Mark = tuple[int, int]  # a descriptor and its inode: a number is given again
 
 
-def _release(descriptor: int) -> None:
-    copy = os.dup(descriptor)  # Zenoh may close its own at any time
+class Door(Protocol):
+    """Where others come in (`silo.net.knocking`)."""
+
+    def look(self) -> None:
+        """Shut it while too many wait."""
+
+    def close(self) -> None:
+        """Look no more."""
+
+
+def descriptors() -> Iterable[int]:
+    """Return the numbers of open files of this process, or, where there is none left to look with, all that may be."""
     try:
-        link = socket.socket(fileno=copy)
+        return [int(path.name) for path in Path("/proc/self/fd").iterdir()]
     except OSError:
-        os.close(copy)
-        return
-    with link:
-        # a program's own links are left as they are
-        if link.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, len(_ZENOHS)) == _ZENOHS:
-            link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _OFF)
+        return range(resource.getrlimit(resource.RLIMIT_NOFILE)[0])
+
+
+def inode_of_socket(descriptor: int) -> int:
+    """Return the inode of a socket, 0 for what is none, or was closed meanwhile."""
+    with suppress(OSError):
+        found = os.fstat(descriptor)
+        return found.st_ino if stat.S_ISSOCK(found.st_mode) else 0
+    return 0
+
+
+def release_links(known: set[Mark] | None = None) -> set[Mark]:
+    """Have the links of this process close without a wait; returns the sockets that there are, to be `known` next."""
+    there = {(number, inode) for number in descriptors() if (inode := inode_of_socket(number))}
+    return {one for one in there if (known is not None and one in known) or _release(one[0])}
+
+
+def _release(descriptor: int) -> bool:
+    """Whether it could be looked at."""
+    with suppress(OSError), closing_file(os.dup(descriptor)) as copy:  # Zenoh may close its own at any time
+        link = socket.socket(fileno=copy)
+        try:
+            # a program's own links are left as they are
+            if link.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, len(_ZENOHS)) == _ZENOHS:
+                link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _OFF)
+        finally:
+            link.detach()
+        return True
+    return False
 
 
 class Releasing:
@@ -52,33 +81,37 @@ class Releasing:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._sessions: set[int] = set()
+        self._sessions: dict[int, Door | None] = {}
         self._ended = threading.Event()
 
-    def begin(self, session: object) -> None:
-        """A session was opened."""
+    def begin(self, session: zenoh.Session, door: Door | None = None) -> None:
+        """A session was opened; where others come in by it, its door is watched."""
         with self._lock:
-            self._sessions.add(id(session))
+            self._sessions[id(session)] = door
             if len(self._sessions) == 1:
                 self._ended = threading.Event()
-                # a daemon: it calls nothing but the kernel
+                # a daemon: it ends with the process, too
                 threading.Thread(target=self._run, args=(self._ended,), name="silo-links", daemon=True).start()
 
-    def end(self, session: object) -> None:
+    def end(self, session: zenoh.Session) -> None:
         """A session is about to be closed."""
         with self._lock:
             if id(session) not in self._sessions:
                 return
-            self._sessions.discard(id(session))
+            door = self._sessions.pop(id(session))
+            if door is not None:
+                door.close()
             if not self._sessions:
                 self._ended.set()
         release_links()
 
-    @staticmethod
-    def _run(ended: threading.Event) -> None:
-        known: set[tuple[int, int]] = set()
-        while not ended.wait(PERIOD_S):
+    def _run(self, ended: threading.Event) -> None:
+        known: set[Mark] = set()
+        while not ended.wait(DOOR_S if any(self._sessions.values()) else PERIOD_S):
             known = release_links(known)
+            with self._lock:
+                for door in filter(None, self._sessions.values()):
+                    door.look()
 
 
 releasing = Releasing()

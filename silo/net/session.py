@@ -161,6 +161,8 @@ def open_server(
     Raises ConnectionLostError with the reason. A client that sweeps at this very moment holds the lock for some
     microseconds, or takes away what was just made: hence several tries.
     """
+    from silo.net.knocking import Door  # clients don't load it
+
     sweep(folder)
     error: Exception | None = None
     for attempt in range(OPEN_TRIES):
@@ -180,7 +182,7 @@ def open_server(
                     write_private(file, os.urandom(16).hex())
             session = zenoh.open(settings)
             if config is not None:
-                releasing.begin(session)
+                releasing.begin(session, Door(session))
             if _is_whole(path, settings, root, grouped=grouped):
                 return session, path
             close(session)
@@ -255,6 +257,7 @@ def open_router(config: str) -> tuple[zenoh.Session, list[str]]:
     Where it lets in whoever comes, it lets nobody change anything; `router_admission` has the words for that.
     """
     from silo.net.access.admission import hold_directions, keep_changes_out, router_admission
+    from silo.net.knocking import Door
 
     settings, given = from_file(config), written(config)
     endpoints = listened(settings)
@@ -274,7 +277,7 @@ def open_router(config: str) -> tuple[zenoh.Session, list[str]]:
         session = zenoh.open(settings)
     except zenoh.ZError as error:
         raise ConnectionLostError(f"can't listen on {', '.join(endpoints)}: {reason_of(error)}") from error
-    releasing.begin(session)
+    releasing.begin(session, Door(session))
     return session, endpoints
 
 

@@ -208,6 +208,13 @@ class SegmentReader:
         """The open file, to be handed to another process: it stays readable when the segment is deleted."""
         return self._file.fileno()
 
+    def descriptor(self) -> int:
+        """Return another descriptor of the file, to be closed. Raises SegmentError while none can be had."""
+        try:
+            return os.dup(self.fileno())
+        except OSError as error:
+            raise SegmentError(f"{self.path}: can't be opened now: {reason(error)}") from error
+
     def close(self) -> None:
         """Let go of the file. Arrays that were handed out stay valid."""
         self._file.close()

@@ -16,9 +16,10 @@ import msgspec
 from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import State, Table
 from silo.decoding import msgpack_decoder
-from silo.errors import ConnectionLostError
+from silo.errors import ConnectionLostError, lacks_descriptors
 
 MAX_OFFER_BYTES = 16_384
+TAKEN_FILES = 8  # that who takes a run over has open of it, with those who read it
 
 
 class RunOffer(msgspec.Struct, frozen=True):
@@ -105,16 +106,19 @@ def offer_run(sock: socket.socket, offer: RunOffer, descriptor: int) -> bool:
 def taken_runs(sock: socket.socket) -> list[tuple[RunOffer, int]]:
     """All runs that were handed over since the last call, oldest first, each with a descriptor to close.
 
-    Never waits; nothing more comes when the robot program is gone. Raises ConnectionLostError for bytes that are none.
+    Never waits; nothing more comes when the robot program is gone. While no further file can be opened they stay where
+    they are. Raises ConnectionLostError for bytes that are none.
     """
     taken: list[tuple[RunOffer, int]] = []
-    while True:
+    while _has_room(sock):
         try:
-            body, descriptors, _, _ = socket.recv_fds(sock, MAX_OFFER_BYTES, 4)
+            body, descriptors, flags, _ = socket.recv_fds(sock, MAX_OFFER_BYTES, 4)
         except (BlockingIOError, ConnectionResetError):
             return taken
         if not body:
             return taken
+        if flags & socket.MSG_CTRUNC and not descriptors:
+            continue  # another thread took the last one: the run is found by its name
         try:
             (descriptor,) = descriptors
             taken.append((_decoder.decode(body), descriptor))
@@ -122,3 +126,19 @@ def taken_runs(sock: socket.socket) -> list[tuple[RunOffer, int]]:
             for each in descriptors:
                 os.close(each)
             raise ConnectionLostError(f"a run can't be taken over: {error}") from error
+    return taken
+
+
+def _has_room(sock: socket.socket) -> bool:
+    """Whether a run can be taken over now: of one that comes while no file can be opened the kernel drops the file."""
+    copies: list[int] = []
+    try:
+        while len(copies) < TAKEN_FILES:
+            copies.append(os.dup(sock.fileno()))
+    except OSError as error:
+        if not lacks_descriptors(error):
+            raise
+    finally:
+        for copy in copies:
+            os.close(copy)
+    return len(copies) == TAKEN_FILES

@@ -180,7 +180,7 @@ class HeldRuns:
             known = self._runs.get(run)
             if known is None:
                 return None
-            path, descriptor = known.path, os.dup(known.fileno())
+            path, descriptor = known.path, known.descriptor()
         with closing_file(descriptor):
             return SegmentReader(path, descriptor)
 

@@ -250,7 +250,7 @@ class Replica:
         with self._lock:
             if self._reader is None:
                 return None
-            path, descriptor = self._reader.path, os.dup(self._reader.fileno())
+            path, descriptor = self._reader.path, self._reader.descriptor()
         try:
             return SegmentReader(path, descriptor)
         except SegmentError:

@@ -34,11 +34,13 @@ def router(config: Path) -> None:
     from silo.net.access.certificates import not_valid_today
     from silo.net.access.logins import asks_for_passwords, watch_logins
     from silo.net.configuration import from_file
+    from silo.net.knocking import raise_descriptors
     from silo.net.session import close, open_router
 
     denials = Denials()
     if asks_for_passwords(str(config)):
         watch_logins(functools.partial(denials.note, "login refused: wrong user or password"))
+    raise_descriptors()
     session, endpoints = open_router(str(config))
     settings = from_file(str(config))
     admission, old = router_admission(settings, endpoints, str(config)), hold_directions(settings)

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from silo.core.elements import SavedFile
-from silo.errors import SaveError, SiloError
+from silo.errors import SaveError, SiloError, lacks_descriptors
 from silo.files.manifest import CaptureList
 from silo.rpc.published import EventKind
 from silo.state.events import EventNotifier
@@ -26,6 +26,7 @@ log = logging.getLogger("silo.helper")
 
 MOST_WAITING = 1000  # of a trigger that keeps all its captures; of others as many as it keeps, and LEAST_WAITING
 LEAST_WAITING = 20
+AGAIN_S = 0.5  # before another try of a capture for which no file could be opened
 TOLD_S = 10.0  # what is left out is told together for so long
 
 
@@ -73,6 +74,11 @@ class WaitingCaptures:
             if waiting:
                 self._turns[key] = waiting  # behind the others
             return self._under_way
+
+    def pause(self, seconds: float) -> bool:
+        """Wait before the same capture is tried again; False where that must come to its end."""
+        with self._changed:
+            return not self._changed.wait_for(lambda: self._stop_s is not None, seconds)
 
     def done(self) -> list[tuple[str, str]]:
         """Take in that the capture is written; returns by run, in words, what was left out until some time ago."""
@@ -182,10 +188,10 @@ class CaptureWriter:
     def _guarded(self, buffer: "CaptureBuffer") -> None:
         try:
             try:
-                self._write(buffer)
+                self._write_when_it_can(buffer)
             except SaveError as error:  # its writing process was killed, perhaps
                 log.info("capture %d of '%s' is tried again: %s", buffer.capture.number, buffer.trigger, error)
-                self._write(buffer)
+                self._write_when_it_can(buffer)
         except Exception as error:
             # whatever a writer does, the next capture gets its chance, and clients hear of this one
             is_ours = isinstance(error, SiloError | OSError)
@@ -193,6 +199,16 @@ class CaptureWriter:
             why = str(error) if is_ours else repr(error)
             text = f"capture {buffer.capture.number} of '{buffer.trigger}' was not saved: {why}"
             self._tell(buffer, EventKind.SAVE_FAILED, text)
+
+    def _write_when_it_can(self, buffer: "CaptureBuffer") -> None:
+        while True:
+            try:
+                self._write(buffer)
+            except (OSError, SiloError) as error:  # noqa: PERF203  # it waits in between
+                if not lacks_descriptors(error) or not self._waiting.pause(AGAIN_S):
+                    raise
+            else:
+                return
 
     def _write(self, buffer: "CaptureBuffer") -> None:
         from silo.conditions.captures.files import write_capture

@@ -1,0 +1,143 @@
+"""A helper process that can open no file for a while: it goes on, and makes up for it once it can."""
+
+import os
+import resource
+import socket
+from collections.abc import Iterator
+from contextlib import ExitStack
+from types import SimpleNamespace
+
+import pytest
+
+from silo.core.elements import State
+from silo.net import knocking
+from silo.net.knocking import Door
+from silo.net.lingering import descriptors
+from silo.rpc.published import EventKind
+from tests.waiting import wait_until
+
+NONE_MORE = 8
+
+
+def limit(pid: int, soft: int) -> None:
+    resource.prlimit(pid, resource.RLIMIT_NOFILE, (soft, resource.prlimit(pid, resource.RLIMIT_NOFILE)[1]))
+
+
+def test_a_helper_process_may_open_as_many_files_as_the_system_lets_it(client) -> None:
+    soft, hard = resource.prlimit(client.status().helper_pid, resource.RLIMIT_NOFILE)
+    assert soft == hard
+
+
+def test_without_descriptors_it_lives_on_and_what_it_could_not_do_is_done_then(bench, client) -> None:
+    bench.logger.trigger("high", "x % 50 == 0", pre="50ms", post="50ms")
+    bench.logger.start()
+    bench.ticks(20)
+    pid = client.status().helper_pid
+    soft = resource.prlimit(pid, resource.RLIMIT_NOFILE)[0]
+    limit(pid, NONE_MORE)
+    try:
+        bench.ticks(50)
+        assert client.restart("discard").state is State.RUNNING  # its run can't be handed over now
+        bench.ticks(50)
+        assert client.mark("in the dark").text == "in the dark"
+    finally:
+        limit(pid, soft)
+    wait_until(lambda: len({event.run for event in client.events() if event.kind == EventKind.CAPTURED.value}) == 2)
+    assert client.status().helper_pid == pid
+    wait_until(lambda: client.status().ticks == 50)
+
+
+# ------------------------------------------------------------------------------------------------ who is not let in
+
+
+class Listener:
+    """A socket that a door watches, and what comes to it; `let_in` are those that a session knows."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        self.let_in: list[SimpleNamespace] = []
+        self.door = Door(SimpleNamespace(info=SimpleNamespace(links=lambda: self.let_in)))
+        stack.callback(self.door.close)
+        self._stack = stack
+        self._socket = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+        self.door.look()
+
+    def come(self, count: int) -> ExitStack:
+        """Have so many connect; until the stack is closed."""
+        with ExitStack() as ends:
+            for _ in range(count):
+                came = ends.enter_context(socket.create_connection(self._socket.getsockname(), timeout=5))
+                taken = ends.enter_context(self._socket.accept()[0])
+                taken.settimeout(5)
+                self._taken = taken, came
+            return ends.pop_all()
+
+    def is_open(self) -> bool:
+        with socket.socket() as one:
+            one.settimeout(0.2)
+            try:
+                one.connect(self._socket.getsockname())
+            except TimeoutError:
+                return False
+            self._stack.enter_context(self._socket.accept()[0]).close()
+            return True
+
+    def newest(self) -> tuple[socket.socket, socket.socket]:
+        return self._taken
+
+
+@pytest.fixture
+def listener() -> Iterator[Listener]:
+    with ExitStack() as stack:
+        yield Listener(stack)
+
+
+def test_while_too_many_wait_to_be_let_in_no_more_are_taken(listener) -> None:
+    with listener.come(knocking.MOST):
+        listener.door.look()
+        assert listener.is_open()
+        with listener.come(1):
+            listener.door.look()
+            assert listener.door.is_shut
+            assert not listener.is_open()
+    listener.door.look()
+    assert listener.is_open()
+
+
+def test_those_who_were_let_in_are_as_many_as_like_and_go_on_at_a_shut_door(listener) -> None:
+    with listener.come(knocking.MOST + 1):
+        theirs, ours = listener.newest()
+        listener.let_in = [SimpleNamespace(dst=f"tls/[::ffff:127.0.0.1]:{ours.getsockname()[1]}")]
+        listener.door.look()
+        assert listener.is_open()
+        with listener.come(1):
+            listener.door.look()
+            assert listener.door.is_shut
+            ours.sendall(b"on")
+            assert theirs.recv(10) == b"on"
+
+
+def test_who_says_nothing_is_ended_while_others_wait(listener, monkeypatch) -> None:
+    monkeypatch.setattr(knocking, "SILENT_S", 0.0)
+    with listener.come(1):
+        theirs, ours = listener.newest()
+        ours.sendall(b"hello")
+        assert theirs.recv(10) == b"hello"
+        with listener.come(knocking.MOST):
+            listener.door.look()
+            assert listener.door.is_shut
+            silent, _ = listener.newest()
+            assert silent.recv(10) == b""
+            ours.sendall(b"hello")
+            assert theirs.recv(10) == b"hello"
+
+
+def test_a_door_is_shut_without_a_descriptor_that_is_free(listener) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with listener.come(knocking.MOST + 1), ExitStack() as filled:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (max(descriptors()) + 64, hard))
+        filled.callback(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
+        with pytest.raises(OSError, match="Too many open files"):
+            while True:
+                filled.callback(os.close, os.dup(0))
+        listener.door.look()
+        assert listener.door.is_shut
