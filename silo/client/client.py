@@ -644,14 +644,16 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         """
         from silo.history.arrays import Pin
 
+        own = ClientId.drawn()  # of its own, because it outlives the session
         request = OpenPin(
-            pin=f"{os.urandom(8).hex()}-1",  # of its own, because it outlives the session
+            pin=f"{own.id}-1",
+            proof=own.proof,
             names=texts("names", names, "['/log/joints/q']"),
             start_ns=start_ns,
             end_ns=end_ns,
         )
         opened = self._call(request)
-        pin = Pin(request.names, opened, KeepPin(pin=opened.pin), self._leases.forget)
+        pin = Pin(request.names, opened, KeepPin(pin=opened.pin, proof=own.proof), self._leases.forget)
         self._connection.attach(pin)
         self._leases.add(pin)
         return pin

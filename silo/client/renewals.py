@@ -86,7 +86,7 @@ class Renewals:
             return CloseView(view=request.view, proof=request.proof)
         if isinstance(request, OpenStream):
             return CloseStream(stream=request.stream, proof=request.proof)
-        return ClosePin(pin=request.pin)
+        return ClosePin(pin=request.pin, proof=request.proof)
 
     def _signed(self, request: Request[Any]) -> Request[Any]:
         return msgspec.structs.replace(request, client=self._name())

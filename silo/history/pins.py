@@ -14,7 +14,7 @@ from silo.core.quantities.writing import duration
 from silo.history.picking import PinnedRows, RingGroup, RowSelection, bounds, check_known, pick
 from silo.history.requests import By, OpenPin, PinOpened
 from silo.history.samples import MAX_NAMES
-from silo.net.keys import VIEW_ID
+from silo.net.keys import VIEW_ID, check_own, client_of_view
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.reader import SegmentReader
@@ -43,23 +43,32 @@ class Pins(Leases[str, _Pin]):
     def open(self, request: OpenPin, now: LoggerSnapshot, reader: SegmentReader | None) -> PinOpened:
         """Copy what is wanted; the same request again only renews the lease. Called by the slow thread alone."""
         _check(request)
+        check_own("pin", request.pin, request.proof)
         known = self.get(request.pin)
         if known is not None and _same(known.request, request):
             self.renew(request.pin, LEASE_S)
             return known.opened
         check_known(request.names, now)
-        if self.full(request.pin, request.client):
+        owner = client_of_view(request.pin)
+        if self.full(request.pin, owner):
             text = f"not pinned: {MAX_PINS} pins are open already; close others first"
             raise RequestRefusedError(RefusedWhy.FAILED, text)
         taken = sum(one.value.opened.size_bytes for one in self.all(but=request.pin))
         opened, rows = _copied(request, now, reader, MAX_PINNED_BYTES - taken)
-        self.set(request.pin, _Pin(request, opened, rows), LEASE_S, request.client)
+        self.set(request.pin, _Pin(request, opened, rows), LEASE_S, owner)
         return opened
 
-    def keep(self, pin: str) -> None:
-        """Renew a lease. Raises RequestRefusedError for a pin that is no more."""
+    def keep(self, pin: str, proof: str) -> None:
+        """Renew a lease. Raises RequestRefusedError for a pin that is no more, or another one's."""
+        check_own("pin", pin, proof)
         if self.renew(pin, LEASE_S) is None:
             raise _no_pin(pin)
+
+    def close_for(self, pin: str, proof: str) -> str:
+        """Forget a pin of who asks; one that is no more is fine. Raises RequestRefusedError for that of another one."""
+        check_own("pin", pin, proof)
+        self.drop(pin)
+        return "the pin is closed"
 
     def rows(self, pin: str) -> PinnedRows | None:
         """Return what a pin holds, None for nothing. Raises RequestRefusedError for a pin that is no more."""

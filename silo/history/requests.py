@@ -185,22 +185,26 @@ class CloseStream(Ask[Done], frozen=True):
 class OpenPin(SlowAsk[PinOpened], frozen=True):
     """Copy what the buffers hold of these names from `start_ns` to `end_ns`, both included, for later requests.
 
-    `pin` is an id as of a view. The newest part is copied where not all fits. It ends when it isn't kept for 30 s.
+    `pin` is an id as of a view, and `proof` too. The newest part is copied where not all fits. It ends when it isn't
+    kept for 30 s.
     """
 
     pin: str
     names: list[str]
     start_ns: int
     end_ns: int
+    proof: str = ""
 
 
 class KeepPin(Ask[Done], frozen=True):
     """I still need this pin; refused (why: NOT_FOUND) where it is no more."""
 
     pin: str
+    proof: str = ""
 
 
 class ClosePin(Ask[Done], frozen=True):
     """Forget this pin."""
 
     pin: str
+    proof: str = ""

@@ -182,12 +182,11 @@ class HistoryServer(Server, does=[requests, search_requests]):
         return self.pins.open(request, self.replica.now, self.replica.open_watcher())
 
     def keep_pin(self, request: requests.KeepPin) -> str:
-        self.pins.keep(request.pin)
+        self.pins.keep(request.pin, request.proof)
         return "kept"
 
     def close_pin(self, request: requests.ClosePin) -> str:
-        self.pins.drop(request.pin)
-        return "the pin is closed"
+        return self.pins.close_for(request.pin, request.proof)
 
     def get_history(self, request: requests.GetHistory) -> requests.Columns:
         pinned = self.pins.rows(request.pin) if request.pin else None

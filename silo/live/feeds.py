@@ -90,7 +90,7 @@ class Feeds(abc.ABC, Generic[RequestT, FeedT]):
 
     def renewed(self, name: str, request: RequestT) -> FeedT:
         """Return the feed of this name after renewing it, or a new one in its place. Raises RequestRefusedError."""
-        self._check_owner(name, request.proof)
+        keys.check_own(self.kind, name, request.proof)
         with self._feeds:
             old = self._feeds.get(name)
             if old is not None and self._is_same(old.request, request):
@@ -122,14 +122,9 @@ class Feeds(abc.ABC, Generic[RequestT, FeedT]):
         key = self._root.key(self.kind, name)
         return self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP)
 
-    def _check_owner(self, name: str, proof: str) -> None:
-        if not keys.may_use(keys.client_of_view(name), proof):
-            text = f"the {self.kind} '{name[:50]}' is another client's; nothing was changed"
-            raise RequestRefusedError(RefusedWhy.FORBIDDEN, text)
-
     def close_for(self, name: str, proof: str) -> str:
         """End a feed of who asks; one that isn't open is fine. Raises RequestRefusedError for that of another one."""
-        self._check_owner(name, proof)
+        keys.check_own(self.kind, name, proof)
         self.close(name)
         return f"the {self.kind} is closed"
 

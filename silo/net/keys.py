@@ -19,6 +19,8 @@ import re
 from typing import NamedTuple
 from urllib.parse import unquote
 
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+
 # Zenoh reserves these, a leading `@` hides a key from wildcards, and `%` is our own escape
 _RESERVED = re.compile(r"[%*$?#@\x00-\x20\x7f]")
 VIEW_ID = re.compile(r"[A-Za-z0-9]{1,32}-[0-9]{1,9}")
@@ -129,6 +131,13 @@ _PROVEN = re.compile(r"z[0-9a-f]{24}")
 def may_use(client: str, proof: str) -> bool:
     """Return whether who shows this may use what is called after a client; ids of other kinds prove nothing."""
     return _PROVEN.fullmatch(client) is None or client == _proven(proof)
+
+
+def check_own(kind: str, name: str, proof: str) -> None:
+    """Raise RequestRefusedError where a view, a stream or a pin of this name isn't that of who shows this."""
+    if not may_use(client_of_view(name), proof):
+        text = f"the {kind} '{name[:50]}' is another client's; nothing was changed"
+        raise RequestRefusedError(RefusedWhy.FORBIDDEN, text)
 
 
 def client_of_view(view: str) -> str:

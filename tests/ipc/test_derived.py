@@ -218,7 +218,9 @@ class TestRows:
         with client.pin(["/log/twice", "/log/x"], 0, 2**61) as pin:
             client._remove_derived("twice")
             wait_until(lambda: table_of(client).get("/log/twice") is None)
-            request = OpenPin(pin=pin.id, names=["/log/twice", "/log/x"], start_ns=0, end_ns=2**61)
+            request = OpenPin(
+                pin=pin.id, names=["/log/twice", "/log/x"], start_ns=0, end_ns=2**61, proof=pin.request.proof
+            )
             assert client._call(request) == pin.opened
 
     def test_a_pin_holds_it(self, bench, client):

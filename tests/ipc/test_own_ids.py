@@ -4,7 +4,7 @@ import pytest
 
 import silo
 from silo.errors import RefusedError
-from silo.history.requests import CloseStream, OpenStream
+from silo.history.requests import ClosePin, CloseStream, KeepPin, OpenPin, OpenStream
 from silo.live.quantities import QUANTITIES
 from silo.live.requests import CloseView, GetSurvey, OpenView
 from silo.net.keys import ClientId, may_use
@@ -42,6 +42,23 @@ def test_nobody_else_replaces_or_closes_a_view_or_a_stream(bench, client, kind) 
         bench.ticks(5)
         wait_until(mine.frame if kind == "view" else lambda: mine.read(0.1))
         mine.close()
+
+
+@pytest.mark.slow
+def test_nobody_else_replaces_renews_or_closes_a_pin(bench, client) -> None:
+    bench.logger.start()
+    bench.ticks(5)
+    pin = client.pin(["/log/x"], 0, bench.now_ns)
+    with silo.connect("bot") as other:
+        for request in (
+            OpenPin(pin=pin.id, names=["/log/x"], start_ns=1, end_ns=2),
+            OpenPin(pin=pin.id, names=["/log/x"], start_ns=0, end_ns=bench.now_ns, proof=other._connection.mine.proof),
+            KeepPin(pin=pin.id),
+            ClosePin(pin=pin.id),
+        ):
+            with pytest.raises(RefusedError, match=r"the pin 'z.*' is another client's; nothing was changed"):
+                other._call(request)
+    assert len(client.samples(["/log/x"], pin=pin)["/log/x"]) == 5
 
 
 @pytest.mark.slow

@@ -199,11 +199,11 @@ def test_a_lease_that_is_not_renewed_ends_and_frees_its_memory(robot):
     pin(robot, pins, 1)
     pin(robot, pins, 2)
     clock[0] = LEASE_S - 1
-    pins.keep("c1-1")
+    pins.keep("c1-1", "")
     clock[0] = LEASE_S + 1
-    pins.keep("c1-1")
+    pins.keep("c1-1", "")
     with pytest.raises(RequestRefusedError, match="is no more"):
-        pins.keep("c2-1")
+        pins.keep("c2-1", "")
     refused = answered(lambda: pins.rows("c2-1"))
     assert isinstance(refused, Refused)
     assert refused.why is RefusedWhy.NOT_FOUND

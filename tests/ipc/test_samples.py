@@ -211,7 +211,7 @@ def test_a_pin_that_its_helper_process_does_not_know_is_not_asked_for_again_and_
     bench.ticks(20)
     pin = client.pin(["/log/x"], 0, bench.now_ns)
     # its lease ends without this client, as one does behind a link that was cut for long
-    client._call(ClosePin(pin=pin.id))
+    client._call(ClosePin(pin=pin.id, proof=pin.request.proof))
     client._leases.renew_soon(pin)
     wait_until(lambda: "no more" in pin.refused)
     wait_until(lambda: pin not in client._leases._due_s)
