@@ -110,10 +110,10 @@ class Excitations:
         place = self.landing.place_of(info, what.index)
         change.excited = Excited(what, info, place, number_at(info.value, what.index), low, high)
         change.expects = expects
+        self.landing.post(change)
         self.known[name] = change
         while len(self.known) > MOST_KNOWN:
             self.known.pop(next(iter(self.known)))
-        self.landing.post(change)
         return change
 
     def stop(self, name: str, why: str) -> bool:
@@ -306,13 +306,13 @@ class Parameters(Mapping[str, Parameter]):
         expects = self._check(fit)
         change = landing.change(fit, who, where, name)
         change.expects = expects
+        landing.post(change)
         if name:
             self._ends[name] = change
             while len(self._ends) > MOST_ENDS:
                 self._ends.popitem(last=False)
         if revert_s:
             self._reverts.append(Revert(time.monotonic() + revert_s, change))
-        landing.post(change)
         return change
 
     def _may_change(self, info: ParameterInfo, *, remote: bool) -> None:

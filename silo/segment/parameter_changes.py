@@ -40,6 +40,7 @@ from silo.core.tuning.parameters import (
     value_text,
 )
 from silo.decoding import json_decoder
+from silo.errors import ElementError
 
 SLOTS = 1024  # the newest that are kept for readers; a power of two
 SLOT = struct.Struct("@qqqqqqqqq48xq")  # see above, with sizes of head and words, and the checksum of both
@@ -142,6 +143,8 @@ class ChangeRecord:
         facts = (who, where, name, places)
         head = msgspec.json.encode(facts if excitation is None else (*facts, excitation))
         size = len(head) + 2 * len(new)
+        if size > TEXT_BYTES:  # before anything moves
+            raise ElementError(f"a change of {size} bytes can't be recorded, {TEXT_BYTES} can; nothing was changed")
         if self._place % TEXT_BYTES + size > TEXT_BYTES:
             self._place += -self._place % TEXT_BYTES
         place, self._place = self._place, self._place + size

@@ -10,6 +10,7 @@ import pytest
 
 import silo
 from silo.cli.main import run
+from silo.core.tuning.parameters import Excitation, Wave
 from silo.errors import RefusedError
 from silo.parameters.requests import ParameterRequests
 from silo.rpc.declaring import request_of
@@ -239,3 +240,19 @@ def test_silo_param_watch_prints_each_change_from_now_on_and_nothing_else(tuned,
     assert run(["param", "watch", "bot"]) == 0
     (line,) = capsys.readouterr().out.splitlines()
     assert "kp 45.0 -> 50.0" in line
+
+
+@pytest.mark.parametrize("name", ["x" * 65, "x" * 100_000, "a\x1b[2J"])
+def test_a_change_is_called_by_a_short_name_of_printable_letters(tuned, client, name):
+    """The robot program keeps 256 of them, and its run holds them beside who changed what."""
+    client.parameters["kp"] = 50.0
+    before = len(tuned._present.run.reader.changes(0))
+    excitation = Excitation("kp", Wave.STEP, 1.0, 1.0)
+    for request in (
+        request_of(ParameterRequests._set_parameters, {"kp": 60.0}, name),
+        request_of(ParameterRequests._excite, excitation, name),
+    ):
+        with pytest.raises(RefusedError, match="a change is called by up to 64 letters, got"):
+            client._call(request)
+    assert client.parameters["kp"] == 50.0
+    assert len(tuned._present.run.reader.changes(0)) == before

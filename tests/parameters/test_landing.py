@@ -623,3 +623,19 @@ def test_on_the_way_numbers_lie_between_old_and_new_and_all_else_is_as_it_was_un
     part = between(infos, old, new, 0.25)
     assert (part[:2].view(np.float64).tolist(), part[2:].tolist()) == ([1.5, -1.0], [0, 13])
     assert between(infos, old, new, 1.0).tolist() == new.tolist()
+
+
+def test_what_is_too_large_to_be_recorded_is_refused_each_time_and_moves_nothing(tmp_path):
+    with silo.Logger("bot", frequency=100, folder=tmp_path) as log:
+        kp = log.parameter("kp", 1.0)
+        log.array("x", ())
+        log.start()
+        log.parameters.request({"kp": 2.0}, "alice", "network", "one", remote=False)
+        log.collect()
+        for _ in range(2):
+            with pytest.raises(silo.ElementError, match="bytes can't be recorded"):
+                log.parameters.request({"kp": 3.0}, "alice", "network", "x" * 2**21, remote=False)
+        log.collect()
+        assert kp.value == 2.0
+        assert [change.change.values[0][2] for change in log._present.run.reader.changes(0)] == [2.0]
+        log.close(discard=True)
