@@ -117,7 +117,7 @@ class StatusBar(FittingLine):
                 for rank, words, style in told
             ]
         host = f"{status.host}/" if status.host and self.size.width >= 60 else ""
-        parts = [LinePart(8, "silo ", "bold"), LinePart(0, f"{session.address or host + session.name}  ")]
+        parts = [LinePart(9, "silo ", "bold"), LinePart(0, f"{session.address or host + session.name}  ")]
 
         def add(rank: int, words: str, style: str = "") -> None:
             parts.append(LinePart(rank, words, style))
@@ -132,11 +132,11 @@ class StatusBar(FittingLine):
         else:
             name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "dead"}[status.state]
             add(0, STATE_SIGNS[status.state], bold(variables, name))
-            add(6, f" {duration_text(session.run_seconds)}" if status.started_ns else "")
+            add(8, f" {duration_text(session.run_seconds)}" if status.started_ns else "")
         if self.mode:
             initials = " ".join(some.split()[0] for some in self.mode.split("  ") if some.strip())
             shorter = tuple(f" {words} " for words in (self.mode.partition(",")[0], initials) if words)
-            parts += [LinePart(0, "  "), LinePart(7, f" {self.mode} ", "reverse", shorter)]
+            parts += [LinePart(0, "  "), LinePart(8, f" {self.mode} ", "reverse", shorter)]
         if session.connected:
             self._add_pace(add, wide=wide)
         if lost := session.lost_total:
@@ -146,9 +146,9 @@ class StatusBar(FittingLine):
         alarm, is_red, watching = head_words(session.triggers, session.limits)
         style = bold(variables, "alarm" if is_red else "warning")
         long, short = (f"  {words}" if words else "" for words in alarm)
-        parts.append(LinePart(11, long, style, (short,)))  # an alarm never gives way, its words do
+        parts.append(LinePart(7, long, style, (short,)))  # neither ever gives way, their words do
         long, short = (f"  {words}" if words else "" for words in watching)
-        parts.append(LinePart(9, long, "", (short, "")))
+        parts.append(LinePart(6, long, "", (short,)))
         self._add_others(add)
         return parts
 

@@ -204,6 +204,14 @@ def test_triggers_stand_in_the_head_while_there_is_room(desk):
     assert head(desk).endswith("lost 0  trigger fall fires")
 
 
+def test_words_of_alarms_and_triggers_give_way_before_the_name_of_the_logger_and_how_long_it_runs(desk):
+    desk.session.limits = [LimitStatus(NAME, NAME, LimitWord.OK, alarm=True)]
+    desk.session.triggers = [TriggerStatus(TriggerOptions("fall", "x > 1"), TriggerWord.FIRING)]
+    desk.session.measured_hz = 200.0
+    assert head(desk, 76) == f"{RUNS}  200 Hz slow  1 alarm ended unseen  FIRES"
+    assert head(desk, 70) == f"{RUNS}  200 Hz slow  1 alarm unseen  FIRES"
+
+
 def test_a_thin_link_is_told_at_the_end_with_as_much_as_has_room(desk, monkeypatch):
     def thin(_: Any, room: int) -> str:
         return "THIN 1.2 of 5 Hz" if room >= 16 else "1.2 Hz"

@@ -64,7 +64,7 @@ class TestWords:
         assert head_words([], [HOT, seen, seen])[0] == ("3 alarms HH", "HH 3")
         over = replace(HOT, word=LimitWord.OK)
         assert head_words([], [over, replace(over, alarm=False)]) == (
-            ("1 alarm ended unseen", "1 unseen"),
+            ("1 alarm ended unseen", "1 alarm unseen"),
             False,
             ("", ""),
         )

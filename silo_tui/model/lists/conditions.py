@@ -147,7 +147,7 @@ def head_words(
         )
     seen = "" if any(one.alarm for one in over) else " seen"
     missed = sum(one.alarm for one in limits if not one.is_over)  # short ones, too: the table may never show them
-    alarm = (f"{many(missed, 'alarm')} ended unseen", f"{missed} unseen") if missed else ("", "")
+    alarm = (f"{many(missed, 'alarm')} ended unseen", f"{many(missed, 'alarm')} unseen") if missed else ("", "")
     if worst is not None:
         more = f", {missed} ended unseen" if missed else ""
         alarm = (
