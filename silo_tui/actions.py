@@ -6,7 +6,7 @@ eat: `ctrl+h/i/j/m`, `alt+letter`, `ctrl+enter`. This imports nothing of `silo_t
 """
 
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache, partial
 
 import msgspec
@@ -562,13 +562,21 @@ def edits_by(key: str, scope: str) -> bool:
     return scope in FILE_SCOPES and any(command.writes or command.group == "Edit" for command in there)
 
 
+def places_of(commands: Sequence[Command], *, on_file: bool = False) -> str:
+    """Return the screens where the keys of commands count, some of many; those of files where they count there alone.
+
+    Empty for none, and for all.
+    """
+    scopes = dict.fromkeys(each for command in commands for each in command.scopes if each != "any")
+    near = [each for each in scopes if (each in FILE_SCOPES) == on_file] or list(scopes)
+    places = [PLACES.get(each, each) for each in near]
+    return f"{', '.join(places[:3])}{' and others' * (len(places) > 3)}"
+
+
 def why_no_use(key: str, scope: str) -> str:
     """Return why a key does nothing on a screen, and where it does something."""
     there = [command for command in commands_like(scope) if key in command.keys.split(",")]
-    scopes = dict.fromkeys(each for command in there for each in command.scopes)
-    near = [each for each in scopes if (each in FILE_SCOPES) == (scope in FILE_SCOPES)] or list(scopes)
-    places = [PLACES.get(each, each) for each in near]
-    where = f"it is a key of {', '.join(places[:3])}{' and others' * (len(places) > 3)}"
+    where = f"it is a key of {places_of(there, on_file=scope in FILE_SCOPES)}"
     if edits_by(key, scope):
         return f"{NOT_EDITED}; {key_text(key)} ({there[0].label}): {where}" if there else NOT_EDITED
     if not there:

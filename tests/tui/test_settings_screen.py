@@ -6,6 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 from silo_tui.cli import _run, command
+from silo_tui.screens.lists.settings import SettingRow, row_text
 from silo_tui.settings.file import path
 from silo_tui.settings.options import OPTIONS, Settings
 from silo_tui.settings.reading import read, read_file
@@ -243,3 +244,16 @@ async def test_what_another_setting_says_is_done_again_where_it_is_another_one_a
             screen.app.take_settings(replace(before, **({name: word} if name else {})))
             assert done == {"keys" if name == "keymap" else name} - {""}
             screen.app.take_settings(before)
+
+
+def test_rows_of_keys_that_do_the_same_say_on_which_screens_they_count():
+    told = [
+        row_text(SettingRow(each, command=each), Settings(), Settings(), width=80).plain.split("  ")[-1]
+        for each in ("monitor", "plot", "plot_conditions", "help")
+    ]
+    assert told == [
+        "Plot (table): plot what is marked, or the element under the cursor",
+        "Plot (table of a file): plot what is marked, or the element under the cursor",
+        "Plot (triggers, alarms, parameters): plot what the line, or what is marked, is about",
+        "Help: this page",
+    ]

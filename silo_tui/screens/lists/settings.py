@@ -15,7 +15,7 @@ from textual.containers import Vertical
 from textual.widgets import Static
 
 from silo.errors import SiloError
-from silo_tui.actions import BY_ID, COMMANDS, key_of, key_text, with_keys
+from silo_tui.actions import BY_ID, COMMANDS, key_of, key_text, places_of, with_keys
 from silo_tui.keymap import clashes, keys_in
 from silo_tui.modal import Dialog, ask
 from silo_tui.model.lists.ordering import Order
@@ -68,7 +68,8 @@ def row_text(row: SettingRow, settings: Settings, saved: Settings, *, width: int
         line.append(now.key_text, style="bold")  # that of another screen, where the user gave the same there one
         if own:
             line.append(f"  (yours; was {command.key_text})")
-        line.append(f"  {command.label}: {command.help}" if command.help != command.label else f"  {command.label}")
+        at = f" ({places})" if (places := places_of([command])) else ""
+        line.append(f"  {command.label}{at}" + (f": {command.help}" if command.help != command.label else ""))
         return line
     return Text(row.words, style="bold")
 
