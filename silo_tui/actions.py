@@ -226,7 +226,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("next_entry", "n", "Entry", "the next entry of the vector", "Plots", _MONITORS),
     Command("all_entries", "z", "Unfold", "all entries of the vector, or the chosen one alone", "Plots", _MONITORS),
     Command("log_axis", "Y", "Log axis", "y axis linear, or by powers of ten", "Plots", _MONITORS),
-    Command("detail", "enter", "Detail", "one large plot with axes", "Plots", _MONITORS, 6),
+    Command("detail", "enter", "Large", "one large plot with axes", "Plots", _MONITORS, 6),
     Command("join_plots", "J", "Join", "this plot and the next one in one", "Plots", _MONITORS),
     Command("isolate_plot", "I", "Isolate", "the signal in a plot of its own again", "Plots", _MONITORS),
     Command("arrange_plots", "tab", "Views", "each alone, one plot per unit, as few as can be", "Plots", _MONITORS, 9),
@@ -431,7 +431,7 @@ COMMANDS: tuple[Command, ...] = (
     # ----------------------------------------------------------------------------------------------- only typed
     Command("set", "", "Edit", "edit what is marked", "Edit", (), writes=True,
             typed=_read(("set",), "settings", ":set div=5 size=10s", "edit what is marked, by these words:", 3)),
-    Command("control", "", "Control", "who is connected; take, release or give away control", "Edit",
+    Command("control", "", "Control", "who is connected; take, release or give away control", "Logger",
             _BOTH + _DETAIL + _ASIDE, asks=True,
             typed=_read(("control",), "control", ":control take|release|give NAME",
                         "one operator at a time; without words, who is connected", 9)),

@@ -172,7 +172,7 @@ _TABLE = (
 TWO_LAYERS = {command: keys for keys, commands in _TABLE for command in commands.split()}
 # the key bar, one order on every screen; and who gives way first where it has no room for all
 _BAR = "space enter r; m plus minus h,left slash p e g v r o a u S w D full_stop escape"  # r; what stands in a menu
-_GIVES_WAY = "full_stop escape o minus plus h,left space w u S D pause v r p m e slash turn_down g r; enter a"
+_GIVES_WAY = "full_stop o minus plus h,left space w S escape D pause u v r p m e slash turn_down g r; enter a"
 BASES: dict[str, Mapping[str, str]] = {"two-layer": TWO_LAYERS, "classic": {}}
 DEFAULT = "two-layer"
 
@@ -233,8 +233,8 @@ def counts(command: Command, scope: str) -> bool:
 
 @lru_cache(maxsize=64)
 def _menus_of(scope: str) -> frozenset[str]:
-    """Return the menus that hold something of a screen itself."""
-    own = {each for each in TWO_LAYERS if scope in BY_ID[each].scopes}
+    """Return the menus that hold something of a screen itself, and not of its logger alone."""
+    own = {each for each in TWO_LAYERS if scope in BY_ID[each].scopes and BY_ID[each].group != "Logger"}
     letters = {path.split()[0] for each in own for path in TWO_LAYERS[each].split(",") if " " in path}
     return frozenset(OPENERS[each] for each in letters) | {"menu_go"}
 

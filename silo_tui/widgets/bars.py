@@ -281,6 +281,15 @@ def _first_and_last(words: str, room: int) -> str:
     return between.join([text.cut(first, max(1, left)), *rest])
 
 
+def _as_many(parts: Sequence[LinePart], room: int, between: str) -> list[LinePart]:
+    """Return the keys that have room, the most wanted first, and others that fit where one has none."""
+    kept: list[LinePart] = []
+    for part in sorted(parts, key=lambda part: -part.rank):
+        if sum(cell_len(each.words) + len(between) for each in (*kept, part)) <= room + len(between):
+            kept.append(part)
+    return [part for part in parts if part in kept]
+
+
 class KeyBar(Guarded, Widget):
     """The keys that matter now, as many as fit; help and quit always at its end. A click does what the key does."""
 
@@ -329,7 +338,7 @@ class KeyBar(Guarded, Widget):
         for between in ("  ", " "):
             end = Text(between, no_wrap=True).join(words[plain][0] for plain in last)
             room = self.size.width - 1 - len(end) - len(between)
-            kept = fitting(parts, room, between)
+            kept = _as_many(parts, room, between)
             if len(kept) == len(parts) or not with_keys(BY_ID["menu_go"]).keys:
                 break
         line = Text(" ", no_wrap=True, overflow="ellipsis")

@@ -335,6 +335,21 @@ def test_keys_stand_close_together_before_one_gives_way(base):
     assert length
 
 
+def test_plots_say_at_80_columns_how_one_leaves_them():
+    assert all("Esc Back" in keys(80, scope) for scope in ("monitor", "detail", "file_monitor", "file_detail"))
+    assert "e Edit" not in keys(200, "monitor")  # of the logger alone: it is no key of plots
+
+
+def test_while_edits_wait_the_bar_says_how_they_are_taken_back():
+    line = keys(80, mode=[("filter", "Filter"), ("back", "All"), ("apply", "Apply 6")])
+    assert "u Undo" in line
+
+
+def test_a_key_that_has_room_stands_in_the_bar_though_one_that_is_more_wanted_has_none():
+    with_room = keys(60, mode=[("filter", "A word that is so long"), ("mark", "Take it")])
+    assert len(with_room.rpartition("  ? Help")[0].rstrip()) > 60 - len("  ? Help q Quit") - len(" p Plots")
+
+
 def test_what_a_mode_asks_for_comes_first_by_its_own_name():
     line = keys(60, mode=[("filter", "Find it"), ("mark", "Take it")])
     assert line.startswith(" / Find it space Take it ")
