@@ -331,11 +331,12 @@ class Publisher:
                 self._tell_lost(reader)  # the last of a run that ended
             return
         self._idle_s = self._replica.idle_s(reader.ticks)
-        self._ticks.append((now_s, reader.ticks))
+        if reader.ticks:  # before the first one there is no pace
+            self._ticks.append((now_s, reader.ticks))
         while len(self._ticks) > 2 and now_s - self._ticks[0][0] > HZ_WINDOW_S:
             self._ticks.popleft()
-        span_s = now_s - self._ticks[0][0]
-        if span_s > 0.2:
+        span_s = now_s - self._ticks[0][0] if self._ticks else 0.0
+        if span_s >= HZ_WINDOW_S / 2:  # over less, as a loop begins, it is anything
             self._replica.measured_hz = (self._ticks[-1][1] - self._ticks[0][1]) / span_s
         if now_s >= self._lost_due_s:
             self._lost_due_s = now_s + LOST_PERIOD_S

@@ -94,6 +94,7 @@ class _Ring:
     moved_s: float = 0.0
     rate: float = np.nan
     jitter: float = np.nan
+    is_whole: bool = False  # whether a whole window was measured: of less nobody is told that it is slow
 
 
 class Tally:
@@ -273,7 +274,8 @@ class Tally:
     def _timing(self, name: str, *, running: bool) -> Floats:
         by_ring = np.full(len(self.reader.schema.rings), np.nan)
         for ring in self._rings:
-            by_ring[ring.number] = ring.jitter if name == "jitter" else ring.rate
+            if name != "share" or ring.is_whole:
+                by_ring[ring.number] = ring.jitter if name == "jitter" else ring.rate
         found = by_ring[self._ring_of]
         if not running:
             return np.full(len(found), np.nan)
@@ -309,9 +311,11 @@ def _measure(ring: _Ring, now_s: float, frequency_hz: float) -> None:
         return
     ring.marks.append((now_s, ring.cursor, int(ring.stamps[-1])))
     period_s = 1.0 / ring.rate if ring.rate > 0 else 1.0 / frequency_hz
-    while len(ring.marks) > 2 and now_s - ring.marks[1][0] > max(WINDOW_S, 10 * min(period_s, 60.0)):
+    window_s = max(WINDOW_S, 10 * min(period_s, 60.0))
+    while len(ring.marks) > 2 and now_s - ring.marks[1][0] > window_s:
         ring.marks.popleft()
     first_s, first, first_ns = ring.marks[0]
+    ring.is_whole = now_s - first_s >= window_s
     rows = ring.cursor - first
     if len(ring.stamps) > 2:
         ring.jitter = float(np.std(np.diff(ring.stamps))) / 1e9

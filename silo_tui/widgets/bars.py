@@ -185,14 +185,8 @@ class StatusBar(FittingLine):
             add(2, f" of {text.short(status.frequency_hz)}", caution)
             add(0, " Hz slow", caution)
             add(2, jitter, caution)
-        elif not session.dead:
-            measured = session.running and rate
-            nominal = (
-                f"… of {text.short(status.frequency_hz)} Hz"
-                if session.running
-                else f"{text.short(status.frequency_hz)} Hz"
-            )
-            add(5, f"  {text.short(rate)} Hz" if measured else f"  {nominal}", "")
+        elif session.running:
+            add(5, f"  {text.short(rate)} Hz" if rate else f"  … of {text.short(status.frequency_hz)} Hz", "")
         if wide:
             before = f"{text.count(status.before_ticks)} + " if status.before_ticks else ""  # others count from a cut
             add(1, f"  {before}{text.count(session.ticks)} ticks", "")

@@ -93,7 +93,7 @@ def test_the_head_says_who_in_what_state_how_long_and_how_fast_as_far_as_it_has_
 @pytest.mark.parametrize(
     ("change", "width", "line"),
     [
-        ({"state": State.STOPPED}, 80, "silo anymal/robot  ■ STOPPED 00:12  72/72 on  400 Hz  lost 0"),
+        ({"state": State.STOPPED}, 80, "silo anymal/robot  ■ STOPPED 00:12  72/72 on  lost 0"),
         ({"state": State.DEAD}, 80, "silo anymal/robot  ✖ DEAD 00:12  lost 0"),
         ({"started_ns": 0}, 80, "silo anymal/robot  ● RUNNING  72/72 on  400 Hz  lost 0"),
         ({"host": ""}, 80, "silo robot  ● RUNNING 00:12  72/72 on  400 Hz  lost 0"),

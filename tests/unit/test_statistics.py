@@ -152,6 +152,16 @@ def test_rate_and_jitter_follow_the_time_stamps(robot):
     assert robot.of("/log/x", "jitter") == pytest.approx(0, abs=1e-9)
 
 
+def test_nothing_is_called_slow_before_a_whole_window_was_measured(robot):
+    for at in range(400):
+        robot.tick(at, count=at // 4)
+        robot.now_ns += 10_000_000
+        robot.advance(at * 0.02)
+        slow = [bool(int(robot.of(name, "signs")) & SLOW) for name in ("/log/x", "/log/count")]
+        assert slow == [at >= 100] * 2
+    assert robot.of("/log/x", "share") == pytest.approx(0.5)
+
+
 def test_a_loop_that_is_too_slow_gets_a_sign_only_while_it_runs(robot):
     for at in range(400):
         robot.tick(at)
