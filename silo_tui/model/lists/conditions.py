@@ -87,8 +87,7 @@ def limit_row(one: LimitStatus, short: str, width: int, now_ns: int | None = Non
         since = f"was {text.span(max((one.last_ns - one.since_ns) / 1e9, 1e-3), 2)}"
     else:
         since = ""
-    again = f"+{one.since_seen} " if one.alarm and one.since_seen else ""
-    seen = f"{again}{(one.seen_by if again else one.seen).split('@')[0]}"
+    seen = f"{one.since_seen} new" if one.alarm and one.since_seen else one.seen.split("@")[0]
     count = one.count + one.stale_count
     stale = one.word is LimitWord.STALE
     told = {number for number in (one.value, one.worst, None if stale else one.limit) if number is not None}
