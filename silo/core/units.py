@@ -126,15 +126,15 @@ _PREFIXES = {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "c": 1e-2,
 
 
 def product(one: str, other: str) -> str:
-    """Return the unit of a product: `rad/s` and `s` make `rad`, `Nm` and `rad/s` make `Nm*rad/s`."""
+    """Return the unit of a product: `rad/s` and `s` make `rad`, `Nm` and `rad/s` make `W`."""
     if one in _NONE or other in _NONE:
         return (other if one in _NONE else one) or "-"
-    return _text(_times(_formula(one), _formula(other)))
+    return _called(_times(_formula(one), _formula(other)))
 
 
 def quotient(one: str, other: str) -> str:
     """Return the unit of a quotient: `rad` and `s` make `rad/s`."""
-    return one or "-" if other in _NONE else _text(_times(_formula(one), _formula(other), -1))
+    return one or "-" if other in _NONE else _called(_times(_formula(one), _formula(other), -1))
 
 
 def power(unit: str, exponent: float) -> str:
@@ -200,6 +200,16 @@ def _times(one: Mapping[str, Fraction], other: Mapping[str, Fraction], exponent:
 
 
 # ------------------------------------------------------------------------------------------------- texts and formulas
+
+
+def _called(formula: Formula) -> str:
+    """Return what is made of other units as a text: power by its own name, and energy where it is made of that.
+
+    `kg*m^2/s^2` by itself may be a torque.
+    """
+    made = _text(formula)
+    name = "J" if "W" in formula and "s" in formula else "W"
+    return name if len(formula) > 1 and same(made, name) else made
 
 
 def _text(formula: Formula) -> str:

@@ -24,7 +24,12 @@ class TestProducts:
         ("one", "other", "expected"),
         [
             ("rad/s", "s", "rad"),
-            ("Nm", "rad/s", "Nm*rad/s"),
+            ("Nm", "rad/s", "W"),
+            ("V", "A", "W"),
+            ("N", "m/s", "W"),
+            ("W", "s", "J"),
+            ("N", "m", "N*m"),  # a torque, or an energy
+            ("mNm", "rad/s", "mNm*rad/s"),
             ("m/s²", "s", "m/s"),
             ("m/s^2", "kg", "m*kg/s^2"),
             ("m/s2", "s", "m/s"),

@@ -195,7 +195,7 @@ def test_a_number_with_a_unit_is_in_that_of_its_signal():
 
 def test_products_have_their_unit_and_vectors_their_width():
     bound = bind("joints/tau * joints/qd", CATALOGUE)
-    assert (bound.unit, bound.width, bound.logical) == ("Nm*rad/s", 3, False)
+    assert (bound.unit, bound.width, bound.logical) == ("W", 3, False)
     assert bind("rate(roll)", CATALOGUE).unit == "rad/s"
     assert "vectors of 3 and 4 values" in refusal("joints/tau + wide").reason
 

@@ -445,7 +445,7 @@ class TestScreens:
         fake.limit_statuses = [replace(HOT, seen_by="ann@pc", since_seen=2, count=5)]
         async with opened(fake, size=(100, 24)) as screen:
             await screen.press("A")
-            await screen.shows("    5  2 new ")
+            await screen.shows("    5  2 new")
             await screen.shows("2 × again since ann@pc saw it (e: persist or")
 
     async def test_an_element_beyond_its_limits_has_the_sign_in_the_table(self, fake, opened):
