@@ -91,6 +91,13 @@ def test_what_does_not_fit_is_refused_in_words_that_name_all_and_nothing_changes
     assert kp.value == 40.0
 
 
+@pytest.mark.parametrize(("value", "near"), [(0.3, "0 or 0.5"), (40.9, "40.5 or 41"), (199.9, "199.5 or 200")])
+def test_between_two_steps_those_beside_it_are_told(new_logger, value, near):
+    kp = new_logger().parameter("kp", 40.0, min=0, max=200, step=0.5, unit="Nm/rad")
+    with pytest.raises(ElementError, match=f"in steps of 0.5 Nm/rad, as {near}; nothing was changed"):
+        kp.value = value
+
+
 def test_many_are_set_all_or_none(new_logger):
     logger = new_logger()
     kp, kd = logger.parameter("kp", 40.0, max=50), logger.parameter("kd", 1.0)

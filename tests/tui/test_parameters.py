@@ -69,7 +69,7 @@ def test_a_bar_shows_where_in_its_range_a_value_stands(info, shown):
     ("info", "beside", "begun", "shown"),
     [
         (HEIGHT, 0.48, 0.48, "   name          0.48 m [─────●────]      0.48  ann"),
-        (HEIGHT, 0.5, 0.4, "*  name          0.48 m [─────●────] ≠     0.5  ann"),
+        (HEIGHT, 0.5, 0.4, "  *name          0.48 m [─────●────] ≠     0.5  ann"),
         (NAME, None, None, "   name            trot    2 of 3            -  ann"),
         (NAME, "x" * 20, None, f"   name            trot    2 of 3    ≠{'x' * (DEFAULT - 2)}…  ann"),
     ],
@@ -152,7 +152,7 @@ async def test_one_is_turned_typed_undone_and_set_again(fake, opened, monkeypatc
         await screen.do("type_parameter")
         screen.app.screen.query_one(Input).value = "0.6"
         await screen.press("enter")
-        await screen.shows("0.6 doesn't fit")
+        await screen.shows("parameter '/gait/height': 0.6 doesn't fit")
         assert screen.app.screen.query_one(Input).value == "0.6"
         await screen.press("escape", "down", "right", "u")  # of words the next one, and back
         await screen.until(lambda: values(fake)["name"] == "trot")

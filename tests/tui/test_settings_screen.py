@@ -37,12 +37,12 @@ async def test_a_theme_shows_at_once_and_w_keeps_it(fake, opened, steps):
         await screen.press(*("colon" if key == ":" else "space" if key == " " else key for key in steps))
         await screen.shows("silo settings")
         assert screen.app.theme == "silo-light"
-        assert line_with(screen, "theme").startswith("*")
+        assert line_with(screen, "theme").startswith(">*theme")
         assert read_file() == (Settings(), [])
         await screen.press("w")
         await screen.shows("written")
         assert read_file() == (Settings(theme="light"), [])
-        assert not line_with(screen, "theme").startswith("*")
+        assert not line_with(screen, "theme").startswith(">*theme")
         await screen.press("x", "f2")
         assert screen.app.theme == "silo-dark"
         await screen.shows("the settings count until you quit; F2 w keeps them")
@@ -139,7 +139,7 @@ async def test_a_file_that_cant_be_written_is_told_and_nothing_is_lost(fake, ope
     async with opened(fake, size=(160, 50)) as screen:
         await screen.press("f2", "l", "w")
         await screen.shows("nothing was changed")
-        assert line_with(screen, "theme").startswith("*")
+        assert line_with(screen, "theme").startswith(">*theme")
 
 
 async def test_settings_are_there_before_a_logger_is(new_finder, screen_of):

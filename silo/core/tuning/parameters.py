@@ -243,7 +243,10 @@ def _fitting_number(info: ParameterInfo, given: float) -> float:
     if (low is not None and value < low) or (high is not None and value > high):
         return _refuse(info, given)
     if info.step and not _is_step(value - (low or 0), info.step):
-        return _refuse(info, given)
+        begin, steps = low or 0, math.floor((value - (low or 0)) / info.step)
+        beside = [begin + some * info.step for some in (steps, steps + 1)]
+        near = [bound_text(float(f"{one:.12g}")) for one in beside if high is None or one <= high]
+        return _refuse(info, given, f", as {' or '.join(near)}")
     return value
 
 
@@ -254,7 +257,7 @@ def _is_step(way: float, step: float) -> bool:
     return abs(steps - round(steps)) <= 1e-6 * max(1.0, abs(steps) * 1e-6)
 
 
-def _refuse(info: ParameterInfo, given: object) -> float:
+def _refuse(info: ParameterInfo, given: object, near: str = "") -> float:
     unit = "" if info.unit in ("", "-") else f" {info.unit}"
     takes = range_text(info)
     if info.kind is ParameterKind.INT and isinstance(given, int) and not -(2**63) <= given < 2**63:
@@ -262,7 +265,7 @@ def _refuse(info: ParameterInfo, given: object) -> float:
     if info.kind is ParameterKind.STRING and isinstance(given, str) and not given.isprintable():
         takes += " without line breaks and other letters that can't be printed"
     raise ElementError(
-        f"parameter '{info.name}': {_shown(given)} doesn't fit, it takes {takes}{unit}; nothing was changed"
+        f"parameter '{info.name}': {_shown(given)} doesn't fit, it takes {takes}{unit}{near}; nothing was changed"
     )
 
 

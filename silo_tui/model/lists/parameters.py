@@ -52,13 +52,14 @@ def head(width: int, name: int, preset: str = "") -> str:
 def row(one: ParameterInfo, name: str, beside: ParameterValue | None, begun: ParameterValue | None, by: str) -> str:
     """Return a parameter as a line. `beside` is the default, or the value of a preset.
 
-    A `*` says that it changed since the start, a `≠` that it isn't what stands beside it.
+    A `*` says that it changed since the start, a `≠` that it isn't what stands beside it. The cursor and marks have
+    the cells before it.
     """
     sign = "*" if begun is not None and begun != one.value else " "
     differs = "≠" if beside is not None and beside != one.value else " "
     value = text.cut(value_text(one.value, one.unit), VALUE)
     shown = "-" if beside is None else text.cut(value_text(beside), DEFAULT - 1)
-    return f"{sign}  {name} {value:>{VALUE}} {range_bar(one)} {differs}{shown:>{DEFAULT - 1}}  {text.clean(by)}"
+    return f"  {sign}{name} {value:>{VALUE}} {range_bar(one)} {differs}{shown:>{DEFAULT - 1}}  {text.clean(by)}"
 
 
 def range_bar(one: ParameterInfo) -> str:

@@ -5,6 +5,7 @@ from functools import partial, partialmethod
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from rich.text import Text
 
 from silo.core.quantities.writing import many
@@ -147,7 +148,8 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
         unit = "" if one.unit in ("", "-") else f", {one.unit}"
         body = "\n".join(filter(None, [one.description, f"{range_text(one)}{unit}; default {value_text(one.default)}"]))
         shown = value_text(one.value).strip("[]")
-        prompt = Prompt(self.named(one.name), body, shown, check=partial(typed_value, one))
+        called = msgspec.structs.replace(one, name=self.named(one.name))  # what is wrong is told of that name
+        prompt = Prompt(called.name, body, shown, check=partial(typed_value, called))
         ask(self, prompt, lambda typed: self._set({one.name: typed_value(one, typed)}))
 
     enter = command_type_parameter

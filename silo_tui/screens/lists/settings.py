@@ -55,13 +55,13 @@ def row_text(row: SettingRow, settings: Settings, saved: Settings, *, width: int
     if row.option is not None:
         option = row.option
         is_new = getattr(settings, option.name) != getattr(saved, option.name)
-        line = Text(f"{'*' if is_new else ' '} {option.name:<{NAMES}} ")
+        line = Text(f" {'*' if is_new else ' '}{option.name:<{NAMES}} ")
         return _values(line, option, getattr(settings, option.name), width)
     if row.command:
         command = msgspec.structs.replace(BY_ID[row.command], keys=keys_in(settings.keymap, row.command))
         own = row.command in settings.keys
         is_new = settings.keys.get(row.command) != saved.keys.get(row.command)
-        line = Text(f"{'*' if is_new else ' '} {'key ' + row.command:<{NAMES}} ")
+        line = Text(f" {'*' if is_new else ' '}{'key ' + row.command:<{NAMES}} ")
         now = (
             msgspec.structs.replace(command, keys=settings.keys[row.command]) if own else with_keys(BY_ID[row.command])
         )
