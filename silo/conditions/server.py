@@ -12,6 +12,7 @@ from silo.conditions.requests import Alarms, ConditionRequests, Triggers, Trigge
 from silo.conditions.standing import worst_first
 from silo.core.conditions import SignalLimits, TriggerOptions
 from silo.core.quantities.writing import many
+from silo.net.access.senders import on_behalf
 from silo.rpc.declaring import Request, request_of
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
@@ -93,7 +94,7 @@ class ConditionServer(Server, does=[requests]):
         return text
 
     def acknowledge(self, turn: Turn, names: list[str], who: str) -> str:
-        who = plain(who or turn.by)
+        who = plain(on_behalf(turn.by, who))
         count = self.judge.acknowledge(names, who, time.time_ns())
         text = f"{many(count, 'alarm')} seen by {who}"
         if count:

@@ -49,7 +49,8 @@ class ParameterRobot(Server, does=[requests], robot=True):
         return self._excitation(name)
 
     def stop_excitation(self, turn: Turn, name: str, why: str) -> str:
-        stopped = self.parameters.excitations.stop(name, why or f"stopped by {turn.by}")
+        # the helper process alone says why; a client is not believed that it was another one
+        stopped = self.parameters.excitations.stop(name, f"stopped by {turn.by}" if turn.by else why)
         return "it goes back" if stopped else "nothing is excited"
 
     def _excitation(self, name: str) -> ExcitationState:

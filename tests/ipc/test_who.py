@@ -19,7 +19,15 @@ from silo.control.authentication import Authentication
 from silo.errors import ArgumentError, ConnectionLostError, ElementError, RefusedError
 from silo.fleet.resolving import discover
 from silo.net.access.admission import INSECURE, Admission, admission_of, rules_hold_names
-from silo.net.access.senders import PROVEN, came_by_network, claim_of, local_words, network_words, short_words
+from silo.net.access.senders import (
+    PROVEN,
+    came_by_network,
+    claim_of,
+    local_words,
+    network_words,
+    on_behalf,
+    short_words,
+)
 from silo.net.configuration import from_file
 from silo.net.keys import Root
 from silo.net.session import Beside, close, open_router
@@ -53,6 +61,13 @@ def test_the_words_of_a_sender_say_whether_its_name_is_proven() -> None:
     assert network_words("anna", "", proven=True) == "anna (proven)"
     assert all(came_by_network(network_words("anna", client, proven=proven)) for proven in (True, False))
     assert not came_by_network("anna (says so) of group lab")
+
+
+def test_who_names_another_one_over_a_network_stands_beside_it() -> None:
+    carol = network_words("carol", "carol@desk silo 7", proven=True)
+    assert on_behalf(carol, "alice (proven) from desk2") == f"{carol} for alice [proven] from desk2"
+    assert on_behalf(carol, "") == carol
+    assert on_behalf("root@robot3 silo 4714", "anna (proven)") == "anna [proven]"
 
 
 def test_nobody_can_claim_to_be_proven() -> None:

@@ -18,7 +18,7 @@ from silo.parameters.parameters import STALLED, Parameters
 from silo.parameters.requests import ParametersSet
 from silo.parameters.robot import ParameterRobot, ended
 from silo.rpc.refusals import RequestRefusedError
-from silo.rpc.serving import NOBODY
+from silo.rpc.serving import NOBODY, Sender, Turn
 
 HZ = 1000
 CHIRP = Excitation("tau", Wave.CHIRP, 2.0, 8.0, 1.0, 50.0, 0.5)
@@ -278,6 +278,16 @@ def test_a_client_is_answered_what_became_of_what_it_asked(robot):
     assert served.stop_excitation(NOBODY, "b", "") == "nothing is excited"
     over = served._excitation("b")
     assert (over.ended, over.until) == ("stopped by nobody", excited.until)
+
+
+@pytest.mark.parametrize(("who", "why"), [("carol (proven)", "stopped by carol (proven)"), ("", "limit: q is high")])
+def test_why_it_ended_is_said_by_the_helper_process_alone(robot, who, why):
+    served = ParameterRobot(robot.parameters, HZ)
+    served.excite(NOBODY, CHIRP, "b", remote=False)
+    turn(robot, 1)
+    served.stop_excitation(Turn(Sender("", who)), "", "limit: q is high")
+    turn(robot, 1)
+    assert served._excitation("b").ended == why
     lease_over(robot, excite(robot, name="c"))
     turn(robot, 0.01)
     assert served._excitation("c").ended == GONE

@@ -46,6 +46,13 @@ def local_words(client: str) -> str:
     return _bracketed(client)
 
 
+def on_behalf(by: str, who: str) -> str:
+    """Return who is meant by what somebody does in another's name: that one on the robot's own computer, else both."""
+    if not who:
+        return by
+    return f"{by} for {_bracketed(who)}" if PROVEN in by or SAYS_SO in by else _bracketed(who)
+
+
 def _bracketed(claimed: str) -> str:
     """Return what somebody says of itself, in which nothing reads as a word of ours."""
     return claimed.replace("(", "[").replace(")", "]")
