@@ -192,6 +192,10 @@ class LimitJudge:
             off = ", ".join(self._rows.off_names(expressions)[:3])
             problems.append(f"limits of '{options.name}' are blind: {off} is off")
             return _Limited(options, f"{off} is off", scalars, signal.unit)
+        others = (bound for one in self._limited.values() for bound in one.expressions)
+        if no_room := self._rows.no_room(expressions, others):
+            problems.append(f"limits of '{options.name}' are not judged: {no_room}")
+            return _Limited(options, no_room, scalars, signal.unit)
         sources = {column.source for column in signal.columns}
         plain = (
             len(expressions) == 1 and isinstance(signal.root, BoundSignal) and len(sources) == 1 and OFF not in sources

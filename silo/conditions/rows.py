@@ -4,12 +4,15 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from silo.core.conditions import Derived
 from silo.core.elements import BufferType, ElementInfo
+from silo.core.quantities.writing import size_text
 from silo.expressions.binding import OFF, BoundExpression, Catalogue, Known, ScalarPlace
 from silo.expressions.evaluation import SourceRows
 from silo.journal.derived_rows import pickers_of, sources_of
 from silo.segment.layout import ElementSchema
 from silo.segment.picking import RowPicker
 from silo.segment.reader import SegmentReader
+
+MOST_REMEMBERED_BYTES = 256 * 2**20  # in the windows of all triggers, and of all limits
 
 
 class JudgedRows:
@@ -53,6 +56,17 @@ class JudgedRows:
         self._cursors = {
             ring: self._cursors.get(ring, -(-since // self._reader.schema.rings[ring].divider)) for ring in self._wanted
         }
+
+    def no_room(self, expressions: Iterable[BoundExpression], others: Iterable[BoundExpression]) -> str:
+        """Return why there is no memory for the windows of expressions beside those of others; empty where there is."""
+        wanted = sum(bound.kept_s for bound in expressions)
+        bytes_s = 8 * self._reader.schema.frequency_hz
+        if not wanted or (wanted + sum(bound.kept_s for bound in others)) * bytes_s <= MOST_REMEMBERED_BYTES:
+            return ""
+        return (
+            f"its windows remember {size_text(wanted * bytes_s)}, and with those before it that is more than "
+            f"{size_text(MOST_REMEMBERED_BYTES)}: make windows shorter, or take fewer values"
+        )
 
     @property
     def shortest_s(self) -> float:

@@ -106,7 +106,9 @@ class SegmentJudge:
         before, self.conditions = self._watched, conditions
         anew = self._rows.derive(conditions.derived)  # what stands on one may mean something else now
         self._numbers.update((name, one.trigger.captures) for name, one in before.items())
-        self._watched = {one.name: self._taken(one, before.get(one.name), anew=anew) for one in conditions.triggers}
+        self._watched = {}
+        for one in conditions.triggers:
+            self._watched[one.name] = self._taken(one, before.get(one.name), anew=anew)
         self.limits.adopt(conditions.limits, self.problems, anew=anew)
         columns = [column for one in self._watched.values() for bound in one.expressions for column in bound.columns]
         self._rows.want([*columns, *self.limits.columns], self.judged)
@@ -149,6 +151,11 @@ class SegmentJudge:
             bound.sources for bound in found.bounds
         ):
             made.why = f"{', '.join(found.off[:3])} is off"
+            return made
+        others = (bound for one in self._watched.values() for bound in one.expressions)
+        if no_room := self._rows.no_room(found.bounds, others):
+            made.why = no_room
+            self.problems.append(f"trigger '{options.name}' is not judged: {no_room}")
             return made
         made.note = found.problem.removeprefix("is ")
         made.expressions, made.evaluator = found.bounds, Evaluator(*found.bounds)

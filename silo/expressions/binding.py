@@ -7,7 +7,7 @@ what `silo.expressions.evaluation` computes.
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -28,6 +28,11 @@ OFF = -1  # the source of an element that isn't logged
 
 MOST_WIDTH = 1000  # scalars in a vector
 MOST_WINDOW_S = 60.0
+# of one expression, with all the derived signals that it stands on, each as often as it is named
+MOST_OPERATIONS = 1000
+MOST_DEPTH = 50  # derived signals that stand on one another
+MOST_VALUES = 100_000  # that are computed for a row
+MOST_KEPT_S = 10_000.0  # seconds of values in windows, over their dividers: 80 MB at 1 kHz
 
 _STEPS = ("prev", "diff", "rate")
 _OF_TRUTHS = {"any": "max", "all": "min"}  # what they are of 0 and 1
@@ -177,7 +182,8 @@ Part = Constant | BoundSignal | Computed | Remembered
 class BoundExpression:
     """An expression with its signals. `width` is 0 for a scalar, else the length of its vector.
 
-    `sources` has every source that it is judged at, with its divider; empty where all its signals are off.
+    `sources` has every source that it is judged at, with its divider; empty where all its signals are off. `kept_s` are
+    the seconds of its windows times their values, over the dividers: how much it remembers.
     """
 
     expression: Expression
@@ -188,6 +194,7 @@ class BoundExpression:
     labels: Mapping[int, str]
     columns: tuple[ScalarPlace, ...]
     sources: Mapping[int, int]
+    kept_s: float = 0.0
 
     def condition(self) -> "BoundExpression":
         """Return the same, where it is one truth. Raises ExpressionError for a vector."""
@@ -214,7 +221,11 @@ def bind(expression: Expression | str, catalogue: Catalogue) -> BoundExpression:
     """Return an expression bound to these elements. Raises ExpressionError with the place, and the nearest names."""
     if isinstance(expression, str):
         expression = parse(expression)
-    found = _Binder(expression, catalogue).bind(expression.root, parts=True)
+    effort = _Effort()
+    try:
+        found = _Binder(expression, catalogue, effort).bind(expression.root, parts=True)
+    except _TooMuchError as error:
+        raise expression.error(f"{error}: derive less from one another, or of fewer values", expression.root) from None
     columns = tuple(dict.fromkeys(columns_of(found.part)))
     dividers = {column.source: catalogue.elements[column.element].divider for column in columns}
     dividers.pop(OFF, None)
@@ -222,8 +233,39 @@ def bind(expression: Expression | str, catalogue: Catalogue) -> BoundExpression:
         raise expression.error("this names no signal, so it never changes", expression.root)
     return BoundExpression(
         expression, found.part, found.width, found.unit or "-", found.logical, found.labels, columns,
-        dict(sorted(dividers.items())),
+        dict(sorted(dividers.items())), effort.kept_s,
     )  # fmt: skip
+
+
+class _TooMuchError(Exception):
+    """An expression that takes more than anybody could compute beside a robot."""
+
+
+@dataclass
+class _Effort:
+    """What an expression takes, counted as it is bound: one that names a derived signal twice computes it twice."""
+
+    operations: int = 0
+    values: int = 0
+    kept_s: float = 0.0
+
+    def add(self, found: _Found) -> None:
+        """Take in a part. Raises _TooMuchError."""
+        self.operations += 1
+        self.values += max(1, found.width)
+        for count, most, what in (
+            (self.operations, MOST_OPERATIONS, "operations"), (self.values, MOST_VALUES, "values of a row"),
+        ):  # fmt: skip
+            if count > most:
+                raise _TooMuchError(f"with the derived signals in it this takes more than {most:,} {what}")
+
+    def keep(self, seconds: float) -> None:
+        """Take in what a window remembers. Raises _TooMuchError."""
+        self.kept_s += seconds
+        if self.kept_s > MOST_KEPT_S:
+            raise _TooMuchError(
+                f"its windows remember more than {MOST_KEPT_S:,.0f} s of values (seconds times values of a vector)"
+            )
 
 
 def columns_of(part: Part) -> list[ScalarPlace]:
@@ -256,12 +298,19 @@ def _meaning(part: Part) -> object:
 class _Binder:
     """Binds one expression, from its leaves to its root."""
 
-    def __init__(self, expression: Expression, catalogue: Catalogue) -> None:
+    def __init__(self, expression: Expression, catalogue: Catalogue, effort: _Effort, depth: int = 0) -> None:
         self._expression, self._error = expression, expression.error
-        self._catalogue = catalogue
+        self._catalogue, self._effort, self._depth = catalogue, effort, depth
+        if depth > MOST_DEPTH:
+            raise _TooMuchError(f"more than {MOST_DEPTH} derived signals stand on one another in this")
 
     def bind(self, node: Node, *, parts: bool = False) -> _Found:
         """`parts`: of complex numbers their real and imaginary parts will do, each by itself."""
+        found = self._bound(node, parts=parts)
+        self._effort.add(found)
+        return found
+
+    def _bound(self, node: Node, *, parts: bool) -> _Found:
         if not parts:
             self._refuse_complex(node)
         if isinstance(node, Number):
@@ -281,7 +330,7 @@ class _Binder:
         if not found and (derived := self._catalogue.before(node.text)) is not None:
             one, catalogue = derived
             inner = parse(one.expression)
-            part = _Binder(inner, catalogue).bind(inner.root, parts=True)
+            part = _Binder(inner, catalogue, self._effort, self._depth + 1).bind(inner.root, parts=True)
             return replace(part, unit=one.unit if one.unit not in ("", "-") else part.unit)
         pattern = is_glob(node.text)
         bare = re.sub(r"\[(\d+)\]$", r"_\1", node.text)
@@ -465,7 +514,7 @@ class _Binder:
             raise self._error(f"{name} takes {takes}: write {words}", time)
         first, rule = sides[0], FUNCTIONS[name].rule
         if name in _STEPS:
-            part = Remembered(name, first.part, 0, self._sources(first.part, node))
+            part = Remembered(name, first.part, 0, _sources_of(self._columns(first.part, node)))
             keeps = name == "prev"
             labels = first.labels if keeps else {}
             return _Found(part, first.width, _unit(rule, sides), keeps and first.logical, labels=labels)
@@ -520,14 +569,21 @@ class _Binder:
         if logical and not inner.logical:
             part = Computed("!=", (part, Constant(0.0)))
         function = _OF_TRUTHS.get(node.function, node.function)
-        part = Remembered(function, part, round(seconds * 1e9), self._sources(part, node))
+        columns = self._columns(part, node)
+        divider = min(self._catalogue.elements[column.element].divider for column in columns)
+        self._effort.keep(seconds * max(1, inner.width) / divider)
+        part = Remembered(function, part, round(seconds * 1e9), _sources_of(columns))
         return _Found(part, inner.width, None if logical else inner.unit, logical)
 
-    def _sources(self, part: Part, node: Node) -> tuple[int, ...]:
+    def _columns(self, part: Part, node: Node) -> list[ScalarPlace]:
         columns = columns_of(part)
         if not columns:
             raise self._error("this names no signal, so it never changes", node)
-        return tuple(sorted({column.source for column in columns}))
+        return columns
+
+
+def _sources_of(columns: Iterable[ScalarPlace]) -> tuple[int, ...]:
+    return tuple(sorted({column.source for column in columns}))
 
 
 def _unit(rule: UnitRule, sides: Sequence[_Found]) -> str | None:

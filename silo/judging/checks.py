@@ -8,7 +8,7 @@ import numpy as np
 
 from silo.core.arguments import real, shown, whole, word
 from silo.core.conditions import Conditions, Derived, SignalLimits, TriggerOptions
-from silo.core.elements import BufferType, ElementInfo
+from silo.core.elements import BufferType, ElementInfo, FileType
 from silo.core.quantities.reading import both_meanings, seconds_of
 from silo.errors import ElementError, ExpressionError
 from silo.expressions.binding import BoundExpression, Catalogue, Known, bind
@@ -139,6 +139,9 @@ def with_trigger(conditions: Conditions, one: TriggerOptions, catalogue: Catalog
     if not one.name or "/" in one.name or not one.name.isprintable() or one.name.startswith("."):
         raise ElementError(f"the name of trigger '{one.name}' stands in names of files; take letters and digits")
     whole(f"keep of trigger '{one.name}'", one.keep, 0, 1_000_000)
+    if len(one.save) > len(FileType):
+        text = f"trigger '{one.name}' saves {len(one.save)} files of a capture, there are {len(FileType)} kinds"
+        raise ElementError(f"{text}; nothing was changed")
     made = msgspec.structs.replace(conditions, triggers=_with(one, conditions.triggers))
     _check_count(made)
     return made

@@ -309,3 +309,35 @@ def test_an_angle_that_somebody_made_radians_is_not_converted_again_without_a_wo
         assert bind(f"sin({fit}) > 0.5 * sin(d)", catalogue).logical
     meant = Catalogue(elements, "/log", (Derived("/log/made", "d * 3.14159 / 180", "rad"),))
     assert bind("sin(made)", meant).unit == "-"
+
+
+# ---------------------------------------------------------------------------------------------------------- effort
+
+CHAIN = Catalogue(CATALOGUE.elements, derived=[Derived("/log/d0", "roll + 1")] + [
+    Derived(f"/log/d{at + 1}", f"d{at} + d{at} * 2") for at in range(200)
+])  # fmt: skip
+WIDE = Catalogue([known("/log/w", *[f"_{n}" for n in range(1000)]), known("/log/x")])
+
+
+def test_signals_that_are_derived_from_one_another_over_and_over_are_refused_at_once():
+    assert bind("d3", CHAIN).width == 0
+    with pytest.raises(ExpressionError, match="this takes more than 1,000 operations: derive less"):
+        bind("d9", CHAIN)
+    with pytest.raises(ExpressionError, match="more than 50 derived signals stand on one another in this: derive less"):
+        bind("d199", CHAIN)
+
+
+def test_more_values_for_a_row_than_anybody_computes_are_refused():
+    assert bind("sum(w" + " + w" * 40 + ")", WIDE).width == 0
+    with pytest.raises(ExpressionError, match="more than 100,000 values of a row"):
+        bind("sum(w" + " + w" * 60 + ")", WIDE)
+
+
+@pytest.mark.parametrize(
+    ("text", "kept_s"),
+    [("w", 0), ("mean(x, 60s)", 60), ("std(w, 10s)", 10_000), ("mean(x, 60s) + max(w, 2s)", 2060), ("prev(x)", 0)],
+)
+def test_what_windows_remember_is_counted_and_has_an_end(text, kept_s):
+    assert bind(text, WIDE).kept_s == kept_s
+    with pytest.raises(ExpressionError, match="its windows remember more than 10,000 s of values"):
+        bind(f"min(std(w, 9s)) + std(x, 2s) + mean(w, 1s) + ({text if kept_s else 'mean(x, 1s)'})", WIDE)

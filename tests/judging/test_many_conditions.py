@@ -3,7 +3,7 @@
 import pytest
 
 from silo.core.conditions import Conditions, Derived, SignalLimits, TriggerOptions
-from silo.core.elements import ElementInfo, ElementOptions, Entry
+from silo.core.elements import ElementInfo, ElementOptions, Entry, FileType
 from silo.core.names import Names
 from silo.errors import ElementError
 from silo.expressions import derived_signals
@@ -77,3 +77,9 @@ def test_what_stands_on_a_new_signal_comes_behind_it() -> None:
     catalogue = checks.table_catalogue(TABLE, "/log")
     made = checks.with_derived(Conditions(derived), Derived("/log/a", "d + e2"), catalogue)
     assert [one.name for one in made.derived] == ["/log/d", "/log/a", "/log/b", "/log/c"]
+
+
+def test_a_list_of_files_without_end_is_refused() -> None:
+    wanted = Conditions(triggers=(TriggerOptions("t", "e0 > 1", save=(FileType.SILO,) * 1000),))
+    with pytest.raises(ElementError, match="trigger 't' saves 1000 files of a capture, there are 3 kinds"):
+        checked_conditions(wanted, TABLE, "/log", 100)

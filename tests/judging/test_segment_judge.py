@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import silo
+from silo.conditions import rows
 from silo.conditions.captures.files import write_capture
 from silo.conditions.segment_judge import MOST_SPOOL_BYTES, SegmentJudge, try_trigger
 from silo.conditions.standing import TriggerWord
@@ -265,6 +266,25 @@ def test_a_capture_whose_rows_were_all_overwritten_says_so_and_verify_names_its_
     assert f"ticks 95 to 105 ({buffer.why}): " in written.text
     found = verify(tmp_path)
     assert [(one.kind, one.spans, buffer.why in one.told) for one in found.told] == [("missing", ((95, 105),), True)]
+
+
+def test_windows_for_which_there_is_no_memory_are_not_judged_and_said_and_all_others_are(robot):
+    for name in "abcd":
+        robot.logger.trigger(name, "any(mean(fast/x, 50s) > 1000)")
+        robot.logger.derive(f"of_{name}", "max(std(fast/x, 50s))")
+        robot.logger.limit(f"of_{name}", (None, None, 1e9, 1e9))
+    robot.logger.trigger("spike", "any(fast/x > 50)", pre="20ms", post="10ms")
+    robot.start()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rows, "MOST_REMEMBERED_BYTES", 3 * 4 * 50 * 1000 * 8)  # three of them: windows of 4 values
+        judge = SegmentJudge(robot.judge.reader, robot.logger.elements)
+    why = "its windows remember 1.6 MB, and with those before it that is more than"
+    said = [f"trigger 'd' is not judged: {why}", f"limits of 'of_d' are not judged: {why}"]
+    assert [text.startswith(one) for text, one in zip(judge.problems, said, strict=True)] == [True, True]
+    robot.ticks(100, [(50, 0)])
+    assert [name for name, _ in judge.step().fired] == ["spike"]
+    states = [one.state for one in judge.triggers()]
+    assert [one is TriggerWord.BLIND for one in states] == [False, False, False, True, False]
 
 
 def test_a_trigger_of_an_element_that_is_off_is_unobservable(robot):
