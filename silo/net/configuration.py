@@ -30,7 +30,8 @@ PORT = 7447  # on which a robot, or a router, listens for others, unless it is t
 
 LINK: dict[str, Any] = {
     "transport": {
-        "unicast": {"open_timeout": 1000, "accept_timeout": 1000},
+        # of all ways in together: who comes by the Unix socket must not wait for those of the network
+        "unicast": {"open_timeout": 1000, "accept_timeout": 1000, "accept_pending": 4000},
         "link": {
             "tx": {
                 "lease": 2000,

@@ -21,7 +21,8 @@ import zenoh
 
 from silo.net.lingering import Mark, descriptors, inode_of_socket
 
-MOST = 128  # at once; an eighth of all descriptors where that is less
+MOST = 1000  # at once; an eighth of all descriptors where that is less
+MOST_SILENT = 128  # of these that said nothing so far: each costs Zenoh's door 0.1 s when it ends
 BACKLOG = 16  # that the kernel has ready: it is taken nevertheless
 SILENT_S = 2.0  # who said nothing until then while too many wait is ended
 _BYTES_RECEIVED = 128  # where it stands in what the kernel tells of a connection (tcp_info)
@@ -42,6 +43,7 @@ class _Knocking(msgspec.Struct):
     port: int  # which it came to
     address: Address
     since_s: float
+    spoke: bool = False
     ended: bool = False
 
 
@@ -74,12 +76,11 @@ class Door:
         ports = self._listening.values()
         self._waiting = {mark: one for mark, one in self._waiting.items() if mark in there and one.port in ports}
         most = min(MOST, resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 8)
-        if len(self._waiting) > most:
+        if len(self._waiting) > min(most, MOST_SILENT):
             let_in = {_address(link.dst) for link in self._session.info.links()}
             self._waiting = {mark: one for mark, one in self._waiting.items() if one.address not in let_in}
-        self._shut(len(self._waiting) > most)
-        if self.is_shut:
-            self._end_silent()
+            self._listen_to_them()
+        self._shut(len(self._waiting) > most or sum(not one.spoke for one in self._waiting.values()) > MOST_SILENT)
 
     def _note(self, mark: Mark, link: socket.socket | None) -> None:
         if link is None or link.family not in (socket.AF_INET, socket.AF_INET6) or link.type != socket.SOCK_STREAM:
@@ -104,14 +105,16 @@ class Door:
                 if link is not None:
                     _take_no_more(link, shut)
 
-    def _end_silent(self) -> None:
+    def _listen_to_them(self) -> None:
+        """Find out who said something, and end those who had time for it."""
         before_s = time.monotonic() - SILENT_S
         for mark, one in self._waiting.items():
-            if one.ended or one.since_s > before_s:
+            if one.spoke or one.ended:
                 continue
             with self._held(mark) as link, contextlib.suppress(OSError, struct.error):
-                one.ended = link is None or _is_silent(link)
-                if link is not None and one.ended:
+                one.spoke = link is not None and not _is_silent(link)
+                if link is not None and not one.spoke and one.since_s <= before_s:
+                    one.ended = True
                     link.shutdown(socket.SHUT_RDWR)  # Zenoh sees its end, and closes it
 
     @contextlib.contextmanager

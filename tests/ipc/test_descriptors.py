@@ -11,6 +11,7 @@ import pytest
 
 from silo.core.elements import State
 from silo.net import knocking
+from silo.net.configuration import LINK
 from silo.net.knocking import Door
 from silo.net.lingering import descriptors
 from silo.rpc.published import EventKind
@@ -61,11 +62,12 @@ class Listener:
         self._socket = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
         self.door.look()
 
-    def come(self, count: int) -> ExitStack:
+    def come(self, count: int, says: bytes = b"") -> ExitStack:
         """Have so many connect; until the stack is closed."""
         with ExitStack() as ends:
             for _ in range(count):
                 came = ends.enter_context(socket.create_connection(self._socket.getsockname(), timeout=5))
+                came.sendall(says)
                 taken = ends.enter_context(self._socket.accept()[0])
                 taken.settimeout(5)
                 self._taken = taken, came
@@ -92,7 +94,7 @@ def listener() -> Iterator[Listener]:
 
 
 def test_while_too_many_wait_to_be_let_in_no_more_are_taken(listener) -> None:
-    with listener.come(knocking.MOST):
+    with listener.come(knocking.MOST_SILENT):
         listener.door.look()
         assert listener.is_open()
         with listener.come(1):
@@ -104,7 +106,7 @@ def test_while_too_many_wait_to_be_let_in_no_more_are_taken(listener) -> None:
 
 
 def test_those_who_were_let_in_are_as_many_as_like_and_go_on_at_a_shut_door(listener) -> None:
-    with listener.come(knocking.MOST + 1):
+    with listener.come(knocking.MOST_SILENT + 1):
         theirs, ours = listener.newest()
         listener.let_in = [SimpleNamespace(dst=f"tls/[::ffff:127.0.0.1]:{ours.getsockname()[1]}")]
         listener.door.look()
@@ -122,7 +124,7 @@ def test_who_says_nothing_is_ended_while_others_wait(listener, monkeypatch) -> N
         theirs, ours = listener.newest()
         ours.sendall(b"hello")
         assert theirs.recv(10) == b"hello"
-        with listener.come(knocking.MOST):
+        with listener.come(knocking.MOST_SILENT + 1):
             listener.door.look()
             assert listener.door.is_shut
             silent, _ = listener.newest()
@@ -133,7 +135,7 @@ def test_who_says_nothing_is_ended_while_others_wait(listener, monkeypatch) -> N
 
 def test_a_door_is_shut_without_a_descriptor_that_is_free(listener) -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    with listener.come(knocking.MOST + 1), ExitStack() as filled:
+    with listener.come(knocking.MOST_SILENT + 1), ExitStack() as filled:
         resource.setrlimit(resource.RLIMIT_NOFILE, (max(descriptors()) + 64, hard))
         filled.callback(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
         with pytest.raises(OSError, match="Too many open files"):
@@ -141,3 +143,13 @@ def test_a_door_is_shut_without_a_descriptor_that_is_free(listener) -> None:
                 filled.callback(os.close, os.dup(0))
         listener.door.look()
         assert listener.door.is_shut
+
+
+def test_many_who_began_to_speak_do_not_shut_it(listener) -> None:
+    with listener.come(knocking.MOST_SILENT + 1, says=b"hello"):
+        listener.door.look()
+        assert listener.is_open()
+
+
+def test_who_comes_by_the_unix_socket_finds_room_while_as_many_as_may_wait_at_the_door() -> None:
+    assert LINK["transport"]["unicast"]["accept_pending"] >= 2 * knocking.MOST

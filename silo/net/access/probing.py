@@ -154,7 +154,8 @@ def explain(config: str, reached: Reached, error: Exception) -> LayerError:
         text = f"user '{user}' or its password is refused; both stand in {config}"
     plain = reached.endpoint.kind == "tcp"  # to which what speaks TLS says nothing either
     tls = f"it wants TLS, as {where.replace('tcp/', 'tls/', 1)}, or " if plain else ""
-    return LayerError(Layer.PASSWORD, f"{where}: {text} (or {tls}what listens there isn't silo)")
+    others = "too many wait there to be let in, or what listens there isn't silo"
+    return LayerError(Layer.PASSWORD, f"{where}: {text} (or {tls}{others})")
 
 
 def tls_problem(config: str, endpoint: Endpoint, rtt_s: float = 0.0) -> LayerError | None:
