@@ -40,12 +40,12 @@ from silo.core.tuning.parameters import (
     value_text,
 )
 from silo.decoding import json_decoder
-from silo.errors import ElementError
 
 SLOTS = 1024  # the newest that are kept for readers; a power of two
 SLOT = struct.Struct("@qqqqqqqqq48xq")  # see above, with sizes of head and words, and the checksum of both
 SLOT_WORDS = SLOT.size // WORD_BYTES
 LINE_WORDS = 8
+MOST_LETTERS = 300  # of each text
 TEXT_BYTES = 1 << 20
 AREA_BYTES = WORD_BYTES * LINE_WORDS + SLOTS * SLOT.size + TEXT_BYTES
 MOST_WORDS = 1 << 14  # of all parameters of a logger: the largest change takes a third of the texts
@@ -140,11 +140,10 @@ class ChangeRecord:
     ) -> OpenChange:
         """Note a change of the parameters at these places, that waits to land."""
         number = next(self._numbers)
-        facts = (who, where, name, places)
+        # whatever came in: the loop itself notes how an excitation ends, and no text pushes the other changes out
+        facts = (who[:MOST_LETTERS], where[:MOST_LETTERS], name[:MOST_LETTERS], places)
         head = msgspec.json.encode(facts if excitation is None else (*facts, excitation))
         size = len(head) + 2 * len(new)
-        if size > TEXT_BYTES:  # before anything moves
-            raise ElementError(f"a change of {size} bytes can't be recorded, {TEXT_BYTES} can; nothing was changed")
         if self._place % TEXT_BYTES + size > TEXT_BYTES:
             self._place += -self._place % TEXT_BYTES
         place, self._place = self._place, self._place + size

@@ -10,7 +10,7 @@ from silo.analysis.parameters import LoggedParameters
 from silo.analysis.ramps import TunedSamples
 from silo.core.elements import LoggedEvent
 from silo.core.recording import MOST_EVENTS, with_events
-from silo.core.tuning.parameters import ParameterChange, ParameterInfo, ParameterKind
+from silo.core.tuning.parameters import Excitation, ParameterChange, ParameterInfo, ParameterKind, Wave
 from silo.errors import ElementError
 from silo.parameters.landing import between
 from silo.parameters.parameters import MOST_ENDS, MOST_REVERTS, MOST_WAITING
@@ -625,17 +625,21 @@ def test_on_the_way_numbers_lie_between_old_and_new_and_all_else_is_as_it_was_un
     assert between(infos, old, new, 1.0).tolist() == new.tolist()
 
 
-def test_what_is_too_large_to_be_recorded_is_refused_each_time_and_moves_nothing(tmp_path):
+def test_a_text_without_end_ends_neither_the_loop_nor_the_history(tmp_path):
     with silo.Logger("bot", frequency=100, folder=tmp_path) as log:
         kp = log.parameter("kp", 1.0)
         log.array("x", ())
         log.start()
         log.parameters.request({"kp": 2.0}, "alice", "network", "one", remote=False)
         log.collect()
-        for _ in range(2):
-            with pytest.raises(silo.ElementError, match="bytes can't be recorded"):
-                log.parameters.request({"kp": 3.0}, "alice", "network", "x" * 2**21, remote=False)
+        log.parameters.excite(
+            Excitation("kp", Wave.STEP, 1.0, 1.0), "alice", "network", "two", remote=False, frequency_hz=100
+        )
         log.collect()
-        assert kp.value == 2.0
-        assert [change.change.values[0][2] for change in log._present.run.reader.changes(0)] == [2.0]
+        log.parameters.excitations.stop("two", "y" * 2**21)
+        log.collect()
+        log.parameters.request({"kp": 3.0}, "x" * 2**21, "network", "x" * 2**21, remote=False)
+        log.collect()
+        assert kp.value == 3.0
+        assert [change.change.values[0][2] for change in log._present.run.reader.changes(0)] == [2.0, 2.0, 2.0, 3.0]
         log.close(discard=True)
