@@ -30,7 +30,7 @@ MOST_WIDTH = 1000  # scalars in a vector
 MOST_WINDOW_S = 60.0
 # of one expression, with all the derived signals that it stands on, each as often as it is named
 MOST_OPERATIONS = 1000
-MOST_DEPTH = 50  # derived signals that stand on one another
+MOST_DEPTH = 20  # derived signals that stand on one another
 MOST_VALUES = 100_000  # that are computed for a row
 MOST_KEPT_S = 10_000.0  # seconds of values in windows, over their dividers: 80 MB at 1 kHz
 
@@ -226,6 +226,9 @@ def bind(expression: Expression | str, catalogue: Catalogue) -> BoundExpression:
         found = _Binder(expression, catalogue, effort).bind(expression.root, parts=True)
     except _TooMuchError as error:
         raise expression.error(f"{error}: derive less from one another, or of fewer values", expression.root) from None
+    except RecursionError:
+        text = "with the derived signals in it this is nested too deeply"
+        raise expression.error(text, expression.root) from None
     columns = tuple(dict.fromkeys(columns_of(found.part)))
     dividers = {column.source: catalogue.elements[column.element].divider for column in columns}
     dividers.pop(OFF, None)

@@ -323,8 +323,13 @@ def test_signals_that_are_derived_from_one_another_over_and_over_are_refused_at_
     assert bind("d3", CHAIN).width == 0
     with pytest.raises(ExpressionError, match="this takes more than 1,000 operations: derive less"):
         bind("d9", CHAIN)
-    with pytest.raises(ExpressionError, match="more than 50 derived signals stand on one another in this: derive less"):
+    with pytest.raises(ExpressionError, match="more than 20 derived signals stand on one another in this: derive less"):
         bind("d199", CHAIN)
+    nested = [Derived("/log/n0", "roll")] + [
+        Derived(f"/log/n{at + 1}", "(" * 20 + f"n{at} + 1" + ") * 1" * 20) for at in range(18)
+    ]
+    with pytest.raises(ExpressionError, match="nested too deeply"):
+        bind("n18", Catalogue(CATALOGUE.elements, derived=nested))
 
 
 def test_more_values_for_a_row_than_anybody_computes_are_refused():
