@@ -2,6 +2,8 @@
 
 import errno
 
+from silo.printing import printable_lines
+
 
 def reason(error: BaseException) -> str:
     """Why something failed: in the system's words where it has some (`No space left on device`), else in its own."""
@@ -18,8 +20,15 @@ def lacks_descriptors(error: BaseException | None) -> bool:
     return False
 
 
+def _told(error: BaseException) -> str:
+    """Return the words of an error of silo: those of a file or a robot in it can't move a terminal's cursor."""
+    return printable_lines(BaseException.__str__(error))  # not as KeyError, which has them in quotes
+
+
 class SiloError(Exception):
     """Base of all errors of silo."""
+
+    __str__ = _told
 
 
 class ElementError(SiloError, ValueError):
@@ -41,9 +50,6 @@ class ExpressionError(ElementError):
 
 class UnknownSignalError(ElementError, KeyError):
     """The log has no signal of that name."""
-
-    def __str__(self) -> str:
-        return str(self.args[0])
 
 
 class ArgumentError(SiloError, TypeError):
@@ -129,3 +135,5 @@ class RefusedError(SiloError):
 
 class LogWarning(UserWarning):
     """A log is damaged, cut off, or not complete; the text says what is missing."""
+
+    __str__ = _told

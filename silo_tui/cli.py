@@ -14,6 +14,7 @@ import click
 from click.core import ParameterSource
 
 from silo.errors import reason
+from silo.printing import print_printable
 from silo_tui.settings.themes import THEMES
 
 if TYPE_CHECKING:
@@ -233,4 +234,5 @@ def _run(
 
 def main() -> None:
     """Entry point of `silo-tui`."""
+    print_printable()
     command()

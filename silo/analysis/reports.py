@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from silo.analysis.compute.calculus import Floats
 from silo.analysis.plots.events import LogEvent, event_lines, events_of
 from silo.core.arrays.values import from_base, text_of
-from silo.core.quantities.writing import printable, size_text
+from silo.core.quantities.writing import size_text
 from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, alike, lasted_s, rate_of, stamps_of
+from silo.printing import printable, printable_lines
 
 if TYPE_CHECKING:
     from silo.analysis.compute.samples import Samples
@@ -146,7 +147,7 @@ def statistics(signal: "Samples") -> SignalStats:
         common = tuple(f"'{one}' {count}x" for one, count in texts.most_common(3))
     elif names:
         told = Counter(number for number in signal.values.tolist() if number is not None)
-        common = tuple(f"{names.get(number, number)} {count}x" for number, count in told.most_common(3))
+        common = tuple(f"{printable(str(names.get(number, number)))} {count}x" for number, count in told.most_common(3))
     numbers = numbers_of(values)
     plain = SignalStats(signal.name, signal.unit, len(values), 0, None, None, None, None, None, common)
     if text or not len(numbers):
@@ -210,7 +211,7 @@ def format_report(facts: LogReport, width: int) -> str:
     lines += table(head, rows, width, "lllrrrlrr")
     lines += event_lines(facts.events)
     lines += [f"warning: {text}" for text in facts.warnings]
-    return "\n".join(printable(line) for text in lines for line in text.split("\n"))
+    return printable_lines("\n".join(lines))
 
 
 def format_statistics(rows: Sequence[SignalStats], width: int) -> str:

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 from click.types import StringParamType
 
-from silo.core.quantities.writing import duration_text, infinite_as_text, printable
+from silo.core.quantities.writing import duration_text, infinite_as_text
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
+from silo.printing import drawing, printable
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -430,9 +431,13 @@ def types_option(command: _Command) -> _Command:
 
 def show_json(value: object) -> None:
     """Print a value as one line of JSON; an infinite number, which JSON has not, is "inf" or "-inf"."""
+    from json import dumps
+
     import msgspec
 
-    click.echo(msgspec.json.encode(infinite_as_text(msgspec.to_builtins(value))).decode())
+    text = msgspec.json.encode(infinite_as_text(msgspec.to_builtins(value))).decode()
+    # JSON allows control characters beyond ASCII, a terminal doesn't; they stand in strings alone
+    click.echo(text if text.isprintable() else "".join(one if one.isprintable() else dumps(one)[1:-1] for one in text))
 
 
 def show(value: object, as_json: bool, text: Callable[[], str]) -> None:
@@ -446,10 +451,10 @@ def show(value: object, as_json: bool, text: Callable[[], str]) -> None:
 @contextmanager
 def progress(label: str) -> Iterator[Callable[..., None]]:
     """Give what shows how much is done, as a share or of a total: a bar on a terminal, nothing elsewhere."""
-    if not sys.stderr.isatty():
+    if sys.stderr is None or not sys.stderr.isatty():
         yield lambda done, total=1.0: None
         return
-    with click.progressbar(length=1000, label=label, file=sys.stderr) as bar:
+    with click.progressbar(length=1000, label=printable(label), file=drawing(sys.stderr)) as bar:
 
         def show(done: float, total: float = 1.0) -> None:
             step = int(1000 * done / max(total, 1e-9)) - bar.pos

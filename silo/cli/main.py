@@ -7,6 +7,7 @@ import warnings
 
 from silo.cli.codes import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_PIPE, EXIT_USAGE
 from silo.errors import reason
+from silo.printing import print_printable
 from silo.version import VERSION
 
 
@@ -16,9 +17,7 @@ def main() -> None:
         sys.exit(_say_version())
     # one thread is enough for what commands compute, and NumPy loads 70 ms faster
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    for stream in (sys.stdout, sys.stderr):
-        if reconfigure := getattr(stream, "reconfigure", None):  # None where the shell closed it
-            reconfigure(errors="backslashreplace")  # names of files need be no UTF-8, terminals know few letters
+    print_printable()
     warnings.formatwarning = lambda message, *_: f"silo: {message}\n"  # who types a command looks for no line of code
     code = run(sys.argv[1:])
     gc.freeze()  # Python looks for garbage among all that was loaded as it ends: a sixth of what `silo ls` takes

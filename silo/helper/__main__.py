@@ -9,6 +9,7 @@ import threading
 
 from silo.helper.helper import Helper, ServingOptions, open_link
 from silo.net.knocking import raise_descriptors
+from silo.printing import print_printable
 from silo.recordings.heap import limit_heap
 
 
@@ -26,6 +27,7 @@ def main() -> int:
     parser.add_argument("--group-role", default="operator", help="viewer, or operator")
     parser.add_argument("--control", default="any", help="one: changes need control")
     arguments = parser.parse_args()
+    print_printable()
     logging.basicConfig(level=logging.WARNING, format="silo: %(message)s", stream=sys.stderr)
     limit_heap()
     raise_descriptors()

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from silo.core.child import end_with_parent
 from silo.core.elements import RecorderState
+from silo.printing import print_printable
 from silo.recorder.orders import MAX_PACKET_BYTES, decode_order
 from silo.recorder.recorder import Recorder
 from silo.recovery.parts import close_parts
@@ -21,6 +22,7 @@ NICER = 5
 def main() -> int:
     """Record, or close what recorders left in a folder."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    print_printable()
     logging.basicConfig(format="silo recorder: %(message)s", level=logging.WARNING)
     if sys.argv[1] == "--close":
         os.nice(NICER)

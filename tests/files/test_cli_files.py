@@ -1,7 +1,11 @@
 """The commands on saved logs, as somebody types them."""
 
+import contextlib
 import itertools
 import json
+import os
+import pty
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -74,6 +78,39 @@ def test_what_a_file_says_moves_no_cursor(tmp_path, command):
     result = CliRunner().invoke(cli, [command, str(tmp_path / "run.silo")], color=True)
     assert (result.exit_code, "red" in result.stdout) == (0, True)
     assert all(line.isprintable() for line in result.stdout.splitlines()), result.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "line",
+    ["stats evil.silo", "stats evil.silo nope", "plot evil.silo *", "diff evil.silo run.silo", "info evil.silo --json"],
+)
+def test_what_a_file_says_comes_to_a_terminal_without_a_control_character(folder, line):
+    evil = "\x1b[31mE\x9b5m\u202eR\x07"
+    table = [element(f"/log/x{evil}", np.arange(TICKS, dtype="i1") % 2, evil, labels={0: evil, 1: "two\nlines"})]
+    hostile = replace(recording(), logger=f"robot{evil}", elements=table, warnings=(evil,))
+    write_silo(hostile, folder / "evil.silo")
+    ours, theirs = pty.openpty()
+    program = [sys.executable, "-c", "from silo.cli.main import main; main()", *line.split()]
+    started = subprocess.Popen(program, stdin=theirs, stdout=theirs, stderr=theirs)
+    os.close(theirs)
+    said = b""
+    with contextlib.suppress(OSError):  # the other end of it is closed
+        while part := os.read(ours, 65536):
+            said += part
+    os.close(ours)
+    assert started.wait() in (0, 1, 4)
+    text = said.decode().replace("\r\n", "\n")
+    assert "R\\x07" in text or "R\\u0007" in text
+    assert "\x1b[31m" not in text
+    text = re.sub("\x1b\\[[0-9;]+m", "", text)  # colours of curves
+    assert all(line.isprintable() for line in text.split("\n")), ascii(text)
+
+
+def test_a_label_of_two_lines_is_a_line(folder):
+    element_of = element("/log/q", np.zeros(TICKS, "i1"), labels={0: "two\nlines"})
+    write_silo(recording(element_of), folder / "two.silo")
+    assert r"/log/q: two\x0alines 100x" in run(stats_command, "two.silo", "q").stdout
 
 
 def test_damaged_values_are_told_by_info_and_by_whom_asks_for_it(damaged, capsys, recwarn):

@@ -16,6 +16,7 @@ from silo.analysis.compute.spectra import lines_of, longest_piece
 from silo.analysis.plots.charts import ChartSpec, make_chart
 from silo.analysis.plots.curves import pick
 from silo.analysis.plots.drawing import Chart, Curve, draw_png, draw_text, nice_ticks, thin_out, tick_texts
+from silo.analysis.plots.limit_lines import DrawnBound
 from silo.analysis.plots.showing import _has_screen
 from silo.core.recording import Recording
 from silo.errors import ElementError, LogWarning, SiloError
@@ -118,6 +119,16 @@ class TestText:
         )
         assert len(text.split("\n")) == 14
         assert "\x1b[31m" not in text
+
+    def test_words_of_a_file_are_none_of_the_escape_sequences_that_it_is_drawn_with(self):
+        evil = "\x1b[31m\x9b5m\u202e\x07"
+        curve = Curve(evil, np.arange(3.0), np.array([0.0, 1, 0]))
+        levels = [DrawnBound(0.5, evil, red=False)]
+        chart = Chart([curve], evil, evil, evil, evil, events=[(1.0, evil)], levels=levels)
+        text = draw_text(chart, 100, 24, color=True)
+        assert "\x1b[31m" not in text
+        assert all(line.isprintable() for line in ESCAPE.sub("", text).split("\n"))
+        assert text.count(r"\x1b[31m\x9b5m\u202e\x07") >= 4
 
     @pytest.mark.parametrize("size", [1e-300, 1e-310, 5e-324])
     def test_the_smallest_numbers_are_a_wave_with_their_size_at_the_axis(self, size):

@@ -16,10 +16,10 @@ from silo.analysis.lookup import names_of
 from silo.core.arrays.values import as_floats
 from silo.core.arrays.values import text_of as value_text
 from silo.core.names import Names, is_glob
-from silo.core.quantities.writing import printable
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, read_ahead, stamps_of
 from silo.errors import ElementError
 from silo.expressions.over_recordings import RecordingJudge, is_expression, labels_of, narrowed
+from silo.printing import printable
 
 _MOST_NAMES = 50
 

@@ -7,7 +7,7 @@ they cost 70 and 400 ms.
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from silo.analysis.plots.limit_lines import DrawnBound
 from silo.core.arrays.columns import bins_at, reduce
 from silo.files.optional_packages import need, whole_file
+from silo.printing import printable
 
 Floats = NDArray[np.float64]
 
@@ -75,6 +76,7 @@ def draw_text(chart: Chart, width: int = 80, height: int = 24, *, color: bool = 
     Without `color` there are no escape sequences, and several curves differ by their marks. A size below
     `MIN_WIDTH` x `MIN_HEIGHT` is taken as that.
     """
+    chart = _printable(chart)
     width, height = max(width, MIN_WIDTH), max(height, MIN_HEIGHT)
     marks = [
         _FINE if color or len(chart.curves) == 1 else _SHAPES[at % len(_SHAPES)] for at in range(len(chart.curves))
@@ -85,6 +87,20 @@ def draw_text(chart: Chart, width: int = 80, height: int = 24, *, color: bool = 
     if len(legend) > room:
         legend = [*legend[: room - 1], f"   ... and {len(legend) - room + 1} more"]
     return "\n".join([_draw(chart, marks, width, height - len(legend), color), *legend])
+
+
+def _printable(chart: Chart) -> Chart:
+    """Return a chart of whose words none can be taken for one of the escape sequences that it is drawn with."""
+    return replace(
+        chart,
+        curves=[replace(curve, label=printable(curve.label)) for curve in chart.curves],
+        title=printable(chart.title),
+        x_label=printable(chart.x_label),
+        left_label=printable(chart.left_label),
+        right_label=printable(chart.right_label),
+        events=[(at, printable(words)) for at, words in chart.events],
+        levels=[replace(level, words=printable(level.words)) for level in chart.levels],
+    )
 
 
 def draw_png(

@@ -8,6 +8,7 @@ import sys
 
 from silo.bridges.foxglove.server import Terms, run
 from silo.client.client import Client
+from silo.printing import print_printable
 
 
 def main() -> None:
@@ -16,6 +17,7 @@ def main() -> None:
     parser.add_argument("--fd", type=int, required=True, help="a socket that is bound")
     parser.add_argument("--logger", required=True, help="its name and process id")
     arguments = parser.parse_args()
+    print_printable()
     logging.basicConfig(level=logging.WARNING, format="silo: %(message)s", stream=sys.stderr)
     log = logging.getLogger("silo.foxglove")
     terms = Terms(arguments.logger.rpartition(".")[0])

@@ -14,9 +14,10 @@ from silo.cli.common import LogWord, complete_logger, connect, find_saved, json_
 from silo.cli.verbs import Target, Words, by_count, verb
 from silo.core.elements import LoggedEvent
 from silo.core.episodes.words import BEGIN, END, VERDICTS
-from silo.core.quantities.writing import printable, wall_clock
+from silo.core.quantities.writing import wall_clock
 from silo.decoding import json_decoder
 from silo.errors import LogNotFoundError
+from silo.printing import printable
 
 if TYPE_CHECKING:
     from silo.client.client import Client

@@ -16,6 +16,7 @@ from silo.cli.common import ask_first
 from silo.cli.verbs import verb
 from silo.core.tuning.excitation import ends_of, excitation_of, number_at
 from silo.core.tuning.parameters import Wave, value_text
+from silo.printing import drawing
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -71,7 +72,7 @@ def excite(
             if not keyboard:
                 time.sleep(seconds)
                 return False
-            click.echo(f"\r{state.at_s:6.1f} of {what.duration_s:g} s ", nl=False)
+            click.echo(f"\r{state.at_s:6.1f} of {what.duration_s:g} s ", nl=False, file=drawing(sys.stdout))
             return _key_within(seconds)
 
         ended = client.parameters.excite(

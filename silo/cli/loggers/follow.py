@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from silo.cli.common import aligned, configuration, show_json
-from silo.core.quantities.writing import duration_text, many, printable, size_text, wall_clock
+from silo.core.quantities.writing import duration_text, many, size_text, wall_clock
+from silo.printing import drawing, printable
 
 if TYPE_CHECKING:
     from silo.fleet.fleet import Fleet, FleetNow
@@ -65,6 +66,7 @@ def addresses(found: "FleetNow") -> "dict[str, str]":
 def _show_in_place(fleet: "Fleet", pattern: str) -> None:
     """Paint the lines anew each second, and what is new at once."""
     height, painted_s, number = 0, 0.0, -1
+    drawn = drawing(sys.stdout)
     fleet.wait_ready(2.0)
     while True:
         found = fleet.wait(number, PERIOD_S)
@@ -74,8 +76,8 @@ def _show_in_place(fleet: "Fleet", pattern: str) -> None:
         width, room = shutil.get_terminal_size()
         lines = screen_lines(found, meant(found, pattern), room - 1, painted_s, time.time_ns())
         up = UP.format(height) if height else ""
-        sys.stdout.write(up + "".join(f"{printable(line[: width - 1])}{CLEAR_LINE}\n" for line in lines) + CLEAR_BELOW)
-        sys.stdout.flush()
+        drawn.write(up + "".join(f"{printable(line)[: width - 1]}{CLEAR_LINE}\n" for line in lines) + CLEAR_BELOW)
+        drawn.flush()
         height = len(lines)
 
 

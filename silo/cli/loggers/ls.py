@@ -16,9 +16,10 @@ from silo.cli.common import (
     show_rows,
     tell_unreachable,
 )
-from silo.core.quantities.writing import and_more, duration_text, many, printable, size_text
+from silo.core.quantities.writing import and_more, duration_text, many, size_text
 from silo.errors import ConnectionLostError
 from silo.net.configuration import LOCAL
+from silo.printing import printable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -82,7 +83,7 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
     _tell_gone(seen, lost)
     for one in answers:
         if one.problem:
-            click.echo("\n".join(map(printable, f"{one.found.label}: {one.problem}".splitlines())), err=True)
+            click.echo(f"{one.found.label}: {one.problem}", err=True)
     for line in _reasons(answers):
         click.echo(printable(line), err=True)
     for folder in seen.near.forbidden:

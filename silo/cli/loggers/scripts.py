@@ -1,5 +1,6 @@
 """`silo script`: the YAML files that say how each element is logged. They lie on the robot's side."""
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -83,7 +84,9 @@ def show(client: "Client", path: str) -> None:
       silo script show demo > mine.yaml
       silo script show demo walk.yaml
     """
-    click.echo(client.read_script(path).text, nl=False)  # as it is there, to the last byte
+    text = client.read_script(path).text
+    terminal = sys.stdout is not None and sys.stdout.isatty()  # None where the shell closed it
+    click.echo(text if terminal else text.encode(), nl=False)  # into a file as it is there, to the last byte
 
 
 @script.command(short_help="Check a script of this computer.")

@@ -20,8 +20,9 @@ from silo.cli.common import (
 )
 from silo.cli.edits import of_entries, select
 from silo.core.elements import State
-from silo.core.quantities.writing import and_more, many, printable, wall_clock
+from silo.core.quantities.writing import and_more, many, wall_clock
 from silo.errors import ConnectionLostError, ElementError, RefusedError
+from silo.printing import printable
 from silo.rpc.published import NOT_LIVE_TEXTS
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ class WatchedElement:
     @staticmethod
     def _word(word: str, entry: "Entry") -> str:
         if entry.labels and word.lstrip("-").isdecimal():
-            return entry.labels.get(int(word), word)
+            word = entry.labels.get(int(word), word)
         return printable(word)
 
 

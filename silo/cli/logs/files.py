@@ -21,10 +21,12 @@ from silo.cli.common import LogWord, TypedPath, find_saved, progress, show, show
 from silo.core.quantities.writing import many
 from silo.errors import ElementError, SiloError
 from silo.files.formats import readable, writable
+from silo.printing import drawing
 
 if TYPE_CHECKING:
     # NumPy takes 150 ms, which commands without a log don't have to wait
     from silo.analysis.compute.samples import Samples
+    from silo.analysis.plots.drawing import Chart
     from silo.core.recording import Recording
 
 
@@ -405,7 +407,7 @@ def plot_command(
       silo plot run.silo imu/accel --spectrum --png accel.png
     """
     from silo.analysis.plots.charts import ChartSpec, make_chart
-    from silo.analysis.plots.drawing import draw_png, draw_text
+    from silo.analysis.plots.drawing import draw_png
 
     if derivative and spectrum:
         raise click.UsageError("choose one of --derivative and --spectrum")
@@ -422,7 +424,7 @@ def plot_command(
     else:
         size = shutil.get_terminal_size((80, 24))
         # room for the prompt
-        click.echo(draw_text(chart, width or size.columns, height or size.lines - 2, color=_wants_color()))
+        print_chart(chart, width or size.columns, height or size.lines - 2)
     if left_out:
         click.echo(f"{left_out} more signals match; the first {_MOST_CURVES} are drawn", err=True)
     _warn(path, recording)
@@ -479,6 +481,10 @@ def _columns() -> int:
     return shutil.get_terminal_size((100, 24)).columns
 
 
-def _wants_color() -> bool:
+def print_chart(chart: "Chart", width: int, height: int) -> None:
+    """Print a chart, on a terminal that knows them in colours."""
+    from silo.analysis.plots.drawing import draw_text
+
     terminal = sys.stdout is not None and sys.stdout.isatty()  # None where the shell closed it
-    return terminal and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    color = terminal and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    click.echo(draw_text(chart, width, height, color=color), file=drawing(sys.stdout))

@@ -14,8 +14,8 @@ from silo.cli.logs.files import (
     _complete_file,
     _complete_signal,
     _read,
-    _wants_color,
     _warn,
+    print_chart,
     size_options,
     whole_option,
     window_options,
@@ -126,7 +126,7 @@ def _show(
     height: int | None,
     as_json: bool,
 ) -> None:
-    from silo.analysis.plots.drawing import draw_png, draw_text
+    from silo.analysis.plots.drawing import draw_png
 
     if as_json:
         facts = {**found._asdict(), **({"excitation": of} if of else {})}.items()
@@ -138,6 +138,7 @@ def _show(
         draw_png(charts, png)
         words = [str(png), *words]
     else:
-        words = [*(draw_text(chart, width or size.columns, rows, color=_wants_color()) for chart in charts), *words]
+        for chart in charts:
+            print_chart(chart, width or size.columns, rows)
     for line in words:
         click.echo(line)

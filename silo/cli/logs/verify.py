@@ -7,7 +7,8 @@ import click
 
 from silo.cli.codes import EXIT_FOUND
 from silo.cli.common import TypedPath, json_option, show_json, show_rows
-from silo.core.quantities.writing import many, printable
+from silo.core.quantities.writing import many
+from silo.printing import printable
 
 if TYPE_CHECKING:
     from silo.verify.verdicts import RunCovered, Verified

@@ -1,4 +1,4 @@
-"""Sizes, times, counts and tables as they are told, one way everywhere; texts that can't harm a terminal."""
+"""Sizes, times, counts and tables as they are told, one way everywhere."""
 
 import math
 import time
@@ -97,13 +97,6 @@ def _row(cells: Sequence[object], tag: str) -> str:
     from html import escape
 
     return "<tr>" + "".join(f"<{tag}>{escape(str(cell))}</{tag}>" for cell in cells) + "</tr>"
-
-
-def printable(text: str) -> str:
-    """Return a text whose control characters are escapes, so that it can't move a terminal's cursor."""
-    if text.isprintable():
-        return text
-    return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)
 
 
 def infinite_as_text(value: Any) -> Any:

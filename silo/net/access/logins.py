@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable
 import zenoh
 
 from silo.net.configuration import from_file
+from silo.printing import PrintedStream
 
 _LEVELS = "off,zenoh_transport::unicast::establishment::accept=debug,zenoh_link_tcp=debug,zenoh_link_tls=debug"
 _REFUSED = re.compile(r"Recv OpenSyn\. Invalid (user|password)\.")
@@ -62,7 +63,7 @@ class Logins:
         for line in lines:
             if not self.read(line, time.monotonic()) or wanted:
                 with contextlib.suppress(OSError):
-                    forward(line)
+                    forward(_COLOURS.sub("", line))
 
 
 def watch_logins(refused: Refused) -> None:
@@ -74,7 +75,7 @@ def watch_logins(refused: Refused) -> None:
     reading, writing = os.pipe()
     os.dup2(writing, 1)
     os.close(writing)
-    sys.stdout = os.fdopen(kept, "w", buffering=1, encoding="utf-8", errors="replace")
+    sys.stdout = PrintedStream(os.fdopen(kept, "w", buffering=1, encoding="utf-8"))
     zenoh.init_log_from_env_or(_LEVELS)
     lines = os.fdopen(reading, encoding="utf-8", errors="replace")
     # it calls nothing of Zenoh, and may end within a line
