@@ -299,7 +299,10 @@ async def _ask_for_control(context: Context) -> Sequence[str]:
 
 async def open_view(context: Context, name: str) -> None:
     """Put a view on the screen; say what of it isn't there. RefusedError where there is none of that name."""
-    context.say(await view_shown(context, name))
+    before = views.capture(context)
+    told = await view_shown(context, name)
+    views.let_go_back(context, before)
+    context.say(told)
 
 
 async def view_left(context: Context, left: files.Left) -> str:

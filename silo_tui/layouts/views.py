@@ -89,24 +89,37 @@ def _show_rows(session: Session, layout: KeptLayout) -> None:
             rows.components[element.name] = places.index(word) + 1
 
 
-async def show(context: Context, layout: KeptLayout) -> str:
-    """Put a view on the screens; return what of it isn't on this logger, empty when all is."""
-    table = _table_of(context)
-    if table is None:
-        return "no logger is open"
-    session, rows = context.session, context.session.rows
-    missing = []
+def show_table(table: "TableScreen", layout: KeptLayout) -> list[str]:
+    """Show rows and columns as a view has them; return what of it isn't on this logger."""
+    rows, missing = table.session.rows, []
     if layout.sort in rows.orders:
         rows.sort, rows.turned = layout.sort, layout.turned and layout.sort != TREE
     else:
         missing.append(f"order {layout.sort}")
-    _show_rows(session, layout)
+    _show_rows(table.session, layout)
     rows.set_filter(layout.filter)
     missing += [f"column {title}" for title in table.table.choose_columns(layout.columns)]
     table.inspector_wanted = layout.inspector
     if not table.show_set(layout.set):
         missing.append(f"set of columns {layout.set}")
     table.order_changed()
+    return missing
+
+
+def let_go_back(context: Context, before: KeptLayout | None) -> None:
+    """Have Esc take a view back that was asked for: all that it changed in the table, and not its filter alone."""
+    table = _table_of(context)
+    if table is not None and before is not None:
+        table.view_is_on((before.filter, before.sort), lambda: show_table(table, before))
+
+
+async def show(context: Context, layout: KeptLayout) -> str:
+    """Put a view on the screens; return what of it isn't on this logger, empty when all is."""
+    table = _table_of(context)
+    if table is None:
+        return "no logger is open"
+    session = context.session
+    missing = show_table(table, layout)
     while context.app.screen is not table and len(context.app.screen_stack) > 1:
         await context.app.pop_screen()
     entries = {

@@ -1,7 +1,7 @@
 """The table of a logger: its elements with their live columns, and everything that edits them."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from textual.app import ComposeResult
@@ -60,12 +60,38 @@ class TableScreen(Editing):
         self._survey_s = 0.0
         self._no_survey = ""
         self._window = ""  # over how long the statistics are, as the head says it
+        self._view: tuple[tuple[str, str], Callable[[], object]] | None = None  # filter and order; what takes it back
         super().__init__(session, LIVE_COLUMNS, read_only=read_only)
 
     def lines(self) -> ComposeResult:
         """Yield the command line and the editor that lies over a cell."""
         yield Line(self.context.runner.complete, "load save set goto sort data start stop help quit", "command-line")
         yield CellEditor(self._take_cell)
+
+    @property
+    def _filter_and_order(self) -> tuple[str, str]:
+        return self.session.rows.filter.text, self.session.rows.sort
+
+    def view_is_on(self, before: tuple[str, str], back: Callable[[], object]) -> None:
+        """Have Esc take the view back that is shown; of several, one after another, what was before the first.
+
+        `before` are filter and order of then.
+        """
+        if self._view is not None and self._view[0] == before:
+            back = self._view[1]
+        self._view = self._filter_and_order, back
+
+    def command_back(self) -> None:
+        """Leave a view with its order and columns, where no other filter or order was chosen since."""
+        view, rows = self._view, self.session.rows
+        is_on = view is not None and view[0] == self._filter_and_order and rows.filter.text
+        if view is None or not is_on or self._inspector_opened or rows.anchor is not None:
+            super().command_back()
+            return
+        self._view = None
+        view[1]()
+        self.say("")
+        self.table_changed()
 
     def lay_out_table(self, width: int, rest: int) -> None:
         """Give values more room on a wide screen; a trend where names keep theirs."""

@@ -81,6 +81,27 @@ async def test_a_view_of_what_is_filtered_or_of_all_where_that_has_nothing_of_it
         await screen.shows("view hottest; of all: 'torque' lets nothing of it pass")
 
 
+async def test_esc_takes_all_of_a_view_back_and_what_was_chosen_since_by_itself(fake, opened):
+    async with opened(fake.run()) as screen:
+        rows, table = screen.session.rows, screen.app.screen.table
+        await screen.enter("/torque")
+        for letter in "nh":  # one after another
+            await screen.do("view")
+            await screen.press(letter)
+        await screen.until(lambda: rows.sort == "value")
+        await screen.shows("view hottest")
+        await screen.press("escape")
+        await screen.until(lambda: (rows.filter.text, rows.sort) == ("torque", "name"))
+        assert table.column_set == "settings"
+        await screen.do("view")
+        await screen.press("n")
+        await screen.shows("view noisiest")
+        await screen.enter(":sort div")
+        await screen.press("escape")
+        await screen.until(lambda: (rows.filter.text, rows.sort) == ("", "div"))
+        assert table.column_set == "statistics"
+
+
 async def test_the_tour_goes_on_as_its_steps_are_done(fake, opened):
     async with opened(fake.run()) as screen:
         await screen.press("question_mark")
