@@ -172,7 +172,10 @@ class SiloApp(Guarded, App[None]):
     def release(self) -> str:
         """End what was started: the demo's process and the connection; return how the logger that was open is left."""
         demo, session = self._opener.demo, self.context.logger_session
-        words = flows.left_words(session) if session is not None and not self.context.has_demo() else ""
+        ends = (
+            self.context.has_demo() and session is not None and not session.dead
+        )  # one that died says where its data is
+        words = flows.left_words(session) if session is not None and not ends else ""
         if demo is not None:
             demo.stop()
         if self.context.has_session:

@@ -153,6 +153,9 @@ async def test_who_leaves_is_told_in_the_terminal_how_the_robot_is_left(opened, 
         assert screen.app.release() == f"{name} is stopped"
         screen.app.context.has_demo = lambda: True  # which ends with the app, and says so itself
         assert screen.app.release() == ""
+        session.take_status(structs.replace(stopped, state=State.DEAD))
+        session.left_files = [SavedFile("/l/a.silo", FileType.SILO, 1)]
+        assert screen.app.release() == f"{name} is dead: /l/a.silo"
 
 
 async def test_work_that_is_overtaken_before_it_began_leaves_no_warning(fake, opened):
