@@ -255,7 +255,7 @@ class TableScreen(Editing):
         rows = [row for row in self.table.rows_on_screen() if table.server[Field.ENABLED, row]]
         plots: list[str] = []
         if self.table.shows_trends:
-            plots = [table.entry_names(row)[0] for row in rows if table.is_live(row) and table.elements[row].entries]
+            plots = [name for row in rows if table.is_live(row) and (name := table.drawn_name(row))]
         if self.inspector.display:
             plots += [name for name in self.inspector.plot_names() if name not in plots]
         row = self.session.rows.row

@@ -210,8 +210,8 @@ class Session:
 
     def trends(self, rows: Sequence[int], width: int) -> dict[int, str]:
         """Return the newest columns of the first entry of each row, drawn in so many cells."""
-        drawn = [row for row in rows if self.table.is_live(row) and self.table.entry_names(row)]
-        names = [self.table.entry_names(row)[0] for row in drawn]
+        drawn = [row for row in rows if self.table.is_live(row) and self.table.drawn_name(row)]
+        names = [self.table.drawn_name(row) for row in drawn]
         return {**dict.fromkeys(rows, " " * width), **dict(zip(drawn, trends(self.columns, names, width), strict=True))}
 
     @property

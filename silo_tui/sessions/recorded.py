@@ -114,8 +114,8 @@ class FileSession(Session):
         store, found = self.columns, dict.fromkeys(rows, " " * width)
         begins = np.linspace(0, store.count, 2 * width, endpoint=False).astype(np.intp)
         for row in rows:
-            names = self.table.entry_names(row)
-            place = store.row(names[0]) if names and not store.empty else None
+            name = self.table.drawn_name(row)
+            place = store.row(name) if name and not store.empty else None
             if place is not None:
                 together = coarser(store.low[place], store.high[place], store.marks[place], begins)
                 found[row] = trend(ColumnPiece(*together, store.base(place)), width)

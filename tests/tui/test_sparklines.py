@@ -7,7 +7,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from silo.core.arrays.columns import ColumnStore
+from silo.core.elements import Table
 from silo_tui.model.drawing.plots import HOLD, hold_piece, trend, trends
+from silo_tui.model.table.state import TableState
+from tests.stand_ins.fake_signals import scalar, vector
 
 WIDTH = 6
 VALUES = st.one_of(
@@ -43,3 +46,9 @@ def test_trends_have_their_width_whatever_is_stored(width):
     store = ColumnStore(["/a"], 20, 1)
     store.merge(["/a"], 0, np.ones((1, 20)), np.ones((1, 20)))
     assert [len(line) for line in trends(store, ["/a", "/not there"], width)] == [width, width]
+
+
+def test_words_have_no_trend():
+    table = TableState()
+    table.load(Table(0, [scalar("/log/x"), scalar("/log/words", dtype="|S8"), vector("/log/v", "m")]))
+    assert [table.drawn_name(row) for row in range(3)] == ["/log/x", "", "/log/v_x"]

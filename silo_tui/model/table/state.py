@@ -136,6 +136,12 @@ class TableState:
         element = self.elements[row]
         return [element.name + entry.suffix for entry in element.entries]
 
+    def drawn_name(self, row: int) -> str:
+        """Return the entry of an element that its trend is of; empty for words, of which there is no curve."""
+        element = self.elements[row]
+        numeric = bool(element.entries) and element.entries[0].dtype[1:2] not in "SU"
+        return element.name + element.entries[0].suffix if numeric else ""
+
     @property
     def live(self) -> Mask:
         """Shape `(n,)`: what can be watched: all that is enabled (pending edits don't count)."""

@@ -51,7 +51,7 @@ class FileTableScreen(ElementsScreen):
         file.read([table.names[each] for each in rows])
         source = file.source
         if self.table.shows_trends:
-            trends = [table.entry_names(each)[0] for each in rows if table.elements[each].entries]
+            trends = [name for each in rows if (name := table.drawn_name(each))]
             store = _empty_store(trends, 2 * TREND, source.begin_ns, source.end_ns)
             if not _alike(store, self.session.columns):
                 run_alone(self, "trends", self._read_trends, store)

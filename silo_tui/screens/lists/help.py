@@ -17,7 +17,7 @@ from textual.widgets import Input, Static
 from silo.settings.typed import help_rows
 from silo_tui.actions import COMMANDS, FILE_SCOPES, PLACES, commands_for, commands_like
 from silo_tui.modal import Dialog
-from silo_tui.model.drawing.braille import SHADE
+from silo_tui.model.drawing.braille import NAN, NEG_INF, POS_INF, SHADE
 from silo_tui.model.lists.happened import EVENT_LINE, NAMES
 from silo_tui.model.table.facts import MEANINGS
 from silo_tui.model.table.filter import TERMS
@@ -55,9 +55,11 @@ COLUMNS = (
     ("div", "divider: it is logged every so many ticks"), ("act", "action: saved, published, or both"),
     ("buf", "buffer: keeps the newest (loop), the first (fix), or all (grow)"), ("size", "samples that its buffer has"),
     ("fill", "how much of it is full"), ("value", "the newest; a number in a file: at that time"),
-    ("min max mean std", "of each sample so long: mean 12m"), ("rate", "samples a second, as measured"),
+    ("min max mean std", "of each sample so long: mean 12m; of a vector the ends of any entry, of one unit"),
+    ("rate", "samples a second, as measured"),
     ("%", "of the samples that it should have"), ("jitter", "how far samples are off their time"),
-    ("changed", "how long ago the value did"), ("trend", "its newest curve"),
+    ("changed", "how long ago the value did"),
+    ("trend", f"its newest curve; {NAN} nan, {POS_INF} {NEG_INF} inf, {SHADE} a hole"),
     ("samples, span s, type, lost", "of a file: how many, how long, of which type, how many lost"),
 )  # fmt: skip
 SIGNS = (
