@@ -192,7 +192,7 @@ COMMANDS: tuple[Command, ...] = (
             typed=Typed(("restart",))),
     Command("save_data", "w", "Save", "write the logged data to files", "Logger", _TABLE, 9, writes=True, asks=True,
             typed=_read(("data",), "types", ":data silo csv bag NAME", "save data", 4)),
-    Command("load_script", "L", "Load configuration", "choose one, a script on the robot", "Logger", _TABLE,
+    Command("load_script", "L", "Load configuration", "see what one on the robot differs in; load it", "Logger", _TABLE,
             writes=True, asks=True, typed=_read(("load",), "scripts", ":load x.yaml", "load a configuration", 1)),
     Command("save_script", "W", "Save configuration", "store it as a script on the robot", "Logger", _TABLE,
             writes=True, asks=True,

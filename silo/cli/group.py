@@ -39,7 +39,7 @@ _ROWS = (
     ("Loggers", "episode", "loggers.events", "Say of an episode: begin, end, good, bad, redo."),
     ("Loggers", "events", "loggers.events", "Print what happened, and who did it."),
     ("Loggers", "derive", "conditions.derive", "Compute signals from others."),
-    ("Loggers", "script", "loggers.scripts", "Show, check, load, save, compare scripts."),
+    ("Loggers", "script", "loggers.scripts", "Show, check, load, save, diff scripts."),
     ("Loggers", "trigger", "conditions.triggers", "Save what was logged around a condition."),
     ("Loggers", "alarms", "conditions.alarms", "Show what is, or was, beyond its limits."),
     ("Loggers", "control", "loggers.control", "One operator at a time: take, give, release."),

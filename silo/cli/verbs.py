@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 import click
 
 from silo.cli.common import complete_logger, connect, json_option, show_json, show_rows
+from silo.core.names import did_you_mean, nearest
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -27,7 +28,20 @@ _Command = TypeVar("_Command", bound=Callable[..., Any])
 _PHRASES = ("EXPRESSION", "WHEN", "TEXT")  # words with blanks in them: a shell wants them quoted
 
 
-class LoggerFirst(click.Group):
+class Verbs(click.Group):
+    """A group whose commands are named where another word was written."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that the first word names, or an error with the nearest, or all of them."""
+        if args[0] not in self.commands and not args[0].startswith("-"):
+            hint = did_you_mean(nearest(args[0], self.commands), f"there are {', '.join(self.commands)}")
+            raise click.UsageError(f"no command '{args[0]}'{hint}", ctx)
+        return super().resolve_command(ctx, args)
+
+
+class LoggerFirst(Verbs):
     """A group whose commands may come after the logger too: `silo trigger demo ls` is `silo trigger ls demo`.
 
     `usual` is the command that needs no word of its own.

@@ -372,7 +372,8 @@ async def save_script(context: Context, path: str | None = None) -> None:
         return
     fields, _ = session.table.pending_count
     without = f"{many(fields, 'pending edit')} not in it; " if fields else ""  # first: the path may be long
-    context.say(without + (said or f"configuration saved: {name}") + ending)
+    differs = f"; {key_of('load_script')} shows what differs"
+    context.say(without + (said or f"configuration saved: {name}") + ending + differs)
 
 
 async def keep_on_robot(context: Context, title: str, verb: str, keep: Callable[["Client", bool], str]) -> str | None:

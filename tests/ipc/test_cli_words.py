@@ -213,6 +213,22 @@ def test_an_unknown_command_names_the_nearest(capsys: pytest.CaptureFixture[str]
 
 
 @pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["script", "shwo"], "no command 'shwo'; did you mean 'show'?"),
+        (["script", "compare"], "no command 'compare'; there are list, show, check, load, save, diff"),
+        (["files", "fetsh"], "no command 'fetsh'; did you mean 'fetch'?"),
+        (["trigger", "compare"], "no command 'compare'; there are"),
+    ],
+)
+def test_a_group_names_its_commands_where_there_is_none_of_that_name(
+    words: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(words) == EXIT_USAGE
+    assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     ("words", "way"),
     [
         ("help", "`silo COMMAND --help`"),

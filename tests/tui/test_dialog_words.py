@@ -140,7 +140,7 @@ def test_a_script_that_can_t_be_read_says_why_in_its_place(fake):
     asked = scripts_question(Straight(fake), Scripts("/config", ["quiet.yaml", "robot.yaml"], "/config/robot.yaml"))  # type: ignore[arg-type]
     assert [one.label for one in asked._choices] == ["quiet.yaml", "robot.yaml  (current)"]
     assert asked._choices[asked._begin].value == "robot.yaml"
-    assert str(asked._body) == "in /config, on the robot: Enter loads one"
+    assert str(asked._body) == "in /config, on the robot: Enter loads one; below, what it would change"
     assert "It would change 1 element" in asyncio.run(asked._about("quiet.yaml")).plain
     assert asyncio.run(asked._about("gone.yaml")).plain.startswith("It can't be loaded:\nthere is no script")
 

@@ -362,6 +362,9 @@ def test_what_a_script_changes_beside_elements_is_told_by_name(names, words):
     assert flows._conditions_words(changes) == words
 
 
+SEES = "e l shows what differs"
+
+
 @pytest.mark.parametrize(
     ("path", "answers", "done", "said"),
     [
@@ -375,14 +378,14 @@ def test_what_a_script_changes_beside_elements_is_told_by_name(names, words):
 )
 def test_a_table_is_saved_as_a_script_and_over_another_after_a_question(path, answers, done, said, saved):
     desk = Desk(saved, *answers)
-    assert desk.does(flows.save_script(desk, path)) == said
+    assert desk.does(flows.save_script(desk, path)) == said + (said and f"; {SEES}")
     assert (saved.calls[-1] if saved.calls else None) == done
 
 
 def test_the_script_of_the_logger_itself_has_no_name(saved):
     saved.files[""] = ""
     desk = Desk(saved, "y")
-    assert desk.does(flows.save_script(desk, "")) == "saved /home/ann/config/"
+    assert desk.does(flows.save_script(desk, "")) == f"saved /home/ann/config/; {SEES}"
     assert desk.asked[0].startswith("Overwrite the script?")
 
 
@@ -393,7 +396,7 @@ def test_a_script_has_no_pending_edits_and_says_so_before_and_after(saved):
         "Save the configuration\nas a script in /home/ann/config, on the robot\n1 pending edit will not be in it: "
         "apply them first.\nrobot.yaml"
     ]
-    assert said == "1 pending edit not in it; saved /home/ann/config/walk.yaml"
+    assert said == f"1 pending edit not in it; saved /home/ann/config/walk.yaml; {SEES}"
 
 
 def test_a_refusal_to_save_a_script_that_is_about_something_else_is_told(saved):

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.verbs import verb
+from silo.cli.verbs import Verbs, verb
 from silo.core.quantities.reading import read_seconds
 from silo.core.quantities.writing import duration, since_text
 from silo.net.access.senders import name_of
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from silo.core.elements import Status
 
 
-@click.group()
+@click.group(cls=Verbs)
 def control() -> None:
     """Let one operator at a time change a logger: take control, hand it over, release it.
 

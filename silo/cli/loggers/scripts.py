@@ -19,7 +19,7 @@ from silo.cli.common import (
     show_json,
 )
 from silo.cli.edits import show_changes
-from silo.cli.verbs import Target, Words, target, verb
+from silo.cli.verbs import Target, Verbs, Words, target, verb
 from silo.core.quantities.writing import many
 
 if TYPE_CHECKING:
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from silo.scripts.requests import Scripts
 
 
-@click.group()
+@click.group(cls=Verbs)
 def script() -> None:
-    """Show, check, load, save and compare scripts.
+    """Show, check, load, save scripts; `diff` compares one with the logger.
 
     Paths of show, load, save and diff are on the robot's side, inside the folder of the logger's script; without a path
     the logger's own script is meant. A word that ends in .yaml or .yml is a path, another one a logger.

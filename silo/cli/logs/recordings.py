@@ -7,7 +7,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from silo.cli.common import TypedPath, ask_first, complete_logger, connect, find_logger, items, progress, show_rows
-from silo.cli.verbs import verb
+from silo.cli.verbs import Verbs, verb
 from silo.core.quantities.writing import many, size_text, wall_clock
 from silo.errors import RefusedError, SiloError
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 MOST_LOOKS = 60  # each looks into as many files as fit into a second
 
 
-@click.group("files")
+@click.group("files", cls=Verbs)
 def files() -> None:
     """List, fetch and delete the recordings in the folder of a logger, on the robot.
 

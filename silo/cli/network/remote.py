@@ -7,6 +7,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from silo.cli.common import TypedPath, configuration, items, json_option, show_json, show_rows
+from silo.cli.verbs import Verbs
 from silo.core.runtime import write_private
 from silo.errors import ConnectionLostError, SiloError
 from silo.net.configuration import LOCAL, NAME, PORT, remote_file, remotes
@@ -16,7 +17,7 @@ def _complete(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> 
     return items(remotes(), incomplete)
 
 
-@click.group()
+@click.group(cls=Verbs)
 def remote() -> None:
     """Reach loggers of other computers: every command looks at them too, beside those of this one.
 

@@ -7,6 +7,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from silo.cli.common import TypedPath, json_option, show_json
+from silo.cli.verbs import Verbs
 from silo.errors import SiloError
 
 # a link to `config/` in the source tree, a folder in an installed package
@@ -39,7 +40,7 @@ def _complete(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> 
     return [CompletionItem(one.name, help=one.summary) for one in examples() if one.name.startswith(incomplete)]
 
 
-@click.group()
+@click.group(cls=Verbs)
 def config() -> None:
     """List and copy examples of configuration: scripts, remote access by password or certificate.
 

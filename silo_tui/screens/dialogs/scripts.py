@@ -30,7 +30,7 @@ def scripts_question(link: Link, scripts: Scripts, pending: str = "", prefix: st
 
     current = text.file_name(scripts.current)
     none = (
-        ": Enter loads one"
+        ": Enter loads one; below, what it would change"
         if scripts.names
         else f": none yet; {key_of('save_script')} saves the present configuration as one"
     )
