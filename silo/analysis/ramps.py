@@ -5,6 +5,7 @@ meanwhile. An event tells where a change begins and where it goes, and not alway
 parameters that it changed tell the rest.
 """
 
+import math
 import sys
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator, Sequence
@@ -246,6 +247,8 @@ def between(old: ParameterValue, new: ParameterValue, share: float) -> Parameter
     if isinstance(old, str | bool | tuple) or isinstance(new, str | bool | tuple):
         return old
     made = old + share * (new - old)
+    if math.isinf(made):
+        made = old * (1 - share) + new * share  # the way is longer than any float
     return round(made) if isinstance(old, int) and isinstance(new, int) else made
 
 

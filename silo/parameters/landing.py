@@ -7,6 +7,7 @@ not in the segment, which changes at each start.
 
 import functools
 import itertools
+import logging
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,17 +19,21 @@ from numpy.typing import NDArray
 
 from silo.core.tuning.excitation import ENDED
 from silo.core.tuning.parameters import WORD_BYTES, ParameterInfo, ParameterKind, ParameterValue, decoded, encoded
+from silo.errors import reason
 from silo.loop.sources import OwnMemory
 from silo.parameters.excited import Excited
 from silo.segment.parameter_changes import MOST_WORDS, ChangeRecord, OpenChange
 
 MOST_AT_ONCE = 8  # changes that land in one tick
+_NEVER_NS = 2.0**62  # longer than any program runs
+_FAR = {ParameterKind.FLOAT: np.finfo(float).max, ParameterKind.INT: 2.0**62}  # a way that their own kind may not hold
 
 CLOSED = "the program has closed it for now (log.parameters.lock())"
 STANDS_STILL = "the logger stands still: nothing is recorded"
 SET = "somebody set it"
 OVERTAKEN = "the program changed what belongs to it meanwhile: look at it and ask again"
 
+log = logging.getLogger("silo")
 
 Part: TypeAlias = tuple[ParameterInfo, slice]  # with the place of its words among those of a change
 
@@ -40,6 +45,7 @@ class Course(NamedTuple):
     selection: slice | NDArray[np.int64]
     old: NDArray[np.int64]
     new: NDArray[np.int64]
+    far: bool
 
 
 @dataclass(eq=False)
@@ -192,21 +198,27 @@ class Landing:
     def land(self, n: int, t: int) -> None:
         """Called by `collect()` where something waits. `n` is the index of the first row with what lands, -1 without
         rows; `t` is the tick's time stamp.
+
+        What can't be done ends itself and not the loop: it may come from anywhere.
         """
         waiting, place, landed = self.waiting, 0, 0
         while place < len(waiting) and landed < MOST_AT_ONCE:
             change = waiting[place]
-            if change.excited is not None and change.landed:
-                over = self._excite(change, change.excited, n, t)
-            elif change.landed:
-                over = self._ramp(change, n, t)
-            else:
-                landed += 1
-                over = self._decide(change, n, t)
+            landed += not change.landed
+            try:
+                over = self._go_on(change, n, t)
+            except Exception as error:
+                log.exception("a change of parameters can't be done")
+                change.refused, over = f"it can't be done: {reason(error)}", True
             if over:
                 del waiting[place]
             else:
                 place += 1
+
+    def _go_on(self, change: WaitingChange, n: int, t: int) -> bool:
+        if not change.landed:
+            return self._decide(change, n, t)
+        return self._ramp(change, n, t) if change.excited is None else self._excite(change, change.excited, n, t)
 
     def _decide(self, change: WaitingChange, n: int, t: int) -> bool:
         """Store it or refuse it. Returns whether it is over: a ramp goes on."""
@@ -236,10 +248,10 @@ class Landing:
             change.old = np.array(self._words[change.selection])
         if change.slot is not None:
             change.slot.land(n, change.old.tobytes())
-        change.ramp_ns = _ramp_ns(change) if ramps else 0.0
+        change.ramp_ns, far = _ramp_of(change) if ramps else (0.0, False)
         if change.ramp_ns:
             change.begun_ns = t
-            change.course = Course(change.infos, change.selection, change.old, change.new)
+            change.course = Course(change.infos, change.selection, change.old, change.new, far)
         else:
             self._words[change.selection] = change.new
         self.revision = next(self._revisions)
@@ -261,7 +273,7 @@ class Landing:
             change.fraction = max(change.fraction, min(1.0, (t - change.begun_ns) / change.ramp_ns))
             is_new = change.record is not self.record and n >= 0  # there was a start, or a cut, meanwhile
             found = np.array(self._words[course.selection]) if is_new else course.old
-            there = between(course.infos, course.old, course.new, change.fraction)
+            there = between(course.infos, course.old, course.new, change.fraction, far=course.far)
             self._words[course.selection] = there  # at once: others read while the loop turns
             self.revision = next(self._revisions)
             if is_new:
@@ -284,7 +296,8 @@ class Landing:
             return change.course
         words = np.concatenate([np.arange(part.start, part.stop) for _, part in going])
         places = np.concatenate([np.arange(info.offset, info.offset + info.words) for info, _ in going])
-        return Course(tuple(info for info, _ in going), places, old[words], change.new[words])
+        far = change.course is not None and change.course.far
+        return Course(tuple(info for info, _ in going), places, old[words], change.new[words], far)
 
     def _excite(self, change: WaitingChange, excited: Excited, n: int, t: int) -> bool:
         """Go where its course has come to by now, and note its end."""
@@ -308,9 +321,17 @@ class Landing:
 
 
 def between(
-    infos: Sequence[ParameterInfo], old: NDArray[np.int64], new: NDArray[np.int64], fraction: float
+    infos: Sequence[ParameterInfo],
+    old: NDArray[np.int64],
+    new: NDArray[np.int64],
+    fraction: float,
+    *,
+    far: bool = False,
 ) -> NDArray[np.int64]:
-    """Words a part of the way from old to new values: numbers between them, all else as it was until the end."""
+    """Words a part of the way from old to new values: numbers between them, all else as it was until the end.
+
+    `far`: the way may be more than a number holds.
+    """
     if fraction >= 1.0:
         return new
     found: NDArray[np.int64] = np.array(old)
@@ -320,7 +341,10 @@ def between(
         at += info.words
         if info.kind is ParameterKind.FLOAT:
             a, b = old[part].view(np.float64), new[part].view(np.float64)
-            found[part] = (a + fraction * (b - a)).view(np.int64)
+            found[part] = (_far_between(a, b, fraction) if far else a + fraction * (b - a)).view(np.int64)
+        elif info.kind is ParameterKind.INT and far:
+            made = np.rint(_far_between(old[part].astype(float), new[part].astype(float), fraction))
+            found[part] = np.clip(made, -(2.0**63), np.nextafter(2.0**63, 0)).astype(np.int64)
         elif info.kind is ParameterKind.INT:
             found[part] = old[part] + np.rint(fraction * (new[part] - old[part])).astype(np.int64)
     return found
@@ -330,17 +354,23 @@ def _joined(words: NDArray[np.int64], parts: Sequence[Part]) -> bytes:
     return b"".join(words[part].tobytes() for _, part in parts)
 
 
-def _ramp_ns(change: WaitingChange) -> float:
-    """How long a change takes that may go so many units per second."""
+def _far_between(a: NDArray[np.float64], b: NDArray[np.float64], fraction: float) -> NDArray[np.float64]:
+    return a * (1 - fraction) + b * fraction  # less exact, and never beyond what a float holds
+
+
+def _ramp_of(change: WaitingChange) -> tuple[float, bool]:
+    """How long a change takes that may go so many units per second, ns, and whether it goes far."""
     if change.excited is not None:
-        return float(change.excited.what.duration_s * 1e9)
-    longest = 0.0
+        return float(change.excited.what.duration_s * 1e9), False
+    longest, far = 0.0, False
     for info, part in change.parts:
         if info.rate and change.old is not None:
             kind = np.float64 if info.kind is ParameterKind.FLOAT else np.int64
-            way = change.new[part].view(kind).astype(float) - change.old[part].view(kind).astype(float)
-            longest = max(longest, float(np.abs(way).max()) / info.rate)
-    return float(round(longest * 1e9))
+            with np.errstate(over="ignore"):
+                way = change.new[part].view(kind).astype(float) - change.old[part].view(kind).astype(float)
+                most = float(np.abs(way).max())
+            longest, far = max(longest, most / info.rate), far or most > _FAR[info.kind]
+    return float(round(min(longest * 1e9, _NEVER_NS))), far
 
 
 def _no_row() -> int:

@@ -491,6 +491,47 @@ def test_a_whole_number_without_a_rate_is_there_at_once_to_its_last_digit(new_lo
     assert [log.parameters.at(time_s)["/log/count"] for time_s in log.times] == saw
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("old", "new", "rate"),
+    [
+        (0.0, 1e308, 1.0), (-1.7e308, 1.7e308, 1e308), (1e308, -1e308, 1e-300), (-(2**63), 2**63 - 1, 2**62),
+        (2**63 - 1, -(2**63), 1), (0, 2**63 - 1, 1e-9), ((0.0, -1.7e308), (1.0, 1.7e308), 3e307),
+    ],
+)  # fmt: skip
+def test_a_way_longer_than_any_number_is_gone_and_ends_no_loop(new_logger, old, new, rate):
+    logger = new_logger(frequency=100, clock=Clock(), max_time=60)
+    logger.parameter("far", old, rate=rate)
+    logger.start()
+    ask(logger, {"far": new})
+    saw = []
+    for _ in range(500):
+        logger.collect()
+        saw.append(read(logger)["far"])
+    first, last = np.array(old), np.array(new)
+    steps = np.array(saw, first.dtype)
+    assert ((steps >= np.minimum(first, last)) & (steps <= np.maximum(first, last))).all()
+    assert ((steps[1:] >= steps[:-1]) == (last > first)).all() or (steps[1:] == steps[:-1]).all()
+
+
+def test_what_fails_while_it_lands_is_refused_and_the_loop_goes_on(tuned, monkeypatch, caplog):
+    store = tuned.parameters.landing._store
+
+    def fails(change, *more, **named):
+        if change.infos[0].name.endswith("kd"):
+            raise OverflowError("no such number")
+        return store(change, *more, **named)
+
+    monkeypatch.setattr(tuned.parameters.landing, "_store", fails)
+    bad, good = ask(tuned, {"kd": 5.0}), ask(tuned, {"kp": 50.0})
+    tuned.collect()
+    assert (bad.refused, good.refused) == ("it can't be done: no such number", "")
+    assert read(tuned) == {"kp": 50.0, "height": 0.3, "kd": 1.0}
+    assert "a change of parameters can't be done" in caplog.text
+    tuned.collect()
+    assert not tuned.parameters.landing.waiting
+
+
 @pytest.mark.parametrize("ticks", [1, 30, 120])
 def test_a_run_that_begins_on_the_way_of_a_ramp_tells_where_it_goes(new_logger, ticks):
     ramps = Ramps(new_logger(frequency=100, clock=Clock()))
