@@ -107,6 +107,14 @@ class TestScreens:
             await screen.type("second")
             await screen.until(lambda: "go first" not in screen.text)
 
+    async def test_the_field_that_has_the_keys_is_seen_without_colours(self, fake, opened):
+        async with opened(fake) as screen:
+            await screen.do("recordings", "record")
+            for name in ("signals", "to", "name"):
+                await screen.shows(f">{name} ")
+                assert screen.text.count("│ >") + screen.text.count(" >name") == 1
+                await screen.press("tab")
+
     async def test_lines_that_make_no_sense_are_said_and_nothing_is_recorded(self, fake, opened):
         async with opened(fake) as screen:
             await screen.do("recordings", "record")

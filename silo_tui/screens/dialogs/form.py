@@ -20,6 +20,7 @@ from silo.expressions.parsing import LOGIC
 from silo_tui.actions import BY_ID, key_of
 from silo_tui.modal import Dialog, run_alone
 from silo_tui.widgets.inputs import NamingLine
+from silo_tui.widgets.lines import CURSOR
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -114,7 +115,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
             for names in self._lines:
                 with Horizontal(classes="form-line"):
                     for name in names:
-                        yield Static(name, classes="form-label", markup=False)
+                        yield Static(f" {name}", id=f"label-{name}", classes="form-label", markup=False)
                         yield self._line(name)
             if self.ABOUT:
                 yield Static("", id="form-about", classes="quiet", markup=False)
@@ -151,6 +152,9 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
 
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
         self._start = name = str(event.widget.id).removeprefix("form-")
+        for label in self.query(".form-label").results(Static):  # colours alone don't reach everybody
+            own = str(label.id).removeprefix("label-")
+            label.update(f"{CURSOR if own == name else ' '}{own}")
         for line in self.query("#form-about").results(Static):
             line.update(f"{name}: {self.ABOUT[name]}" if name in self.ABOUT else "")
 
