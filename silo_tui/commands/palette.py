@@ -70,7 +70,8 @@ class CommandProvider(Provider):
                 continue
             steps = f"large plot, {command.key_text}"
             note = f"{command.label}: {command.key_text}, once one plot is large"
-            then = command.id if way == "detail" and command.id != "mode" else ""  # which goes from one to the next
+            is_next = way == "detail" or {"monitor", "file_monitor"} & set(command.scopes)  # plots have it, too
+            then = command.id if is_next and command.id != "mode" else ""  # which goes from one to the next
             lead = partial(self._lead, screen, way, note, then)
             yield f"{command.label}  ({steps})", command.help, lead
 

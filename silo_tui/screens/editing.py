@@ -120,7 +120,7 @@ class Editing(ElementsScreen):
         short = self.session.short_name(name).lstrip("/")
         reading = self.session.live.readings.get(self.session.table.names[row])
         value = reading.newest[entry] if reading is not None and entry < len(reading.newest) else 0.0
-        level = text.short(value, 6) if math.isfinite(value) else "0"
+        level = text.short(value, 3) if math.isfinite(value) else "0"
         made = TriggerOptions(short.rpartition("/")[2], f"{short} > {level}", AROUND_S, AROUND_S)
         choices = [
             Choice("trigger", f"A trigger: {made.when}", "t"), Choice("limits", "Limits", "l"),

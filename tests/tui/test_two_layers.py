@@ -428,10 +428,11 @@ def test_the_bar_of_parameters_says_at_80_columns_what_turns_them():
     assert [command.id for command, _ in shown].index("turn_down") < 6
 
 
+@pytest.mark.parametrize("keys", [["m", "ctrl+p"], ["ctrl+p"]])  # of the plots, of the table
 @pytest.mark.parametrize("name", ["histogram", "spectrum"])
-async def test_in_the_palette_what_is_called_so_comes_first_and_is_shown_at_once(fake, opened, name):
+async def test_in_the_palette_what_is_called_so_comes_first_and_is_shown_at_once(fake, opened, name, keys):
     async with opened(fake.run(), size=(120, 40)) as screen:
-        await screen.press("m", "ctrl+p")
+        await screen.press(*keys)
         await screen.type(name)
         await screen.until(lambda: name.title() in screen.text)
         found = screen.app.screen.query_one("CommandList")
