@@ -70,6 +70,7 @@ class FileSession(Session):
             prefix=recording.prefix, folder=str(path.parent), script="",
         )  # fmt: skip
         self.table.load(Table(0, self.source.elements))
+        self.table.prefix = recording.prefix.rstrip("/")
         self.bounds = _bounds_of(recording, self.source.elements)
         self.rows.refresh()
 

@@ -341,7 +341,8 @@ async def test_a_file_has_its_events_too(tmp_path, screen_of, new_finder):
     time_ns = 1_700_000_000 * SECOND + np.arange(500) * 10_000_000
     entry = RecordedEntry("/log/x", Entry("", "<f8"), np.sin(np.arange(500) / 20))
     x = RecordedElement("/log/x", "-", "scalar", (), 1, BufferType.GROWING, 0, (entry,))
-    marks = stamped([LoggedEvent("marker", "push 3", 1, 250)], time_ns, 500)
+    limit = LoggedEvent("limit", "/log/x H 0.9 at tick 40, limit 0.8", 1, 40)
+    marks = stamped([limit, LoggedEvent("marker", "push 3", 1, 250)], time_ns, 500)
     write_silo(Recording("bot", time_ns, 500, [x], events=marks), tmp_path / "x.silo")
     async with screen_of(SiloApp(new_finder(), file=open_file(tmp_path / "x.silo"))) as screen:
         await screen.shows("/log/x"[5:])
@@ -349,6 +350,7 @@ async def test_a_file_has_its_events_too(tmp_path, screen_of, new_finder):
         await screen.until(lambda: "╎" in screen.text)
         await screen.do("events")
         await screen.shows('M "push 3"')
+        await screen.shows("H /x H 0.9 at tick 40")
         await screen.press("enter")
         await screen.shows("at 2.5")
         await screen.shows(': "push 3"')
