@@ -35,7 +35,7 @@ from silo.helper.request_threads import RequestThreads, Servers
 from silo.helper.robot_link import RobotLink, ending
 from silo.helper.runs import Runs, taken_over
 from silo.helper.saver import Saver
-from silo.link.channel import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, readable
+from silo.link.channel import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
 from silo.live.publisher import Publisher
 from silo.net.access.certificates import not_valid_today
 from silo.net.access.logins import asks_for_passwords, watch_logins
@@ -43,6 +43,7 @@ from silo.net.configuration import robot_named
 from silo.net.folders import group_folder, share_socket
 from silo.net.keys import Root
 from silo.net.session import SOCKET_SUFFIX, Beside, close, forget, open_server
+from silo.polling import readable
 from silo.recorder.requests import StartRecorder, StopRecorder
 from silo.recorder.server import EndlessRecordings
 from silo.recordings.requests import Save, SaveStarted

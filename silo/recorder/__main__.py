@@ -3,7 +3,6 @@
 import contextlib
 import logging
 import os
-import select
 import signal
 import socket
 import sys
@@ -11,6 +10,7 @@ from pathlib import Path
 
 from silo.core.child import end_with_parent
 from silo.core.elements import RecorderState
+from silo.polling import readable
 from silo.printing import print_printable
 from silo.recorder.orders import MAX_PACKET_BYTES, decode_order
 from silo.recorder.recorder import Recorder
@@ -48,7 +48,7 @@ def _order(sock: socket.socket) -> bytes:
 
     Should the helper process be killed meanwhile, the kernel ends it, also one that is frozen: nobody knows of it.
     """
-    if select.select([sock], [], [], 0)[0]:
+    if readable(sock.fileno(), timeout_s=0):
         return sock.recv(MAX_PACKET_BYTES)
     end_with_parent(signal.SIGKILL)
     body = sock.recv(MAX_PACKET_BYTES)

@@ -6,7 +6,6 @@ and the rows are in the runs that are held, and in the last one. A recorder goes
 
 import contextlib
 import os
-import select
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -19,6 +18,7 @@ from silo.core.runtime import RECORDERS_SUFFIX, list_segments, process_start, ru
 from silo.errors import SegmentError, reason
 from silo.files.event_log import add_missing
 from silo.files.manifest import read_written
+from silo.polling import readable
 from silo.recorder.orders import CLOSED
 from silo.recorder.process import RecorderHandover, RecorderProcess, store, stored
 from silo.recovery.left import claimed_file, log_start
@@ -145,7 +145,7 @@ def _log(recorder: RecorderProcess, schema: SegmentSchema) -> None:
 def _listen(recorder: RecorderProcess, tell: Tell) -> None:
     """Hear a recorder to its end."""
     while True:
-        select.select([recorder.socket], [], [])
+        readable(recorder.socket.fileno())
         try:
             report = recorder.receive()
         except BlockingIOError:

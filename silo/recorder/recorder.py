@@ -24,6 +24,7 @@ from silo.files.event_log import newest_number
 from silo.files.manifest import ClosedPart, Ledger, RunEntry
 from silo.files.parts.metadata import EVENTS_RING
 from silo.journal.derived_rows import with_derived
+from silo.polling import readable
 from silo.recorder.event_tail import EventTail
 from silo.recorder.layout import ending, layout_of, more_derived
 from silo.recorder.orders import (
@@ -172,7 +173,7 @@ class Recorder:
 
     def _listen(self, timeout_s: float) -> None:
         """Take in what the one who started this says; waits at most so long."""
-        while select.select([self._socket], [], [], timeout_s)[0]:
+        while readable(self._socket.fileno(), timeout_s=timeout_s):
             timeout_s = 0.0
             try:
                 body, descriptors, _, _ = socket.recv_fds(self._socket, MAX_PACKET_BYTES, 2)

@@ -9,7 +9,6 @@ import itertools
 import logging
 import os
 import secrets
-import select
 import threading
 import time
 from collections.abc import Callable
@@ -28,6 +27,7 @@ from silo.decoding import converted
 from silo.errors import SegmentError, reason
 from silo.files.manifest import RecordedTotals, size_of_parts
 from silo.files.naming import check_name
+from silo.polling import readable
 from silo.recorder import requests
 from silo.recorder.orders import CLOSED, RecordOrder
 from silo.recorder.process import RecorderHandover, RecorderProcess, Spare, close_left, store, stored
@@ -323,12 +323,12 @@ class EndlessRecordings:
                     return
             for one in waiting:
                 self._start_again(one)
-            readable = select.select([*live, self._wake], [], [], 0.2 if waiting else None)[0]
-            if self._wake in readable:
+            ready = readable(*live, self._wake, timeout_s=0.2 if waiting else None)
+            if self._wake in ready:
                 with contextlib.suppress(BlockingIOError):
                     os.eventfd_read(self._wake)
             for descriptor, recorder in live.items():
-                if descriptor in readable:
+                if descriptor in ready:
                     self._take(recorder)
 
     def _count(self, over: RecorderProcess | None = None) -> None:

@@ -18,7 +18,8 @@ from silo.bridges.listening import bound, check_installed
 from silo.core.child import ENDING_S, NONE, PIPE, ChildProcess
 from silo.core.runtime import down_mark, open_unfinished, unopened
 from silo.errors import ConnectionLostError, SegmentError
-from silo.link.channel import LinkChannel, LinkReply, readable
+from silo.link.channel import LinkChannel, LinkReply
+from silo.polling import readable
 from silo.rpc.declaring import Done
 from silo.rpc.refusals import Refused
 from silo.state.handover import handover_pair

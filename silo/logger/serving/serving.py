@@ -30,8 +30,6 @@ from silo.link.channel import (
     LinkReply,
     LinkRequest,
     LinkSaved,
-    readable,
-    writable,
 )
 from silo.logger.serving.answers import Served, answer, robot_state
 from silo.logger.serving.process import (
@@ -46,6 +44,7 @@ from silo.logger.serving.process import (
 from silo.loop.run import Run
 from silo.parameters.requests import ParametersSet
 from silo.parameters.robot import ended
+from silo.polling import readable, writable
 from silo.recorder.requests import RecorderStarted, StartRecorder, StopRecorder
 from silo.recordings.requests import Save, SaveStarted
 from silo.requests import AnyReply
