@@ -25,6 +25,7 @@ from silo.parameters.excited import Excited
 from silo.segment.parameter_changes import MOST_WORDS, ChangeRecord, OpenChange
 
 MOST_AT_ONCE = 8  # changes that land in one tick
+MOST_STEP_NS = 100_000_000  # or ten times the one before: what passes in a tick at most
 _NEVER_NS = 2.0**62  # longer than any program runs
 _FAR = {ParameterKind.FLOAT: np.finfo(float).max, ParameterKind.INT: 2.0**62}  # a way that their own kind may not hold
 
@@ -67,7 +68,9 @@ class WaitingChange:
     old: NDArray[np.int64] | None = None
     ramp_ns: float = 0.0
     course: Course | None = None  # of one that goes on, as long as not all of it was set again
-    begun_ns: int = 0
+    at_ns: int = 0  # the stamp up to which it went,
+    step_ns: int = 0  # how far that was from the one before,
+    went_ns: int = 0  # and how long it has gone by now
     fraction: float = 0.0
     slot: OpenChange | None = None
     record: ChangeRecord | None = None
@@ -78,6 +81,16 @@ class WaitingChange:
         """What it changes."""
         ends = list(itertools.accumulate(info.words for info in self.infos))
         return [(info, slice(end - info.words, end)) for info, end in zip(self.infos, ends, strict=True)]
+
+    def goes_until(self, t: int) -> int:
+        """Go on until this stamp; returns how long it has gone, ns.
+
+        By what passes between two ticks, so that a clock that is set, or begins anew, neither stops it nor has it jump.
+        """
+        step_ns = max(t - self.at_ns, 0)
+        self.went_ns += min(step_ns, max(MOST_STEP_NS, 10 * self.step_ns))
+        self.at_ns, self.step_ns = t, step_ns
+        return self.went_ns
 
 
 class Landing:
@@ -210,6 +223,8 @@ class Landing:
             except Exception as error:
                 log.exception("a change of parameters can't be done")
                 change.refused, over = f"it can't be done: {reason(error)}", True
+                if change.excited is not None:
+                    change.excited.drop(change.refused)
             if over:
                 del waiting[place]
             else:
@@ -250,7 +265,7 @@ class Landing:
             change.slot.land(n, change.old.tobytes())
         change.ramp_ns, far = _ramp_of(change) if ramps else (0.0, False)
         if change.ramp_ns:
-            change.begun_ns = t
+            change.at_ns = t
             change.course = Course(change.infos, change.selection, change.old, change.new, far)
         else:
             self._words[change.selection] = change.new
@@ -270,7 +285,7 @@ class Landing:
         """
         course = change.course
         if course is not None and not (self.locked and not change.own and any(info.locked for info in course.infos)):
-            change.fraction = max(change.fraction, min(1.0, (t - change.begun_ns) / change.ramp_ns))
+            change.fraction = max(change.fraction, min(1.0, change.goes_until(t) / change.ramp_ns))
             is_new = change.record is not self.record and n >= 0  # there was a start, or a cut, meanwhile
             found = np.array(self._words[course.selection]) if is_new else course.old
             there = between(course.infos, course.old, course.new, change.fraction, far=course.far)
@@ -307,7 +322,7 @@ class Landing:
             excited.end_soon(CLOSED)
         elif n < 0 or self.record is not change.record:
             excited.end_soon(STANDS_STILL)
-        if not excited.go((t - change.begun_ns) / 1e9):
+        if not excited.go(change.goes_until(t) / 1e9):
             self.revision = next(self._revisions)
             return False
         self.revision = next(self._revisions)

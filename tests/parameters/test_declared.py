@@ -91,6 +91,11 @@ def test_what_does_not_fit_is_refused_in_words_that_name_all_and_nothing_changes
     assert kp.value == 40.0
 
 
+def test_a_number_of_more_steps_than_any_float_counts_is_refused(new_logger):
+    with pytest.raises(ElementError, match=r"1e\+300 doesn't fit, it takes any number in steps of 1e-09"):
+        new_logger().parameter("fine", 0.0, step=1e-9).value = 1e300
+
+
 @pytest.mark.parametrize(("value", "near"), [(0.3, "0 or 0.5"), (40.9, "40.5 or 41"), (199.9, "199.5 or 200")])
 def test_between_two_steps_those_beside_it_are_told(new_logger, value, near):
     kp = new_logger().parameter("kp", 40.0, min=0, max=200, step=0.5, unit="Nm/rad")

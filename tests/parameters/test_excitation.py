@@ -43,6 +43,7 @@ def robot(new_logger):
     logger.parameter("kp", 40.0, min=0, max=200, step=0.5, group="legs")
     logger.parameter("kd", 1.0, group="legs", check=lambda kd, group: kd < group["kp"])
     logger.parameter("free", 1e308)
+    logger.parameter("fine", 0.0, step=1e-9)
     logger.parameter("count", 2**60 + 1)
     logger.start()
     return logger
@@ -280,6 +281,30 @@ def test_a_client_is_answered_what_became_of_what_it_asked(robot):
     assert (over.ended, over.until) == ("stopped by nobody", excited.until)
 
 
+@pytest.mark.parametrize("jump_s", [-3600, 3600])
+def test_it_goes_back_though_the_clock_of_the_logger_is_set(new_logger, jump_s):
+    clock = Clock()
+    logger = new_logger(frequency=HZ, max_time=60, clock=clock)
+    logger.input("tau", min=-5, max=5)
+    logger.start()
+    change = excite(logger, Excitation("tau", Wave.STEP, 1.0, 600.0, ramp_s=0.5))
+    turn(logger, 1)
+    assert float(logger.parameters["tau"]) == 1.0
+    clock.now_ns += jump_s * 10**9
+    logger.parameters.excitations.stop("a", "stopped by alice")
+    turn(logger, 1)
+    assert (float(logger.parameters["tau"]), change.excited.ended) == (0.0, "stopped by alice")
+
+
+def test_what_can_not_go_on_ends_and_leaves_what_was_before(robot, monkeypatch):
+    change = excite(robot)
+    turn(robot, 0.3)
+    monkeypatch.setattr(change.excited, "course", lambda at_s: 1 / 0)
+    turn(robot, 0.01)
+    assert (float(robot.parameters["tau"]), change.excited.ended) == (0.0, "it can't be done: division by zero")
+    assert not robot.parameters.landing.waiting
+
+
 @pytest.mark.parametrize(("who", "why"), [("carol (proven)", "stopped by carol (proven)"), ("", "limit: q is high")])
 def test_why_it_ended_is_said_by_the_helper_process_alone(robot, who, why):
     served = ParameterRobot(robot.parameters, HZ)
@@ -313,6 +338,7 @@ def test_why_it_ended_is_said_by_the_helper_process_alone(robot, who, why):
         (Excitation("tau", Wave.STEP, 1.0, 0.0), "lasts more than 0"),
         (Excitation("tau", Wave.CHIRP, 1.0, 8.0, 5e-324, 10.0), "from 0.0001 Hz or more"),
         (Excitation("free", Wave.STEP, 1.7e308, 8.0), "can't be excited by 1.7e.308"),
+        (Excitation("fine", Wave.STEP, 1e300, 8.0), "around 0 it can't be excited by 1e.300"),
         (Excitation("count", Wave.STEP, 1.0, 8.0), "around 1.15292e.18 it can't be excited"),
         (Excitation("tau", Wave.STEP, 1.0, 8.0, index=1), "values 0 to 0, not 1"),
         (Excitation("kd", Wave.STEP, 40.0, 8.0), "its check refuses it"),

@@ -514,6 +514,38 @@ def test_a_way_longer_than_any_number_is_gone_and_ends_no_loop(new_logger, old, 
     assert ((steps[1:] >= steps[:-1]) == (last > first)).all() or (steps[1:] == steps[:-1]).all()
 
 
+@pytest.mark.parametrize("jump_s", [-3600, 3600])
+def test_a_clock_that_is_set_neither_stops_a_ramp_nor_has_it_jump(new_logger, jump_s):
+    clock = Clock()
+    logger = new_logger(frequency=100, clock=clock, max_time=60)
+    logger.parameter("far", 0.0, rate=1.0)
+    logger.start()
+    ask(logger, {"far": 10.0})
+    saw = []
+    for tick in range(500):
+        if tick == 200:
+            clock.now_ns += jump_s * 10**9
+        logger.collect()
+        saw.append(read(logger)["far"])
+    steps = np.diff(saw)
+    assert steps[199] == (0 if jump_s < 0 else pytest.approx(0.1))
+    assert np.delete(steps, 199) == pytest.approx(np.full(498, 0.01))
+
+
+@pytest.mark.parametrize("period_s", [0.001, 1.0, 30.0])
+def test_a_ramp_goes_by_the_stamps_however_slow_the_loop_is(new_logger, period_s):
+    clock = Clock()
+    logger = new_logger(frequency=1 / period_s, clock=lambda: clock.now_ns, max_time=0)
+    logger.array("x", buffer="looping", size=10)
+    logger.parameter("far", 0.0, rate=1.0)
+    logger.start()
+    ask(logger, {"far": 1000.0 * period_s})
+    for _ in range(500):
+        clock.now_ns += round(period_s * 1e9)
+        logger.collect()
+    assert read(logger)["far"] == pytest.approx(499 * period_s, abs=period_s)
+
+
 def test_what_fails_while_it_lands_is_refused_and_the_loop_goes_on(tuned, monkeypatch, caplog):
     store = tuned.parameters.landing._store
 

@@ -1,7 +1,6 @@
 """`silo excite`: a parameter or an input moves around its value for a while, until a key ends it."""
 
 import contextlib
-import select
 import signal
 import sys
 import termios
@@ -16,6 +15,7 @@ from silo.cli.common import ask_first
 from silo.cli.verbs import verb
 from silo.core.tuning.excitation import ends_of, excitation_of, number_at
 from silo.core.tuning.parameters import Wave, value_text
+from silo.polling import readable
 from silo.printing import drawing
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def excite(
 def _key_within(seconds: float) -> bool:
     """Whether a key is pressed within so many seconds, or Ctrl-C."""
     try:
-        if not select.select([sys.stdin], [], [], seconds)[0]:
+        if not readable(sys.stdin.fileno(), timeout_s=seconds):
             return False
     except KeyboardInterrupt:
         return True

@@ -54,7 +54,7 @@ def ends_of(info: ParameterInfo, what: Excitation) -> tuple[ParameterValue, Para
         raise ElementError(f"{subject}: it has the values 0 to {info.count - 1}, not {what.index}; nothing was changed")
     now = number_at(info.value, what.index)
     largest = WHOLE if info.kind is ParameterKind.INT else LARGEST
-    if abs(now) + abs(what.amplitude) > largest:
+    if abs(now) + abs(what.amplitude) > largest or not math.isfinite(what.amplitude / (info.step or 1.0)):
         raise ElementError(f"{subject}: around {now:g} it can't be excited by {what.amplitude:g}; nothing was changed")
     if what.wave is Wave.STEP:
         low, high = sorted((now, now + what.amplitude))

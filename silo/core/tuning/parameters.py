@@ -243,6 +243,8 @@ def _fitting_number(info: ParameterInfo, given: float) -> float:
     if (low is not None and value < low) or (high is not None and value > high):
         return _refuse(info, given)
     if info.step and not _is_step(value - (low or 0), info.step):
+        if not math.isfinite((value - (low or 0)) / info.step):
+            return _refuse(info, given)
         begin, steps = low or 0, math.floor((value - (low or 0)) / info.step)
         beside = [begin + some * info.step for some in (steps, steps + 1)]
         near = [bound_text(float(f"{one:.12g}")) for one in beside if high is None or one <= high]
@@ -254,7 +256,7 @@ def _is_step(way: float, step: float) -> bool:
     if isinstance(way, int) and isinstance(step, int):
         return way % step == 0
     steps = way / step
-    return abs(steps - round(steps)) <= 1e-6 * max(1.0, abs(steps) * 1e-6)
+    return math.isfinite(steps) and abs(steps - round(steps)) <= 1e-6 * max(1.0, abs(steps) * 1e-6)
 
 
 def _refuse(info: ParameterInfo, given: object, near: str = "") -> float:
