@@ -5,6 +5,7 @@ Views, streams, pins and control are leases that it renews; the connection comes
 
 import contextlib
 import os
+import secrets
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, NoReturn
@@ -644,9 +645,9 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         """
         from silo.history.arrays import Pin
 
-        own = ClientId.drawn()  # of its own, because it outlives the session
+        own = self._connection.mine  # of this session, which it outlives: its number is drawn
         request = OpenPin(
-            pin=f"{own.id}-1",
+            pin=f"{own.id}-{secrets.randbelow(10**9)}",
             proof=own.proof,
             names=texts("names", names, "['/log/joints/q']"),
             start_ns=start_ns,

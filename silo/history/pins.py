@@ -15,7 +15,7 @@ from silo.history.picking import PinnedRows, RingGroup, RowSelection, bounds, ch
 from silo.history.requests import By, OpenPin, PinOpened
 from silo.history.samples import MAX_NAMES
 from silo.net.keys import VIEW_ID, check_own, client_of_view
-from silo.rpc.leases import Leases
+from silo.rpc.leases import Lease, Leases, strange_part
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import Rows, Words
@@ -37,8 +37,8 @@ class _Pin:
 class Pins(Leases[str, _Pin]):
     """All pins of all clients."""
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        super().__init__(MAX_PINS, clock=clock)
+    def __init__(self, clock: Callable[[], float] = time.monotonic, knows: Callable[[str], bool] | None = None) -> None:
+        super().__init__(MAX_PINS, clock=clock, knows=knows)
 
     def open(self, request: OpenPin, now: LoggerSnapshot, reader: SegmentReader | None) -> PinOpened:
         """Copy what is wanted; the same request again only renews the lease. Called by the slow thread alone."""
@@ -50,11 +50,14 @@ class Pins(Leases[str, _Pin]):
             return known.opened
         check_known(request.names, now)
         owner = client_of_view(request.pin)
-        if self.full(request.pin, owner):
-            text = f"not pinned: {MAX_PINS} pins are open already; close others first"
+        if full := self.full(request.pin, owner):
+            text = f"not pinned: {full[0]} pins are open already; close others first"
             raise RequestRefusedError(RefusedWhy.FAILED, text)
-        taken = sum(one.value.opened.size_bytes for one in self.all(but=request.pin))
-        opened, rows = _copied(request, now, reader, MAX_PINNED_BYTES - taken)
+        room = MAX_PINNED_BYTES - _size_bytes(self.all(but=request.pin))
+        strangers = self.strangers_beside(request.pin, owner)
+        if strangers is not None:
+            room = min(room, strange_part(MAX_PINNED_BYTES) - _size_bytes(strangers))
+        opened, rows = _copied(request, now, reader, room)
         self.set(request.pin, _Pin(request, opened, rows), LEASE_S, owner)
         return opened
 
@@ -76,6 +79,10 @@ class Pins(Leases[str, _Pin]):
         if known is None:
             raise _no_pin(pin)
         return known.rows
+
+
+def _size_bytes(pins: list[Lease[str, _Pin]]) -> int:
+    return sum(one.value.opened.size_bytes for one in pins)
 
 
 def _no_pin(pin: str) -> RequestRefusedError:

@@ -5,6 +5,7 @@ A feed that can't be fed ends; its client is told when it renews it, and all oth
 
 import abc
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -69,9 +70,10 @@ class Feeds(abc.ABC, Generic[RequestT, FeedT]):
     most: ClassVar[int]
     most_of_client: ClassVar[int]
 
-    def __init__(self, session: zenoh.Session, root: keys.Root) -> None:
+    def __init__(self, session: zenoh.Session, root: keys.Root, knows: Callable[[str], bool] | None = None) -> None:
+        """`knows` tells of the id of a client whether it may change something."""
         self._session, self._root = session, root
-        self._feeds: Leases[str, FeedT] = Leases(self.most, self.most_of_client)
+        self._feeds: Leases[str, FeedT] = Leases(self.most, self.most_of_client, knows=knows)
         self._failed: dict[str, tuple[RequestT, str]] = {}  # that could not be fed, until they are closed
         # to be undeclared by the thread that uses them: zenoh raises RuntimeError when two use one at the same time
         self._closed: list[zenoh.Publisher] = []

@@ -156,9 +156,9 @@ class Publisher:
         self._events = events
         self._held, self._reading = held, set[str]()  # runs that streams and topics are at
         self._topics = Topics(session, root, held.between)
-        self.views = Views(session, root, replica)
-        self.streams = Streams(session, root, replica, self._watched_between)
-        self.pins = Pins()
+        self.views = Views(session, root, replica, self._is_known)
+        self.streams = Streams(session, root, replica, self._watched_between, self._is_known)
+        self.pins = Pins(knows=self._is_known)
         self._clients: set[str] = set()
         self._came: dict[str, bool] = {}  # by id, clients that are there, or went, since they were looked at
         self._names: OrderedDict[str, Present] = OrderedDict()  # by their ids, as each hello tells
@@ -212,9 +212,15 @@ class Publisher:
             if known is None or identity or not known.identity:
                 since_ns = known.since_ns if known is not None else time.time_ns()
                 self._names[client] = Present(name, since_ns, identity)
-            while len(self._names) > MAX_CLIENTS:
-                self._names.popitem(last=False)
+            while len(self._names) > MAX_CLIENTS:  # whoever only looks may say as many as it likes
+                gone = next((one for one, name in self._names.items() if not name.identity), next(iter(self._names)))
+                del self._names[gone]
         self._name_clients()
+
+    def _is_known(self, client: str) -> bool:
+        """Whether somebody who may change something said that this is its id."""
+        found = self._names.get(client)
+        return found is not None and bool(found.identity)
 
     def _name_clients(self) -> None:
         with self._lock:

@@ -7,6 +7,7 @@ numbered, so that it counts what it missed. `Streams` is driven by the publisher
 import math
 import time
 from collections import Counter
+from collections.abc import Callable
 
 import msgspec
 import zenoh
@@ -155,8 +156,15 @@ class Streams(Feeds[OpenStream, ServedStream]):
 
     kind, most, most_of_client = "stream", 32, 8
 
-    def __init__(self, session: zenoh.Session, root: keys.Root, replica: Replica, between: Between) -> None:
-        super().__init__(session, root)
+    def __init__(
+        self,
+        session: zenoh.Session,
+        root: keys.Root,
+        replica: Replica,
+        between: Between,
+        knows: Callable[[str], bool] | None = None,
+    ) -> None:
+        super().__init__(session, root, knows)
         self._replica, self._between = replica, between
 
     @property

@@ -5,7 +5,7 @@ as large as the screen that asked for it.
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -17,7 +17,8 @@ from silo.core.elements import BufferType
 from silo.live.feeds import Feed, Feeds, Round
 from silo.live.newest import NewestValues
 from silo.live.requests import OpenView, ViewOpened
-from silo.net.keys import VIEW_ID, Root
+from silo.net.keys import VIEW_ID, Root, client_of_view
+from silo.rpc.leases import strange_part
 from silo.rpc.published import NotLive, ViewFrame
 from silo.rpc.refusals import RefusedWhy
 from silo.segment.layout import ElementSchema, EntrySchema
@@ -237,8 +238,10 @@ class Views(Feeds[OpenView, ServedView]):
 
     kind, most, most_of_client = "view", 64, 16
 
-    def __init__(self, session: zenoh.Session, root: Root, replica: Replica) -> None:
-        super().__init__(session, root)
+    def __init__(
+        self, session: zenoh.Session, root: Root, replica: Replica, knows: Callable[[str], bool] | None = None
+    ) -> None:
+        super().__init__(session, root, knows)
         self._replica = replica
 
     def open(self, request: OpenView) -> ViewOpened:
@@ -255,10 +258,15 @@ class Views(Feeds[OpenView, ServedView]):
         return wishes[0] == wishes[1]
 
     def _check(self, request: OpenView, others: list[ServedView]) -> None:
-        names = sum(len(one.values) + len(one.plots) for one in (request, *(view.request for view in others)))
-        if names > MAX_NAMES_IN_VIEWS:
-            text = f"all views together may show {MAX_NAMES_IN_VIEWS} names; close others first"
-            raise self._cant_open(text, RefusedWhy.FAILED)
+        rooms = [(others, MAX_NAMES_IN_VIEWS)]
+        strangers = self._feeds.strangers_beside(request.view, client_of_view(request.view))
+        if strangers is not None:
+            rooms.append(([one.value for one in strangers], strange_part(MAX_NAMES_IN_VIEWS)))
+        for those, most in rooms:
+            names = sum(len(one.values) + len(one.plots) for one in (request, *(view.request for view in those)))
+            if names > most:
+                text = f"all views together may show {most} names; close others first"
+                raise self._cant_open(text, RefusedWhy.FAILED)
 
     def _made(self, request: OpenView, publisher: zenoh.Publisher) -> ServedView:
         return ServedView(request, publisher, time.monotonic())

@@ -37,6 +37,11 @@ class Lease(msgspec.Struct, Generic[Key, Value], frozen=True):
     ends_s: float
 
 
+def strange_part(of: int) -> int:
+    """Return how much of something may be held by owners that nobody knows."""
+    return of - of // 4
+
+
 class Leases(Generic[Key, Value]):
     """What is held, by key. One whose time is over is there no more, and told once: by `expire`, or when it is dropped.
 
@@ -44,10 +49,17 @@ class Leases(Generic[Key, Value]):
     """
 
     def __init__(
-        self, most: int | None = None, most_of_owner: int | None = None, clock: Callable[[], float] = time.monotonic
+        self,
+        most: int | None = None,
+        most_of_owner: int | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        knows: Callable[[str], bool] | None = None,
     ) -> None:
-        """`most` may be held by all together, `most_of_owner` by one."""
-        self._most, self._most_of_owner, self._clock = most, most_of_owner, clock
+        """`most` may be held by all together, `most_of_owner` by one.
+
+        A part of them is for owners that somebody `knows`: others call themselves whatever they like, each time anew.
+        """
+        self._most, self._most_of_owner, self._clock, self._knows = most, most_of_owner, clock, knows
         self._held: dict[Key, Lease[Key, Value]] = {}
         self._over: list[Lease[Key, Value]] = []  # that ended and were replaced before anybody asked
         self._lock = threading.RLock()
@@ -80,8 +92,18 @@ class Leases(Generic[Key, Value]):
         others = self.all(but=key)
         if self._most is not None and len(others) >= self._most:
             return len(others), False
+        strangers = self.strangers_beside(key, owner)
+        if self._most is not None and strangers is not None and len(strangers) >= strange_part(self._most):
+            return len(strangers), False
         own = sum(one.owner == owner for one in others)
         return (own, True) if self._most_of_owner is not None and own >= self._most_of_owner else None
+
+    def strangers_beside(self, key: Key, owner: str) -> list[Lease[Key, Value]] | None:
+        """Return what of other keys owners hold that nobody knows, as nobody knows this one; None where it is known."""
+        knows = self._knows
+        if knows is None or knows(owner):
+            return None
+        return [one for one in self.all(but=key) if not knows(one.owner)]
 
     def set(self, key: Key, value: Value, lease_s: float, owner: str = "") -> None:
         """Hold something for so long, in place of what is held under this key."""

@@ -105,3 +105,24 @@ def test_statistics_of_an_older_client_are_those_of_its_name(bench, client) -> N
     bench.ticks(5)
     assert client._survey(["max"]).since_ns > since_ns
     assert client._call(asked).since_ns == since_ns
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["view", "stream", "pin"])
+def test_who_makes_up_ids_takes_not_all_of_what_there_is(bench, client, kind) -> None:
+    bench.logger.start()
+    bench.ticks(5)
+    requests = {
+        "view": lambda name: OpenView(view=name, values=["/log/x"]),
+        "stream": lambda name: OpenStream(stream=name, names=["/log/x"]),
+        "pin": lambda name: OpenPin(pin=name, names=["/log/x"], start_ns=0, end_ns=bench.now_ns),
+    }
+    with silo.connect("bot", read_only=True) as other, pytest.raises(RefusedError, match="are open already"):
+        for at in range(100):
+            other._call(requests[kind](f"bob{at}-1"))
+    mine = {
+        "view": lambda: client.view(["/log/x"]),
+        "stream": lambda: client.stream(["/log/x"]),
+        "pin": lambda: client.pin(["/log/x"], 0, bench.now_ns),
+    }[kind]()
+    mine.close()

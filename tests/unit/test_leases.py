@@ -99,3 +99,18 @@ class LeaseMachine(RuleBasedStateMachine):
 
 LeaseMachine.TestCase.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)
 TestLeases = LeaseMachine.TestCase
+
+
+def test_a_quarter_is_for_owners_that_are_known_and_all_is() -> None:
+    leases: Leases[str, int] = Leases(8, knows=lambda owner: owner == "alice")
+    for at in range(6):
+        assert leases.full(f"b{at}", f"bob{at}") is None
+        leases.set(f"b{at}", at, 30, f"bob{at}")
+    assert leases.full("b6", "bob6") == (6, False)
+    assert leases.full("b5", "bob5") is None  # its own, anew
+    for at in range(2):
+        assert leases.full(f"a{at}", "alice") is None
+        leases.set(f"a{at}", at, 30, "alice")
+    assert leases.full("a2", "alice") == (8, False)
+    leases.drop("b0")
+    assert leases.full("b6", "bob6") is None
