@@ -26,6 +26,7 @@ from silo.rpc.published import Event, EventKind
 from silo.state.replica import Replica
 
 RETRY_S = 5.0
+MOST_LETTERS = 4000  # of a line
 MOST_WAIT_S = 2.0  # what follows a death may take so long: the disk of the log may hang
 
 log = logging.getLogger("silo.helper")
@@ -65,7 +66,10 @@ class EventLog:
         self._thread.join(timeout_s)
 
     def add(self, event: LoggedEvent) -> LoggedEvent:
-        """Add a line; returns it with its number."""
+        """Add a line; returns it with its number. Words without end would push all others out of the file."""
+        if len(event.text) > MOST_LETTERS:
+            text = f"{event.text[:MOST_LETTERS]}... ({len(event.text)} letters)"
+            event = msgspec.structs.replace(event, text=text)
         with self._lock:
             numbered = msgspec.structs.replace(event, number=next(self._numbers))
             self._events.append(numbered)
@@ -240,7 +244,7 @@ class EventNotifier:
             event = self.log.add(event)
         if (came_by_network(by) or kind is EventKind.DENIED) and kind not in _QUIET:
             # whoever sits before the robot wants to know why it does what nobody there asked for
-            log.warning("%s: %s, by %s", self._replica.now.robot.logger, text, plain(by))
+            log.warning("%s: %s, by %s", self._replica.now.robot.logger, event.text, plain(by))
         self._put(event, by=plain(by), status=status, job=job, progress=progress, files=list(files))
         if kind in _OF_FILES:
             self.files_changed(files)

@@ -222,3 +222,14 @@ def test_why_a_log_cannot_be_read_is_said_whatever_the_system_says(tmp_path, mon
     monkeypatch.setattr(event_log, "read_events", refuse)
     recording = Recording("robot", np.empty(0, np.int64), 0, ())
     assert f"can't be read ({words})" in event_log.with_happened(recording, tmp_path, "r1").warnings[0]
+
+
+def test_words_without_end_push_no_other_line_out_of_the_log(tmp_path):
+    log = EventLog(str(tmp_path), "bot")
+    for number in range(40):
+        log.add(line(number, text=f"mark {number}"))
+        log.add(line(number, text="y" * 900_000))
+    log.stop()
+    found = [event.text for event in read_events(tmp_path, "bot")]
+    assert [text for text in found if text.startswith("mark")] == [f"mark {number}" for number in range(40)]
+    assert found[1] == f"{'y' * 4000}... (900000 letters)"
