@@ -9,6 +9,7 @@ import functools
 import logging
 import math
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -46,6 +47,9 @@ from silo.state.robot_program import RobotProgram
 from silo.state.server import Outside, StateServer
 
 MAX_WAITING = 64
+SHORT_BYTES = 16 * 1024  # that are read at once
+MAX_LONG = 16  # longer ones that wait
+LONG_TURN = 8  # every eighth time a longer one comes first
 
 MOST_REFUSED_BYTES = 64 * 1024  # of a change that is refused: larger ones are told without what they were
 
@@ -95,6 +99,36 @@ class Servers(Dispatch):
             self._events.publish(EventKind.ENDED, ending(request, reply), by=by, job=job)
 
 
+class ShortFirst:
+    """Queries as they come, those with little to read before others: who asks for much must not keep the others out.
+
+    Of many that are long the newest wait, as in the channel that they come from. For one thread.
+    """
+
+    def __init__(self, handler: zenoh.Handler[zenoh.Query]) -> None:
+        self._handler = handler
+        self._short: deque[zenoh.Query] = deque()
+        self._long: deque[zenoh.Query] = deque()
+        self._turn = 0
+
+    def recv(self) -> zenoh.Query:
+        """Wait for a query and return it. Raises ZError where no more come."""
+        if not self._short and not self._long:
+            self._put(self._handler.recv())
+        while (more := self._handler.try_recv()) is not None:
+            self._put(more)
+        self._turn += 1
+        first, then = (self._long, self._short) if self._turn % LONG_TURN == 0 else (self._short, self._long)
+        return (first or then).popleft()
+
+    def _put(self, query: zenoh.Query) -> None:
+        is_long = query.payload is not None and len(query.payload) > SHORT_BYTES
+        waiting, most = (self._long, MAX_LONG) if is_long else (self._short, MAX_WAITING)
+        waiting.append(query)
+        if len(waiting) > most:
+            waiting.popleft().drop()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
+
+
 class RequestThreads:
     """Owns the control threads."""
 
@@ -121,9 +155,11 @@ class RequestThreads:
         self._lanes = Lanes(self._do_one, self._tell_late)
         self._ending = False
         self._threads = [
-            threading.Thread(target=self._serve, args=(self._asked.handler, self._ask), name="ask"),
+            threading.Thread(target=self._serve, args=(ShortFirst(self._asked.handler).recv, self._ask), name="ask"),
             *(
-                threading.Thread(target=self._serve, args=(one.handler, functools.partial(self._take, key)), name="do")
+                threading.Thread(
+                    target=self._serve, args=(one.handler.recv, functools.partial(self._take, key)), name="do"
+                )
                 for one, key in zip(self._to_do, authentication.keys, strict=True)
             ),
         ]
@@ -144,17 +180,17 @@ class RequestThreads:
             thread.join()
         self._lanes.stop()
 
-    def _serve(self, handler: zenoh.Handler[zenoh.Query], answer: Callable[[zenoh.Query], None]) -> None:
-        while (query := self._next(handler)) is not None:
+    def _serve(self, recv: Callable[[], zenoh.Query], answer: Callable[[zenoh.Query], None]) -> None:
+        while (query := self._next(recv)) is not None:
             try:
                 answer(query)
             except Exception:
                 log.exception("a request failed")  # its client gets an empty answer, and the thread goes on
             del query  # a query that isn't dropped costs its client the whole timeout
 
-    def _next(self, handler: zenoh.Handler[zenoh.Query]) -> zenoh.Query | None:
+    def _next(self, recv: Callable[[], zenoh.Query]) -> zenoh.Query | None:
         try:
-            return handler.recv()
+            return recv()
         except zenoh.ZError:
             if not self._ending:
                 log.exception("no more requests come in")

@@ -55,7 +55,7 @@ def history(
     wanted: dict[int, dict[int, EntrySchema]] = {}
     logged: list[tuple[int, ElementSchema]] = []
     for signal, name in enumerate(request.names):
-        found = now.entry(name)
+        found = now.entry(now.found(name))
         if found is None:
             raise RequestRefusedError(
                 RefusedWhy.NOT_FOUND, f"no entry is called '{name[:200]}'; entries are named like '/log/q_x'"

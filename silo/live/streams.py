@@ -62,7 +62,8 @@ class ServedStream(Feed[OpenStream]):
         if self._table == now.generation and self._reader is reader:
             return
         run = reader.schema.run if reader is not None else ""
-        known = [name for name in self.request.names if now.found(name) is not None]
+        names = self.request.names
+        known = [name for name, found in zip(names, now.found_all(names), strict=True) if found is not None]
         picked = pick(known, now, reader.schema if reader is not None else None)
         elements = reader.schema.elements if reader is not None and now.table.derived else ()
         self._derived = {element.ring: element.info.name for element in elements if element.info.expression}

@@ -64,7 +64,11 @@ def layout_of(request: OpenView, now: LoggerSnapshot) -> FrameLayout:
     """How a view of the present table is laid out."""
     counts, entries, missing = [], [], []
     unpublished: dict[str, None] = {}
-    values = [now.whole(name) for name in request.values]
+    found_all = now.found_all((*request.values, *request.plots))
+    values = [
+        found[0] if found is not None and found[1] < 0 else name
+        for name, found in zip(request.values, found_all, strict=False)
+    ]
     for asked, name in zip(request.values, values, strict=True):
         info = now.element(name)
         counts.append(len(info.entries) if info else 0)
@@ -75,8 +79,8 @@ def layout_of(request: OpenView, now: LoggerSnapshot) -> FrameLayout:
         if not info.options.enabled:
             unpublished[asked] = None
     plots = []
-    for name in request.plots:
-        found = now.entry(name)
+    for name, meant in zip(request.plots, found_all[len(request.values) :], strict=True):
+        found = now.entry(meant)
         plots.append(found or ("", 0))
         if found is None:
             missing.append(name)

@@ -10,7 +10,7 @@ import os
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -33,6 +33,7 @@ from silo.state.handover import RobotState, RunOffer
 from silo.state.requests import TableReply
 
 MOST_CLIENTS = 20
+MOST_SEARCHED = 1000  # names of one request
 FAILED_NAMES = 10  # of the status, which goes with every event
 
 
@@ -101,14 +102,17 @@ class LoggerSnapshot:
             return self.meant(name)
         return None
 
-    def whole(self, name: str) -> str:
-        """Return the whole name of the element that clients mean, or the name itself where they mean none."""
-        found = self.found(name)
-        return found[0] if found is not None and found[1] < 0 else name
+    def found_all(self, names: Iterable[str]) -> list[tuple[str, int] | None]:
+        """Return the same of many. Of names that aren't whole the first are searched for: each takes its time."""
+        left, found = MOST_SEARCHED, []
+        for name in names:
+            is_whole = self.element(name) is not None or name in self.entry_places
+            left -= not is_whole
+            found.append(self.found(name) if is_whole or left >= 0 else None)
+        return found
 
-    def entry(self, name: str) -> tuple[str, int] | None:
-        """Return the element and the number of the entry that clients mean by a name, None for what is none."""
-        found = self.found(name)
+    def entry(self, found: tuple[str, int] | None) -> tuple[str, int] | None:
+        """Return the element and the number of the entry that clients mean by what was found, None for what is none."""
         if found is None:
             return None
         of, number = found

@@ -22,6 +22,7 @@ from silo.logger.serving.answers import answer
 from silo.net.keys import ANY_ALIVE
 from silo.net.session import close, open_client
 from silo.recordings.requests import Save
+from silo.rpc.declaring import RobotRequest
 from silo.rpc.published import EventKind
 from silo.rpc.versions import PROTOCOL
 from silo.state.requests import ApplyEdits
@@ -161,7 +162,7 @@ TOO_MUCH = {
         "type": "ApplyEdits", "revision": -1, "cut": True, "edits": [], "extras": {"limits": [{"name": "x"}] * 20_000},
     },
     "parameters": {"type": "SetParameters", "values": {f"x{at}": 1.0 for at in range(20_000)}},
-    "a trigger": {"type": "SetTrigger", "trigger": {"name": "t" * 200_000, "when": "x > 1"}},
+    "a trigger": {"type": "SetTrigger", "trigger": {"name": "t" * RobotRequest.max_bytes, "when": "x > 1"}},
 }  # fmt: skip
 
 

@@ -10,8 +10,19 @@ from tests.stand_ins.fake_signals import scalar, vector
 
 ELEMENTS = {one.name: one for one in (scalar("/log/q"), vector("/log/p", "m"), scalar("/log/off", enabled=False))}
 PLACES = {name + entry.suffix: (name, at) for name, one in ELEMENTS.items() for at, entry in enumerate(one.entries)}
-ALONE = {name: (name, 0) for name, one in ELEMENTS.items() if len(one.entries) == 1}
-NOW = SimpleNamespace(element=ELEMENTS.get, whole=str, entry=(PLACES | ALONE).get, generation=7)
+OF = {name: (name, -1) for name in ELEMENTS} | PLACES
+
+
+def entry(found):
+    """As of a snapshot: an element that is one entry alone is that one."""
+    if found is None or (found[1] < 0 and len(ELEMENTS[found[0]].entries) > 1):
+        return None
+    return found[0], max(found[1], 0)
+
+
+NOW = SimpleNamespace(
+    element=ELEMENTS.get, found_all=lambda names: [OF.get(name) for name in names], entry=entry, generation=7
+)
 
 
 def test_values_and_plots_stand_in_the_order_that_was_asked_for():
