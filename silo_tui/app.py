@@ -442,6 +442,7 @@ class SiloApp(Guarded, App[None]):
             context.say(f"the tour needs a logger: {key_of('demo')} starts the demo")
             return
         context.tour = Tour() if context.tour is None else None
+        context.say("")  # that it ended, a moment ago
         context.tell_upper(lambda screen: screen.show_news(context.news))
 
     def command_messages(self) -> None:

@@ -40,7 +40,7 @@ class Tour:
     @property
     def words(self) -> str:
         """The present step."""
-        step = END if self.over else f"{self._at + 1} of {len(STEPS)} ({{back}} leaves it): {STEPS[self._at][0]}"
+        step = END if self.over else f"{self._at + 1} of {len(STEPS)} (:tour ends it): {STEPS[self._at][0]}"
         return step.format_map(_Keys())
 
 

@@ -329,6 +329,13 @@ async def test_next_event_and_find_go_to_markers(running, opened):
         await screen.until(lambda: screen.app.screen.window.at_ns == running.happened[2].at_ns)
 
 
+async def test_where_nothing_is_marked_the_menu_says_so_of_unmark(running, opened):
+    async with opened(running) as screen:
+        await screen.do("mark", "events")
+        await screen.until(lambda: screen.app.screen.scope == "events")
+        assert screen.app.screen.why_not_now("unmark") == "none marked"
+
+
 async def test_a_read_only_session_sees_events_and_marks_nothing(running, opened):
     async with opened(running, read_only=True) as screen:
         await screen.do("set_marker")

@@ -195,6 +195,14 @@ async def test_a_spectrum_of_a_short_time_says_that_more_seconds_make_it_finer(f
         await screen.shows("Hz, finer of more seconds: Tab, -")
 
 
+async def test_an_x_y_plot_says_how_long_what_both_have_is_and_the_unit_of_its_loop(new_fake, opened):
+    async with opened(new_fake([scalar("/log/a", "rad"), scalar("/log/b", "rad/s")]).run(3), size=(120, 40)) as screen:
+        await screen.press("asterisk", "m", "minus", "minus", "J", "enter", "tab")
+        await screen.until(lambda: large(screen).window.span_s > 10)
+        await screen.until(lambda: "1200 samples in 2.998 s" in screen.text)
+        assert re.search(r"loop area \S+ rad\^2/s", screen.text)
+
+
 async def test_the_cursor_reads_the_peak_that_one_goes_to_and_the_lines_beside_it(fake, opened):
     async with opened(fake.run(20)) as screen:
         await open_large(screen)

@@ -64,7 +64,7 @@ COLUMNS = (
 )  # fmt: skip
 SIGNS = (
     ("*", "pending: prepared here, not applied yet (underlined)"), ("!", "conflict: somebody else changed it too"),
-    (MARKED, "marked: edits and the monitor are about all that is marked"),
+    (MARKED, "marked: edits and plots are about all that is marked"),
     ("=", "derived: computed from others; its options are those of its signals"),
 )  # fmt: skip
 PLOT_SCOPES = ("monitor", "detail", "file_monitor", "file_detail")

@@ -176,6 +176,10 @@ class ListScreen(SiloScreen, Generic[LineT]):
         about_a_line = TWO_LAYERS.get(command.id, "").split(",")[0] in OF_A_LINE
         return "" if about_a_line and not self.shown else super().label_now(command)
 
+    def why_not_now(self, command_id: str) -> str:
+        """Return why nothing can be unmarked; marks of the table are taken back there."""
+        return "none marked" if command_id == "unmark" and not self.marks.keys else super().why_not_now(command_id)
+
     def _row(self, place: int) -> Text:
         line, key = self.row_of(self.shown[place], self.size.width), self.shown_keys[place]
         return Text.assemble(line[:1], (MARKED, "bold"), line[2:]) if key in self.marks.keys else line

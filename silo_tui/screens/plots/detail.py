@@ -28,6 +28,7 @@ from silo.analysis.compute.spectra import (
 from silo.core.arrays.columns import MAX_COLUMNS, Floats
 from silo.core.arrays.values import as_floats
 from silo.core.quantities.writing import duration, many
+from silo.core.units import product
 from silo.errors import SiloError
 from silo.rpc.frames import Frame
 from silo_tui.actions import Command, key_of, key_text
@@ -255,7 +256,8 @@ class DetailScreen(MonitorScreen):
         if len(self.plots) < 2:
             raise ValueError("it needs two plots: mark two elements")
         x, y = self.plots[0], self.plots[1]
-        found = await asyncio.to_thread(pair_of, *await self._samples(x), *await self._samples(y))
+        of_x, of_y = await self._samples(x), await self._samples(y)
+        found = await asyncio.to_thread(pair_of, *of_x, *of_y)
         if len(found.x) < 2:
             raise ValueError(f"{len(found.x)} held, 2 needed of both at the same time")
         drawn = big_plot.of_pair(found, self.plot.plot_size)
@@ -266,9 +268,11 @@ class DetailScreen(MonitorScreen):
         else:
             per = "" if units == ["-", "-"] else f" {units[1]}/{units[0]}"
             notes.append(f"r = {found.correlation:.3f}  slope {text.compact(found.slope)}{per}")
-        work = " J (hysteresis)" if sorted(units) == ["Nm", "rad"] or sorted(units) == ["N", "m"] else ""
-        notes.append(f"loop area {text.compact(found.area)}{work}")
-        notes.append(f"newest ●  older • ∙ ·   {len(found.x)} samples in {text.span(self.window.span_s)}")
+        is_work = sorted(units) == ["Nm", "rad"] or sorted(units) == ["N", "m"]
+        unit = "J (hysteresis)" if is_work else product(*units).removeprefix("-")
+        notes.append(f"loop area {text.compact(found.area)} {unit}".rstrip())
+        both_ns = min(of_x[0][-1], of_y[0][-1]) - max(of_x[0][0], of_y[0][0])  # less than is shown, where less is held
+        notes.append(f"newest ●  older • ∙ ·   {len(found.x)} samples in {text.span(both_ns / SECOND_NS)}")
         return Analysed(drawn, notes)
 
     async def _histogram(self) -> Analysed:
