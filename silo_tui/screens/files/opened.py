@@ -44,9 +44,7 @@ async def open_recording(
     if context.upper_screen is not asked_on or context.app.screen is not asked_on:
         context.say(f"{file.name} is here: {path}")  # whoever asked went elsewhere meanwhile
         return
-    await _show(context, opened)
-    if plotted is not None and (names := plotted(opened)):
-        await _show_plots(context, opened, names)
+    await _show(context, opened, plotted(opened) if plotted is not None else ())
     if path.parent == cache_folder(session.status.host, session.name):
         context.say(f"fetched, {size_text(file.size_bytes)}: {path}")
 
@@ -73,29 +71,36 @@ async def show_read(
 
     try:
         file = await asyncio.to_thread(opened, read)
-        await _show(context, file)
+        await _show(context, file, file.table.names if plotted else (), plotted, at_ns)
     except (SiloError, OSError) as error:
         context.fail(f"{failed}: {error}")
-        return
-    if plotted:
-        await _show_plots(context, file, file.table.names, plotted, at_ns)
 
 
-async def _show(context: Context, opened: "FileSession") -> None:
+async def _show(
+    context: Context,
+    opened: "FileSession",
+    names: Sequence[str] = (),
+    alone: Sequence[str] = (),
+    at_ns: int | None = None,
+) -> None:
+    """Show a file; where plots of `names` were asked for, at once over its table, which is not painted before."""
     from silo_tui.screens.files.file_table import FileTableScreen
 
-    context.show_file(opened)
-    await context.app.push_screen(FileTableScreen(opened, leave=context.leave_file))
-    context.table_changed()
-    context.status_changed()
+    with context.app.batch_update():
+        context.show_file(opened)
+        await context.app.push_screen(FileTableScreen(opened, leave=context.leave_file))
+        context.table_changed()
+        context.status_changed()
+        if names:
+            await _show_plots(context, opened, names, alone, at_ns)
 
 
 async def _show_plots(
     context: Context,
     opened: "FileSession",
     names: Sequence[str],
-    alone: Sequence[str] = (),
-    at_ns: int | None = None,
+    alone: Sequence[str],
+    at_ns: int | None,
 ) -> None:
     """Show plots of elements, at a moment; of these scalars `alone` one for all, where there are some."""
     from silo_tui.screens.plots.monitor import MonitorScreen
