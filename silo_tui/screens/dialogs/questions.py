@@ -283,11 +283,13 @@ def diff_text(changes: Sequence[PendingChange], prefix: str = "", cost: Text | N
 
     `cost` stands behind the largest groups, where it is seen on a small terminal too.
     """
-    lines = groups_text(changes, prefix, end=MAX_GROUPS if cost is None else LARGEST)
+    groups = groups_of(changes, prefix)
+    first = LARGEST if len(groups) > LARGEST + 1 else len(groups)  # one more takes the line that would tell of it
+    lines = groups_text(changes, prefix, end=MAX_GROUPS if cost is None else first)
     if cost is not None:
-        if rest := sum(group.count for group in groups_of(changes, prefix)[LARGEST:]):
+        if rest := sum(group.count for group in groups[first:]):
             lines.append(f"and {rest} more, behind what all of it costs:\n", style="dim")
-        lines.append_text(cost).append_text(groups_text(changes, prefix, LARGEST))
+        lines.append_text(cost).append_text(groups_text(changes, prefix, first))
     for change in [change for change in changes if change.theirs is not None][:MAX_LINES]:
         name = below(prefix, change.name)
         lines.append(f"! {name}: {change.field} is {change.theirs} now, by somebody else\n", style="bold")
