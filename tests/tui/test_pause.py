@@ -182,7 +182,7 @@ async def test_where_the_buffers_hold_no_more_than_the_picture_scrolling_back_sa
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         await screen.press("pageup")
-        await screen.shows("that is the oldest that is held")
+        await screen.shows("that is the oldest that is held, all of it is shown; + goes closer")
         assert "PAUSED" in screen.text
 
 

@@ -7,6 +7,7 @@ from textual.message import Message
 
 from silo.core.conditions import AROUND_S, TriggerOptions
 from silo.errors import SiloError
+from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.drawing.plots import Plotted, plots_of
 from silo_tui.model.plots.panels import Panel, gathered, has_curves, isolate, join, sides, stacked
@@ -133,7 +134,9 @@ class MonitorScreen(PlotScreen):
             return
         moved = self.window.pan(direction, (oldest_ns, newest_ns), self.stack.columns)
         self.moved()
-        self.say("" if moved else f"that is {self._edge(direction)}")
+        whole = newest_ns - oldest_ns <= span_ns  # then there is nothing to go back in
+        zooms = f", all of it is shown; {key_of('closer')} goes closer" if whole else ""
+        self.say("" if moved else f"that is {self._edge(direction)}{zooms}")
 
     async def _look_behind(self) -> None:
         """Hold all that the buffers have, which tells how much that is, and go back in it."""
