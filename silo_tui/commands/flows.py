@@ -28,7 +28,7 @@ from silo_tui.sessions.live import Session, why
 if TYPE_CHECKING:
     from silo.client.client import Client
 
-SPLIT = "Stopping ends this recording, and starting again begins another."
+SPLIT = "Stopping ends this recording."
 
 
 async def start_stop(context: Context) -> None:
@@ -185,7 +185,7 @@ async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> s
     discard = Choice("discard", f"Discard all edits; {key_of('undo')} brings them back", "x")
     body = _what_changes(context, changes)
     if context.session.running:
-        told = "\nThe logger runs, and takes edits without losing a tick: Apply and go on. Its buffers begin empty."
+        told = "\nThe logger runs: Apply and go on loses no tick; its buffers begin empty."
         body.append(f"{told}{_watching_again(context.session)} {SPLIT}", style="bold")
         go_on = Choice("cut", "Apply and go on: no tick is lost, what it has is saved", "a")
         return await _ask_around(context, title, body, [go_on, keep], "stop, apply, start again", "r", [discard])

@@ -105,10 +105,7 @@ def test_what_runs_and_is_saved_is_restarted_by_a_yes(running):
     running.saved = True
     desk = Desk(running, "y")
     assert desk.does(flows.restart(desk)) == "restarted"
-    assert desk.asked == [
-        "Restart logging?\nStopping ends this recording, and starting again begins another."
-        "\n() Don't restart\n(y) Restart"
-    ]
+    assert desk.asked == ["Restart logging?\nStopping ends this recording.\n() Don't restart\n(y) Restart"]
 
 
 def test_a_question_about_data_says_how_much_there_is(unsaved):
@@ -165,8 +162,7 @@ def test_what_applying_asks_counts_edits_and_elements_and_says_what_goes_on(runn
     assert desk.does(flows.apply(desk)).startswith("applied to 2 elements, logging again")
     assert desk.asked[0].startswith("Apply 3 edits to 2 elements?\n")
     assert desk.asked[0].endswith(
-        "\nThe logger runs, and takes edits without losing a tick: Apply and go on. Its buffers begin empty. Stopping "
-        "ends this recording, and starting again begins another."
+        "\nThe logger runs: Apply and go on loses no tick; its buffers begin empty. Stopping ends this recording."
         "\n(a) Apply and go on: no tick is lost, what it has is saved\n() Keep them pending"
         "\n(r) Stop, apply, start again\n(x) Discard all edits; u brings them back"
     )
@@ -269,7 +265,7 @@ def test_a_new_run_has_triggers_watch_again_that_fired(fired, words, running):
     options = [(name, TriggerWord.FIRED) for name in fired.split()] + [("armed", TriggerWord.ARMED)]
     desk.session.triggers = [TriggerStatus(TriggerOptions(name, "x > 1"), word) for name, word in options]
     desk.does(flows.apply(desk))
-    assert f"Its buffers begin empty.{words} Stopping ends" in desk.asked[0]
+    assert f"its buffers begin empty.{words} Stopping ends" in desk.asked[0]
 
 
 def test_what_is_likely_not_meant_is_told_beside_the_rest_up_to_six_lines(saved):
