@@ -43,17 +43,32 @@ def test_of_a_file_with_a_bit_turned_no_value_is_another_one(tmp_path, ending):
     assert refused > 30  # a third of the file and more are values
 
 
-def test_an_array_of_another_length_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("name", "array", "words"),
+    [
+        ("log/x", np.zeros(2**21), r"'log/x' has the shape \(2097152,\), not \(400,\)"),
+        ("log/x", np.zeros((TICKS, 1000)), r"'log/x' has the shape \(400, 1000\), not \(400,\)"),
+        ("log/x", np.zeros(TICKS, "S10000"), "the values of 'log/x' have 10,000 bytes each, not 8"),
+        ("silo.log", np.zeros(9), r"'silo.log' has the shape \(9,\), not \(\)"),
+    ],
+)
+def test_an_array_of_another_size_is_refused_before_it_is_unpacked(tmp_path, monkeypatch, name, array, words):
     path, whole = tmp_path / "bomb.npz", written(tmp_path, ".npz")
     with zipfile.ZipFile(whole) as source, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as target:
-        for name in source.namelist():
-            with target.open(name, "w") as member:
-                if name == "log/x.npy":
-                    np.lib.format.write_array(member, np.zeros(2**21))
+        for each in source.namelist():
+            with target.open(each, "w") as member:
+                if each == f"{name}.npy":
+                    np.lib.format.write_array(member, array)
                 else:
-                    member.write(source.read(name))
-    log, read = silo.open_log(path), []
-    monkeypatch.setattr(np.lib.format, "read_array", lambda *_, **__: read.append(1))
-    with pytest.raises(SiloError, match=r"'log/x' has the shape \(2097152,\), not 400 samples"):
-        _ = log["x"].values
-    assert not read
+                    member.write(source.read(each))
+    sizes = []
+
+    def read_array(file, *more, read=np.lib.format.read_array, **named):
+        found = read(file, *more, **named)
+        sizes.append(found.nbytes)
+        return found
+
+    monkeypatch.setattr(np.lib.format, "read_array", read_array)
+    with pytest.raises(SiloError, match=words):
+        _ = silo.open_log(path)["x"].values
+    assert array.nbytes not in sizes

@@ -26,6 +26,8 @@ from silo.files.texts import numbered, presentable, unique_names
 # MATLAB cuts longer names
 _MATLAB_NAME = 63
 _MATLAB_BYTES = 2**31 - 1
+_LETTER_BYTES = 4  # of a text of NumPy's own; ours have one
+_MOST_FACTS_BYTES = 64 * 2**20  # and four times as much, of letters
 
 
 def write_npz(recording: Recording, path: Path, progress: Progress = silent) -> None:
@@ -63,24 +65,27 @@ def read_npz(path: Path) -> Recording:
     """Open a file that `write_npz` wrote; an array is read when it is asked for."""
     with told_of(path):
         arrays = np.load(path, allow_pickle=False)
-        text = str(arrays[NAME]) if NAME in arrays else None
+        text = str(_member(arrays, NAME, (), _MOST_FACTS_BYTES)) if NAME in arrays else None
         return restored(
             path,
             text,
             lambda: arrays.zip.getinfo("time_ns.npy").file_size // 8,
             lambda: arrays["time_ns"],
-            lambda place, _, count: _member(arrays, place[0], count),
+            lambda place, _, count, dtype: _member(arrays, place[0], (count,), dtype.itemsize),
         )
 
 
-def _member(arrays: Any, name: str, count: int) -> NDArray[Any]:
-    """An array of so many samples. FileFormatError for one of another length, before it is unpacked."""
+def _member(arrays: Any, name: str, shape: tuple[int, ...], item_bytes: int) -> NDArray[Any]:
+    """An array of this shape, with values of so many bytes. FileFormatError for another one, before it is unpacked."""
     with arrays.zip.open(f"{name}.npy") as member:
         version = np.lib.format.read_magic(member)
         of_version = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-        shape = of_version[version](member)[0] if version in of_version else ()
-    if shape[:1] != (count,):
-        raise FileFormatError(f"'{name}' has the shape {shape}, not {count} samples")
+        read = of_version.get(version)
+        found, _, dtype = read(member) if read is not None else ((), False, np.dtype("V"))
+    if found != shape:
+        raise FileFormatError(f"'{name}' has the shape {found}, not {shape}")
+    if dtype.itemsize > max(item_bytes, 8) * _LETTER_BYTES:
+        raise FileFormatError(f"the values of '{name}' have {dtype.itemsize:,} bytes each, not {item_bytes:,}")
     return np.asarray(arrays[name])
 
 

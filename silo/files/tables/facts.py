@@ -24,7 +24,8 @@ from silo.files.silo import format as form
 NAME = "silo.log"  # of the text in the file
 _SLACK = 1024  # stamps by which a file may seem to have more than it has: heads of arrays
 Place = tuple[str, int]  # the array that an entry stands in, and in which of its columns: -1 for all of it
-Arrays = Callable[[Place, RecordedElement, int], NDArray[Any]]  # of an element with so many samples
+# of an element with so many samples, of this type
+Arrays = Callable[[Place, RecordedElement, int, "np.dtype[Any]"], NDArray[Any]]
 
 
 class TableFacts(CsvFacts, frozen=True, omit_defaults=True):
@@ -93,7 +94,7 @@ def restored(
     for number, one in enumerate(facts.elements):
         element = alike(RecordedElement, one, first=one.first or 0, entries=())
         if number in facts.own:
-            own = np.asarray(arrays((facts.own[number], -1), element, one.count)).ravel().astype(np.int64)
+            own = np.asarray(arrays((facts.own[number], -1), element, one.count, stamps.dtype)).ravel().astype(np.int64)
             if len(own) != one.count:
                 raise FileFormatError(f"'{path}': '{one.name}' has {one.count:,} samples, and {len(own):,} time stamps")
             element = alike(RecordedElement, element, own_ns=own)
@@ -125,7 +126,7 @@ def _entry(
         if not count:
             return np.empty(0, logged)
         with told_of(path):
-            values = arrays(place, element, count)
+            values = arrays(place, element, count, dtype)
             if len(values) != count:
                 raise FileFormatError(f"'{path}': '{facts.name}' has {len(values)} samples, not {count}")
             values = _as_logged(values, dtype)

@@ -86,7 +86,7 @@ def read_parquet(path: Path, source: Any = None) -> Recording:
     arrow = need("pyarrow", "convert", "Parquet files")
     parquet = need("pyarrow.parquet", "convert", "Parquet files")
 
-    def column(place: Place, element: RecordedElement, count: int) -> NDArray[Any]:
+    def column(place: Place, element: RecordedElement, count: int, _: object) -> NDArray[Any]:
         values = _samples(arrow, file, place[0], element, count)
         if place[1] < 0:
             return values
