@@ -163,7 +163,7 @@ class LoggedParameters:
     def _ramp(self, number: int) -> Ramp:
         if number not in self._ramps:
             later = self._events[number + 1 :]
-            self._ramps[number] = Ramp(self._events[number], later, self._samples, self._stamp)
+            self._ramps[number] = Ramp(self._events[number], later, self._samples, self._passed)
         return self._ramps[number]
 
     def _arrival(self, name: str, number: int) -> Arrival | None:
@@ -172,8 +172,18 @@ class LoggedParameters:
             aim = next(new for other, _, new in values_of(event) if other == name)
             again = (one.tick for one in later if any(other == name for other, _, _ in values_of(one)))
             logged, end = self._samples(name), next(again, sys.maxsize)
-            self._arrivals[name, number] = logged and Arrival(aim, logged, event.tick, end, self._stamp)
+            self._arrivals[name, number] = logged and Arrival(aim, logged, event.tick, end, self._passed)
         return self._arrivals[name, number]
+
+    @functools.cached_property
+    def _ahead(self) -> NDArray[np.int64]:
+        return np.concatenate([[0], np.cumsum(np.maximum(np.diff(self._time_ns), 0))])
+
+    def _passed(self, tick: int) -> int:
+        """What passed until a tick, ns: its stamp, but for how far clocks were set back before, which no ramp goes."""
+        place = min(max(tick - self._offset + len(self._time_ns), 0), max(len(self._time_ns) - 1, 0))
+        behind = int(self._ahead[place]) - int(self._time_ns[place] - self._time_ns[0]) if len(self._time_ns) else 0
+        return self._stamp(tick) + behind
 
     def _stamp(self, tick: int) -> int:
         """The stamp of a tick; of one before the first, that which it had at the pace of the first two."""

@@ -53,13 +53,13 @@ def _samples(element: RecordedElement, time_ns: NDArray[np.int64], before: int) 
 
 
 class _Timed:
-    """What takes its time by the stamps of ticks, ns."""
+    """What takes its time by what passes between ticks, ns."""
 
-    _stamp: Callable[[int], int]
+    _passed: Callable[[int], int]
 
     def _done(self, begin: int, tick: int) -> int:
         """Nanoseconds: the row of a tick has what came of the one before it."""
-        return max(0, self._stamp(tick - 1) - self._stamp(begin - 1))
+        return max(0, self._passed(tick - 1) - self._passed(begin - 1))
 
 
 class Ramp(_Timed):
@@ -70,11 +70,11 @@ class Ramp(_Timed):
         event: LoggedEvent,
         later: Sequence[LoggedEvent],
         samples: Callable[[str], TunedSamples | None],
-        stamp: Callable[[int], int],
+        passed: Callable[[int], int],
     ) -> None:
-        """Look at what is known of it. `later` events may set the same again; `stamp` is that of a tick, ns."""
+        """Look at what is known of it. `later` events may set the same again; `passed` is the time until a tick, ns."""
         assert event.change is not None
-        self._stamp, self._begin, until = stamp, event.tick, event.change.until
+        self._passed, self._begin, until = passed, event.tick, event.change.until
         self._takes_time, self._whole = until > event.tick, 1.0
         self._end = until if self._takes_time else sys.maxsize  # from which tick on it stands still
         numbers = list(_numbers_told(event, later, samples))
@@ -188,10 +188,10 @@ class Arrival(_Timed):
     """
 
     def __init__(
-        self, aim: ParameterValue, samples: TunedSamples, begin: int, end: int, stamp: Callable[[int], int]
+        self, aim: ParameterValue, samples: TunedSamples, begin: int, end: int, passed: Callable[[int], int]
     ) -> None:
-        """Look at the samples of ticks from `begin` to before `end`. `stamp` is that of a tick, ns."""
-        self._stamp, self._aim, self._goal = stamp, aim, _numbers(aim)
+        """Look at the samples of ticks from `begin` to before `end`. `passed` is the time until a tick, ns."""
+        self._passed, self._aim, self._goal = passed, aim, _numbers(aim)
         low, high = np.searchsorted(samples.ticks, [begin, end])
         rows = samples.values[low:high]
         # nearly always it was there already, and no more is looked at

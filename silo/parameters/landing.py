@@ -25,7 +25,6 @@ from silo.parameters.excited import Excited
 from silo.segment.parameter_changes import MOST_WORDS, ChangeRecord, OpenChange
 
 MOST_AT_ONCE = 8  # changes that land in one tick
-MOST_STEP_NS = 100_000_000  # or ten times the one before: what passes in a tick at most
 _NEVER_NS = 2.0**62  # longer than any program runs
 _FAR = {ParameterKind.FLOAT: np.finfo(float).max, ParameterKind.INT: 2.0**62}  # a way that their own kind may not hold
 
@@ -69,7 +68,6 @@ class WaitingChange:
     ramp_ns: float = 0.0
     course: Course | None = None  # of one that goes on, as long as not all of it was set again
     at_ns: int = 0  # the stamp up to which it went,
-    step_ns: int = 0  # how far that was from the one before,
     went_ns: int = 0  # and how long it has gone by now
     fraction: float = 0.0
     slot: OpenChange | None = None
@@ -85,11 +83,10 @@ class WaitingChange:
     def goes_until(self, t: int) -> int:
         """Go on until this stamp; returns how long it has gone, ns.
 
-        By what passes between two ticks, so that a clock that is set, or begins anew, neither stops it nor has it jump.
+        By what passes between two ticks, so that a clock that is set back, or begins anew, does not stop it.
         """
-        step_ns = max(t - self.at_ns, 0)
-        self.went_ns += min(step_ns, max(MOST_STEP_NS, 10 * self.step_ns))
-        self.at_ns, self.step_ns = t, step_ns
+        self.went_ns += max(t - self.at_ns, 0)
+        self.at_ns = t
         return self.went_ns
 
 

@@ -514,22 +514,29 @@ def test_a_way_longer_than_any_number_is_gone_and_ends_no_loop(new_logger, old, 
     assert ((steps[1:] >= steps[:-1]) == (last > first)).all() or (steps[1:] == steps[:-1]).all()
 
 
-@pytest.mark.parametrize("jump_s", [-3600, 3600])
-def test_a_clock_that_is_set_neither_stops_a_ramp_nor_has_it_jump(new_logger, jump_s):
+@pytest.mark.parametrize("is_logged", [True, False])
+@pytest.mark.parametrize("pause_s", [-3600, 0.5])
+def test_a_clock_that_is_set_back_stops_no_ramp_and_a_loop_that_stood_goes_on_and_files_say_so(
+    new_logger, pause_s, is_logged
+):
     clock = Clock()
     logger = new_logger(frequency=100, clock=clock, max_time=60)
     logger.parameter("far", 0.0, rate=1.0)
+    logger.set("far", enabled=is_logged)
     logger.start()
-    ask(logger, {"far": 10.0})
+    ask(logger, {"far": 4.0})
     saw = []
     for tick in range(500):
         if tick == 200:
-            clock.now_ns += jump_s * 10**9
-        logger.collect()
+            clock.now_ns += round(pause_s * 10**9)
         saw.append(read(logger)["far"])
+        logger.collect()
     steps = np.diff(saw)
-    assert steps[199] == (0 if jump_s < 0 else pytest.approx(0.1))
-    assert np.delete(steps, 199) == pytest.approx(np.full(498, 0.01))
+    assert steps[200] == (0 if pause_s < 0 else pytest.approx(0.51))
+    assert np.delete(steps, 200)[1:300] == pytest.approx(np.full(299, 0.01))
+    assert saw[-1] == 4.0
+    parameters = silo.open_log(logger.save("silo").path).parameters
+    assert [parameters._at_tick(tick)["/log/far"] for tick in range(500)] == pytest.approx(saw)
 
 
 @pytest.mark.parametrize("period_s", [0.001, 1.0, 30.0])
