@@ -4,17 +4,19 @@ import zipfile
 
 import numpy as np
 import pytest
+import scipy.io
 
 import silo
 from silo.core.recording import Recording
 from silo.errors import SiloError
-from silo.files.tables.arrays import write_hdf5, write_npz
+from silo.files.tables import matlab_variables
+from silo.files.tables.arrays import write_hdf5, write_mat, write_npz
 from silo.files.tables.parquet import write_parquet
 from tests.stand_ins import saved
 
 TICKS = 400
 VALUES = np.random.default_rng(3).random(TICKS)
-WRITERS = {".parquet": write_parquet, ".h5": write_hdf5, ".npz": write_npz}
+WRITERS = {".parquet": write_parquet, ".h5": write_hdf5, ".npz": write_npz, ".mat": write_mat}
 
 
 def written(folder, ending):
@@ -72,3 +74,25 @@ def test_an_array_of_another_size_is_refused_before_it_is_unpacked(tmp_path, mon
     with pytest.raises(SiloError, match=words):
         _ = silo.open_log(path)["x"].values
     assert array.nbytes not in sizes
+
+
+def test_a_variable_of_mat_that_unpacks_to_more_than_its_samples_is_not_unpacked(tmp_path, monkeypatch):
+    path, whole = tmp_path / "bomb.mat", written(tmp_path, ".mat")
+    held = scipy.io.loadmat(whole)
+    held["log_x"]["data"][0, 0] = np.zeros((2_000_000, 1))
+    kept = {name: value for name, value in held.items() if not name.startswith("__")}
+    scipy.io.savemat(path, kept, do_compression=True, long_field_names=True, oned_as="column")
+    unpacked, loadmat = [], scipy.io.loadmat
+    monkeypatch.setattr(scipy.io, "loadmat", lambda file, **more: unpacked.append(file) or loadmat(file, **more))
+    with pytest.raises(silo.SiloError, match=r"'log_x' has more than the [\d,]+ bytes that it may have"):
+        _ = silo.open_log(path)["x"].values
+    assert len(unpacked) == 1  # what the log says of itself
+
+
+def test_one_without_a_log_is_unpacked_to_a_bound_too(tmp_path, monkeypatch):
+    monkeypatch.setattr(matlab_variables, "MOST_ROOM", 2**20)
+    monkeypatch.setattr(matlab_variables, "MOST_RATIO", 2)
+    path = tmp_path / "bomb.mat"
+    scipy.io.savemat(path, {"silo": {"log": "{}", "time_ns": np.zeros(2_000_000)}}, do_compression=True)
+    with pytest.raises(silo.SiloError, match="'silo' has more than the 1,048,576 bytes that it may have"):
+        silo.open_log(path)

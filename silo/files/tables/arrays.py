@@ -6,6 +6,7 @@ An element's samples stand together with their time stamps, so that nobody has t
 import io
 import re
 import zipfile
+from collections import Counter
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -16,11 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording, silent, stamps_of
+from silo.decoding import json_decoder
 from silo.errors import FileFormatError, SaveError
 from silo.files.optional_packages import need, whole_file
-from silo.files.silo.format import FilledEntry
+from silo.files.silo.format import FilledEntry, dtype_from
 from silo.files.silo.missing import filled, in_doubles, is_masked
-from silo.files.tables.facts import NAME, Place, packed, restored, told_of
+from silo.files.tables.facts import NAME, Place, TableFacts, packed, restored, told_of
+from silo.files.tables.matlab_variables import MatlabVariables
 from silo.files.texts import numbered, presentable, unique_names
 
 # MATLAB cuts longer names
@@ -145,9 +148,11 @@ def read_mat(path: Path) -> Recording:
     """Open a file that `write_mat` wrote; a variable is read when a signal of it is asked for."""
     matlab = need("scipy.io", "convert", ".mat files")
 
+    sizes: Counter[str] = Counter()
+
     @lru_cache(maxsize=8)
     def struct(name: str) -> Any:
-        return matlab.loadmat(path, variable_names=[name], appendmat=False)[name][0, 0]
+        return variables.read(name, sizes[name])[0, 0]
 
     def values(place: Place, *_: object) -> NDArray[Any]:
         name, dot, field = place[0].partition(".")
@@ -163,10 +168,26 @@ def read_mat(path: Path) -> Recording:
         return np.asarray(data if data.shape[-1] > 1 else data.ravel())
 
     with told_of(path):
-        known = [name for name, *_ in matlab.whosmat(path, appendmat=False)]
-        about: Any = struct("silo") if "silo" in known else np.empty(0)
+        variables = MatlabVariables(path, matlab)
+        about: Any = variables.read("silo")[0, 0] if "silo" in variables else np.empty(0)
         text = str(about["log"].ravel()[0]) if "log" in (about.dtype.names or ()) else None
+        if text is not None:
+            sizes.update(_matlab_sizes(text))
         return restored(path, text, lambda: int(about["time_ns"].size), lambda: about["time_ns"], values)
+
+
+def _matlab_sizes(text: str) -> dict[str, int]:
+    """How many bytes the variable of each element may have: far more than its samples take, as cells at worst."""
+    facts = json_decoder(TableFacts).decode(text)
+    places = iter(facts.places)
+    found: Counter[str] = Counter()
+    for number, one in enumerate(facts.elements):
+        names = {place[0].partition(".")[0] for _, place in zip(one.entries, places, strict=False)}
+        names |= {facts.own[number]} if number in facts.own else set()
+        widths = [dtype.itemsize if (dtype := dtype_from(entry.dtype)) is not None else 0 for entry in one.entries]
+        for name in names:
+            found[name] += 16 * len(text) + 2**20 + max(0, one.count) * sum(128 + 4 * width for width in widths)
+    return found
 
 
 def _matlab_struct(recording: Recording, element: RecordedElement, start: int) -> dict[str, Any]:
