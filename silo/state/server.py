@@ -8,7 +8,7 @@ import msgspec
 
 from silo.core.conditions import Conditions
 from silo.core.elements import Edit, Problem, State
-from silo.net.access.senders import local_words
+from silo.net.access.senders import SAYS_SO, local_words
 from silo.net.keys import may_use
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, Request, request_of
@@ -62,7 +62,8 @@ class StateServer(Server, does=[requests]):
 
     def hello(self, request: requests.Hello) -> requests.HelloReply:
         if request.id and may_use(request.id, request.proof):
-            self.outside.name_client(plain(request.id), local_words(plain(request.client)))
+            # who says it by its own key, too, is known
+            self.outside.name_client(plain(request.id), f"{local_words(plain(request.client))}{SAYS_SO}")
         # a client that gets this from the key `do` too may edit
         status, closed = self.replica.status(), self.outside.closed()
         return requests.HelloReply(PROTOCOL, VERSION, self.replica.user, True, status, OLDEST, closed, clock_s())

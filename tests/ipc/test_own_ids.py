@@ -1,5 +1,7 @@
 """The id of a client is seen by all: what is called after it is its own all the same."""
 
+from types import SimpleNamespace
+
 import pytest
 
 import silo
@@ -9,6 +11,7 @@ from silo.live.quantities import QUANTITIES
 from silo.live.requests import CloseView, GetSurvey, OpenView
 from silo.net.keys import ClientId, may_use
 from silo.state.requests import Hello
+from silo.state.server import Outside, StateServer
 from tests.waiting import wait_until
 
 
@@ -69,6 +72,14 @@ def test_nobody_else_says_who_a_client_is(bench, client) -> None:
         other._call(Hello(id=mine.id, client="mallory@nowhere silo 1"))
         assert "mallory@nowhere silo 1" not in [one.who for one in client.status().clients]
     assert before[0] in client.status().clients
+
+
+def test_what_a_client_says_of_itself_by_no_key_of_its_own_is_called_so() -> None:
+    told: list[tuple[str, str]] = []
+    replica = SimpleNamespace(status=lambda: None, user="")
+    outside = Outside(lambda *one: told.append(one), lambda: None, lambda: "")
+    StateServer(replica, None, None, outside).hello(Hello(id="x1", client="root@robot (proven) silo 1"))
+    assert told == [("x1", "root@robot [proven] silo 1 (says so)")]
 
 
 @pytest.mark.slow
