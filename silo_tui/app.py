@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 from textual import events
 from textual.app import App
 from textual.command import CommandPalette
+from textual.filter import LineFilter
 
 from silo.core.episodes.words import said_by
 from silo.net.access.senders import is_by
@@ -36,6 +37,7 @@ from silo_tui.sessions.link import LinkChanged, LoggerEvent, ViewFailed
 from silo_tui.sessions.live import Session
 from silo_tui.settings.file import SettingsProblem
 from silo_tui.settings.options import Settings
+from silo_tui.terminal.printable import Printable
 from silo_tui.tour import Tour
 from silo_tui.unforeseen import Guarded, Unforeseen
 
@@ -48,6 +50,7 @@ if TYPE_CHECKING:
 FIRST_LOOK_S, MOST_LOOKS = 0.01, 50  # how often is looked for the first values of a logger
 START_S = 2.0  # after which garbage is looked for
 BEHIND_HZ = 1.0  # how often values are painted behind a dialog
+PRINTABLE = Printable()
 HOMES = ("table", "file", "loggers")  # where `go_home` ends
 # what is said elsewhere: by progress, by the head and the alarms
 QUIET_KINDS = {EventKind.SAVING, EventKind.LIMIT, EventKind.LIMIT_ENDED, EventKind.CRASHED}  # a crash has its banner
@@ -126,6 +129,10 @@ class SiloApp(Guarded, App[None]):
         if self._is_read:
             super().refresh_css(animate)
         self._is_read = True
+
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        """Of all that is painted: nothing moves the terminal's cursor."""
+        return [*super().get_line_filters(), PRINTABLE]
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
         """Return our colours for themes that don't have them."""

@@ -5,6 +5,7 @@ from rich.text import Text
 from textual.app import App
 from textual.screen import ModalScreen
 
+from silo.rpc.published import EventKind
 from silo_tui.widgets.lines import Lines
 
 
@@ -62,3 +63,13 @@ async def test_what_can_t_be_painted_fails_the_test_also_where_it_was_closed_at_
         async with App().run_test(size=(40, 10)) as pilot:
             await pilot.app.push_screen(Bad())
             await pilot.app.pop_screen()
+
+
+async def test_no_word_of_a_robot_moves_the_cursor_of_the_terminal(fake, opened):
+    evil = "a\x1b[31mb\x07c\u202ed\x9be\udce9f\u200dg"
+    async with opened(fake) as screen:
+        fake.host = f"host{evil}"
+        fake.publish(EventKind.BLIND, f"gripper {evil} is blind", by=f"bob{evil}")
+        await screen.shows("is blind")
+        assert "gripper a[31mbcde?fg is blind" in screen.text
+        assert not {"\x1b", "\x07", "\u202e", "\x9b"} & set(screen.text)
