@@ -49,7 +49,7 @@ def test_a_dead_logger_has_no_rate_and_says_where_its_recording_is(robots, capsy
         assert shown_rate(capsys, "dead") == "-"
         assert run(["info", "bot"]) == 0
         (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("recording")]
-        assert "ticks stand in files in" in line
+        assert "all that the buffers held of its" in line
         assert "logs" in line
 
 

@@ -146,7 +146,8 @@ def _recording(status: "Status") -> str:
     if not status.run_ticks:
         return "none: it had logged nothing, or what it logged can't be read"
     if status.saved:
-        return f"all {many(status.run_ticks, 'tick')} stand in files in {status.folder}"
+        ticks = many(status.run_ticks, "tick")
+        return f"all that the buffers held of its {ticks} stands in files in {status.folder}"
     return f"{_held(status)}, and not all of it is in a file: `silo recover` saves it"
 
 
