@@ -7,8 +7,11 @@ from silo.printing import printable_lines
 
 def reason(error: BaseException) -> str:
     """Why something failed: in the system's words where it has some (`No space left on device`), else in its own."""
-    # libraries end theirs with a line break
-    return getattr(error, "strerror", None) or str(error).strip() or type(error).__name__
+    try:
+        words = getattr(error, "strerror", None) or str(error).strip()  # libraries end theirs with a line break
+    except Exception:  # noqa: BLE001  # a class of somebody's has no words
+        words = ""
+    return words or type(error).__name__
 
 
 def lacks_descriptors(error: BaseException | None) -> bool:

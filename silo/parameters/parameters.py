@@ -5,6 +5,7 @@ Excitations among it: one at a time.
 
 import enum
 import inspect
+import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,6 +14,7 @@ from dataclasses import dataclass, field
 import msgspec
 import numpy as np
 
+from silo.core.arguments import shown
 from silo.core.calls import told_class, told_names
 from silo.core.names import did_you_mean, nearest
 from silo.core.tuning.excitation import check_rate, ends_of, number_at
@@ -27,7 +29,7 @@ from silo.core.tuning.parameters import (
     decoded,
     fitting,
 )
-from silo.errors import ElementError
+from silo.errors import ElementError, reason
 from silo.parameters.excited import Excited
 from silo.parameters.landing import CLOSED, STANDS_STILL, Landing, WaitingChange
 from silo.parameters.parameter import Parameter
@@ -403,13 +405,20 @@ class Parameters(Mapping[str, Parameter]):
 
 def _ask(name: str, check: Check, given: tuple[object, ...]) -> None:
     try:
-        answer = check(*given)
-    except Exception as error:
-        words = str(error) or type(error).__name__
+        answer: object = check(*given)
+    except BaseException as error:
+        # of the program's own thread it ends what that was about to do; no client ends the one that hears it
+        if not isinstance(error, Exception) and threading.current_thread() is threading.main_thread():
+            raise
+        words = reason(error) if isinstance(error, Exception) else f"its check ends by {type(error).__name__}"
         raise ElementError(f"parameter '{name}': {words}; nothing was changed") from error
-    if answer is False or isinstance(answer, str):
+    if answer is None or (isinstance(answer, bool | np.bool_) and answer):
+        return
+    if isinstance(answer, bool | np.bool_ | str):
         words = answer if isinstance(answer, str) and answer else "its check refuses it"
-        raise ElementError(f"parameter '{name}': {words}; nothing was changed")
+    else:
+        words = f"its check returned {shown(answer)}; it returns True, False, or in words why not"
+    raise ElementError(f"parameter '{name}': {words}; nothing was changed")
 
 
 def _arguments(check: Check) -> int:

@@ -1,6 +1,7 @@
 """Parameters as a program has them: declared, read like an array, set by itself."""
 
 import enum
+import threading
 
 import numpy as np
 import pytest
@@ -138,6 +139,56 @@ def test_a_check_that_takes_one_value_gets_that_alone(new_logger, check, wrong):
     with pytest.raises(ElementError, match="its check refuses it"):
         kp.value = wrong
     assert kp.value == 50.0
+
+
+class Speechless(Exception):
+    def __str__(self):
+        raise RuntimeError
+
+
+def ends(error):
+    def check(value):
+        raise error
+
+    return check
+
+
+@pytest.mark.parametrize(
+    ("check", "words"),
+    [
+        (lambda v: np.all(np.abs(v) < 10), "its check refuses it"),
+        (lambda v: bool(np.all(np.abs(v) < 10)), "its check refuses it"),
+        (lambda v: np.abs(v) < 10, r"its check returned array\(\[False, +True\]\); it returns True"),
+        (lambda v: 0 if max(v) > 10 else None, "its check returned 0; it returns True, False, or in words why not"),
+        (lambda v: "too much" if max(v) > 10 else "", "too much|its check refuses it"),
+    ],
+)
+def test_what_a_check_of_numpy_says_counts_and_what_nobody_understands_is_no_yes(new_logger, check, words):
+    gains = new_logger().parameter("gains", [1.0, 2.0], check=check)
+    with pytest.raises(ElementError, match=words):
+        gains.value = [1000.0, 2.0]
+    assert gains.value.tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [(SystemExit(3), "its check ends by SystemExit"), (KeyboardInterrupt(), "its check ends by KeyboardInterrupt"),
+     (Speechless(), "Speechless"), (ValueError("not now\n"), "not now; nothing")],
+)  # fmt: skip
+def test_no_check_ends_the_thread_that_hears_clients(new_logger, error, words):
+    logger = new_logger()
+    logger.parameter("kp", 1.0, check=ends(error))
+    told = []
+
+    def hear():
+        with pytest.raises(ElementError, match=words) as caught:
+            logger.parameters.request({"kp": 2.0}, "alice", "shell", "n", remote=False)
+        told.append(caught)
+
+    thread = threading.Thread(target=hear)
+    thread.start()
+    thread.join()
+    assert told
 
 
 def test_nobody_writes_past_the_checks(new_logger):
