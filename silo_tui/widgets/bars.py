@@ -278,7 +278,7 @@ def _first_and_last(words: str, room: int) -> str:
 def _as_many(parts: Sequence[LinePart], room: int, between: str) -> list[LinePart]:
     """Return the keys that have room, the most wanted first, and others that fit where one has none."""
     kept: list[LinePart] = []
-    for part in sorted(parts, key=lambda part: -part.rank):
+    for part in sorted(parts, key=lambda part: part.rank)[::-1]:
         if sum(cell_len(each.words) + len(between) for each in (*kept, part)) <= room + len(between):
             kept.append(part)
     return [part for part in parts if part in kept]
