@@ -427,7 +427,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("quit", "q,ctrl+c", "Quit", "end silo-tui; loggers go on, a demo ends with it", "Go", ("any",), 12,
             typed=Typed(("quit", "q"))),
     Command("suspend", "ctrl+z", "Suspend", "back to the shell for a while; fg comes back", "Go", ("any",)),
-    Command("quit_now", "ctrl+q", "Quit", "end silo-tui", "Go", ("any",), hidden=True, typed=Typed(("q!",))),
+    Command("quit_now", "ctrl+q", "Quit", "end silo-tui at once, without a question", "Go", ("any",),
+            hidden=True, typed=Typed(("q!",))),
     # ----------------------------------------------------------------------------------------------- only typed
     Command("set", "", "Edit", "edit what is marked", "Edit", (), writes=True,
             typed=_read(("set",), "settings", ":set div=5 size=10s", "edit what is marked, by these words:", 3)),
