@@ -7,6 +7,7 @@ between nobody heard of the 28 others. The kernel sends what is left after close
 There is no setting for that, so it is turned off at the sockets, soon after they are made and before a session closes.
 """
 
+import logging
 import os
 import resource
 import socket
@@ -26,6 +27,8 @@ PERIOD_S = 0.5  # a link that vanishes sooner after it was made has nothing to w
 DOOR_S = 0.1  # between two looks at a door
 _ZENOHS, _OFF = struct.pack("ii", 1, 10), struct.pack("ii", 0, 0)
 
+
+log = logging.getLogger("silo.helper")
 
 Mark = tuple[int, int]  # a descriptor and its inode: a number is given again
 
@@ -83,6 +86,7 @@ class Releasing:
         self._lock = threading.Lock()
         self._sessions: dict[int, Door | None] = {}
         self._ended = threading.Event()
+        self._failed = False
 
     def begin(self, session: zenoh.Session, door: Door | None = None) -> None:
         """A session was opened; where others come in by it, its door is watched."""
@@ -108,10 +112,19 @@ class Releasing:
     def _run(self, ended: threading.Event) -> None:
         known: set[Mark] = set()
         while not ended.wait(DOOR_S if any(self._sessions.values()) else PERIOD_S):
+            known = self._looked(known)
+
+    def _looked(self, known: set[Mark]) -> set[Mark]:
+        try:
             known = release_links(known)
             with self._lock:
                 for door in filter(None, self._sessions.values()):
                     door.look()
+        except Exception:  # whatever it is, the next look comes
+            if not self._failed:
+                log.exception("the links of this process can't be looked at now")
+            self._failed = True
+        return known
 
 
 releasing = Releasing()

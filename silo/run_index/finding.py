@@ -13,6 +13,9 @@ _READ = tuple(ending for one in FORMATS if one.for_logs or (one.mark and one.rea
 _PREFERENCE = {ending: place for place, ending in enumerate([*LOG_ENDINGS, *_READ])}
 
 
+_LAST_NS = 2**63 - 1  # of times of change, which a wrong clock may set to any year
+
+
 class There(NamedTuple):
     """A log as it lies there: what changes when it is written anew; `others` are its other formats, by their paths."""
 
@@ -52,14 +55,14 @@ def _below(root: Path, folder: str, names: list[str]) -> Iterator[tuple[str, The
                         yield from _below(root, f"{folder}{name}/", inner)
                 elif ending in _PREFERENCE and (ending != ".csv" or name + SIDECAR in present):
                     about = entry.stat()
-                    yield folder + name, There(about.st_size, about.st_mtime_ns)
+                    yield folder + name, There(about.st_size, min(about.st_mtime_ns, _LAST_NS))
             except OSError:  # it vanished, or may not be read: the next look will see
                 continue
 
 
 def _of_bag(bag: Path, inner: list[str]) -> There:
     about = [(bag / name).stat() for name in inner]
-    return There(sum(one.st_size for one in about), max(one.st_mtime_ns for one in about))
+    return There(sum(one.st_size for one in about), min(max(one.st_mtime_ns for one in about), _LAST_NS))
 
 
 def _names(folder: str | Path) -> list[str]:

@@ -879,3 +879,12 @@ def test_a_run_in_several_files_is_one_in_an_archive_and_stays_whole_where_files
         assert archive.sql("select run, ticks from runs").rows() == [(names[0], 60)]
         assert archive.sql("select n from wide order by t")["n"].to_list() == list(range(60))
     assert answers(archive)["signals"] == wanted["signals"]
+
+
+def test_a_file_of_a_year_that_no_clock_should_say_costs_no_other_its_place(written, tmp_path):
+    (path,) = written.rglob("run0.silo")
+    for name, changed_ns in (("good", 10**18), ("wrong", 99_999_999_999 * 10**9)):
+        shutil.copy(path, tmp_path / f"{name}.silo")
+        os.utime(tmp_path / f"{name}.silo", ns=(changed_ns, changed_ns))
+    for _ in range(2):
+        assert sorted(Path(run.path).name for run in silo.runs(tmp_path)) == ["good.silo", "wrong.silo"]

@@ -3,8 +3,10 @@
 import contextlib
 import socket
 import struct
+import threading
 
-from silo.net.lingering import release_links
+from silo.net.lingering import Releasing, release_links
+from tests.waiting import DEADLINE_S
 
 WAITS = struct.pack("ii", 1, 10)
 
@@ -28,3 +30,22 @@ def test_links_of_this_process_are_closed_without_a_wait_and_go_on() -> None:
         ours.sendall(b"the last word")
         ours.close()
         assert theirs.recv(100) == b"the last word"
+
+
+def test_a_door_that_can_not_be_looked_at_is_told_once_and_looked_at_again(caplog) -> None:
+    looks = threading.Semaphore(0)
+
+    class Stuck:
+        def look(self) -> None:
+            looks.release()
+            raise OSError("no such link")
+
+        def close(self) -> None:
+            pass
+
+    releasing, session = Releasing(), object()
+    releasing.begin(session, Stuck())
+    for _ in range(3):
+        assert looks.acquire(timeout=DEADLINE_S)
+    releasing.end(session)
+    assert [one.message for one in caplog.records] == ["the links of this process can't be looked at now"]
