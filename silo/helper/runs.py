@@ -94,6 +94,7 @@ class Runs:
         for run in self._held.find():
             self._take_left(run)
         self._held.tell_starts(self._events, at_end=at_end)
+        self.recording.follow_present()  # what could not be handed over as it came
         self._held.release()
 
     def let_go(self, message: LetGo) -> None:

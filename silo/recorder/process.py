@@ -16,6 +16,7 @@ from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import RecorderState
 from silo.core.runtime import process_facts, write_private
 from silo.decoding import json_decoder
+from silo.errors import lacks_descriptors
 from silo.files.manifest import RecordedTotals, read_written
 from silo.recorder.orders import (
     MAX_PACKET_BYTES,
@@ -155,18 +156,23 @@ class RecorderProcess:
         in_hand = sum(one in self._handed for one in self.runs)
         return run not in self._handed and in_hand < MOST_IN_HAND and not self.again_s
 
-    def follow(self, reader: SegmentReader, conditions: Conditions | None) -> None:
-        """Hand a run over, with the limits and triggers that it has now, None: those that it had last."""
+    def follow(self, reader: SegmentReader, conditions: Conditions | None) -> bool:
+        """Hand a run over, with the limits and triggers that it has now, None: those that it had last.
+
+        False while no file can be opened for that.
+        """
+        if not self._send(Follow(str(reader.path)), reader.fileno(), conditions=conditions):
+            return False
         self._handed.add(reader.schema.run)
         self._conditions = conditions or NO_CONDITIONS
-        self._send(Follow(str(reader.path)), reader.fileno(), conditions=conditions)
+        return True
 
     def change(self, conditions: Conditions) -> None:
         """Tell what is derived, limits and triggers of the run that was handed over, if they have changed."""
         before, now = recorded_of(self._conditions), recorded_of(conditions)
-        if not self.ending and not self.again_s and (*before, self._conditions.derived) != (*now, conditions.derived):
+        is_new = (*before, self._conditions.derived) != (*now, conditions.derived)
+        if is_new and not self.ending and not self.again_s and self._send(NewConditions(), conditions=conditions):
             self._conditions = conditions
-            self._send(NewConditions(), conditions=conditions)
 
     def done(self, run: str) -> None:
         """It has all of a run in files."""
@@ -189,13 +195,17 @@ class RecorderProcess:
             self._is_told = True
             self._send(self._ending)
 
-    def _send(self, message: msgspec.Struct, *descriptors: int, conditions: Conditions | None = None) -> None:
-        """Say something, with open files, of which `conditions` become the last one."""
-        with contextlib.ExitStack() as closing, contextlib.suppress(OSError):  # gone: its end is noticed
-            files = [] if conditions is None else [conditions_file(conditions)]
-            for file in files:
-                closing.callback(os.close, file)
-            socket.send_fds(self.socket, [encode(message)], [*descriptors, *files])
+    def _send(self, message: msgspec.Struct, *descriptors: int, conditions: Conditions | None = None) -> bool:
+        """Say something, with open files, of which `conditions` become the last one; whether no file was lacking."""
+        with contextlib.ExitStack() as closing:
+            try:
+                files = [] if conditions is None else [conditions_file(conditions)]
+                for file in files:
+                    closing.callback(os.close, file)
+                socket.send_fds(self.socket, [encode(message)], [*descriptors, *files])
+            except OSError as error:
+                return not lacks_descriptors(error)  # else it is gone: its end is noticed
+        return True
 
     def receive(self) -> Report | None:
         """Return its next report, None at its end. Raises BlockingIOError where there is none."""

@@ -24,7 +24,7 @@ from silo.core.names import matching
 from silo.core.quantities.writing import and_more, size_text
 from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
 from silo.decoding import converted
-from silo.errors import SegmentError, reason
+from silo.errors import SegmentError, lacks_descriptors, reason
 from silo.files.manifest import RecordedTotals, size_of_parts
 from silo.files.naming import check_name
 from silo.polling import readable
@@ -278,14 +278,14 @@ class EndlessRecordings:
         try:
             reader = self._held.open(run)
         except SegmentError as error:
-            log.warning("a run can't be recorded: %s", error)
-            recorder.done(run)
+            if not lacks_descriptors(error):
+                recorder.done(run)
+                self._tell(f"recording '{recorder.order.name}': run {run} can't be recorded: {error}", failed=True)
             return False
         if reader is None:
             return False
         with contextlib.closing(reader):
-            recorder.follow(reader, self._held.conditions(run))
-        return True
+            return recorder.follow(reader, self._held.conditions(run))
 
     def stop(self, *, forget: bool, died: bool = False) -> None:
         """Have all of them finish; returns at once. `forget`: no helper process after this one goes on with them.

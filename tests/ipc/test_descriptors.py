@@ -1,5 +1,6 @@
 """A helper process that can open no file for a while: it goes on, and makes up for it once it can."""
 
+import errno
 import os
 import resource
 import socket
@@ -10,10 +11,12 @@ from types import SimpleNamespace
 import pytest
 
 from silo.core.elements import State
+from silo.errors import SegmentError
 from silo.net import knocking
 from silo.net.configuration import LINK
 from silo.net.knocking import Door
 from silo.net.lingering import descriptors
+from silo.recorder.server import EndlessRecordings
 from silo.rpc.published import EventKind
 from tests.waiting import wait_until
 
@@ -46,6 +49,54 @@ def test_without_descriptors_it_lives_on_and_what_it_could_not_do_is_done_then(b
     wait_until(lambda: len({event.run for event in client.events() if event.kind == EventKind.CAPTURED.value}) == 2)
     assert client.status().helper_pid == pid
     wait_until(lambda: client.status().ticks == 50)
+
+
+def test_a_run_that_begins_meanwhile_is_recorded_from_its_first_tick(bench, client) -> None:
+    bench.logger.set(buffer="looping", size=1000)
+    bench.logger.start()
+    client.record(["x"], name="all")
+    bench.ticks(20)
+    pid = client.status().helper_pid
+    soft = resource.prlimit(pid, resource.RLIMIT_NOFILE)[0]
+    limit(pid, NONE_MORE)
+    try:
+        bench.logger.restart()
+        bench.ticks(50)
+        client.mark("in the dark")  # by then the helper process knows of the run
+    finally:
+        limit(pid, soft)
+    wait_until(lambda: client.recorders()[0].samples == 70)
+    assert "70 samples, 0 lost" in client.stop_recorder("all")
+    assert client.status().helper_pid == pid
+
+
+@pytest.mark.parametrize("code", [errno.EMFILE, errno.EIO])
+def test_only_what_will_never_be_readable_is_given_up(runtime_folder, code) -> None:
+    told, done, handed = [], [], []
+    problems: list[OSError] = [OSError(code, "no")]
+
+    def opened(run: str) -> SimpleNamespace:
+        if problems:
+            raise SegmentError("can't be mapped") from problems.pop()
+        return SimpleNamespace(close=lambda: None)
+
+    robot = SimpleNamespace(logger="bot", pid=os.getpid(), segment="", conditions=None)
+    replica = SimpleNamespace(now=SimpleNamespace(robot=robot, options=SimpleNamespace(id="1")), run="", segment="s")
+    held = SimpleNamespace(ids=lambda: ["a"], open=opened, conditions=lambda run: None)
+    events = SimpleNamespace(publish=lambda kind, text, **more: told.append((kind, text)))
+    recordings = EndlessRecordings(replica, events, held)
+    recordings._recorders["all"] = SimpleNamespace(
+        known=set(), runs=[], ending="", order=SimpleNamespace(name="all"), done=done.append,
+        lacks=lambda run: run not in (*done, *handed), follow=lambda *_: not handed.append("a"),
+    )  # fmt: skip
+    recordings.follow_present()
+    recordings.follow_present()
+    is_given_up = code == errno.EIO
+    assert (done, handed) == ((["a"], []) if is_given_up else ([], ["a"]))
+    assert (
+        told
+        == [(EventKind.RECORDING_FAILED, "recording 'all': run a can't be recorded: can't be mapped")] * is_given_up
+    )
 
 
 # ------------------------------------------------------------------------------------------------ who is not let in
