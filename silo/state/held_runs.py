@@ -13,7 +13,7 @@ from pathlib import Path
 
 from silo.core.conditions import Conditions
 from silo.core.runtime import HELD_SUFFIX, closing_file, is_at, list_held, runtime_dir
-from silo.errors import SegmentError
+from silo.errors import SegmentError, lacks_descriptors
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import bound_of, bytes_of, held_name, held_runs, number_of, remove
 from silo.segment.reader import SegmentReader
@@ -80,14 +80,18 @@ class HeldRuns:
         And how they ended, with their last tick: a restart may be told in one.
         """
         for run in [run for run in self.ids() if (at_end or run != self._replica.run) and run not in self._told]:
-            self._told.add(run)
-            with contextlib.suppress(SegmentError):
+            try:
                 reader = self.open(run)
-                if reader is not None:
-                    with contextlib.closing(reader):
-                        tell_start(reader, events)
-                        if (at_end or run != self._replica.run) and not reader.is_cut:
-                            tell_end(reader, events)
+            except SegmentError as error:
+                if not lacks_descriptors(error):
+                    self._told.add(run)  # nobody will ever read it
+                continue
+            self._told.add(run)
+            if reader is not None:
+                with contextlib.closing(reader):
+                    tell_start(reader, events)
+                    if (at_end or run != self._replica.run) and not reader.is_cut:
+                        tell_end(reader, events)
 
     def _add(self, reader: SegmentReader) -> None:
         self._known.add(reader.schema.run)
