@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 
 from silo.core.names import grouped
+from silo.core.runtime import open_own
 from silo.decoding import json_decoder, msgpack_decoder
 from silo.errors import SiloError, reason
 from silo.run_index.facts import NUMBERS, EventFacts, RunFacts, SignalFacts, read_facts, signal_facts
@@ -81,7 +82,7 @@ class RunIndex:
             raise SiloError(f"there is no folder '{root}'")
         self.root = root
         file = root / NAME
-        self.kept = os.access(file if file.exists() else root, os.W_OK)
+        self.kept = os.access(file if file.exists() else root, os.W_OK) and _is_own(file)
         try:
             self._database = self._opened(file if self.kept else ":memory:")
         except sqlite3.DatabaseError as error:
@@ -264,6 +265,15 @@ def _text_of(labels: Mapping[int, str]) -> str:
 
 def _labels(text: str) -> dict[int, str]:
     return json_decoder(dict[int, str]).decode(text) if text else {}
+
+
+def _is_own(file: Path) -> bool:
+    """Whether the index is a file of its own, or can be made: not where somebody planted a link."""
+    try:
+        os.close(open_own(file, os.O_RDWR | os.O_CREAT, 0o644))
+    except OSError:
+        return False
+    return True
 
 
 def _version(database: sqlite3.Connection) -> int:

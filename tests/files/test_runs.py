@@ -888,3 +888,17 @@ def test_a_file_of_a_year_that_no_clock_should_say_costs_no_other_its_place(writ
         os.utime(tmp_path / f"{name}.silo", ns=(changed_ns, changed_ns))
     for _ in range(2):
         assert sorted(Path(run.path).name for run in silo.runs(tmp_path)) == ["good.silo", "wrong.silo"]
+
+
+@pytest.mark.parametrize("is_there", [True, False])
+def test_an_index_that_is_a_link_is_not_followed(written, tmp_path, is_there):
+    victim, folder = tmp_path / "other.sqlite", tmp_path / "logs"
+    folder.mkdir()
+    shutil.copy(next(iter(written.rglob("run0.silo"))), folder / "a.silo")
+    if is_there:
+        with sqlite3.connect(victim) as theirs:
+            theirs.execute("CREATE TABLE mine (x)")
+    before = victim.read_bytes() if is_there else None
+    (folder / finding.NAME).symlink_to(victim)
+    assert [Path(run.path).name for run in silo.runs(folder)] == ["a.silo"]
+    assert (victim.read_bytes() if victim.exists() else None) == before

@@ -1,9 +1,12 @@
 """As many conditions as there may be are checked at once, in a time that grows with them and with the table alone."""
 
+from types import SimpleNamespace
+
+import msgspec
 import pytest
 
 from silo.core.conditions import Conditions, Derived, SignalLimits, TriggerOptions
-from silo.core.elements import ElementInfo, ElementOptions, Entry, FileType
+from silo.core.elements import BufferType, Edit, ElementInfo, ElementOptions, Entry, FileType
 from silo.core.names import Names
 from silo.errors import ElementError
 from silo.expressions import derived_signals
@@ -11,6 +14,7 @@ from silo.judging import checks
 from silo.judging.checks import MOST_DERIVED, MOST_LIMITS, MOST_TRIGGERS
 from silo.settings.options import MAX_PROBLEMS
 from silo.settings.script_conditions import checked_conditions, fitting_conditions
+from silo.state.server import fitting
 
 NAMES = [f"/log/e{at}" for at in range(MOST_LIMITS)]
 TABLE = [
@@ -83,3 +87,19 @@ def test_a_list_of_files_without_end_is_refused() -> None:
     wanted = Conditions(triggers=(TriggerOptions("t", "e0 > 1", save=(FileType.SILO,) * 1000),))
     with pytest.raises(ElementError, match="trigger 't' saves 1000 files of a capture, there are 3 kinds"):
         checked_conditions(wanted, TABLE, "/log", 100)
+
+
+def test_what_stands_there_twice_is_refused() -> None:
+    twice = Conditions(limits=(SignalLimits("e0", (None, None, 1.0, 2.0)),) * 2)
+    with pytest.raises(ElementError, match=r"limits? 'e0' stands there twice"):
+        checked_conditions(twice, TABLE, "/log", 100)
+
+
+def test_conditions_of_a_script_fit_the_table_as_its_edits_leave_it() -> None:
+    options = SimpleNamespace(prefix="/log", frequency_hz=100)
+    now = SimpleNamespace(table=SimpleNamespace(elements=TABLE[:1]), places={"/log/e0": 0}, options=options)
+    wanted = Conditions(triggers=(TriggerOptions("t", "e0 > 1", pre_s=20.0, post_s=1.0),))
+    looping = ElementOptions(buffer=BufferType.LOOPING, size=5000)
+    assert fitting(wanted, [Edit("/log/e0", looping)], now) == wanted
+    with pytest.raises(ElementError, match="pre"):
+        fitting(wanted, [Edit("/log/e0", msgspec.structs.replace(looping, size=50))], now)

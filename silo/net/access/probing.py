@@ -128,8 +128,8 @@ def _reached(endpoint: Endpoint, timeout_s: float) -> Reached:
     why = f"no answer within {timeout_s:g} s" if isinstance(told, TimeoutError) else reason(told)
     raise LayerError(
         Layer.ROUTE,
-        f"{where}: no way there: {why}: is it switched on, in this network or behind the VPN, and does no firewall "
-        "swallow it?",
+        f"{where}: no way there: {why}: is it switched on, in this network or behind the VPN, does no firewall swallow "
+        "it, and do not too many wait there to be let in?",
     ) from told
 
 
