@@ -5,6 +5,7 @@ and the rows are in the runs that are held, and in the last one. A recorder goes
 """
 
 import contextlib
+import logging
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -29,6 +30,8 @@ from silo.segment.reader import SegmentReader
 
 MOST_LIVES = 3  # of a recorder that dies again and again
 
+log = logging.getLogger("silo")
+
 Tell = Callable[[str], object]
 
 
@@ -37,13 +40,22 @@ def left_lists() -> list[tuple[Path, list[RecorderHandover]]]:
     found = []
     with contextlib.suppress(SegmentError):  # no runtime folder: then there is nothing in it either
         for path in sorted(runtime_dir().glob(f"*{RECORDERS_SUFFIX}")):
-            kept = stored(path)
+            kept = _stored(path)
             if kept and kept[0].program.pid:
                 if not is_live(kept[0].program):
                     found.append((path, kept))
             elif _is_forgotten(path):
                 path.unlink(missing_ok=True)
     return found
+
+
+def _stored(path: Path) -> list[RecorderHandover]:
+    """The list; none where it is damaged, which is told: it goes."""
+    try:
+        return stored(path)
+    except SegmentError as error:
+        log.warning("%s", error)
+        return []
 
 
 def _is_forgotten(path: Path) -> bool:
@@ -72,7 +84,7 @@ def complete_recordings(tell: Tell, wanted: Callable[[RecorderHandover], bool] =
                 held.enter_context(claimed_file(path, os.O_RDWR, wait=True))
             except FileNotFoundError:
                 continue  # another process completed them
-            problems += _complete(path, stored(path), tell)
+            problems += _complete(path, _stored(path), tell)
     return problems
 
 

@@ -6,6 +6,7 @@ import os
 import socket
 import threading
 import time
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import RecorderState
 from silo.core.runtime import process_facts, write_private
 from silo.decoding import json_decoder
-from silo.errors import lacks_descriptors
+from silo.errors import SegmentError, lacks_descriptors
 from silo.files.manifest import RecordedTotals, read_written
 from silo.recorder.orders import (
     MAX_PACKET_BYTES,
@@ -240,14 +241,24 @@ def store(path: Path, kept: list[RecorderHandover]) -> None:
         path.unlink(missing_ok=True)
         return
     try:
-        write_private(path, encode(kept))
+        body = encode(kept)
+        write_private(path, b"%08x\n%s" % (zlib.crc32(body), body))
     except OSError:
         log.exception("recorders would not outlive this helper process")
 
 
 def stored(path: Path) -> list[RecorderHandover]:
-    """Return the list that a helper process left."""
+    """Return the list that a helper process left. Raises SegmentError for one that is damaged."""
     try:
-        return json_decoder(list[RecorderHandover]).decode(path.read_bytes())
-    except (OSError, msgspec.MsgspecError):
+        data = path.read_bytes()
+    except OSError:
         return []
+    head, line, body = data.partition(b"\n")
+    if not line and data.startswith(b"["):
+        body = data  # an older silo wrote no checksum
+    elif head != b"%08x" % zlib.crc32(body):
+        raise SegmentError(f"{path}: what was being recorded can't be read: the file is damaged")
+    try:
+        return json_decoder(list[RecorderHandover]).decode(body)
+    except msgspec.MsgspecError as error:
+        raise SegmentError(f"{path}: what was being recorded can't be read: {error}") from error

@@ -98,8 +98,8 @@ class EndlessRecordings:
     def start(self) -> None:
         """Go on with what the helper process before this one recorded, and start the thread."""
         # a helper process of an older silo listed them by pid, which comes again
-        older = [one for one in stored(self._older) if not one.program.pid]
-        for kept in [*stored(self._kept), *older]:
+        older = [one for one in self._stored(self._older) if not one.program.pid]
+        for kept in [*self._stored(self._kept), *older]:
             order = msgspec.structs.replace(kept.order, resume=True)
             try:
                 self._spawn(msgspec.structs.replace(kept, order=order, program=self._program))
@@ -108,6 +108,14 @@ class EndlessRecordings:
         if older:
             self._older.unlink(missing_ok=True)
         self._thread.start()
+
+    def _stored(self, path: Path) -> list[RecorderHandover]:
+        try:
+            return stored(path)
+        except SegmentError as error:
+            path.unlink(missing_ok=True)  # told once
+            self._tell(f"{error}; record again, and `silo recover` closes what there is", failed=True)
+            return []
 
     def needs(self, run: str) -> bool:
         """Whether a recorder is not done with a run. For the main thread."""

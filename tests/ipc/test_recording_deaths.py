@@ -473,3 +473,26 @@ def test_whoever_cleans_up_after_a_killed_program_leaves_the_same_event_log_and_
         wait_until(lambda: list(folder.glob("*.silo")) and len(list_segments()) == 1)
     left = left_by(robot, folder)
     assert (Counter(left[0]), left[1]) == (Counter(by_helper[0]), by_helper[1])
+
+
+@pytest.mark.parametrize("damage", ["turned", "cut", "empty"])
+def test_a_list_of_recordings_that_is_damaged_is_told_and_one_begins_anew(
+    bench, client, runtime_folder, damage
+) -> None:
+    begin(bench, client)
+    path = recorders_path("bot", bench.logger.options.id)
+    pid = client.status().helper_pid
+    freeze(pid)
+    data = path.read_bytes()
+    turned = data.replace(b'"split_s"', b'"spliT_s"')
+    assert turned != data
+    path.write_bytes({"turned": turned, "cut": data[:-20], "empty": b""}[damage])
+    kill_recorders(pid)
+    os.kill(pid, signal.SIGKILL)
+    wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid)
+    words = "what was being recorded can't be read"
+    wait_until(lambda: [event for event in answered(client.events) or () if words in event.text])
+    client.record(["x"], to="again")
+    wait_until(lambda: client.recorders()[0].state is RecorderState.RECORDING)
+    assert len(stored(path)) == 1
+    client.stop_recorder()
