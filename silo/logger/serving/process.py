@@ -7,6 +7,7 @@ that end with the logger are processes, too, never a thread of the robot's.
 import contextlib
 import hashlib
 import logging
+import math
 import os
 import secrets
 import socket
@@ -66,10 +67,13 @@ class HelperProcess(ChildProcess):
             theirs.close()
             their_runs.close()
 
-    def wait_until_ready(self) -> str:
-        """Return the path of its socket once clients can come. Raises ConnectionLostError with its reason."""
+    def wait_until_ready(self, is_wanted: Callable[[], bool]) -> str:
+        """Return the path of its socket once clients can come. Raises ConnectionLostError with its reason.
+
+        Where it is wanted no more it has a little time left, as any that ends.
+        """
         began_s = time.monotonic()
-        message = self.channel.receive() if self._answers() else None
+        message = self.channel.receive() if self._answers(is_wanted) else None
         reply = message.reply if isinstance(message, LinkReply) and message.number == 0 else None
         if isinstance(reply, Done):
             return reply.text
@@ -78,11 +82,13 @@ class HelperProcess(ChildProcess):
             raise ConnectionLostError(reply.text)
         raise ConnectionLostError(f"no answer within {time.monotonic() - began_s:.0f} s; see its output above")
 
-    def _answers(self) -> bool:
+    def _answers(self, is_wanted: Callable[[], bool]) -> bool:
         """Wait until there is something to read, as long as it works at it; a busy computer lets it work slowly."""
-        began_s = quiet_s = time.monotonic()
+        began_s, wanted_s = time.monotonic(), math.inf
+        quiet_s = began_s
         used = self.worked_ns() // TICK_NS
-        while time.monotonic() < min(quiet_s + READY_TIMEOUT_S, began_s + LONGEST_START_S):
+        while time.monotonic() < min(quiet_s + READY_TIMEOUT_S, began_s + LONGEST_START_S, wanted_s + ENDING_S):
+            wanted_s = math.inf if is_wanted() else min(wanted_s, time.monotonic())
             if readable(self.link.fileno(), timeout_s=min(1.0, READY_TIMEOUT_S / 4)):
                 return True
             if (now := self.worked_ns() // TICK_NS) > used:

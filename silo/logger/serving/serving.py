@@ -160,7 +160,7 @@ class Serving:
             self._push_state()
         except OSError:
             log.debug("the helper process ended before it read its first message")  # why is asked for next
-        self.socket_path = self._helper.wait_until_ready()
+        self.socket_path = self._helper.wait_until_ready(lambda: self.alive)
         self.is_up = True
 
     @property

@@ -1,0 +1,38 @@
+"""Waiting for a helper process that starts: as long as it works at it, and somebody wants it."""
+
+import itertools
+import socket
+
+import pytest
+
+from silo.logger.serving import process
+from silo.logger.serving.process import TICK_NS, HelperProcess
+
+
+class Starting(HelperProcess):
+    """One that works and works, and says nothing."""
+
+    def __init__(self, link: socket.socket) -> None:
+        self.link = link
+        self._worked = itertools.count(0, TICK_NS)
+
+    def worked_ns(self) -> int:
+        return next(self._worked)
+
+
+@pytest.mark.parametrize("answers", [False, True])
+def test_one_that_hangs_in_its_start_holds_up_the_end_of_its_program_a_little_alone(monkeypatch, answers) -> None:
+    monkeypatch.setattr(process, "ENDING_S", 0.1)
+    monkeypatch.setattr(process, "READY_TIMEOUT_S", 0.04)
+    ours, theirs = socket.socketpair()
+    asked = itertools.count()
+
+    def is_wanted() -> bool:
+        count = next(asked)
+        if answers and count == 4:
+            theirs.sendall(b"ready")
+        return count < 3
+
+    with ours, theirs:
+        assert Starting(ours)._answers(is_wanted) is answers
+    assert next(asked) > 4
