@@ -5,7 +5,6 @@ Views, streams, pins and control are leases that it renews; the connection comes
 
 import contextlib
 import os
-import secrets
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, NoReturn
@@ -647,7 +646,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
 
         own = self._connection.mine  # of this session, which it outlives: its number is drawn
         request = OpenPin(
-            pin=f"{own.id}-{secrets.randbelow(10**9)}",
+            pin=f"{own.id}-{int.from_bytes(os.urandom(3), 'big')}",
             proof=own.proof,
             names=texts("names", names, "['/log/joints/q']"),
             start_ns=start_ns,

@@ -526,7 +526,9 @@ class Logger(LoggerNames):
 
     def _drop(self) -> None:
         """Free the buffers, or leave them to those who come after a helper process that did not come to its end."""
-        if self._present.drop():
+        with self._life.lock:  # another thread may be copying what was logged before a cut
+            is_held = self._present.drop()
+        if is_held:
             say_what_is_held(self.options)
 
     def __enter__(self) -> "Logger":

@@ -638,3 +638,26 @@ def test_a_table_of_some_signals_of_a_run_that_was_cut_has_all_its_ticks(new_log
     table = silo.open_log(tmp_path).to_pandas("x")
     assert len(table) == 20
     assert table.iloc[:, 0].dropna().tolist() == [*range(11), 15]
+
+
+def test_a_logger_that_is_closed_lets_nobody_copy_what_goes(new_logger, monkeypatch) -> None:
+    loop = Loop(new_logger())
+    logger, present = loop.logger, loop.logger._present
+    loop.turn(5)
+    logger.set("x", divider=2, cut=True)
+    loop.turn(5)
+    (before,) = present.cut_off
+    copied, drop = threading.Event(), present.drop
+    monkeypatch.setattr(before.reader, "snapshot", copied.set)
+    saving = threading.Thread(target=logger._data._save_alone)
+
+    def drop_meanwhile() -> bool:
+        saving.start()
+        assert not copied.wait(0.2), "it is copied while it goes"
+        return drop()
+
+    with monkeypatch.context() as patch:
+        patch.setattr(present, "drop", drop_meanwhile)
+        logger.close(discard=True)
+    saving.join()
+    assert not copied.is_set()
