@@ -454,7 +454,9 @@ def test_whoever_cleans_up_after_a_killed_program_leaves_the_same_event_log_and_
     robot, parts = began(robots)
     robot.kill()
     wait_until(lambda: list(folder.glob("*.silo")) and not list_segments())
+    # each is told a moment after it is done
     wait_until(lambda: any("ended: " in one.text for one in read_events(folder, "bot")))
+    wait_until(lambda: any(one.kind == "recovered" for one in read_events(folder, "bot")))
     by_helper = left_by(robot, folder)
     end_helper(robot.helper_pid)
     shutil.rmtree(folder)
@@ -471,6 +473,7 @@ def test_whoever_cleans_up_after_a_killed_program_leaves_the_same_event_log_and_
     else:
         robots("bot")
         wait_until(lambda: list(folder.glob("*.silo")) and len(list_segments()) == 1)
+    wait_until(lambda: len(left_by(robot, folder)[0]) >= len(by_helper[0]))
     left = left_by(robot, folder)
     assert (Counter(left[0]), left[1]) == (Counter(by_helper[0]), by_helper[1])
 
