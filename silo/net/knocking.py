@@ -19,7 +19,7 @@ from collections.abc import Iterator
 import msgspec
 import zenoh
 
-from silo.net.lingering import Mark, descriptors, inode_of_socket
+from silo.net.lingering import Mark, inode_of_socket
 
 MOST = 1000  # at once; an eighth of all descriptors where that is less
 MOST_SILENT = 128  # of these that said nothing so far: each costs Zenoh's door 0.1 s when it ends
@@ -65,9 +65,8 @@ class Door:
         os.close(self._hand)
         os.close(self._nothing)
 
-    def look(self) -> None:
-        """Shut it while too many wait that were not let in."""
-        there = {(number, inode) for number in descriptors() if (inode := inode_of_socket(number))}
+    def look(self, there: set[Mark]) -> None:
+        """Shut it while too many wait that were not let in; `there` are the sockets of this process."""
         for mark in there - self._known:
             with self._held(mark) as link:
                 self._note(mark, link)

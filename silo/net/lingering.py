@@ -33,11 +33,11 @@ log = logging.getLogger("silo.helper")
 Mark = tuple[int, int]  # a descriptor and its inode: a number is given again
 
 
-class Door(Protocol):
-    """Where others come in (`silo.net.knocking`)."""
+class Watched(Protocol):
+    """Where others come in: `silo.net.knocking.Door`."""
 
-    def look(self) -> None:
-        """Shut it while too many wait."""
+    def look(self, there: set[Mark]) -> None:
+        """Shut it while too many wait; `there` are the sockets of this process."""
 
     def close(self) -> None:
         """Look no more."""
@@ -59,9 +59,13 @@ def inode_of_socket(descriptor: int) -> int:
     return 0
 
 
-def release_links(known: set[Mark] | None = None) -> set[Mark]:
-    """Have the links of this process close without a wait; returns the sockets that there are, to be `known` next."""
-    there = {(number, inode) for number in descriptors() if (inode := inode_of_socket(number))}
+def sockets() -> set[Mark]:
+    """Return the sockets of this process."""
+    return {(number, inode) for number in descriptors() if (inode := inode_of_socket(number))}
+
+
+def release_links(there: set[Mark], known: set[Mark] | None = None) -> set[Mark]:
+    """Have links of this process, of all that are there, close without a wait; returns what is to be `known` next."""
     return {one for one in there if (known is not None and one in known) or _release(one[0])}
 
 
@@ -84,11 +88,11 @@ class Releasing:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._sessions: dict[int, Door | None] = {}
+        self._sessions: dict[int, Watched | None] = {}
         self._ended = threading.Event()
         self._failed = False
 
-    def begin(self, session: zenoh.Session, door: Door | None = None) -> None:
+    def begin(self, session: zenoh.Session, door: Watched | None = None) -> None:
         """A session was opened; where others come in by it, its door is watched."""
         with self._lock:
             self._sessions[id(session)] = door
@@ -107,7 +111,7 @@ class Releasing:
                 door.close()
             if not self._sessions:
                 self._ended.set()
-        release_links()
+        release_links(sockets())
 
     def _run(self, ended: threading.Event) -> None:
         known: set[Mark] = set()
@@ -116,10 +120,11 @@ class Releasing:
 
     def _looked(self, known: set[Mark]) -> set[Mark]:
         try:
-            known = release_links(known)
+            there = sockets()
+            known = release_links(there, known)
             with self._lock:
                 for door in filter(None, self._sessions.values()):
-                    door.look()
+                    door.look(there)
         except Exception:  # whatever it is, the next look comes
             if not self._failed:
                 log.exception("the links of this process can't be looked at now")

@@ -15,7 +15,7 @@ from silo.errors import SegmentError
 from silo.net import knocking
 from silo.net.configuration import LINK
 from silo.net.knocking import Door
-from silo.net.lingering import descriptors
+from silo.net.lingering import descriptors, sockets
 from silo.recorder.server import EndlessRecordings
 from silo.rpc.published import EventKind
 from tests.waiting import wait_until
@@ -111,7 +111,7 @@ class Listener:
         stack.callback(self.door.close)
         self._stack = stack
         self._socket = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
-        self.door.look()
+        self.door.look(sockets())
 
     def come(self, count: int, says: bytes = b"") -> ExitStack:
         """Have so many connect; until the stack is closed."""
@@ -146,13 +146,13 @@ def listener() -> Iterator[Listener]:
 
 def test_while_too_many_wait_to_be_let_in_no_more_are_taken(listener) -> None:
     with listener.come(knocking.MOST_SILENT):
-        listener.door.look()
+        listener.door.look(sockets())
         assert listener.is_open()
         with listener.come(1):
-            listener.door.look()
+            listener.door.look(sockets())
             assert listener.door.is_shut
             assert not listener.is_open()
-    listener.door.look()
+    listener.door.look(sockets())
     assert listener.is_open()
 
 
@@ -160,10 +160,10 @@ def test_those_who_were_let_in_are_as_many_as_like_and_go_on_at_a_shut_door(list
     with listener.come(knocking.MOST_SILENT + 1):
         theirs, ours = listener.newest()
         listener.let_in = [SimpleNamespace(dst=f"tls/[::ffff:127.0.0.1]:{ours.getsockname()[1]}")]
-        listener.door.look()
+        listener.door.look(sockets())
         assert listener.is_open()
         with listener.come(1):
-            listener.door.look()
+            listener.door.look(sockets())
             assert listener.door.is_shut
             ours.sendall(b"on")
             assert theirs.recv(10) == b"on"
@@ -176,7 +176,7 @@ def test_who_says_nothing_is_ended_while_others_wait(listener, monkeypatch) -> N
         ours.sendall(b"hello")
         assert theirs.recv(10) == b"hello"
         with listener.come(knocking.MOST_SILENT + 1):
-            listener.door.look()
+            listener.door.look(sockets())
             assert listener.door.is_shut
             silent, _ = listener.newest()
             assert silent.recv(10) == b""
@@ -192,13 +192,13 @@ def test_a_door_is_shut_without_a_descriptor_that_is_free(listener) -> None:
         with pytest.raises(OSError, match="Too many open files"):
             while True:
                 filled.callback(os.close, os.dup(0))
-        listener.door.look()
+        listener.door.look(sockets())
         assert listener.door.is_shut
 
 
 def test_many_who_began_to_speak_do_not_shut_it(listener) -> None:
     with listener.come(knocking.MOST_SILENT + 1, says=b"hello"):
-        listener.door.look()
+        listener.door.look(sockets())
         assert listener.is_open()
 
 

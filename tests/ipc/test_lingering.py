@@ -5,7 +5,7 @@ import socket
 import struct
 import threading
 
-from silo.net.lingering import Releasing, release_links
+from silo.net.lingering import Releasing, release_links, sockets
 from tests.waiting import DEADLINE_S
 
 WAITS = struct.pack("ii", 1, 10)
@@ -21,12 +21,12 @@ def test_links_of_this_process_are_closed_without_a_wait_and_go_on() -> None:
         ours = stack.enter_context(socket.create_connection(listens.getsockname()))
         theirs = stack.enter_context(listens.accept()[0])
         ours.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, WAITS)
-        known = release_links()
+        known = release_links(sockets())
         assert not waits(ours)
         ours.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, WAITS)
-        assert release_links(known) == known  # one that is known isn't looked at again
+        assert release_links(sockets(), known) == known  # one that is known isn't looked at again
         assert waits(ours)
-        release_links()
+        release_links(sockets())
         ours.sendall(b"the last word")
         ours.close()
         assert theirs.recv(100) == b"the last word"
@@ -36,7 +36,7 @@ def test_a_door_that_can_not_be_looked_at_is_told_once_and_looked_at_again(caplo
     looks = threading.Semaphore(0)
 
     class Stuck:
-        def look(self) -> None:
+        def look(self, there: set[tuple[int, int]]) -> None:
             looks.release()
             raise OSError("no such link")
 

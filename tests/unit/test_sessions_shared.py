@@ -89,7 +89,7 @@ def test_changes_are_sent_under_the_name_of_a_file_or_of_its_certificate_else_of
 def test_links_are_let_go_of_by_one_thread_while_any_session_is_open_and_once_more_at_each_end(monkeypatch):
     known, looked = [], threading.Event()
 
-    def release(before=None):
+    def release(there, before=None):
         known.append(before)
         if before == {(1, 2)}:
             looked.set()
