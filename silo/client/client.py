@@ -184,7 +184,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         return self._connection.connected
 
     def on_event(self, callback: Callable[[Event], None]) -> None:
-        """Call back for every event, in a thread of its own.
+        """Call back for every event, in a thread of its own; for what comes without a link, when it is back.
 
         Args:
             callback: must not wait long.

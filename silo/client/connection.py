@@ -10,6 +10,7 @@ thread is gone, so that a program that forgets `close()` still ends.
 
 import contextlib
 import functools
+import itertools
 import logging
 import threading
 import time
@@ -20,7 +21,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import zenoh
 from msgspec.structs import replace
 
-from silo.core.elements import State
+from silo.client.heard import HeardEvents
+from silo.core.elements import LoggedEvent, State
 from silo.core.runtime import process_start
 from silo.decoding import msgpack_decoder
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
@@ -33,11 +35,11 @@ from silo.net.found import LoggerAddress
 from silo.net.session import owner_is_gone
 from silo.net.sessions import SessionLease, borrow, give_back, undeclare
 from silo.rpc.clocks import TheirClock
-from silo.rpc.declaring import Do, Request
+from silo.rpc.declaring import Do, Request, request_of
 from silo.rpc.foreign import Foreign
 from silo.rpc.published import Event
 from silo.rpc.refusals import checked
-from silo.state.requests import Hello, HelloReply
+from silo.state.requests import EventRequests, Hello, HelloReply
 from silo.version import VERSION
 
 if TYPE_CHECKING:
@@ -91,6 +93,8 @@ class Connection:
         self._problem = ""  # why the helper process that is there now can't be asked
         self.sessions = 0  # counts up with every session: views must be opened anew
         self._foreign = Foreign("an event")
+        self._heard = HeardEvents()
+        self._missed: list[Event] = []  # while no link was there
         self._known: set[str] = set()  # who was there while ours lived: other robots, whatever their names
         self._open_first(found, timeout_s)
         self._known = self._twins()
@@ -139,19 +143,27 @@ class Connection:
             introduce(borrowed, root, question, timeout_s, may_change=not self._read_only)
             self._clock.learn(reply.clock_s)
             dead = reply.status.state is State.DEAD
-            # with history, as the end of a token that was there before goes untold without
+            events = session.declare_subscriber(root.key("event"), zenoh.handlers.RingChannel(256))
+            declared.append(events)
+            # with history, as the end of a token that was there before goes untold without; it answers when it knows
+            # what was subscribed before
             alive = session.liveliness().declare_subscriber(
                 root.key("alive"), zenoh.handlers.RingChannel(16), history=True
             )
             declared.append(alive)
-            events = session.declare_subscriber(root.key("event"), zenoh.handlers.RingChannel(256))
-            declared.append(events)
             declared.append(session.liveliness().declare_token(root.key("client", mine.id)))
             with self._lock:
                 attached = list(self._attached)
             for one in attached:
                 one.attach(session, root, mine)
             _wait_for_token(alive, HELLO_TIMEOUT_S + borrowed.slack_s)
+
+            def read(since: int, limit: int) -> list[LoggedEvent]:
+                request = request_of(EventRequests._get_events, since, limit)
+                lines: list[LoggedEvent] = checked(request, exchange(borrowed, root, request, timeout_s, label)).events
+                return lines
+
+            missed = self._heard.missed(reply, read)
         except BaseException:
             for one in attached:
                 one.detach()
@@ -165,6 +177,7 @@ class Connection:
             self._program_start = _program_start(found, reply.status.helper_pid)
             self._alive, self._events, self._declared = alive, events, declared
             self.mine = mine
+            self._missed += missed
             self._borrowed = borrowed
             self._problem = ""
             self.sessions += 1
@@ -351,9 +364,10 @@ class Connection:
         return False
 
     def _hand_out_events(self) -> None:
-        for sample in iter(self._next_event, None):
-            event = self._event_of(sample)
-            if event is None:
+        missed, self._missed = self._missed, []
+        told = (self._event_of(sample) for sample in iter(self._next_event, None))
+        for event in itertools.chain(missed, told):
+            if event is None or not self._heard.is_new(event):
                 continue
             if event.status is not None:
                 self._dead = event.status.state is State.DEAD

@@ -3,9 +3,11 @@
 msgspec structs in msgpack, as the messages are. A frame goes to the one client that opened its view, an event to all.
 """
 
+from typing import Any
+
 import msgspec
 
-from silo.core.elements import SavedFile, State, Status, Word
+from silo.core.elements import LoggedEvent, SavedFile, State, Status, Word
 
 MOST_NAMES = 8  # of clients, in a summary
 MOST_REASON = 200  # letters
@@ -169,3 +171,11 @@ class Event(msgspec.Struct, frozen=True):
     stamp_ns: int = 0
     logged: int = 0
     run: str = ""
+
+    @classmethod
+    def of(cls, line: LoggedEvent, number: int = 0, **more: Any) -> "Event":
+        """Return what a line of the event log tells, with `more` than stands there."""
+        return cls(
+            number, line.time_ns, EventKind(line.kind), line.text, tick=line.tick, stamp_ns=line.stamp_ns,
+            logged=line.number, run=line.run, **more,
+        )  # fmt: skip

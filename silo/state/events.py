@@ -282,8 +282,4 @@ class EventNotifier:
         """Publish an event, with `more` than its line in the log has."""
         with self._lock:
             self._number += 1
-            told = Event(
-                self._number, one.time_ns, EventKind(one.kind), one.text, tick=one.tick, stamp_ns=one.stamp_ns,
-                logged=one.number, run=one.run, **more,
-            )  # fmt: skip
-            self._publisher.put(msgspec.msgpack.encode(told))
+            self._publisher.put(msgspec.msgpack.encode(Event.of(one, self._number, **more)))

@@ -17,7 +17,7 @@ class HelloReply(Reply, frozen=True):
     """`may_edit` tells whether `do` requests of this client get through, `why_not` why they don't.
 
     `oldest` to `protocol` are understood. `clock_s` is what the helper's clock shows, for `until_s` of requests; 0 of
-    an older silo.
+    an older silo. `newest_event` is the number of the newest line of the event log, -1 of an older silo.
     """
 
     protocol: int
@@ -28,6 +28,7 @@ class HelloReply(Reply, frozen=True):
     oldest: int = 1
     why_not: str = ""
     clock_s: float = 0.0
+    newest_event: int = -1
 
 
 class StatusReply(Reply, frozen=True):

@@ -65,8 +65,9 @@ class StateServer(Server, does=[requests]):
             # who says it by its own key, too, is known
             self.outside.name_client(plain(request.id), f"{local_words(plain(request.client))}{SAYS_SO}")
         # a client that gets this from the key `do` too may edit
-        status, closed = self.replica.status(), self.outside.closed()
-        return requests.HelloReply(PROTOCOL, VERSION, self.replica.user, True, status, OLDEST, closed, clock_s())
+        status, closed, newest = self.replica.status(), self.outside.closed(), self.events.log.newest
+        user = self.replica.user
+        return requests.HelloReply(PROTOCOL, VERSION, user, True, status, OLDEST, closed, clock_s(), newest)
 
     def get_status(self) -> StatusReply:
         return StatusReply(self.replica.status())

@@ -4,6 +4,7 @@ import os
 import signal
 
 import pytest
+from msgspec.structs import replace
 
 from silo.client import connection
 from silo.client.client import Client
@@ -12,6 +13,7 @@ from silo.fleet.exchange import NoAnswerError
 from silo.live.topic import Topic
 from silo.net.session import close
 from silo.rpc.declaring import Do
+from silo.rpc.published import Event, EventKind
 from tests.waiting import DEADLINE_S, freeze, wait_until
 
 pytestmark = pytest.mark.slow
@@ -54,6 +56,34 @@ def test_a_change_that_a_cut_swallowed_is_not_told_as_one_that_the_user_may_not_
     with pytest.raises(ConnectionLostError, match="gave no answer to AddMark; look whether it was done"):
         client.mark("pushed")
     client.mark("pushed")
+
+
+def test_what_happens_while_the_link_is_lost_is_told_once_when_it_is_back(bench, monkeypatch) -> None:
+    told: list[Event] = []
+    others: list[Event] = []
+    bench.logger.start()
+    bench.ticks(1)
+    try_again = connection.Connection._try_again
+    with Client.connect("bot") as client:
+        client.on_event(told.append)
+        client.mark("before")
+        wait_until(lambda: [event for event in told if event.text == "before"])
+        monkeypatch.setattr(connection.Connection, "_try_again", lambda _: None)
+        cut_once(bench, client)
+        with Client.connect("bot") as other:
+            other.on_event(others.append)
+            other.mark("meanwhile")
+            bench.logger.mark("by the program")
+            bench.ticks(1)
+            wait_until(lambda: len([event for event in others if event.kind is EventKind.MARKER]) == 2)
+        monkeypatch.setattr(connection.Connection, "_try_again", try_again)
+        wait_until(lambda: client.connected)
+        client.mark("after")
+        wait_until(lambda: [event for event in told if event.text == "after"])
+    marks = [event for event in told if event.kind is EventKind.MARKER]
+    assert [event.text for event in marks] == ["before", "meanwhile", "by the program", "after"]
+    unnumbered = {"number": 0, "status": None}
+    assert [replace(event, **unnumbered) for event in marks[1:3]] == [replace(event, **unnumbered) for event in others]
 
 
 def test_a_session_that_ends_just_now_is_told_as_a_lost_connection(client) -> None:
