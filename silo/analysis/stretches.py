@@ -261,7 +261,7 @@ def _in_order(parts: Sequence[Recording]) -> list[tuple[Recording, Stretch]]:
         stretch = part.stretch
         if stretch is not None:
             # of events alone: behind what is there
-            first = _first(part) if len(part.time_ns) else max((event.tick for event in part.events), default=0)
+            first = _first(part) if len(part.time_ns) else max((0, *(event.tick for event in part.events)))
             key = (stretch.part, first, -part.offset, number) if stretch.recorder else (stretch.part,)
             ordered[key] = part, stretch
     return [ordered[key] for key in sorted(ordered)]
@@ -369,12 +369,13 @@ def _events(pieces: Sequence[_Piece], begin: int) -> list[LoggedEvent]:
     for _, its in groupby(pieces, key=lambda piece: piece.stretch.part):
         group = list(its)
         filled = [piece for piece in group if len(piece.part.time_ns)]
+        place = (filled or group)[0].place
         firsts = [_first(piece.part) for piece in filled]
         goes_on = {id(piece) for before, piece in pairwise(filled) if _first(piece.part) <= before.part.offset}
         for piece in group:
             again = id(piece) in goes_on
             told = (event for event in piece.part.events if not (again and _is_image(event)))
-            found += [_moved(event, filled, firsts, begin) for event in told]
+            found += [_moved(event, filled, firsts, begin, place) for event in told]
     return found
 
 
@@ -383,18 +384,17 @@ def _is_image(event: LoggedEvent) -> bool:
     return event.change is not None and all(old is None for _, old, _ in event.change.values)
 
 
-def _moved(event: LoggedEvent, pieces: Sequence[_Piece], firsts: Sequence[int], begin: int) -> LoggedEvent:
+def _moved(event: LoggedEvent, pieces: Sequence[_Piece], firsts: Sequence[int], begin: int, place: int) -> LoggedEvent:
     """An event with its tick as in the whole: one of a tick that is missing stands at the next that is there.
 
-    `pieces` are those of its stretch that have ticks, `firsts` their first ones.
+    `pieces` are those of its stretch that have ticks, `firsts` their first ones, `place` is where it begins.
     """
-    if event.tick < 0 or not pieces:
-        return event
     at = bisect_right(firsts, event.tick)
     if at and (at == len(pieces) or event.tick < pieces[at - 1].part.offset):
         tick = event.tick + pieces[at - 1].shift
-    elif at or pieces[0].place:
-        tick = begin + pieces[at].place
+    elif at or place:
+        before_all = event.tick < 0  # the first tick of its stretch comes after it
+        tick = begin + (pieces[at].place if pieces else place) - before_all
     else:
         return event
     if tick == event.tick:

@@ -265,7 +265,7 @@ class EventTail:
     def _stamped(self, event: LoggedEvent) -> LoggedEvent:
         if event.stamp_ns:
             return event
-        stamp_ns = self._reader.stamp_of(event.tick) if event.tick >= 0 else 0
+        stamp_ns = self._reader.stamp_of(max(event.tick, 0))
         return msgspec.structs.replace(event, stamp_ns=stamp_ns or self._reader.last_time_ns or event.time_ns)
 
     def has_ended(self) -> bool:

@@ -378,6 +378,12 @@ class TestTables:
         assert frame["/log/state/mode"].cast(str).to_list()[2] == "WALK"
         assert log["imu/acc"].to_polars().columns == ["time", *(f"/log/imu/acc_{axis}" for axis in "xyz")]
 
+    @pytest.mark.parametrize("kind", ["U4", "S4", "i4"])
+    def test_polars_has_types_without_samples_too(self, kind):
+        pytest.importorskip("polars")
+        none, two = (signal(np.zeros(count, kind)).to_polars()["s"].dtype for count in (0, 2))
+        assert none == two
+
     def test_xarray_has_units_and_dimensions(self, log):
         pytest.importorskip("xarray")
         acceleration = log["imu/acc"].to_xarray()

@@ -64,7 +64,7 @@ def kept(path: Path) -> list[tuple[str, str, int]]:
 def test_a_part_of_nothing_but_events_is_read_as_an_empty_run(robot, tmp_path, truth, happens) -> None:
     robot.start()
     direct = truth.direct(robot, order(tmp_path))
-    told = happens("before the first tick", 0)
+    told = happens("before the first tick", -1)
     direct.finish()
     (path,) = parts(tmp_path)
     assert kept(path) == [(told.kind, told.text, told.tick)]
@@ -117,7 +117,7 @@ def test_a_part_goes_from_its_first_sample_to_its_last_whenever_what_it_tells_of
 def test_what_happened_stands_in_the_part_as_in_the_event_log(robot, tmp_path, truth, happens) -> None:
     robot.start()
     direct = truth.direct(robot, order(tmp_path))
-    told = [happens("started", 0, "started")]
+    told = [happens("before the first tick", -1), happens("started", 0, "started")]
     robot.ticks(50)
     told.append(happens("slipped … 10 °C", 20))
     direct.step()
@@ -127,7 +127,7 @@ def test_what_happened_stands_in_the_part_as_in_the_event_log(robot, tmp_path, t
     direct.finish()
     found = read_bag(parts(tmp_path)[0])
     stamps = found.time_ns.tolist()
-    assert list(found.events) == [msgspec.structs.replace(event, stamp_ns=stamps[event.tick]) for event in told]
+    assert list(found.events) == [msgspec.structs.replace(event, stamp_ns=stamps[max(event.tick, 0)]) for event in told]
     assert [event.text for event in open_log(parts(tmp_path)[0]).events] == [event.text for event in told]
     assert truth.span(found) == (0, 100)
 

@@ -307,6 +307,28 @@ def test_a_run_that_was_cut_and_had_no_tick_since_is_saved(new_logger, runtime_f
     loop.whole(tmp_path)
 
 
+@pytest.mark.parametrize("ticks", [0, 30])
+def test_what_comes_between_a_cut_and_the_next_tick_stands_there(new_logger, tmp_path, ticks):
+    logger = new_logger()
+    gain = logger.parameter("kp", 1.0, min=0, max=100)
+    loop = Loop(logger)
+    loop.turn(50)
+    gain.value = 50.0
+    loop.turn(50)
+    logger.set("x", divider=2, cut=True)
+    logger.mark("after the cut")
+    with logger.episode("pick") as episode:
+        loop.turn(ticks)
+        episode.success = True
+    logger.save()
+    log = loop.whole(tmp_path)
+    assert [event.tick for event in log.recording.events if event.text == "after the cut"] == [99]
+    assert [(one.first, one.last) for one in log.episodes] == [(100, 129)] * (ticks > 0)
+    assert {at: log.parameters.at((log.time_ns[at] - log.time_ns[0]) * 1e-9)["/log/kp"] for at in (0, 49, 51, 99)} == {
+        0: 1.0, 49: 1.0, 51: 50.0, 99: 50.0
+    }  # fmt: skip
+
+
 def test_an_edit_by_a_client_says_who_asked(new_logger, tmp_path):
     logger = new_logger()
     loop = Loop(logger)
@@ -407,7 +429,7 @@ def test_what_a_program_says_of_a_cut_stays_beside_that_its_run_was_cut(new_logg
     assert loop.whole(tmp_path).recording.told_about["cut"] == "diamond"
 
 
-@pytest.mark.parametrize(("tick", "there"), [(20, 10), (25, 15), (29, 19), (3, 10), (-1, -1)])
+@pytest.mark.parametrize(("tick", "there"), [(20, 10), (25, 15), (29, 19), (3, 10), (-1, 9)])
 def test_an_event_of_a_part_that_lost_its_oldest_ticks_stands_at_its_own(tick, there):
     def part(number, offset, *events):
         stamps = np.arange(offset - 10, offset, dtype=np.int64) * 1000

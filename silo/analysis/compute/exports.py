@@ -170,7 +170,8 @@ def _polars_column(polars: Any, name: str, column: _Column) -> Any:
         return polars.Series(name, column.texts.tolist(), dtype=polars.String).cast(polars.Categorical)
     values = column.values
     if values.dtype.kind in "UV":
-        return polars.Series(name, [v if isinstance(v, str) else bytes(v) for v in values.tolist()])
+        cells = [v if isinstance(v, str) else bytes(v) for v in values.tolist()]
+        return polars.Series(name, cells, dtype=polars.String if values.dtype.kind == "U" else polars.Binary)
     if values.dtype.kind in "mM":
         step, _ = np.datetime_data(values.dtype)
         if step not in ("ms", "us", "ns") and (values.dtype.kind, step) != ("M", "D"):  # those that polars has

@@ -44,14 +44,14 @@ def events_topic(recording: Recording, channels: Sequence[Channel]) -> str:
 def log_message(event: LoggedEvent, logger: str, stamp_ns: int) -> bytes:
     """One event as a `rcl_interfaces/msg/Log`: who did it is its name, the kind its function, the tick its line.
 
-    Its file is what it changed of parameters, as JSON.
+    The tick counts modulo 2^32. Its file is what it changed of parameters, as JSON.
     """
     change = msgspec.json.encode(event.change).decode() if event.change is not None else ""
     body = bytearray()
     add_numbers(body, "iIB", stamp_ns // _SECOND, stamp_ns % _SECOND, _LEVEL_OF.get(event.kind, INFO))
     for text in (event.who or logger, f"{event.kind}: {event.text}", change, event.kind):
         add_text(body, text)
-    add_numbers(body, "I", max(event.tick, 0) % 2**32)
+    add_numbers(body, "I", event.tick % 2**32)
     return ENCAPSULATION + bytes(body)
 
 
