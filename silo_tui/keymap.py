@@ -1,7 +1,7 @@
 """The two layers of keys, and how what is pressed becomes a command: the first layer, or a menu and a letter in it.
 
-One table says which keys a command has besides those of `actions` (classic). `check` holds it, in the tests: no
-command without a place, no key twice on a screen, no menu that is a command too, `D` in no menu.
+One table says where the keys of a command are others than those of `actions` (classic). `check` holds it, in the tests:
+no key twice on a screen, no menu that is a command too, `D` in no menu.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,69 +31,38 @@ TURNED |= {back: on for on, back in TURNED.items()}
 
 _TABLE = (
     # ------------------------------------------------------------------------------ first layer: moving
-    ("j,down", "down plot_down detail_down list_down level_down"),
-    ("k,up", "up plot_up detail_up list_up level_up"),
-    ("h,left", "left cursor_left earlier_word"),
-    ("l,right", "cursor_right later_word"),
-    ("h,left,less_than_sign", "turn_down"),
-    ("l,right,greater_than_sign", "turn_up"),
-    ("l,right,tab", "right"),
+    ("j,down", "level_down"),
+    ("k,up", "level_up"),
     ("shift+left,H", "cursor_far_left turn_far_down"),
     ("shift+right,L", "cursor_far_right turn_far_up"),
-    ("pagedown,ctrl+d", "half_down later list_page_down"),
-    ("pageup,ctrl+u", "half_up earlier list_page_up"),
+    ("pagedown,ctrl+d", "half_down list_page_down"),
+    ("pageup,ctrl+u", "half_up list_page_up"),
     ("home,g g", "top list_top"),
     ("home", "oldest"),
     ("g g", "plot_top detail_top"),
-    ("G,end", "bottom list_bottom"),
     ("end", "newest"),
-    ("G", "plot_bottom detail_bottom"),
     # -------------------------------------------------------------------------------- finding, marking
-    ("slash", "filter list_filter"),
     ("slash,p f", "find"),
     ("n", "next_found"),
     ("N", "previous_found"),
-    ("space", "mark pause scope_hold list_mark"),
-    ("asterisk", "mark_shown list_mark_all"),
-    ("V", "range list_range"),
     ("o,v o", "sort list_order"),
     # ------------------------------------------------------------------------------------ into, beside
-    ("enter", "detail go_to_event open_logger open_recording open_run plot_compared alarm_worst"),
     ("enter,r c", "trigger_capture"),
     ("r c", "last_capture"),
     ("enter", "into"),
-    ("m", "monitor plot"),
-    ("m", "plot_conditions"),
+    ("m", "plot"),
     ("plus,minus,v f", "fold"),
-    ("plus,equals_sign", "closer"),
-    ("minus", "wider"),
-    ("less_than_sign", "turn_plotted_down"),
-    ("greater_than_sign", "turn_plotted_up"),
     ("tab,p a", "arrange_plots"),
     ("tab,p v", "mode response_mode"),
     # ------------------------------------------------------------------------------- what changes something
-    ("a", "apply"),
-    ("u", "undo"),
-    ("ctrl+r", "redo"),
-    ("S", "start_stop start_stop_loggers"),
-    ("R", "restart restart_loggers"),
-    ("w", "save_data write_events save_loggers fetch_recording write_settings"),
     ("w,p w", "export_plots"),
     (DESTROYS, "delete_recording forget_derived"),
     (f"{DESTROYS},e x", "trigger_remove alarm_remove"),
     ("ctrl+l,v r", "refresh detail_refresh response_again try_link list_read look_again"),
     # -------------------------------------------------------------------------------------------- the program
-    ("escape", "back"),
     ("full_stop", "again"),
     ("comma", "again_back"),
-    ("backslash", "menus"),
     *((letter, opener) for letter, opener in OPENERS.items()),
-    ("colon", "command"),
-    ("question_mark,f1", "help"),
-    ("ctrl+p", "palette"),
-    ("q,ctrl+c", "quit"),
-    ("ctrl+q", "quit_now"),
-    ("ctrl+z", "suspend"),
     # -------------------------------------------------------------------------------------------------- go to
     ("g h", "go_home"),
     ("g m", "messages"),
@@ -170,6 +139,7 @@ _TABLE = (
     ("r o", "overlay_recording overlay_runs"),
 )
 TWO_LAYERS = {command: keys for keys, commands in _TABLE for command in commands.split()}
+TWO_LAYERS |= {each.id: each.keys for each in COMMANDS if each.keys and each.id not in TWO_LAYERS}
 # the key bar, one order on every screen; and who gives way first where it has no room for all
 _BAR = "space enter r; m plus minus h,left slash p e g v r o a u S w D full_stop escape"  # r; what stands in a menu
 _GIVES_WAY = "full_stop o minus plus h,left space w S escape D pause u v r p m e slash turn_down g r; enter a"
