@@ -8,11 +8,12 @@ Screens, dialogs and commands import this and never `silo_tui.app`; it imports w
 import time
 from collections import deque
 from collections.abc import Callable, Coroutine, Sequence
+from functools import cached_property
 from typing import Any, ClassVar, cast
 
 import msgspec
 from textual import events
-from textual.app import App
+from textual.app import App, ComposeResult
 
 from silo.core.elements import SavedFile
 from silo.core.quantities.writing import wall_clock
@@ -31,7 +32,7 @@ from silo_tui.settings.file import SettingsProblem
 from silo_tui.settings.options import Settings
 from silo_tui.tour import Tour
 from silo_tui.widgets import messages
-from silo_tui.widgets.bars import OPENS, KeyBar, left_a_file
+from silo_tui.widgets.bars import OPENS, Banner, KeyBar, StatusBar, left_a_file
 from silo_tui.widgets.inputs import Fleeting
 from silo_tui.widgets.messages import MessageLine
 
@@ -374,6 +375,7 @@ class SiloScreen(Leaving[None]):
     parts: Sequence[object] = ()
     repeats: Callable[[], object] = staticmethod(lambda: None)  # what a menu did last, with its value
     repeated = ""  # its command
+    session: Session  # of a screen that is of one
     aside = False  # triggers, alarms, recordings, events: who goes from one to another comes back from both at once
 
     @property
@@ -487,6 +489,23 @@ class SiloScreen(Leaving[None]):
             for bar in self.query(KeyBar):
                 bar.show_instead("")
 
+    # --------------------------------------------------------------------------------------- how the logger stands
+
+    @cached_property
+    def status_bar(self) -> StatusBar:
+        """How the logger, or the file, of this screen stands."""
+        return StatusBar(self.session)
+
+    def bars(self) -> ComposeResult:
+        """Yield that, and what is the matter with it."""
+        yield self.status_bar
+        yield Banner(self.session)
+
+    def show_bars(self) -> None:
+        """Paint both again, where they are on the screen."""
+        for bar in (*self.query(StatusBar), *self.query(Banner)):
+            bar.update()
+
     # ------------------------------------------------------------------------------- what the app tells a screen
 
     def table_changed(self) -> None:
@@ -494,12 +513,16 @@ class SiloScreen(Leaving[None]):
 
     def status_changed(self) -> None:
         """Follow a change of the state of the logger or of the link."""
+        self.show_bars()
 
     def live_changed(self, frame: Frame) -> None:
         """Show new values."""
+        for bar in self.query(StatusBar):
+            bar.update()
 
     def second_passed(self) -> None:
         """Paint what shows a time again."""
+        self.show_bars()
 
     def request_view(self) -> None:
         """Request the view of what is on this screen, again."""

@@ -158,7 +158,7 @@ class Opener:
         session.address = logger.addresses[-1] if logger.alike and logger.addresses else ""
         self._view_is_there = False
         context.take_session(session)
-        screen = TableScreen(session, read_only=context.read_only)
+        screen = TableScreen(session)
         while len(app.screen_stack) > 2:
             await app.pop_screen()
         shown = asyncio.Event()

@@ -20,7 +20,7 @@ from silo_tui.model.table.columns import NAME, TREE, TableColumn
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.questions import Choice, OrderDialog, Question
 from silo_tui.sessions.live import Session
-from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
+from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.element_table import ElementTable, TableHead
 from silo_tui.widgets.inputs import Fleeting, Line
 from silo_tui.widgets.inspector import Inspector
@@ -45,20 +45,17 @@ class ElementsScreen(SiloScreen):
     plots_by = "monitor"  # the command that plots
     inspector_least = 32  # its cells where there is little room
 
-    def __init__(self, session: Session, columns: Sequence[TableColumn], *, read_only: bool) -> None:
+    def __init__(self, session: Session, columns: Sequence[TableColumn]) -> None:
         super().__init__()
         self.session = session
         self.table = ElementTable(session, columns)
         self.inspector = Inspector(session)
-        self.status_bar, self.banner = StatusBar(session, read_only=read_only), Banner(session)
         self.info = InfoLine(session)
         self.table_head = TableHead(self.table)
-        self._read_only = read_only
         self.inspector_wanted: bool | None = None  # None: by the width of the screen
 
     def compose(self) -> ComposeResult:
-        yield self.status_bar
-        yield self.banner
+        yield from self.bars()
         with Horizontal(id="body"):
             with Vertical(id="left"):
                 yield self.table_head
@@ -70,7 +67,7 @@ class ElementsScreen(SiloScreen):
         # right below the screen: what it tells would come later than the next key by another level
         yield Line(self._complete_filter, self.filter_hint, "filter-line")
         yield from self.lines()
-        yield KeyBar(self.scope, read_only=self._read_only)
+        yield KeyBar()
 
     def lines(self) -> ComposeResult:
         """Yield further lines to type in."""
@@ -117,21 +114,16 @@ class ElementsScreen(SiloScreen):
         self.request_view_soon()
 
     def status_changed(self) -> None:
-        self.status_bar.update()
-        self.banner.update()
+        super().status_changed()
         self.info.refresh()
         self.table.live_changed()
         self.inspector.refresh()
 
     def live_changed(self, frame: Frame) -> None:
         self.table.live_changed()
-        self.status_bar.update()
+        super().live_changed(frame)
         if self.inspector.display:
             self.inspector.live_changed()
-
-    def second_passed(self) -> None:
-        self.status_bar.update()
-        self.banner.update()
 
     def why_empty(self) -> str:
         """Return why no element is shown, and what to do about it; empty where one need not be told."""

@@ -49,7 +49,7 @@ class TableScreen(Editing):
     scope = "table"
     filter_hint = ""
 
-    def __init__(self, session: Session, *, read_only: bool) -> None:
+    def __init__(self, session: Session) -> None:
         self._typed_s = 0.0  # monotonic, of the last key
         self._order_wanted = False  # by who chose it, until what it is by was measured
         self._top_wanted = False  # then too, while no key says where the cursor is to be
@@ -61,7 +61,7 @@ class TableScreen(Editing):
         self._no_survey = ""
         self._window = ""  # over how long the statistics are, as the head says it
         self._view: tuple[tuple[str, str], Callable[[], object]] | None = None  # filter and order; what takes it back
-        super().__init__(session, LIVE_COLUMNS, read_only=read_only)
+        super().__init__(session, LIVE_COLUMNS)
 
     def lines(self) -> ComposeResult:
         """Yield the command line and the editor that lies over a cell."""
@@ -225,7 +225,7 @@ class TableScreen(Editing):
         """Follow a change; keep what is pending, and offer once what an earlier start kept."""
         super().table_changed()
         table = self.session.table
-        if not len(table) or self.session.link is None or self._read_only:
+        if not len(table) or self.session.link is None or self.context.read_only:
             return
         if not self._offered:
             self._offered = True

@@ -78,10 +78,9 @@ class StatusBar(FittingLine):
     BETWEEN = ""
     DEFAULT_CSS = "StatusBar { height: 1; }"
 
-    def __init__(self, session: Session, *, read_only: bool) -> None:
+    def __init__(self, session: Session) -> None:
         super().__init__()
         self.session = session
-        self._read_only = read_only
         self._drawn = ""
         self._room = 80  # for what isn't of the link
         self.mode = ""  # stands reversed behind the state
@@ -160,7 +159,7 @@ class StatusBar(FittingLine):
             add(0, f"  REC {status.recorders}", bold(variables, "success"))
         if status.durable_ticks >= 0:  # storage="disk"
             add(1, f"  durable to tick {text.count(status.durable_ticks)}", "")
-        if not session.may_edit or self._read_only:
+        if not session.may_edit or cast(Any, self.app).context.read_only:
             add(0, "  read-only", caution)
         controlling, others = people_head(session.status, session.identity, session.own_name)
         if controlling:
@@ -215,6 +214,9 @@ class Banner(Guarded, Widget):
         super().__init__()
         self.session = session
         self._shown = ""
+
+    def on_mount(self) -> None:
+        self.update()
 
     def update(self) -> None:
         """Follow the state of the logger."""
@@ -290,10 +292,9 @@ class KeyBar(Guarded, Widget):
     DEFAULT_CSS = "KeyBar { height: 1; }"
     LAST = ("help", "quit")
 
-    def __init__(self, scope: str, *, read_only: bool = False) -> None:
+    def __init__(self) -> None:
         super().__init__()
         self.auto_links = False
-        self._scope, self._read_only = scope, read_only
         self._instead = ""
         self._drawn: list[tuple[Command, int]] = []
 
@@ -312,10 +313,10 @@ class KeyBar(Guarded, Widget):
         screen = cast(Any, self.screen)
         in_mode = [_called(with_keys(BY_ID[each]), label) for each, label in screen.mode_keys()]
         if getattr(screen, "session", None) is not None and screen.session.lost_s is not None:
-            tries = [command for command in commands_for(self._scope) if command.retries]
+            tries = [command for command in commands_for(screen.scope) if command.retries]
             in_mode = [*(_called(command, "Try now") for command in tries), *in_mode]
         known = {command.id for command in in_mode}
-        shown = in_bar(self._scope, read_only=self._read_only)
+        shown = in_bar(screen.scope, read_only=cast(Any, self.app).context.read_only)
         now = [(_called(command, screen.label_now(command)), rank) for command, rank in shown]
         mode = [(command, OF_MODE - place) for place, command in enumerate(in_mode)]
         return [*mode, *((command, rank) for command, rank in now if command.id not in known and command.label)]

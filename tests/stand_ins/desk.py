@@ -212,14 +212,16 @@ class Drawn:
     """A widget of so many cells, in an app whose colours are their names."""
 
     width, height = 80, 1
+    read_only = False
     screen: Any = None
 
     @property
     def app(self) -> Any:
         console = Console(width=self.width, color_system=None)
         return SimpleNamespace(
-            theme_variables=Colours(), size=Size(self.width, 24), console=console, no_color=False, _driver=None
-        )
+            theme_variables=Colours(), size=Size(self.width, 24), console=console, no_color=False, _driver=None,
+            context=SimpleNamespace(read_only=self.read_only),
+        )  # fmt: skip
 
     size = content_size = property(lambda self: Size(self.width, self.height))
 

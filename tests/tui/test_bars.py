@@ -59,8 +59,8 @@ def desk(fake):
 
 
 def head(desk: Desk, width: int = 80, *, read_only: bool = False) -> str:
-    drawn = Head(desk.session, read_only=read_only)
-    drawn.width = width
+    drawn = Head(desk.session)
+    drawn.width, drawn.read_only = width, read_only
     return drawn.render().plain
 
 
@@ -172,7 +172,7 @@ def test_since_when_is_told_in_whole_units(seconds, words):
     ],
 )
 def test_a_mode_stands_behind_the_state_and_is_shortened_before_it_goes(width, line, desk):
-    drawn = Head(desk.session, read_only=False)
+    drawn = Head(desk.session)
     drawn.width, drawn.mode = width, "paused, 3 s ago  y held"
     assert drawn.render().plain == line
 
@@ -187,7 +187,7 @@ def test_a_mode_stands_behind_the_state_and_is_shortened_before_it_goes(width, l
 )
 def test_an_alarm_stands_in_the_head_and_its_words_give_way_at_last(word, alarm, words, style, desk):
     desk.session.limits = [LimitStatus(NAME, NAME, LimitWord(word), alarm=alarm)]
-    drawn = Head(desk.session, read_only=False)
+    drawn = Head(desk.session)
     parts = drawn.parts()
     (part,) = (part for part in parts if part.words.strip() == words)
     assert part.style == f"bold {drawn.app.theme_variables.get(style)}"
@@ -224,7 +224,7 @@ def test_a_thin_link_is_told_at_the_end_with_as_much_as_has_room(desk, monkeypat
 
 
 def test_a_head_is_painted_when_it_reads_differently(desk):
-    drawn = Head(desk.session, read_only=False)
+    drawn = Head(desk.session)
     drawn.render()
     drawn.painted = 0
     drawn.update()
@@ -306,10 +306,12 @@ def test_that_nothing_is_logged_is_told_with_the_keys_that_change_it(desk):
 
 
 def keys(width: int = 80, scope: str = "table", *, lost: bool = False, mode: Any = (), read_only: bool = False) -> str:
-    drawn = Keys(scope, read_only=read_only)
-    drawn.width = width
+    drawn = Keys()
+    drawn.width, drawn.read_only = width, read_only
     session = SimpleNamespace(lost_s=3.0 if lost else None)
-    drawn.screen = SimpleNamespace(mode_keys=lambda: mode, label_now=lambda command: command.label, session=session)
+    drawn.screen = SimpleNamespace(
+        scope=scope, mode_keys=lambda: mode, label_now=lambda command: command.label, session=session
+    )
     return drawn.render().plain
 
 
@@ -362,9 +364,11 @@ def test_where_the_link_is_lost_the_key_that_tries_it_comes_first():
 
 
 def test_the_bar_is_painted_when_other_keys_count():
-    drawn, mode = Keys("table"), []
+    drawn, mode = Keys(), []
     session = SimpleNamespace(lost_s=None)
-    drawn.screen = SimpleNamespace(mode_keys=lambda: mode, label_now=lambda command: command.label, session=session)
+    drawn.screen = SimpleNamespace(
+        scope="table", mode_keys=lambda: mode, label_now=lambda command: command.label, session=session
+    )
     drawn.render()
     drawn.painted = 0
     drawn.update()
@@ -375,7 +379,7 @@ def test_the_bar_is_painted_when_other_keys_count():
 
 
 def test_without_colours_keys_are_bold_alone(monkeypatch):
-    drawn = Keys("table")
+    drawn = Keys()
     app = drawn.app
     monkeypatch.setattr(Keys, "app", app)
     with_colour = drawn._word(BY_ID["apply"]).spans[0].style
@@ -384,7 +388,7 @@ def test_without_colours_keys_are_bold_alone(monkeypatch):
 
 
 def test_other_keys_stand_in_the_bar_for_a_while():
-    drawn = Keys("table")
+    drawn = Keys()
     drawn.painted = 0
     drawn.show_instead("Enter Saves")
     assert drawn.render().plain == " Enter Saves"
@@ -398,14 +402,14 @@ def test_other_keys_stand_in_the_bar_for_a_while():
      (31, "Enter Stop and star…  Esc Back")],
 )  # fmt: skip
 def test_of_the_keys_of_a_dialog_what_enter_does_and_the_way_back_stay(width, shown):
-    drawn = Keys("table")
+    drawn = Keys()
     drawn.width = width
     drawn.show_instead("Enter Stop and start again  j k Move  PgDn PgUp Scroll  Esc Back")
     assert drawn.render().plain == f" {shown}"
 
 
 def test_a_click_on_a_key_does_what_it_does():
-    drawn = Keys("table")
+    drawn = Keys()
     word = drawn._word(BY_ID["apply"])
     assert {span.style.meta["@click"] for span in word.spans if getattr(span.style, "meta", None)} == {
         "screen.command('apply')"

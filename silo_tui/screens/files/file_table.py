@@ -26,13 +26,10 @@ class FileTableScreen(ElementsScreen):
     filter_hint = "words, globs, unit:Nm div>1 size>1000 buf:loop"
 
     def __init__(self, session: FileSession, leave: Callable[[], None] | None = None) -> None:
-        super().__init__(session, FILE_COLUMNS, read_only=True)
+        super().__init__(session, FILE_COLUMNS)
         self.file = session
         self._top_wanted = False  # by who chose an order, until it is known
         self._leave = leave  # to what it was opened from
-
-    def on_mount(self) -> None:
-        self.banner.update()
 
     def lay_out_table(self, width: int, rest: int) -> None:
         """Show values and trends where there is room: the inspector has the value too, and a plot."""

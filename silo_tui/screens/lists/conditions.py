@@ -18,7 +18,6 @@ class ConditionsScreen(LoggerList[Status]):
     """A list of how conditions stand, asked for anew each second while it is shown."""
 
     def begin(self) -> None:
-        super().begin()
         self.ask()
 
     def ask(self) -> None:
@@ -60,7 +59,7 @@ class ConditionsScreen(LoggerList[Status]):
         return self.session.short_name(key)
 
     def status_changed(self) -> None:
-        self.banner.update()
+        super().status_changed()
         self.show()
 
     def second_passed(self) -> None:

@@ -38,7 +38,7 @@ class EventsScreen(LoggerList[LoggedEvent]):
 
     def status_changed(self) -> None:
         """Follow state and link, and take in what happened since."""
-        self.second_passed()
+        super().status_changed()
         if self.session.happened is not self._known:
             self.show()
 

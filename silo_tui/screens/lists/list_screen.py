@@ -18,7 +18,7 @@ from silo_tui.model.lists.ordering import Marks, Order, arranged, passes
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.questions import OrderDialog
 from silo_tui.sessions.live import Session
-from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
+from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting, Line
 from silo_tui.widgets.lines import MARKED, Lines
 from silo_tui.widgets.messages import ListLine
@@ -55,7 +55,7 @@ class ListScreen(SiloScreen, Generic[LineT]):
         yield self.message
         yield Line(lambda typed: [], self.filter_hint, "list-filter")
         yield from self.typed_lines()
-        yield KeyBar(self.scope, read_only=self.context.read_only)
+        yield KeyBar()
 
     def on_mount(self) -> None:
         self.lines.focus()
@@ -356,16 +356,7 @@ class LoggerList(ListScreen[LineT]):
         self.session = session
 
     def above(self) -> ComposeResult:
-        self.status_bar, self.banner = StatusBar(self.session, read_only=self.context.read_only), Banner(self.session)
-        yield self.status_bar
-        yield self.banner
-
-    def begin(self) -> None:
-        self.banner.update()
+        yield from self.bars()
 
     def going_on(self) -> Sequence[str]:
         return [one.words for one in self.session.fetches.values()]
-
-    def second_passed(self) -> None:
-        self.status_bar.update()
-        self.banner.update()

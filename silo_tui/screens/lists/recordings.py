@@ -12,7 +12,6 @@ from textual.widgets import Static
 from silo.core.quantities.writing import many, size_text
 from silo.errors import SiloError
 from silo.recordings.requests import Recordings, SavedRecording
-from silo.rpc.frames import Frame
 from silo_tui.actions import key_of
 from silo_tui.modal import ask, run_alone, run_aside
 from silo_tui.model.lists import recorders
@@ -47,12 +46,11 @@ class RecordingsScreen(LoggerList[SavedRecording]):
         self._asking = False  # for the older ones
 
     def above(self) -> ComposeResult:
-        yield from super().above()
+        yield from self.bars()
         yield Static("", id="recordings-running", markup=False)
 
     def begin(self) -> None:
         """Ask at once; follow what is fetched."""
-        super().begin()
         self.read_again()
         self._look()
         self.set_interval(FOLLOW_S, self._follow_fetches)
@@ -165,12 +163,9 @@ class RecordingsScreen(LoggerList[SavedRecording]):
             self.read_again()
 
     def status_changed(self) -> None:
-        super().second_passed()
+        super().status_changed()
         self.show()
         self._show_running()
-
-    def live_changed(self, frame: Frame) -> None:
-        self.status_bar.update()
 
     def second_passed(self) -> None:
         """Paint the times again, and ask how far what runs is."""

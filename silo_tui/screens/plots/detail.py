@@ -106,14 +106,13 @@ class DetailScreen(MonitorScreen):
         self.take_back()
 
     def compose(self) -> ComposeResult:
-        yield self.status_bar
-        yield self.banner
+        yield from self.bars()
         yield Static("", id="detail-title", markup=False)
         yield self.stack
         yield self.plot
         yield self.between
         yield self.line
-        yield KeyBar(self.scope)
+        yield KeyBar()
 
     def on_mount(self) -> None:
         """Compute what is asked for at once: nothing else may come that would ask for it."""

@@ -31,7 +31,7 @@ from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.pause import Pause
 from silo_tui.sessions.recorded import FileSession
-from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
+from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.between import BetweenTable
 from silo_tui.widgets.messages import MonitorLine
 from silo_tui.widgets.plot_stack import PlotStack, RecordedStack
@@ -62,7 +62,6 @@ class PlotScreen(SiloScreen):
         self.paused_alone = True  # not by a key that took the cursor there too
         self._mending = False
         self._happened = session.happened
-        self.status_bar, self.banner = StatusBar(session, read_only=False), Banner(session)
         self.between = BetweenTable()
         self.pause = Pause(session, self.more_is_here)
 
@@ -75,21 +74,16 @@ class PlotScreen(SiloScreen):
         return stack
 
     def compose(self) -> ComposeResult:
-        yield self.status_bar
-        yield self.banner
+        yield from self.bars()
         yield self.stack
         yield self.between
         yield self.line
-        yield KeyBar(self.scope)
+        yield KeyBar()
 
     @cached_property
     def line(self) -> MonitorLine:
         """Facts, below the plots."""
         return MonitorLine(self.window, self._words, self._state if self.file is None else None)
-
-    def on_mount(self) -> None:
-        """Show at once; history fills the plots."""
-        self.banner.update()
 
     def on_unmount(self) -> None:
         self.let_go()  # Textual calls the handlers of all classes
@@ -187,7 +181,7 @@ class PlotScreen(SiloScreen):
     # ------------------------------------------------------------------------------------ what the app tells us
 
     def live_changed(self, frame: Frame) -> None:
-        self.status_bar.update()
+        super().live_changed(frame)
         if not self.window.paused:  # else what is shown is of what stands still
             self.stack.readings = self.session.live.readings
             self.stack.bounds = self.session.bounds
@@ -212,8 +206,7 @@ class PlotScreen(SiloScreen):
                 events.append((frame.time_ns, word))
 
     def status_changed(self) -> None:
-        self.status_bar.update()
-        self.banner.update()
+        super().status_changed()
         self.line.refresh()  # it says whether they are live
         if (self.stack.fresh, self.stack.ended) != (self.session.fresh, self.session.dead):
             self.stack.fresh, self.stack.ended = self.session.fresh, self.session.dead
@@ -238,8 +231,7 @@ class PlotScreen(SiloScreen):
 
     def second_passed(self) -> None:
         self.status_bar.mode = self.pause.head
-        self.status_bar.update()
-        self.banner.update()
+        super().second_passed()
         self.line.refresh()  # what it tells of holes is of the columns of now
 
     def _words(self) -> Sequence[str]:

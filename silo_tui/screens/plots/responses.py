@@ -36,7 +36,7 @@ from silo_tui.model.lists.responses import (
 )
 from silo_tui.screens.dialogs.questions import Prompt, confirmed
 from silo_tui.sessions.live import Session
-from silo_tui.widgets.bars import KeyBar, StatusBar
+from silo_tui.widgets.bars import KeyBar
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -62,11 +62,11 @@ class ResponseScreen(SiloScreen):
         self._log: ResponseLog | None = None
 
     def compose(self) -> ComposeResult:
-        yield StatusBar(self.session, read_only=self.context.read_only)
+        yield from self.bars()
         yield Static("", id="detail-title", markup=False)
         yield Static("reading …", id="response", markup=False)
         yield Static("", id="response-said", markup=False)
-        yield KeyBar(self.scope, read_only=self.context.read_only)
+        yield KeyBar()
 
     def on_mount(self) -> None:
         self.command_response_again()
@@ -74,11 +74,6 @@ class ResponseScreen(SiloScreen):
     def on_resize(self, event: events.Resize) -> None:
         if self._log is not None:
             run_alone(self, "draw", self._draw)
-
-    def status_changed(self) -> None:
-        self.query_one(StatusBar).update()
-
-    second_passed = status_changed
 
     async def _draw(self, *, again: bool = False) -> None:
         asked = self._asked

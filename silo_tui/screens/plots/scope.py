@@ -39,7 +39,7 @@ from silo_tui.model.samples.source import PlotSource, Samples, entry_samples
 from silo_tui.model.words import text
 from silo_tui.screens.dialogs.questions import Prompt
 from silo_tui.sessions.live import Session
-from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
+from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.messages import MonitorLine
 from silo_tui.widgets.plot_stack import PlotStack
 
@@ -114,19 +114,15 @@ class ScopeScreen(SiloScreen):
         self._forced = True  # what is there is shown until something is caught
         self._why = ""  # why it is blind
         self._looking = asyncio.Lock()
-        self.status_bar = StatusBar(session, read_only=False)
-        self.banner = Banner(session)
         self.line = MonitorLine(self.window, self._words, self._state)
 
     def compose(self) -> ComposeResult:
-        yield self.status_bar
-        yield self.banner
+        yield from self.bars()
         yield self.stack
         yield self.line
-        yield KeyBar(self.scope)
+        yield KeyBar()
 
     def on_mount(self) -> None:
-        self.banner.update()
         self._tell()
         self.set_interval(LOOK_S, self._look_again)
 
@@ -238,12 +234,8 @@ class ScopeScreen(SiloScreen):
     def live_changed(self, frame: Frame) -> None:
         self._tell()
 
-    def status_changed(self) -> None:
-        self.banner.update()
-        self._tell()
-
-    def second_passed(self) -> None:
-        self.banner.update()
+    def show_bars(self) -> None:
+        super().show_bars()
         self._tell()
 
     def on_resize(self) -> None:
