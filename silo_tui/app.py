@@ -287,15 +287,13 @@ class SiloApp(Guarded, App[None]):
             self.context.status_changed()
 
     async def _regain(self, session: Session, *, quiet: bool = False) -> None:
-        async def follow() -> None:
+        with self.context.quiet():
             before = session.status.pid
             words = await session.regain()
             if session.status.pid != before:
                 self.context.tell(lambda screen: screen.say(""))  # what was answered was of the program that is gone
             if not quiet:
                 self.context.hear(words)
-
-        await self.context.quietly(follow())
         self.context.table_changed()
         self.context.status_changed()
         self.context.tell(lambda screen: screen.request_view())

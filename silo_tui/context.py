@@ -7,7 +7,8 @@ Screens, dialogs and commands import this and never `silo_tui.app`; it imports w
 
 import time
 from collections import deque
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 from typing import Any, ClassVar, cast
 
@@ -332,24 +333,36 @@ class Context:
             self.table_changed()
             self.status_changed()
 
-    async def quietly(self, job: Coroutine[Any, Any, None]) -> None:
+    @contextmanager
+    def quiet(self) -> Iterator[None]:
         """Follow up on something that was reported; a link that breaks meanwhile has its banner."""
         try:
-            await job
+            yield
         except (SiloError, OSError) as error:
             if self.has_session and self.session.connected:
                 self.hear(str(error))
+
+    async def quietly(self, job: Coroutine[Any, Any, None]) -> None:
+        """Do the same with a job."""
+        with self.quiet():
+            await job
+
+    @contextmanager
+    def telling(self, what: str = "", tell: Callable[[str], None] | None = None) -> Iterator[None]:
+        """Tell why something could not be done, after `what` that is; by `tell`, else as a failure."""
+        try:
+            yield
+        except (SiloError, OSError) as error:
+            (tell or self.fail)(f"{what}: {error}" if what else str(error))
 
     def learn_scripts(self) -> None:
         """Ask for the names of the scripts, for completion."""
         run_alone(self.app, "scripts", self._learn_scripts)
 
     async def _learn_scripts(self) -> None:
-        async def ask() -> None:
+        with self.quiet():
             scripts = await self.link.read(lambda client: client.scripts())
             self.script_names = tuple(scripts.names)
-
-        await self.quietly(ask())
 
     # ----------------------------------------------------------------------------------------------------- screens
 

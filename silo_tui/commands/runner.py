@@ -237,14 +237,11 @@ class CommandRunner:
         self._context.app.call_after_refresh(self._write_picture, path, note)  # without this command on it
 
     def _write_picture(self, path: Path, note: str) -> None:
-        try:
-            from silo_tui.screens.dialogs.exporting import picture
+        from silo_tui.screens.dialogs.exporting import picture
 
+        with self._context.telling("can't write the picture"):
             path.write_text(picture(self._context.app), "utf-8")
-        except OSError as error:
-            self._context.fail(f"can't write the picture: {error}")
-            return
-        self._context.say(f"picture of the screen: {path.absolute()}{note}")
+            self._context.say(f"picture of the screen: {path.absolute()}{note}")
 
 
 KEEP = ":keep"

@@ -46,11 +46,8 @@ def ask_export(
         return _new(typed_path("the file of the plots", given))
 
     async def _export_to(given: str) -> None:
-        try:
-            path = path_of(given)
-            screen.say(await export(screen.app, source, panels, shown_ns, zero_ns, path))
-        except (SiloError, OSError) as error:
-            screen.context.fail(str(error))
+        with screen.context.telling():
+            screen.say(await export(screen.app, source, panels, shown_ns, zero_ns, path_of(given)))
 
     what = "What lies between A and B" if between else "What is shown"
     body = f"{what}: .csv has all samples, .png is drawn by matplotlib, .svg is the screen."

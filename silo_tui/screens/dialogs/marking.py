@@ -23,17 +23,12 @@ def ask_episode(context: Context) -> None:
 
 async def say_of_episode(context: Context, word: str, name: str) -> None:
     """Say something of an episode of the logger, and what became of it."""
-
-    async def say() -> None:
+    with context.quiet():
         event = await context.session.say_of_episode(word, name.strip())
         context.say(f"tick {event.tick}: {event.text}")
 
-    await context.quietly(say())
-
 
 async def _mark(context: Context, words: str, at_ns: int) -> None:
-    async def mark() -> None:
+    with context.quiet():
         event = await context.session.mark(words, at_ns)
         context.say(f'marked tick {event.tick}: "{event.text}"')
-
-    await context.quietly(mark())

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -69,11 +70,9 @@ async def show_read(
     """
     from silo_tui.sessions.recorded import opened
 
-    try:
+    with context.telling(failed):
         file = await asyncio.to_thread(opened, read)
         await _show(context, file, file.table.names if plotted else (), plotted, at_ns)
-    except (SiloError, OSError) as error:
-        context.fail(f"{failed}: {error}")
 
 
 async def _show(
@@ -137,15 +136,12 @@ async def _opened(
     fetching = session.fetches[file.name] = Fetching(file.name)
     cache = cache_folder(session.status.host, session.name)
     try:
-        path = await session.connection.aside(lambda client: bring_here(client, folder, file, cache, fetching))
-        return path, await asyncio.to_thread(open_file, path)
-    except GivenUpError:
-        return None
-    except (SiloError, OSError) as error:
-        context.fail(f"{file.name} can't be opened: {error}")
-        return None
+        with suppress(GivenUpError), context.telling(f"{file.name} can't be opened"):
+            path = await session.connection.aside(lambda client: bring_here(client, folder, file, cache, fetching))
+            return path, await asyncio.to_thread(open_file, path)
     finally:
         session.fetches.pop(file.name, None)
+    return None
 
 
 async def open_saved(

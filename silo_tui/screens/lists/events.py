@@ -8,7 +8,6 @@ from rich.text import Text
 
 from silo.core.elements import LoggedEvent
 from silo.core.quantities.writing import many
-from silo.errors import SiloError
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.lists.conditions import MOST_PLOTS, named_in
@@ -123,12 +122,9 @@ class EventsScreen(LoggerList[LoggedEvent]):
         ask_line(self, prompt, lambda given: run_aside(self, "writing", self._written, given, list(self.shown)))
 
     async def _written(self, given: str, shown: Sequence[LoggedEvent]) -> None:
-        try:
+        with self.context.telling():
             path = typed_file("the file of events", given, ".csv")
             await asyncio.to_thread(lambda: write_whole(path, csv_text(shown).encode("utf-8", "backslashreplace")))
-        except (SiloError, OSError) as error:
-            self.context.fail(str(error))
-        else:
             self.context.say(f"{many(len(shown), 'event')} written: {path.absolute()}")
 
     def command_go_to_event(self) -> None:

@@ -193,13 +193,10 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
 
     def _save(self, typed: str) -> None:
         values = {one.name: one.value for one in self.all if not one.input}
-        try:
+        with self.context.telling():
             path = write_preset(typed_file("the preset", typed, ".yaml"), values)
-        except (SiloError, OSError) as error:
-            self.context.fail(str(error))
-            return
-        self._written = typed
-        self.say(f"saved {many(len(values), 'parameter')}: {path}")
+            self._written = typed
+            self.say(f"saved {many(len(values), 'parameter')}: {path}")
 
     def command_load_preset(self) -> None:
         body = "A file on this machine; what it would change is shown first."
@@ -227,13 +224,9 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
         self, title: str, body: str, begin: str, then: Callable[[Path, dict[str, ParameterValue]], None]
     ) -> None:
         def read(typed: str) -> None:
-            try:
+            with self.context.telling():
                 path = typed_file("the preset", typed, ".yaml")
-                values = read_preset(path, self.all)
-            except SiloError as error:
-                self.context.fail(str(error))
-            else:
-                then(path, values)
+                then(path, read_preset(path, self.all))
 
         ask_line(self, Prompt(title, body, begin, label="file"), read)
 

@@ -239,26 +239,20 @@ class RecordingsScreen(LoggerList[SavedRecording]):
         ask_line(self, prompt, lambda folder: run_aside(self, "fetching", self._fetch, targets, folder))
 
     async def _fetch(self, targets: list[SavedRecording], given: str) -> None:
-        try:
+        with self.context.telling():
             folder = typed_path("the folder", given)
-        except SiloError as error:
-            self.context.fail(str(error))
-            return
-        for name in [file.name for one in targets for file in one.files]:
-            if name in self.session.fetches:
-                self.say(f"{name} is being fetched already")
-                continue
-            fetching = self.session.fetches[name] = Fetching(name)
-            try:
-                path = await self.session.fetch(name, folder, fetching)
-            except GivenUpError:
-                return
-            except (SiloError, OSError) as error:
-                self.context.fail(str(error))
-            else:
-                self.context.say(f"fetched: {path}")
-            finally:
-                self.session.fetches.pop(name, None)
+            for name in [file.name for one in targets for file in one.files]:
+                if name in self.session.fetches:
+                    self.say(f"{name} is being fetched already")
+                    continue
+                fetching = self.session.fetches[name] = Fetching(name)
+                try:
+                    with self.context.telling():
+                        self.context.say(f"fetched: {await self.session.fetch(name, folder, fetching)}")
+                except GivenUpError:
+                    return
+                finally:
+                    self.session.fetches.pop(name, None)
 
     # --------------------------------------------------------------------------------------------------- recording
 
@@ -301,10 +295,8 @@ class RecordingsScreen(LoggerList[SavedRecording]):
 
     async def _deleted(self, targets: list[SavedRecording]) -> None:
         self.say("deleting …")
-        try:
+        with self.context.telling():
             for one in targets:
                 self.say(await self.session.delete_recording(one.stem))
                 self._deleted_here.add(one.stem)
-        except SiloError as error:
-            self.context.fail(str(error))
         self.read_again()

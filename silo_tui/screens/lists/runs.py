@@ -188,13 +188,10 @@ class RunsScreen(ListScreen[ListedRun]):
             logs = [(each.name, each.open()) for each in (one, other)]
             return logs, compare(logs[0][1], logs[1][1])
 
-        try:
+        with self.context.telling(f"{one.facts.path} and {other.facts.path} can't be compared"):
             logs, found = await asyncio.to_thread(read)
-        except (SiloError, OSError) as error:
-            self.context.fail(f"{one.facts.path} and {other.facts.path} can't be compared: {error}")
-            return
-        self.say("")
-        self.app.push_screen(ComparisonScreen(logs, found))
+            self.say("")
+            self.app.push_screen(ComparisonScreen(logs, found))
 
     def command_overlay_runs(self) -> None:
         targets = self.targets("no run is here")
@@ -267,17 +264,14 @@ class ComparisonScreen(ListScreen[SignalDifference]):
 
     async def _plot(self, name: str, at_s: float) -> None:
         """Plot a scalar of both where they differ most, as its line says."""
-        try:
+        with self.context.telling(f"{self.named(name)} of these runs can't lie over each other"):
             found = await asyncio.to_thread(rows.of_one, self._logs, name)
-        except SiloError as error:
-            self.context.fail(f"{self.named(name)} of these runs can't lie over each other: {error}")
-            return
-        if found is None:
-            self.say(f"{self.named(name)} is derived, and stands in no file: plot the signals that it is of")
-            return
-        made = Log(found.recording, " + ".join(run for run, _ in self._logs))
-        at_ns = found.start_ns + round(1e9 * at_s)
-        await show_read(self.context, lambda: made, f"{self.named(name)} can't be shown", found.names, at_ns)
+            if found is None:
+                self.say(f"{self.named(name)} is derived, and stands in no file: plot the signals that it is of")
+                return
+            made = Log(found.recording, " + ".join(run for run, _ in self._logs))
+            at_ns = found.start_ns + round(1e9 * at_s)
+            await show_read(self.context, lambda: made, f"{self.named(name)} can't be shown", found.names, at_ns)
 
     enter = command_plot_compared
 

@@ -14,7 +14,6 @@ from textual.app import ComposeResult
 from textual.containers import Vertical
 from textual.widgets import Static
 
-from silo.errors import SiloError
 from silo_tui.actions import BY_ID, COMMANDS, key_of, key_text, places_of, with_keys
 from silo_tui.keymap import clashes, keys_in
 from silo_tui.modal import Dialog, ask
@@ -192,14 +191,11 @@ class SettingsScreen(ListScreen[SettingRow]):
 
     def command_write_settings(self) -> None:
         context = self.context
-        try:
+        with context.telling(tell=self.say):
             written = write_file(context.saved_settings, context.settings)
-        except SiloError as error:
-            self.say(str(error))
-            return
-        context.saved_settings = context.settings
-        self.show()
-        self.say(f"written: {_shown(written)}")
+            context.saved_settings = context.settings
+            self.show()
+            self.say(f"written: {_shown(written)}")
 
     # --------------------------------------------------------------------------------------------- typed lines
 

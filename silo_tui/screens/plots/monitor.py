@@ -6,7 +6,6 @@ from functools import partialmethod
 from textual.message import Message
 
 from silo.core.conditions import AROUND_S, TriggerOptions
-from silo.errors import SiloError
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.drawing.plots import Plotted, plots_of
@@ -106,14 +105,11 @@ class MonitorScreen(PlotScreen):
         plotted, knobs = self.stack.chosen_plot, self.session.knobs
         if plotted is None:
             return
-        try:
+        with self.context.telling(tell=self.say):
             if plotted.element.name not in knobs.known:
                 await knobs.refresh(self.context.link)
-            words = await knobs.turn(self.context.link, plotted.element.name, steps)
-        except SiloError as error:
-            words = str(error)
-        if words:
-            self.say(words)
+            if words := await knobs.turn(self.context.link, plotted.element.name, steps):
+                self.say(words)
 
     def _pan(self, direction: int) -> None:
         """Pan by half a window; the cursor stays where it is in the picture."""
@@ -266,12 +262,9 @@ class MonitorScreen(PlotScreen):
         run_aside(self, "zero", self._zero)
 
     async def _zero(self) -> None:
-        try:
+        with self.context.telling(tell=self.say):
             await self.session.survey((), (), reset=True)
-        except SiloError as error:
-            self.say(str(error))
-            return
-        self.say("statistics of the table from now on")
+            self.say("statistics of the table from now on")
 
     # ------------------------------------------------------------------------- which signals share plots, on which axes
 

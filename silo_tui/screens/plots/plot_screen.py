@@ -128,12 +128,10 @@ class PlotScreen(SiloScreen):
     async def _fill(self, store: ColumnStore) -> None:
         start, end = self.shown_ns
         self._show_held(store)
-        try:
+        with self.context.telling("no history", self.say):
             past = await self.source.history(store.names, start, end, store.column_ns)
             store.advance_to(end // store.column_ns + 1)
             store.take(past)
-        except SiloError as error:
-            self.say(f"no history: {error}")
         self._show_held(store)  # more may be here than when that was asked for
         self._mending = False
         if store is not self._asked and not self.window.paused:
@@ -388,20 +386,17 @@ class PlotScreen(SiloScreen):
     async def _compute_between(self, a_ns: int, b_ns: int) -> None:
         await self.pause.settled()
         names = list(dict.fromkeys(plotted.name for plotted in self.stack.plots))
-        try:
+        with self.context.telling("nothing between the cursors", self.say):
             found, partly = await self.pause.held.measure(names, a_ns, b_ns)
-        except SiloError as error:
-            self.say(f"nothing between the cursors: {error}")
-            return
-        short = self.session.short_name
-        facts = [
-            (self.stack.letter(plotted), short(plotted.name), found.get(plotted.name, Between()))
-            for plotted in self.stack.plots
-        ]
-        seconds = (b_ns - a_ns) / SECOND_NS
-        hertz = f"  {text.short(abs(1 / seconds))} Hz" if seconds else ""
-        times = f"B-A {text.short(seconds, 6)} s{hertz}   A {self.moment_words(a_ns)}   B {self.moment_words(b_ns)}"
-        self.between.show(times, facts, partly)
+            short = self.session.short_name
+            facts = [
+                (self.stack.letter(plotted), short(plotted.name), found.get(plotted.name, Between()))
+                for plotted in self.stack.plots
+            ]
+            seconds = (b_ns - a_ns) / SECOND_NS
+            hertz = f"  {text.short(abs(1 / seconds))} Hz" if seconds else ""
+            times = f"B-A {text.short(seconds, 6)} s{hertz}   A {self.moment_words(a_ns)}   B {self.moment_words(b_ns)}"
+            self.between.show(times, facts, partly)
 
     def take_back(self) -> None:
         """Show what the pause holds by now, or what comes: another screen used it meanwhile."""

@@ -343,18 +343,13 @@ class MomentSearch:
 
     async def _go_to_event(self, step: int) -> None:
         await self.screen.pause.settled()
-        try:
-            found = await events(
-                self.screen.pause.held, self.screen.stack.plots, self.screen.session.bounds, self.screen.now_ns
-            )
-        except SiloError as error:
-            self.screen.say(f"events: {error}")
-            return
-        if not found.moments:
-            held = text.span(found.held_s, 3)
-            self.screen.say(f"events: no hole, trigger, marker or start in {held} held")
-            return
-        await self._go_to_found(found, step, "event", ("next_event", "previous_event"))
+        screen = self.screen
+        with screen.context.telling("events", screen.say):
+            found = await events(screen.pause.held, screen.stack.plots, screen.session.bounds, screen.now_ns)
+            if not found.moments:
+                screen.say(f"events: no hole, trigger, marker or start in {text.span(found.held_s, 3)} held")
+                return
+            await self._go_to_found(found, step, "event", ("next_event", "previous_event"))
 
     # ------------------------------------------------------------------------------------------------------ samples
 
@@ -367,20 +362,18 @@ class MomentSearch:
 
     async def _step_by(self, step: int) -> None:
         await self.screen.pause.settled()
+        screen = self.screen
         async with self._stepping:
-            begun_ns = self.screen.now_ns
-            try:
+            begun_ns = screen.now_ns
+            with screen.context.telling(tell=screen.say):
                 found = await self._sample_beside(begun_ns, step)
-            except SiloError as error:
-                self.screen.say(str(error))
-                return
-            if self.screen.now_ns != begun_ns:
-                return  # a key that came later has moved the cursor meanwhile
-            if found is None:
-                name = self.screen.session.short_name(self.screen.stack.chosen_plot.name)
-                self.screen.say(f"that is the {'last' if step > 0 else 'first'} sample held of {name}")
-            elif await self.screen.jump_to(found):
-                self.screen.say("")
+                if screen.now_ns != begun_ns:
+                    return  # a key that came later has moved the cursor meanwhile
+                if found is None:
+                    name = screen.session.short_name(screen.stack.chosen_plot.name)
+                    screen.say(f"that is the {'last' if step > 0 else 'first'} sample held of {name}")
+                elif await screen.jump_to(found):
+                    screen.say("")
 
     async def _sample_beside(self, now_ns: int, step: int) -> int | None:
         """Return the time of the next (1) or last (-1) sample of the chosen signal; None where none is held."""
