@@ -85,10 +85,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
     def none(self) -> str:
         return f"No limits. {key_of('alarm_new')} gives some"
 
-    def words(self) -> str:
-        one = self.chosen
-        if one is None:
-            return ""
+    def about(self, one: LimitStatus) -> str:
         if one.why:
             return f"{one.name} is blind: {one.why}"
         count, meaning = len(self.session.limits), MEANINGS.get(one.word.value, "")

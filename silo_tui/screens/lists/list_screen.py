@@ -111,7 +111,11 @@ class ListScreen(SiloScreen, Generic[LineT]):
         return ""
 
     def words(self) -> str:
-        """Return what is to be said of the line under the cursor, or of all, where nothing else is."""
+        """Return what is to be said of all, where nothing else is; else of the line under the cursor."""
+        return self.about(one) if (one := self.chosen) is not None else ""
+
+    def about(self, one: LineT) -> str:
+        """Return what is to be said of a line."""
         return ""
 
     def going_on(self) -> Sequence[str]:

@@ -107,8 +107,8 @@ class LoggersScreen(ListScreen[FoundLogger]):
     def advice(self) -> str:
         return "\n".join(filter(None, [self._notes, *fleet.down(self._all, *self._now)]))
 
-    def words(self) -> str:
-        return fleet.details(one) if (one := self.chosen) is not None else ""
+    def about(self, one: FoundLogger) -> str:
+        return fleet.details(one)
 
     def named(self, key: str) -> str:
         return next((one.address for one in self._all if one.key == key), "what was there")

@@ -36,8 +36,8 @@ class MessagesScreen(ListScreen[Message]):
     def told(self, one: Message) -> str:
         return f"{WHO[one.is_news]} {one.words}"
 
-    def words(self) -> str:
-        return self.chosen.words if self.chosen is not None else ""
+    def about(self, one: Message) -> str:
+        return one.words
 
     def none(self) -> str:
         return "Nothing was said yet."

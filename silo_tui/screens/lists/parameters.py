@@ -88,10 +88,7 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
             return "The robot program is gone; its parameters come back with it"
         return "No parameters: log.parameter(...) in the program offers values to be tuned"
 
-    def words(self) -> str:
-        one = self.chosen
-        if one is None:
-            return ""
+    def about(self, one: ParameterInfo) -> str:
         return rows.about(one, locked=self.knobs.locked)
 
     def signals_of(self, one: ParameterInfo) -> Sequence[str]:

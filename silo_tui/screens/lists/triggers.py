@@ -78,10 +78,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
     def none(self) -> str:
         return f"No triggers. {key_of('trigger_new')} makes one; on a plot it takes its level"
 
-    def words(self) -> str:
-        one = self.chosen
-        if one is None:
-            return ""
+    def about(self, one: TriggerStatus) -> str:
         name = one.options.name
         if one.state is TriggerWord.BLIND:
             return f"{name} is blind: {one.why}" + ("; switch it on in the table" if one.why.endswith("is off") else "")
