@@ -12,7 +12,7 @@ from textual.app import RenderResult
 from textual.widget import Widget
 
 from silo.core.elements import State, is_stalled
-from silo.core.quantities.writing import duration_text, idle_words
+from silo.core.quantities.writing import duration_text, idle_words, whole_duration
 from silo_tui.actions import BY_ID, Command, commands_for, key_of, key_text, key_that_retries, with_keys
 from silo_tui.keymap import in_bar
 from silo_tui.model.lists.conditions import head_words
@@ -193,10 +193,7 @@ class StatusBar(FittingLine):
 
 def since_words(seconds: float | None) -> str:
     """Return for how long something has been so, in whole units: `14 s`, `5 min`; `…` where that isn't known."""
-    if seconds is None:
-        return "…"
-    whole = 1 if seconds < 120 else 60 if seconds < 7200 else 3600
-    return text.span(float(seconds // whole * whole)) if seconds >= 1 else "0 s"
+    return "…" if seconds is None else whole_duration(seconds)
 
 
 def left_a_file(session: Session) -> bool:

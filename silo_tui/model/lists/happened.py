@@ -140,7 +140,7 @@ def csv_text(events: Sequence[LoggedEvent]) -> str:
 
 def _place(event: LoggedEvent) -> tuple[str, str]:
     """Return when it was: by the clock, and its tick."""
-    return wall_clock(event.clock_ns, 3), f"{event.tick:,}".replace(",", " ") if event.tick >= 0 else "-"
+    return wall_clock(event.clock_ns, 3), text.count(event.tick) if event.tick >= 0 else "-"
 
 
 def line(event: LoggedEvent, told: str, width: int, logger: str) -> str:
