@@ -189,14 +189,14 @@ class TableState:
 
     # ------------------------------------------------------------------------------------------------ editing
 
-    def edit(self, which: Sequence[int] | Rows, field: Field, new: Ints | int, label: str = "") -> int:
+    def edit(self, which: Sequence[int] | Rows, field: Field, new: Ints | int) -> int:
         """Want `new` (one, or one per row) in `field` of those rows; one undo step. Returns how many cells changed."""
         rows: Rows = np.asarray(which, np.intp)
         wanted = self.values[:, rows]
         wanted[field] = new
-        return self.edit_all(rows, wanted, label)
+        return self.edit_all(rows, wanted)
 
-    def edit_all(self, which: Sequence[int] | Rows, wanted: Ints, label: str = "") -> int:
+    def edit_all(self, which: Sequence[int] | Rows, wanted: Ints) -> int:
         """Wants `wanted`, shape `(5, len(which))`, in those rows; one undo step. Returns how many cells changed.
 
         Rows that are derived stay as they are.
@@ -214,7 +214,7 @@ class TableState:
         self._wanted[:, rows] = np.where(changed, wanted, self._wanted[:, rows])
         self._edited[:, rows] = np.where(changed, wanted != server, edited)
         fields = ", ".join(Field(int(number)).label for number in np.flatnonzero(changed.any(axis=1)))
-        self._remember(label or f"{fields} of {len(rows)}", rows, before)
+        self._remember(f"{fields} of {len(rows)}", rows, before)
         return int(changed.sum())
 
     def discard(self, which: Sequence[int] | Rows) -> int:
