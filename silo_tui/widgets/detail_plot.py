@@ -22,7 +22,6 @@ from silo_tui.widgets.styled import Styled, segments_of, series_style
 
 WIDE, SIDE = 140, 42  # from how many columns on the notes stand at the right, and how much they take
 BELOW = 4  # lines for them elsewhere
-RIGHT = 11  # cells for a second axis
 
 
 class DetailPlot(Guarded, Styled):
@@ -37,7 +36,6 @@ class DetailPlot(Guarded, Styled):
         self.notes: Sequence[str] = ()
         self.message = "reading …"
         self.cursor: int | None = None  # cell
-        self.two_sided = False
 
     @property
     def beside(self) -> bool:
@@ -47,7 +45,7 @@ class DetailPlot(Guarded, Styled):
     @property
     def plot_size(self) -> tuple[int, int]:
         """Cells of the plot itself."""
-        width = self.size.width - AXIS - 1 - (RIGHT if self.two_sided else 2) - (SIDE if self.beside else 0)
+        width = self.size.width - AXIS - 1 - 2 - (SIDE if self.beside else 0)
         return max(10, width), max(3, self.size.height - 1 - (0 if self.beside else BELOW))
 
     @dataclass
@@ -132,5 +130,4 @@ class DetailPlot(Guarded, Styled):
         label = plot.left.get(y, "")
         found = [Segment(f"{label:>{AXIS - 1}} {'┤' if label else '│'}", quiet)]
         found += segments_of(chars, styles)
-        right = plot.right.get(y, "")
-        return [*found, Segment(f"{'├' if right else '│'}{right}", quiet)]
+        return [*found, Segment("│", quiet)]

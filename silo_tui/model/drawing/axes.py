@@ -5,7 +5,7 @@ By powers of ten any values have an axis: where there are zeros or negative ones
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import msgspec
@@ -115,19 +115,6 @@ def _number(word: str) -> float:
     return float(word[:-1]) * 10.0 ** (3 * power) if power else float(word)
 
 
-def decade_words(scale: Scale, lines: int) -> dict[int, str]:
-    """Return what stands on which line where powers of ten are drawn: `scale` are whole exponents."""
-    first, last = round(scale[0]), round(scale[1])
-    apart = -(-(last - first) // max(1, lines // 2))
-    exponents = np.arange(first, last + 1, apart, dtype=np.float64)
-    return _on_lines(exponents, lambda exponent: f"1e{exponent:.0f}", scale, lines)
-
-
-def _on_lines(places: Floats, word: Callable[[float], str], scale: Scale, lines: int) -> dict[int, str]:
-    rows = braille.row_of(places, scale, 4 * lines).tolist()
-    return {int((4 * lines - 1 - row) // 4): word(place) for row, place in zip(rows, places.tolist(), strict=True)}
-
-
 # ---------------------------------------------------------------------------------------------------- powers of ten
 
 
@@ -183,7 +170,9 @@ def words_of(axis: LogAxis, scale: Scale, lines: int) -> dict[int, str]:
     first, last = round(scale[0]), round(scale[1])
     apart = max(1, -(-(last - first) // max(1, lines // 2)))
     places = np.arange(-(-first // apart) * apart, last + 1, apart, dtype=np.float64)  # zero is one of them
-    return _on_lines(places, lambda place: _word(axis.value(place)), scale, lines)
+    rows = braille.row_of(places, scale, 4 * lines).tolist()
+    words = [_word(axis.value(place)) for place in places.tolist()]
+    return {int((4 * lines - 1 - row) // 4): word for row, word in zip(rows, words, strict=True)}
 
 
 def _word(value: float) -> str:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -88,7 +88,6 @@ class BigPlot:
     owners: Owners
     left: dict[int, str]
     below: list[str]  # words under the quarters of the plot, its ends too
-    right: dict[int, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     spots: tuple[tuple[int, int, str], ...] = ()  # line, cell and sign of what is marked in it
     aged: bool = False
@@ -138,7 +137,7 @@ def of_spectra(
     cells, owners = _over_one_another(lit)
     words, origin = axes.tick_words(axes.ticks_of(scale, height), 0, 9)
     if way == "log":
-        words = axes.decade_words(scale, height)
+        words = axes.words_of(axes.LogAxis(), scale, height)
     spots: list[tuple[int, int, str]] = []
     for at, peak in sorted(enumerate(peaks), key=lambda each: each[0] != chosen):
         cell = cell_of(peak.frequency_hz, top_hz, width)
