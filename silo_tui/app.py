@@ -43,7 +43,6 @@ from silo_tui.unforeseen import Guarded, Unforeseen
 
 if TYPE_CHECKING:
     from silo_tui.context import SiloScreen
-    from silo_tui.screens.plots.monitor import MonitorScreen
     from silo_tui.sessions.recorded import FileSession
 
 
@@ -493,14 +492,14 @@ class SiloApp(Guarded, App[None]):
     command_episode_bad = partialmethod(_say_of_episode, "bad")
     command_episode_redo = partialmethod(_say_of_episode, "redo")
 
-    def on_monitor_screen_open_left(self, asked: "MonitorScreen.OpenLeft") -> None:
-        """Open what a dead robot left, with the plots that were there."""
+    def open_left(self, names: Sequence[str] = ()) -> None:
+        """Open what a robot program that died left, with plots of these elements where some are named."""
         from silo_tui.screens.files.opened import open_saved
 
         session = self.context.session
 
         def plotted(file: "FileSession") -> list[str]:
-            return [name for name in asked.names if name in file.table.names]
+            return [name for name in names if name in file.table.names]
 
         run_alone(self, "opening", open_saved, self.context, session, session.left_files, plotted)
 

@@ -441,6 +441,10 @@ class SiloScreen(Leaving[None]):
         """Return what a menu tells of an entry: what it changes, as it is."""
         return ""
 
+    def open_left(self, names: Sequence[str] = ()) -> None:
+        """Open what a dead robot left, with plots of these elements."""
+        cast(Any, self.app).open_left(names)
+
     def begin_command(self, word: str) -> None:
         """Go on in the command line, with a word typed already."""
         cast(Any, self.app).begin_command(word)

@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
+from functools import partialmethod
 from typing import TYPE_CHECKING
 
 from textual import events
@@ -42,7 +43,6 @@ class ElementsScreen(SiloScreen):
     """Elements with what is known of them; its children say what that is and what can be done with it."""
 
     filter_hint = ""
-    plots_by = "monitor"  # the command that plots
     inspector_least = 32  # its cells where there is little room
 
     def __init__(self, session: Session, columns: Sequence[TableColumn]) -> None:
@@ -158,23 +158,21 @@ class ElementsScreen(SiloScreen):
         self.session.rows.move_to(position)
         self.table.show_cursor()
 
-    def command_down(self) -> None:
-        self._move(self.session.rows.position + 1)
+    def _step(self, lines: int) -> None:
+        self._move(self.session.rows.position + lines)
 
-    def command_up(self) -> None:
-        self._move(self.session.rows.position - 1)
-
-    def command_top(self) -> None:
-        self._move(0)
+    command_down = partialmethod(_step, 1)
+    command_up = partialmethod(_step, -1)
+    command_top = partialmethod(_move, 0)
 
     def command_bottom(self) -> None:
         self._move(len(self.session.rows.tree.lines) - 1)
 
     def command_half_down(self) -> None:
-        self._move(self.session.rows.position + max(1, self.table.size.height // 2))
+        self._step(self.table.half_page)
 
     def command_half_up(self) -> None:
-        self._move(self.session.rows.position - max(1, self.table.size.height // 2))
+        self._step(-self.table.half_page)
 
     # ------------------------------------------------------------------------------------ filter, marks, order
 
@@ -297,7 +295,12 @@ class ElementsScreen(SiloScreen):
         if rows.row is not None and rows.row not in rows.targets():  # others are marked
             self.plot_rows([rows.row])
         else:
-            self.action_command("fold" if rows.branch is not None else self.plots_by)
+            self.action_command("fold" if rows.branch is not None else "plot" if self.scope == "file" else "monitor")
+
+    def command_plot(self) -> None:
+        self.sure_of_hidden(lambda: self.plot_rows(self.session.rows.targets().tolist()), "Plot")
+
+    command_monitor = command_plot  # as it is called over a logger
 
     @abstractmethod
     def plot_rows(self, chosen: Sequence[int]) -> None:

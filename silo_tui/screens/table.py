@@ -191,7 +191,7 @@ class TableScreen(Editing):
         self._top_wanted, self.session.rows.held = False, self.session.rows.live
         opens = command_id == "edit" or (command_id == "monitor" and left_a_file(self.session))
         if opens and self.session.dead:  # nothing is edited any more, nor comes; what it logged is to be seen
-            self._open_left()
+            self.open_left()
             return
         super().action_command(command_id, typed)
 
@@ -289,17 +289,6 @@ class TableScreen(Editing):
         store.take(past)
         self.table.live_changed()
         self.inspector.refresh()
-
-    def _open_left(self) -> None:
-        from silo_tui.screens.files.opened import open_saved
-
-        run_alone(self, "opening", open_saved, self.context, self.session, self.session.left_files)
-
-    def command_monitor(self) -> None:
-        self.sure_of_hidden(self._plot, "Plot")
-
-    def _plot(self) -> None:
-        self.plot_rows(self.session.rows.targets().tolist())
 
     def plot_rows(self, chosen: Sequence[int]) -> None:
         from silo_tui.screens.plots.monitor import MonitorScreen

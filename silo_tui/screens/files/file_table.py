@@ -21,7 +21,6 @@ class FileTableScreen(ElementsScreen):
     """The elements of a file."""
 
     scope = "file"
-    plots_by = "plot"
     inspector_least = 34
     filter_hint = "words, globs, unit:Nm div>1 size>1000 buf:loop"
 
@@ -140,12 +139,6 @@ class FileTableScreen(ElementsScreen):
     def mode_keys(self) -> Sequence[tuple[str, str]]:
         """Return how to go back, where there is something behind."""
         return super().mode_keys() or ((("back", "Back"),) if self._leave is not None else ())
-
-    def command_plot(self) -> None:
-        self.sure_of_hidden(self._plot, "Plot")
-
-    def _plot(self) -> None:
-        self.plot_rows(self.session.rows.targets().tolist())
 
     def plot_rows(self, chosen: Sequence[int]) -> None:
         from silo_tui.screens.plots.monitor import MonitorScreen

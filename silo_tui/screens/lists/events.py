@@ -99,11 +99,8 @@ class EventsScreen(LoggerList[LoggedEvent]):
         self._following = True
         self.show()
 
-    def command_next_event(self) -> None:
-        self.command_list_up()
-
-    def command_previous_event(self) -> None:
-        self.command_list_down()
+    command_next_event = LoggerList.command_list_up
+    command_previous_event = LoggerList.command_list_down
 
     def command_list_read(self) -> None:
         run_alone(self, "events", self._read_again)

@@ -3,8 +3,6 @@
 from collections.abc import Callable, Sequence
 from functools import partialmethod
 
-from textual.message import Message
-
 from silo.core.conditions import AROUND_S, TriggerOptions
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
@@ -25,13 +23,6 @@ FAR = 10
 class MonitorScreen(PlotScreen):
     """Plots of the elements that were marked when it was opened; of a file cursor A is a moment, whatever the zoom."""
 
-    class OpenLeft(Message):
-        """The file that a dead robot left is to be opened, with plots of these elements."""
-
-        def __init__(self, names: Sequence[str]) -> None:
-            super().__init__()
-            self.names = names
-
     scope = "monitor"
     PARTS = (MomentSearch,)
     came_with_file = False  # whether one key opened a file and these plots of it: one leaves both
@@ -44,8 +35,7 @@ class MonitorScreen(PlotScreen):
     def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:
         """Do what a key asks for; of a dead robot that left a file, Enter opens that, with the same plots."""
         if command_id == "detail" and left_a_file(self.session):
-            names = list(dict.fromkeys(plotted.element.name for plotted in self.stack.plots))
-            self.post_message(self.OpenLeft(names))
+            self.open_left(list(dict.fromkeys(plotted.element.name for plotted in self.stack.plots)))
             return
         super().action_command(command_id, typed)
 
@@ -94,11 +84,11 @@ class MonitorScreen(PlotScreen):
         else:
             self._go_to(at_ns + step_ns)
 
-    def command_turn_plotted_down(self) -> None:
-        run_aside(self, "turning", self._turn, -1)
+    def _turn_plotted(self, steps: int) -> None:
+        run_aside(self, "turning", self._turn, steps)
 
-    def command_turn_plotted_up(self) -> None:
-        run_aside(self, "turning", self._turn, 1)
+    command_turn_plotted_down = partialmethod(_turn_plotted, -1)
+    command_turn_plotted_up = partialmethod(_turn_plotted, 1)
 
     async def _turn(self, steps: int) -> None:
         """Turn the parameter whose plot is chosen."""
@@ -199,14 +189,12 @@ class MonitorScreen(PlotScreen):
 
     # --------------------------------------------------------------------------------------------------- commands
 
-    def command_plot_down(self) -> None:
-        self._choose(self.stack.chosen + 1)
+    def _choose_beside(self, step: int) -> None:
+        self._choose(self.stack.chosen + step)
 
-    def command_plot_up(self) -> None:
-        self._choose(self.stack.chosen - 1)
-
-    def command_plot_top(self) -> None:
-        self._choose(0)
+    command_plot_down = partialmethod(_choose_beside, 1)
+    command_plot_up = partialmethod(_choose_beside, -1)
+    command_plot_top = partialmethod(PlotScreen._choose, 0)
 
     def command_plot_bottom(self) -> None:
         self._choose(len(self.stack.plots) - 1)

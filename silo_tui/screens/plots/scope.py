@@ -288,11 +288,11 @@ class ScopeScreen(SiloScreen):
         self._waits_since_s = time.monotonic()
         self._tell()
 
-    def command_closer(self) -> None:
-        self._set(replace(self.settings, span_s=other_span(self.settings.span_s, closer=True)), "")
+    def _zoom(self, *, closer: bool) -> None:
+        self._set(replace(self.settings, span_s=other_span(self.settings.span_s, closer=closer)), "")
 
-    def command_wider(self) -> None:
-        self._set(replace(self.settings, span_s=other_span(self.settings.span_s, closer=False)), "")
+    command_closer = partialmethod(_zoom, closer=True)
+    command_wider = partialmethod(_zoom, closer=False)
 
     def _move_cursor(self, cells: int) -> None:
         self.window.move_cursor(cells, self.stack.columns)
