@@ -550,6 +550,9 @@ class SiloApp(Guarded, App[None]):
         if word == "open" and (session := self._live_session) is not None and session.left_files:
             begun += shlex.quote(session.left_files[0].path)  # of a dead robot
         words = "goto filter sort picture theme help quit" if on_file else "view theme start stop help quit"
+        if screen is not None and screen.scope == "table":
+            words = "load save set goto sort data start stop help quit"
+            self.context.learn_scripts()
         self.push_screen(CommandLine(self.context.runner.complete, words, begun), run)
 
     def command_palette(self) -> None:

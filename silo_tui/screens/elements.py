@@ -408,11 +408,6 @@ class ElementsScreen(SiloScreen):
         self._back_to_table()
         if event.line.id == "filter-line":  # typed and entered at once, the line is gone before it says that it changed
             self._filter_by(event.value)
-        else:
-            self.line_entered(event)
-
-    def line_entered(self, event: Fleeting.Entered) -> None:
-        """Take what was entered in a line other than the filter."""
 
     def on_fleeting_left(self, event: Fleeting.Left) -> None:
         """Leave a line; the filter is cleared too."""

@@ -32,7 +32,7 @@ from silo_tui.sessions.live import Session
 from silo_tui.terminal import pace_of
 from silo_tui.widgets.bars import KeyBar, left_a_file
 from silo_tui.widgets.element_table import FLAGS, TREND, ElementTable
-from silo_tui.widgets.inputs import CellEditor, Fleeting, Line
+from silo_tui.widgets.inputs import CellEditor
 
 COLUMN_NS = 200_000_000
 COLUMNS = 120
@@ -54,7 +54,6 @@ FIELDS_BY_COMMAND = {
 }  # fmt: skip
 WORDS_WIDTH = 40
 EDITOR_KEYS = "Enter sets it  Esc leaves it as it was"
-COMMAND_KEYS = "Enter does it  Tab completes  Esc leaves"
 
 
 class TableScreen(ElementsScreen):
@@ -79,8 +78,7 @@ class TableScreen(ElementsScreen):
         super().__init__(session, LIVE_COLUMNS)
 
     def lines(self) -> ComposeResult:
-        """Yield the command line and the editor that lies over a cell."""
-        yield Line(self.context.runner.complete, "load save set goto sort data start stop help quit", "command-line")
+        """Yield the editor that lies over a cell."""
         yield CellEditor(self._take_cell)
 
     @property
@@ -316,18 +314,6 @@ class TableScreen(ElementsScreen):
             self.show_plots(MonitorScreen(self.session, plotted, under_cursor))
         else:
             self.say("nothing to plot here")
-
-    # --------------------------------------------------------------------------------------------- typed lines
-
-    def command_command(self) -> None:
-        self.context.learn_scripts()
-        self.query_one(KeyBar).show_instead(COMMAND_KEYS)
-        self.query_one("#command-line", Line).begin("")
-        self.info.display = False
-
-    def line_entered(self, event: Fleeting.Entered) -> None:
-        if event.line.id == "command-line" and event.value.strip(": "):
-            self.context.runner.run(event.value)
 
     # ------------------------------------------------------------------------------------------------------ its edits
 

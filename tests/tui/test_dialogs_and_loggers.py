@@ -490,7 +490,7 @@ async def test_news_of_others_is_shown_and_our_own_is_not(fake, opened):
 async def test_a_picture_of_the_screen_is_an_svg(fake, opened, tmp_path):
     async with opened(fake) as screen:
         await screen.type(":picture ")
-        screen.app.screen.query_one("#command-line").value = f"picture {tmp_path / 'x.svg'}"
+        screen.app.screen.query_one("#command-over").value = f"picture {tmp_path / 'x.svg'}"
         await screen.press("enter")
         await screen.shows("picture of the screen")
         assert "<svg" in (tmp_path / "x.svg").read_text()
