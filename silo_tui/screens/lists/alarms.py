@@ -111,10 +111,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
 
     def command_alarm_worst(self) -> None:
         one = self.here()
-        if one is None:
-            return
-        monitor = self._plot(one)
-        if monitor is not None and one.worst_ns:
+        if one is not None and (monitor := self._plot(one)) is not None and one.worst_ns:
             monitor.call_after_refresh(monitor.show_moment_of, one.worst_ns)
 
     enter = command_alarm_worst
@@ -136,8 +133,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         return monitor
 
     def command_alarm_limits(self) -> None:
-        one = self.here()
-        if one is not None:
+        if (one := self.here()) is not None:
             self._ask_limits(one.limits)
 
     def command_alarm_new(self) -> None:

@@ -58,10 +58,6 @@ class ConditionsScreen(LoggerList[Status]):
     def named(self, key: str) -> str:
         return self.session.short_name(key)
 
-    def status_changed(self) -> None:
-        super().status_changed()
-        self.show()
-
     def second_passed(self) -> None:
         super().second_passed()
         self.ask()

@@ -37,7 +37,7 @@ class EventsScreen(LoggerList[LoggedEvent]):
 
     def status_changed(self) -> None:
         """Follow state and link, and take in what happened since."""
-        super().status_changed()
+        self.show_bars()
         if self.session.happened is not self._known:
             self.show()
 

@@ -364,3 +364,7 @@ class LoggerList(ListScreen[LineT]):
 
     def going_on(self) -> Sequence[str]:
         return [one.words for one in self.session.fetches.values()]
+
+    def status_changed(self) -> None:
+        super().status_changed()
+        self.show()

@@ -164,7 +164,6 @@ class RecordingsScreen(LoggerList[SavedRecording]):
 
     def status_changed(self) -> None:
         super().status_changed()
-        self.show()
         self._show_running()
 
     def second_passed(self) -> None:

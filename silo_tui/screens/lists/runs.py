@@ -3,6 +3,7 @@
 import asyncio
 import math
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from rich.text import Text
@@ -160,14 +161,10 @@ class RunsScreen(ListScreen[ListedRun]):
         self.show()
 
     def command_open_run(self) -> None:
-        one = self.here()
-        if one is None:
-            return
-        failed = f"{one.facts.path} can't be opened"
-        if one.facts.ticks > MOST_TICKS:  # of days: the part under its name, which says that it is one
-            run_alone(self, "opening", show_read, self.context, lambda: open_log(one.path), failed)
-        else:
-            run_alone(self, "opening", show_read, self.context, one.open, failed)
+        if (one := self.here()) is not None:
+            is_long = one.facts.ticks > MOST_TICKS  # of days: the part under its name, which says that it is one
+            read = partial(open_log, one.path) if is_long else one.open
+            run_alone(self, "opening", show_read, self.context, read, f"{one.facts.path} can't be opened")
 
     enter = command_open_run
 
@@ -258,8 +255,7 @@ class ComparisonScreen(ListScreen[SignalDifference]):
         return "Nothing differs."
 
     def command_plot_compared(self) -> None:
-        one = self.here()
-        if one is not None:
+        if (one := self.here()) is not None:
             run_alone(self, "opening", self._plot, one.name, one.at_s)
 
     async def _plot(self, name: str, at_s: float) -> None:

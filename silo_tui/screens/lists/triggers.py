@@ -112,8 +112,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
 
     def command_trigger_toggle(self) -> None:
         """Arm what is off, or switch off; of several, all as the first."""
-        targets = self.targets()
-        if targets:
+        if targets := self.targets():
             armed = targets[0].state in (TriggerWord.OFF, TriggerWord.FIRED)
             self._do(targets, lambda client, name: client.arm_trigger(name, armed=armed))
 
@@ -126,26 +125,23 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
             self.context.run_flow(self.carry_out(lambda client: "; ".join([job(client, name) for name in names])))
 
     def command_trigger_remove(self) -> None:
-        targets = self.targets()
-        if targets:
+        if targets := self.targets():
             self.context.run_flow(self._remove(targets))
 
     async def _remove(self, targets: Sequence[TriggerStatus]) -> None:
         """Ask, and forget them."""
         names, one = [each.options.name for each in targets], len(targets) == 1
         kept = f"{many(sum(each.fires for each in targets), 'fire')} in this run"
+        its, it = ("its", "it") if one else ("their", "them")
         lines = [f"{each.options.name}: {each.options.when}" for each in targets]
-        lines += [f"{kept}; {'its' if one else 'their'} captures stay where they are."]
-        lines += [
-            f"{key_of('trigger_toggle')} switches {'it' if one else 'them'} off and keeps {'it' if one else 'them'}."
-        ]
+        lines += [f"{kept}; {its} captures stay where they are."]
+        lines += [f"{key_of('trigger_toggle')} switches {it} off and keeps {it}."]
         title = f"Delete {f'trigger {names[0]}' if one else f'{len(names)} triggers'} of {self.session.name}?"
-        if await confirmed(self.app, title, "\n".join(lines), "Delete", f"Keep {'it' if one else 'them'}"):
+        if await confirmed(self.app, title, "\n".join(lines), "Delete", f"Keep {it}"):
             await self.carry_out(lambda client: "; ".join([client._remove_trigger(name) for name in names]))
 
     def command_trigger_edit(self) -> None:
-        one = self.here()
-        if one is not None:
+        if (one := self.here()) is not None:
             self.context.run_flow(self._edit(one.options))
 
     async def _edit(self, options: TriggerOptions) -> None:
