@@ -82,37 +82,29 @@ async def _show(
     alone: Sequence[str] = (),
     at_ns: int | None = None,
 ) -> None:
-    """Show a file; where plots of `names` were asked for, at once over its table, which is not painted before."""
+    """Show a file; where plots of `names` were asked for, at once over its table, which is not painted before.
+
+    They stand still at a moment; of these scalars `alone` there is one plot for all.
+    """
     from silo_tui.screens.files.file_table import FileTableScreen
+    from silo_tui.screens.plots.monitor import MonitorScreen
 
     with context.app.batch_update():
         context.show_file(opened)
         await context.app.push_screen(FileTableScreen(opened, leave=context.leave_file))
         context.table_changed()
         context.status_changed()
-        if names:
-            await _show_plots(context, opened, names, alone, at_ns)
-
-
-async def _show_plots(
-    context: Context,
-    opened: "FileSession",
-    names: Sequence[str],
-    alone: Sequence[str],
-    at_ns: int | None,
-) -> None:
-    """Show plots of elements, at a moment; of these scalars `alone` one for all, where there are some."""
-    from silo_tui.screens.plots.monitor import MonitorScreen
-
-    monitor = MonitorScreen(opened, names)
-    monitor.came_with_file = True
-    if alone:
-        monitor.stack.show_panels([tuple(each for each in monitor.stack.plots if each.name in alone)])
-    await context.app.push_screen(monitor)
-    if opened.capture is not None and opened.capture.fires_ns:
-        at_ns = opened.capture.fires_ns[0]
-    if at_ns is not None:
-        monitor.call_after_refresh(monitor.show_moment_of, at_ns)
+        if not names:
+            return
+        monitor = MonitorScreen(opened, names)
+        monitor.came_with_file = True
+        if alone:
+            monitor.stack.show_panels([tuple(each for each in monitor.stack.plots if each.name in alone)])
+        await context.app.push_screen(monitor)
+        if opened.capture is not None and opened.capture.fires_ns:
+            at_ns = opened.capture.fires_ns[0]
+        if at_ns is not None:
+            monitor.call_after_refresh(monitor.show_moment_of, at_ns)
 
 
 async def overlay_recording(context: Context, session: Session, folder: str, file: RecordingFile, name: str) -> None:
