@@ -7,7 +7,7 @@ fewer frames, not old ones. What the client reports by itself reaches the app as
 import asyncio
 import functools
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -17,7 +17,7 @@ import numpy as np
 from textual.message import Message
 
 from silo.core.arrays.columns import ColumnStore, HistoryColumns
-from silo.errors import ConnectionLostError
+from silo.errors import ConnectionLostError, RefusedError
 from silo.rpc.frames import Frame
 from silo.rpc.published import Event
 
@@ -29,6 +29,15 @@ if TYPE_CHECKING:
 Result = TypeVar("Result")
 
 MOST_NAMES = 64  # of which a logger answers with columns at once
+
+
+async def refusal(sent: Awaitable[object]) -> str:
+    """Return why something was refused; empty where it was done."""
+    try:
+        await sent
+    except RefusedError as error:
+        return str(error)
+    return ""
 
 
 class ViewRequest(msgspec.Struct, frozen=True):

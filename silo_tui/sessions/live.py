@@ -41,7 +41,7 @@ from silo_tui.model.table.fields import options_of, rows_of
 from silo_tui.model.table.rows import RowList
 from silo_tui.model.table.state import TableState
 from silo_tui.model.words.names import below
-from silo_tui.sessions.link import Link, ViewRequest
+from silo_tui.sessions.link import Link, ViewRequest, refusal
 from silo_tui.sessions.parameters import Knobs
 from silo_tui.sessions.recordings import Fetching
 
@@ -602,7 +602,7 @@ class Session:
         """
         done, refused = list[str](), list[str]()
         for words, one in list(self.gone.items()):
-            if problem := await self._restored(one):
+            if problem := await refusal(self.connection.call(partial(_set, one))):
                 refused.append(f"{words}: {problem}")
             else:
                 done.append(words)
@@ -610,14 +610,6 @@ class Session:
         await self.reload()
         await self.refresh_conditions()
         return done, refused
-
-    async def _restored(self, one: Condition) -> str:
-        """Set it; return why it was refused."""
-        try:
-            await self.connection.call(partial(_set, one))
-        except RefusedError as error:
-            return str(error)
-        return ""
 
     def close(self) -> None:
         """Let the connection go."""

@@ -14,11 +14,12 @@ from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Static
 
-from silo.errors import ExpressionError, RefusedError, SiloError
+from silo.errors import ExpressionError, SiloError
 from silo.expressions.operations import FUNCTIONS
 from silo.expressions.parsing import LOGIC
 from silo_tui.actions import BY_ID, key_of
 from silo_tui.modal import Dialog, run_alone
+from silo_tui.sessions.link import refusal
 from silo_tui.widgets.inputs import NamingLine
 from silo_tui.widgets.lines import CURSOR
 
@@ -255,12 +256,12 @@ async def taken(
     `form` makes it of what was typed last, None at first, and of why that was refused. What is `whole` is sent at once.
     Returns what was refused, and then left; None where it was done, or nothing was sent.
     """
-    refused, problem = whole, await _refused(send(whole)) if whole is not None else ""
+    refused, problem = whole, await refusal(send(whole)) if whole is not None else ""
     if whole is not None and not problem:
         return None
     dialog = form(refused, problem)
     while (answer := await context.app.push_screen_wait(dialog)) is not None:
-        problem = await _refused(send(answer))
+        problem = await refusal(send(answer))
         if not problem:
             return None
         refused, last = answer, dialog._start
@@ -276,12 +277,3 @@ async def told(context: "Context", job: "Callable[[Client], str]", place: str) -
         await context.session.refresh_conditions()
     finally:
         context.say(f"{said} ({key_of(place)} {BY_ID[place].label})")
-
-
-async def _refused(sent: Awaitable[None]) -> str:
-    """Return why something was refused; empty where it was done."""
-    try:
-        await sent
-    except RefusedError as error:
-        return str(error)
-    return ""

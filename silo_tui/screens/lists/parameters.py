@@ -10,7 +10,6 @@ from rich.text import Text
 
 from silo.core.quantities.writing import many
 from silo.core.tuning.parameters import ParameterInfo, ParameterValue, range_text, value_text
-from silo.errors import SiloError
 from silo.net.access.senders import short_words
 from silo.settings.presets import read_preset, typed_value, write_preset
 from silo_tui.actions import key_of
@@ -126,13 +125,9 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
         return f"; {key_of('undo')} takes it back, {key_of('plot_conditions')} plots it"
 
     async def _tell(self, job: Callable[[], Coroutine[Any, Any, str]], more: str = "") -> None:
-        try:
-            words = await job()
-            words += more if words else ""
-        except SiloError as error:
-            words = str(error)
-        if words:
-            self.say(words)
+        with self.context.telling(tell=self.say):
+            if words := await job():
+                self.say(words + more)
         self.show()
 
     def command_type_parameter(self) -> None:
