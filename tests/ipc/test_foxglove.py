@@ -290,6 +290,26 @@ class TestStrangers:
         with pytest.raises(InvalidStatus, match="403"), connect(one.url, sock=stream):
             pass
 
+    @pytest.mark.parametrize("more", ["Host: evil.example", "Origin: file://\r\nOrigin: https://evil.example"])
+    def test_a_request_that_says_twice_where_it_goes_or_is_from_is_refused(self, bridge, more, caplog, capfd):
+        head = f"GET / HTTP/1.1\r\nHost: localhost\r\n{more}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+        with socket.create_connection(("127.0.0.1", bridge().port)) as stream:
+            stream.sendall(f"{head}Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: {'A' * 22}==\r\n\r\n".encode())
+            assert stream.recv(1000).startswith(b"HTTP/1.1 400 ")
+        assert "Traceback" not in caplog.text + "".join(capfd.readouterr())
+
+    def test_a_topic_is_subscribed_to_once_by_each_viewer(self, bench, bridge, look):
+        one = bridge()
+        viewer = look(to=one)
+        viewer.subscribe(_1="/log/x", _2="/log/q")
+        viewer.subscribe(_3="/log/x")
+        assert "is subscribed to already" in viewer.json("status")["message"]
+        viewer.unsubscribe(1)
+        viewer.subscribe(_3="/log/x")
+        (known,) = one.server._viewers
+        wait_until(lambda: sorted(known.subscriptions) == [2, 3])
+        assert known.channels == set(known.subscriptions.values())
+
     def test_with_control_the_token_has_to_be_there(self, bench, bridge, look):
         one = bridge(token="secret", services=services(lambda: Client.connect("bot"), "bot"))
         with pytest.raises(InvalidStatus, match="403"):

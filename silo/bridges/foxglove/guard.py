@@ -21,7 +21,7 @@ def refusal(path: str, host: str, origin: str | None, token: str, origins: Seque
 
     Args:
         path: of the request; its first part is the token.
-        host: the header, None's stand-in is the empty text.
+        host: the header.
         origin: the header, None where there is none.
         token: that has to be there, empty for none.
         origins: web pages that may connect, beside those of this computer and the known viewers.

@@ -26,7 +26,7 @@ SUBPROTOCOLS = (Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.
 MESSAGE_DATA, TIME = 1, 2  # from the server, binary
 SERVICE_REQUEST, SERVICE_RESPONSE = 2, 3  # from the viewer, to the viewer, binary
 CHANNELS_AT_ONCE = 500  # of an advertisement; each has its schema, some 300 bytes
-MOST_SUBSCRIPTIONS = 65_535  # as many topics as a file has at most
+MOST_PARAMETERS = 65_535  # that a viewer may want to hear of
 FINAL_BINARY, FINAL_TEXT = 0x82, 0x81  # RFC 6455, 5.2: a frame that is the whole message
 
 

@@ -66,6 +66,7 @@ class Viewer:
 
     connection: ServerConnection
     subscriptions: dict[int, int] = field(default_factory=dict)  # channel by subscription
+    channels: set[int] = field(default_factory=set)  # of them: each once, or who doesn't read would cost all others
     parameters: set[str] = field(default_factory=set)  # of which it wants to hear
     dropped: int = 0
     _told_dropped: int = 0
@@ -74,6 +75,13 @@ class Viewer:
         """Send frames, whatever waits already, unless it goes: behind its good-bye nothing can be written any more."""
         if self.connection.state is State.OPEN and not self.connection.transport.is_closing():
             self.connection.transport.write(frames)
+
+    def subscribe(self, number: int, channel: int) -> None:
+        self.subscriptions[number] = channel
+        self.channels.add(channel)
+
+    def unsubscribe(self, *numbers: int) -> None:
+        self.channels -= {self.subscriptions.pop(number) for number in numbers if number in self.subscriptions}
 
     async def has_room(self) -> None:
         """Wait until it has taken answers, where it asks and doesn't read: what it asks next waits in the kernel."""
@@ -138,9 +146,12 @@ class ViewerServer:
     # ------------------------------------------------------------------------------------------------------- viewers
 
     def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
+        hosts, pages = request.headers.get_all("Host"), request.headers.get_all("Origin")
+        if len(hosts) != 1 or len(pages) > 1:
+            return connection.respond(400, "silo: a request has one Host, and one Origin at most\n")
         why = guard.refusal(
-            request.path, request.headers.get("Host", ""), request.headers.get("Origin"), self._terms.token,
-            self._terms.origins, on_loopback=self._terms.on_loopback,
+            request.path, hosts[0], pages[0] if pages else None, self._terms.token, self._terms.origins,
+            on_loopback=self._terms.on_loopback,
         )  # fmt: skip
         if why:
             return connection.respond(403, f"silo: {why}\n")
@@ -189,8 +200,7 @@ class ViewerServer:
             for one in request["subscriptions"]:
                 self._subscribe(viewer, int(one["id"]), int(one["channelId"]))
         elif operation == "unsubscribe":
-            for number in request["subscriptionIds"]:
-                viewer.subscriptions.pop(int(number), None)
+            viewer.unsubscribe(*map(int, request["subscriptionIds"]))
         elif operation in ("getParameters", "subscribeParameterUpdates", "unsubscribeParameterUpdates"):
             names = list(dict.fromkeys(map(str, request["parameterNames"]))) or list(self._parameters)
             if operation == "unsubscribeParameterUpdates":
@@ -198,8 +208,8 @@ class ViewerServer:
                 return
             if operation == "subscribeParameterUpdates":
                 wanted = viewer.parameters.union(names)
-                if len(wanted) > protocol.MOST_SUBSCRIPTIONS:
-                    raise ValueError(f"{protocol.MOST_SUBSCRIPTIONS} parameters are the most")
+                if len(wanted) > protocol.MOST_PARAMETERS:
+                    raise ValueError(f"{protocol.MOST_PARAMETERS} parameters are the most")
                 viewer.parameters = wanted
             self._show(viewer, names, request.get("id"))
             return
@@ -217,10 +227,10 @@ class ViewerServer:
             viewer.tell(StatusLevel.ERROR, f"subscription {number} is no unsigned number of 32 bits")
         elif number in viewer.subscriptions:
             viewer.tell(StatusLevel.ERROR, f"subscription {number} is in use")
-        elif len(viewer.subscriptions) >= protocol.MOST_SUBSCRIPTIONS:
-            viewer.tell(StatusLevel.ERROR, f"{protocol.MOST_SUBSCRIPTIONS} subscriptions are the most")
+        elif channel in viewer.channels:
+            viewer.tell(StatusLevel.ERROR, f"subscription {number}: channel {channel} is subscribed to already")
         else:
-            viewer.subscriptions[number] = channel
+            viewer.subscribe(number, channel)
 
     async def _call(self, viewer: Viewer, call: ServiceCall) -> None:
         names = list(self._terms.services or {})
@@ -271,7 +281,7 @@ class ViewerServer:
                 self._show(viewer, sorted(names))
 
     def _wish(self) -> None:
-        channels = {channel for viewer in self._viewers for channel in viewer.subscriptions.values()}
+        channels = {channel for viewer in self._viewers for channel in viewer.channels}
         self._feed.wish(frozenset(self._offers[one].topic.element for one in channels if one in self._offers))
 
     def _renew(self, label: str, elements: Sequence[ElementInfo]) -> None:
@@ -294,9 +304,7 @@ class ViewerServer:
             if gone:
                 viewer.write(protocol.text_frame(protocol.unadvertisement(gone)))
                 lost = set(gone)
-                viewer.subscriptions = {
-                    number: channel for number, channel in viewer.subscriptions.items() if channel not in lost
-                }
+                viewer.unsubscribe(*(number for number, channel in [*viewer.subscriptions.items()] if channel in lost))
             for text in protocol.advertisements(new):
                 viewer.write(protocol.text_frame(text))
         self._wish()
