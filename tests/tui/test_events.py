@@ -101,7 +101,10 @@ def test_marks_stand_where_they_were_set_not_where_they_were_written():
     assert in_time([early, alarm, mark]) == [early, mark, alarm]
     other = event("started", at_ns=5, number=4, run="s")  # a run by another clock
     loose = event("crashed", at_ns=2, number=5, run="")
-    assert in_time([early, alarm, other, mark, loose]) == [early, mark, other, alarm, loose]
+    assert in_time([early, alarm, other, mark, loose]) == [early, mark, alarm, other, loose]
+    late = event("limit ended", at_ns=40, number=6)  # told when the next run goes on already
+    cut = event("lost", at_ns=7, number=3, run="")
+    assert in_time([early, cut, alarm, other, late, loose]) == [early, cut, alarm, late, other, loose]
 
 
 @pytest.mark.parametrize(

@@ -46,17 +46,18 @@ def of_last_run(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
 
 
 def in_time(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
-    """Return what happened in the order of time within each run: a mark is of a moment before it was written."""
-    found = list(events)
-    places: dict[str, list[int]] = {}
-    for place, event in enumerate(found):
-        places.setdefault(event.run, []).append(place)
-    for run, mine in places.items():
-        if run:
-            ordered = sorted((found[at] for at in mine), key=lambda one: one.clock_ns)
-            for place, event in zip(mine, ordered, strict=True):
-                found[place] = event
-    return found
+    """Return what happened in the order of time, run by run, whose clocks may differ.
+
+    A mark is of a moment before it was written, the last limits of a run are told when the next one goes on already.
+    What is of no run stands behind all that came before it.
+    """
+    ranks: dict[str, int] = {}
+    places, newest = [], (0, 0)
+    for event in events:
+        place = (ranks.setdefault(event.run, len(ranks)), event.clock_ns) if event.run else newest
+        newest = max(newest, place)
+        places.append(place)
+    return [event for _, event in sorted(zip(places, events, strict=True), key=lambda one: one[0])]
 
 
 def in_plots(
