@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from silo.analysis.compute.calculus import Floats
 from silo.analysis.plots.events import LogEvent, event_lines, events_of
+from silo.analysis.stretches import holes
 from silo.core.arrays.values import from_base, text_of
 from silo.core.quantities.writing import size_text
 from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, alike, lasted_s, rate_of, stamps_of
@@ -119,7 +120,7 @@ def _describe(recording: Recording, element: RecordedElement) -> ElementReport:
         samples=count,
         start_s=float(times.min() - zero) / 1e9 if count else None,
         end_s=float(times.max() - zero) / 1e9 if count else None,
-        rate_hz=rate_of(times, recording.gaps) or None,
+        rate_hz=rate_of(times, holes(recording, element)) or None,
         labels=labels or {},
     )
 

@@ -420,13 +420,18 @@ def rate_of(time_ns: NDArray[np.int64], gaps: Sequence[tuple[int, int]] = ()) ->
 
     Where a clock begins anew, as in each episode of a simulation, only the steps ahead count, and no step over `gaps`.
     """
+    ahead = steps_of(time_ns, gaps)
+    span_ns = int(ahead.sum())
+    return len(ahead) * 10**9 / span_ns if span_ns else 0.0
+
+
+def steps_of(time_ns: NDArray[np.int64], gaps: Sequence[tuple[int, int]]) -> NDArray[np.int64]:
+    """Return the steps ahead from stamp to stamp, but for those over `gaps`."""
     steps = np.diff(time_ns)
     counted = steps >= 0
     for before, behind in gaps:
         counted &= (time_ns[:-1] > before) | (time_ns[1:] < behind)
-    ahead = steps[counted]
-    span_ns = int(ahead.sum())
-    return len(ahead) * 10**9 / span_ns if span_ns else 0.0
+    return steps[counted]
 
 
 def ticks_of(time_ns: NDArray[np.int64], element: RecordedElement) -> NDArray[np.int64]:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from silo.analysis.reports import report
 from silo.core.recording import Recording
 from silo.files.silo.writer import write_silo
 from silo.live.quantities import FROZEN, LOST, NOT_FINITE, SLOW
@@ -91,6 +92,17 @@ def test_rate_share_and_jitter_are_of_the_samples_of_an_element():
     assert told(facts, "slow", "rate") == pytest.approx(25.0)
     assert told(facts, "slow", "share") == pytest.approx(0.5)
     assert told(facts, "slow", "jitter") == pytest.approx(0.0)
+
+
+def test_what_a_file_has_no_samples_of_is_no_step_of_their_rate():
+    """Of one that was saved while it was cut buffers held the newest alone; the program told how long each holds."""
+    own = TIMES[np.r_[0:100, 900:1000]]
+    cut = element("cut", RAMP[:200], own_ns=own, holds=((1, 200),))
+    assert told(facts_of(cut), "cut", "rate") == pytest.approx(100.0)
+    assert told(facts_of(cut), "cut", "jitter") == pytest.approx(0.0)
+    assert report(recording(cut), "", 0).elements[0].rate_hz == pytest.approx(100.0)
+    seldom = element("seldom", RAMP[:200], own_ns=own)  # nothing says that any is missing
+    assert told(facts_of(seldom), "seldom", "rate") == pytest.approx(199 / 9.99)
 
 
 def test_signs_say_what_is_the_matter():

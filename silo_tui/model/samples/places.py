@@ -5,7 +5,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.analysis.stretches import held_until
+from silo.analysis.stretches import held_until, holes
 from silo.core.recording import RecordedElement, Recording
 
 Stamps = NDArray[np.int64]
@@ -73,6 +73,11 @@ class Places:
             return np.full(len(samples), end_ns, np.int64)
         last = min(self.first + self.count * self.step, len(self._time_ns)) - 1
         return np.full(len(samples), self._time_ns[max(last, 0)], np.int64)
+
+    @property
+    def holes(self) -> tuple[tuple[int, int], ...]:
+        """From which stamps on, and before which, it holds no value between two samples."""
+        return holes(self._recording, self._element)
 
     @cached_property
     def _until(self) -> Stamps | None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from silo.core.arrays.columns import Floats
 from silo.core.arrays.running import RunningStatistics
 from silo.core.arrays.values import with_nan
-from silo.core.recording import RecordedElement, Recording
+from silo.core.recording import RecordedElement, Recording, rate_of, steps_of
 from silo.live.quantities import FROZEN_PERIODS, FROZEN_S, signs_of
 from silo_tui.model.samples.places import Places
 from silo_tui.model.table.facts import STATISTICS
@@ -116,13 +116,12 @@ class FileFacts:
         return float(pick.reduce([self._statistics_of(place, each)[name] for each in positions], initial=math.nan))
 
     def _timing_of(self, place: int) -> tuple[float, float]:
-        """Return rate in Hz and jitter in s, of all that have the same ticks once."""
+        """Return rate in Hz and jitter in s, of all that have the same ticks once; what it has no samples of counts not."""
         stand = self._stand[place]
         if stand not in self._timing:
-            steps = np.diff(stand.stamps(0, stand.count)) / 1e9
-            total = float(steps.sum())
-            rate = len(steps) / total if total > 0 else math.nan
-            self._timing[stand] = rate, float(np.std(steps)) if len(steps) > 1 else math.nan
+            stamps, gaps = stand.stamps(0, stand.count), stand.holes
+            jitter = float(np.std(steps_of(stamps, gaps) / 1e9)) if len(stamps) > 2 else math.nan
+            self._timing[stand] = rate_of(stamps, gaps) or math.nan, jitter
         return self._timing[stand]
 
     def _time(self, place: int, sample: int) -> int:
