@@ -329,7 +329,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("plot_compared", "enter", "Plot", "the signal of both runs, one over the other", "Runs", _COMPARED, 1),
     Command("overlay_runs", "O", "Overlay", "what is marked over each other, by time since start or an event", "Runs",
             _RUNS, 3),
-    Command("compare_runs", "equals_sign", "Compare", "what differs between two that are marked", "Runs", _RUNS, 6),
+    Command("compare_runs", "equals_sign", "Compare", "what differs between two that are marked", "Runs",
+            _RUNS + _RECORDINGS, 6),
     Command("runs_column", "C", "Column", "a statistic among the columns; again: without it", "Runs", _RUNS, 4),
     # -------------------------------------------------------------------------------------- triggers and alarms
     Command("triggers", "T", "Triggers", "conditions that save what was logged around them", "Go",

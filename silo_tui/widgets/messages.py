@@ -184,16 +184,21 @@ class MonitorLine(MessageLine):
 
 
 class ListLine(MessageLine):
-    """Of a list: marks, filter, order, what is to be said of the line under the cursor; wraps."""
+    """Of a list: marks, filter, order, what is to be said of the line under the cursor; wraps, as far as it may go."""
 
-    def __init__(self) -> None:
+    DEFAULT_CSS = "ListLine { max-height: 80%; }"
+
+    def __init__(self, share: float) -> None:
+        """`share` is how much of the screen it takes at most."""
         super().__init__()
         self.told: Sequence[str] = ()
+        self._share = share
 
     def below(self, room: int) -> Text:
         if self._failed:
             return super().below(room)
-        return Text(self.BETWEEN.join(filter(None, [self.answer, *self.told])))
+        words = self.BETWEEN.join(filter(None, [self.answer, *self.told]))
+        return Text(beginning(words, room, max(1, round(self.app.size.height * self._share)), self.app.console))
 
 
 def _cursor_words(session: Session) -> str:

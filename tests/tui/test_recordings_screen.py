@@ -574,3 +574,29 @@ async def test_while_the_older_ones_are_asked_for_a_filter_says_so(opened, fake,
         assert "asking for the older ones" in screen.text
         answers.set()
         await screen.until(lambda: "asking" not in screen.text)
+
+
+async def test_two_marked_recordings_are_compared(opened, fake, logs):
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        await screen.do("compare_runs")
+        await screen.shows("two are compared, 1 are marked")
+        await screen.do("mark", "mark")
+        await screen.until(lambda: " Compare" in screen.text.splitlines()[-1], "what two marks are for")
+        await screen.do("overlay_recording")
+        await screen.shows("one at a time lies over the plots, 2 are marked")
+        await screen.do("compare_runs")
+        await screen.shows("00006, then robot_20260921_14-00-00_00007_fall_3")
+        await screen.press("escape")
+        await screen.until(lambda: isinstance(screen.app.screen, RecordingsScreen), "the list")
+
+
+async def test_what_cannot_be_fetched_is_not_compared(opened, fake, logs, monkeypatch):
+    far(fake, monkeypatch)
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        for path in logs.glob("*.silo"):
+            path.unlink()
+        await screen.do("mark", "mark", "compare_runs")
+        await screen.until(lambda: screen.app.screen.message._failed, "why not")
+        assert isinstance(screen.app.screen, RecordingsScreen)

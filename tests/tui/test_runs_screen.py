@@ -20,8 +20,9 @@ from silo_tui.app import SiloApp
 from silo_tui.model.lists import runs
 from silo_tui.model.lists.runs import together
 from silo_tui.screens.dialogs.questions import Choice, Question
+from silo_tui.screens.files.comparison import ComparisonScreen
 from silo_tui.screens.files.file_table import FileTableScreen
-from silo_tui.screens.lists.runs import ComparisonScreen, RunsScreen
+from silo_tui.screens.lists.runs import RunsScreen
 from tests.stand_ins.saved import cut_in_two, recorded_in_two
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
@@ -191,6 +192,35 @@ async def test_what_was_not_compared_stands_below_the_differences(fake, opened):
         screen.app.push_screen(ComparisonScreen(logs, replace(found, not_compared=reasons)))
         await screen.shows("1 entry differs, 0 are alike, 12 signals not compared")
         await screen.shows("not compared: /0, /1, /2 and 9 more: there is no time in common")
+
+
+async def test_both_names_and_what_was_not_compared_have_room_on_a_small_screen(fake, opened):
+    found = compare(Log(run_of(0)), Log(run_of(1)))
+    reasons = {f"/log/{number}": f"for reason {number} " + 20 * "long " for number in range(12)}
+    names = [f"robot_20260921_14-00-00_0000{number}_torque_slip_{number}" for number in range(2)]
+    async with opened(fake, size=(80, 24)) as screen:
+        logs = [(name, Log(run_of(number))) for number, name in enumerate(names)]
+        screen.app.push_screen(ComparisonScreen(logs, replace(found, not_compared=reasons)))
+        await screen.shows("…00000_torque_slip_0, then …00001_torque_slip_1")
+        await screen.shows(" … (g m)")
+        assert "for reason 11" not in screen.text
+        await screen.do("messages")
+        await screen.shows("1 entry differs, 0 are alike, 12 signals not compared")
+        await screen.press("j")
+        await screen.shows("not compared: /0: for reason 0 long")
+
+
+async def test_the_largest_difference_at_the_very_end_is_plotted(fake, opened):
+    logs = [(f"run{number}", Log(run_of(number))) for number in range(2)]
+    found = compare(*(log for _, log in logs))
+    found = replace(found, rows=tuple(replace(one, at_s=1e6) for one in found.rows))
+    async with opened(fake) as screen:
+        screen.app.push_screen(ComparisonScreen(logs, found))
+        await screen.shows("/tau")
+        await screen.press("enter")
+        await screen.until(lambda: screen.app.screen.scope == "file_monitor", "the signal of both")
+        await screen.until(lambda: screen.app.screen.window.at_ns == screen.app.screen.held_ns[1], "its end")
+        assert screen.app.screen.gone_words("4 s") == "4 s: not in this file, which goes from 0.000 s to 3.000 s"
 
 
 @pytest.mark.parametrize(

@@ -116,7 +116,7 @@ class FileFacts:
         return float(pick.reduce([self._statistics_of(place, each)[name] for each in positions], initial=math.nan))
 
     def _timing_of(self, place: int) -> tuple[float, float]:
-        """Return rate in Hz and jitter in s, of all that have the same ticks once; what it has no samples of counts not."""
+        """Return rate in Hz and jitter in s, of all that have the same ticks once; holes count not."""
         stand = self._stand[place]
         if stand not in self._timing:
             stamps, gaps = stand.stamps(0, stand.count), stand.holes

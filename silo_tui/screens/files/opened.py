@@ -122,6 +122,14 @@ async def _opened(
     """Return a recording, opened, and where it is on this machine; None, and told why, where it can't be."""
     from silo_tui.sessions.recorded import open_file
 
+    path = await brought_here(context, session, folder, file)
+    with context.telling(f"{file.name} can't be opened"):
+        return (path, await asyncio.to_thread(open_file, path)) if path is not None else None
+    return None
+
+
+async def brought_here(context: Context, session: Session, folder: str, file: RecordingFile) -> Path | None:
+    """Return where a recording is on this machine, fetched if it must be; None, and told why, where it can't be."""
     if file.name in session.fetches:
         context.say(f"{file.name} is on its way already")
         return None
@@ -129,8 +137,7 @@ async def _opened(
     cache = cache_folder(session.status.host, session.name)
     try:
         with suppress(GivenUpError), context.telling(f"{file.name} can't be opened"):
-            path = await session.connection.aside(lambda client: bring_here(client, folder, file, cache, fetching))
-            return path, await asyncio.to_thread(open_file, path)
+            return await session.connection.aside(lambda client: bring_here(client, folder, file, cache, fetching))
     finally:
         session.fetches.pop(file.name, None)
     return None

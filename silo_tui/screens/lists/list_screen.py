@@ -1,9 +1,9 @@
 """What all lists share: the cursor that stays on its line, filter, order, marks, what a key is about, what is said."""
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partialmethod
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 
 from rich.text import Text
 from textual import events
@@ -13,7 +13,7 @@ from textual.widgets import Static
 from silo_tui.actions import Command, key_of
 from silo_tui.context import SiloScreen
 from silo_tui.keymap import DESTROYS, TWO_LAYERS
-from silo_tui.modal import ask
+from silo_tui.modal import ask, run_alone
 from silo_tui.model.lists.ordering import Marks, Order, arranged, passes
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.questions import OrderDialog
@@ -22,6 +22,11 @@ from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting, Line
 from silo_tui.widgets.lines import MARKED, Lines
 from silo_tui.widgets.messages import ListLine
+
+if TYPE_CHECKING:
+    from silo.analysis.log import Log
+
+Opener: TypeAlias = "tuple[str, Callable[[], Log]]"  # a log by its name, and what opens it
 
 OF_A_LINE = ("enter", "space", "o", "m", "r k", "r t", DESTROYS)
 FILTER_KEYS = "Enter keeps the filter  Esc clears it"
@@ -37,6 +42,7 @@ class ListScreen(SiloScreen, Generic[LineT]):
 
     orders: Sequence[Order[Any]]  # the first is the usual one
     filter_hint = "words of a line, a|b either, -not"
+    words_share = 0.3  # of the screen, for the words below
 
     def __init__(self) -> None:
         super().__init__()
@@ -44,7 +50,7 @@ class ListScreen(SiloScreen, Generic[LineT]):
         self.shown: list[LineT] = []  # what passes the filter, in order
         self.shown_keys: list[str] = []
         self.asked = ""  # the filter
-        self.message = ListLine()
+        self.message = ListLine(self.words_share)
         self._order, self._turned = self.orders[0], False
 
     def compose(self) -> ComposeResult:
@@ -348,6 +354,33 @@ class ListScreen(SiloScreen, Generic[LineT]):
             self.show()
         else:
             self.leave()
+
+
+class ComparesTwo(ListScreen[LineT]):
+    """A list of logs of which two are compared."""
+
+    @abstractmethod
+    async def opener_of(self, one: LineT) -> "Opener | None":
+        """Return how to open one; None, and told why, where it can't be."""
+
+    def mode_keys(self) -> Sequence[tuple[str, str]]:
+        """Return what two marks are for."""
+        return (("compare_runs", "Compare"),) if len(self.marks.keys) == 2 else ()
+
+    def command_compare_runs(self) -> None:
+        targets = self.targets("no run is here")
+        if len(targets) == 2:
+            run_alone(self, "opening", self._compare, targets[::-1])
+        elif targets:
+            self.say(f"{key_of('list_mark')} marks runs: two are compared, {len(targets)} are marked")
+
+    async def _compare(self, targets: Sequence[LineT]) -> None:
+        from silo_tui.screens.files.comparison import show_differences
+
+        ways = [way for one in targets if (way := await self.opener_of(one)) is not None]
+        if len(ways) == 2:
+            self.say(f"comparing {ways[1][0]} with {ways[0][0]} …")
+            await show_differences(self, ways)
 
 
 class LoggerList(ListScreen[LineT]):

@@ -15,6 +15,7 @@ class MessagesScreen(ListScreen[Message]):
     """A line each; the one under the cursor is told whole below."""
 
     scope = "messages"
+    words_share = 0.6
     orders: Sequence[Order[Message]] = (Order("time", "t", "time, the newest first", lambda told: told.at_s, True),)
 
     @property

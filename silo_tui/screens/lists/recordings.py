@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Coroutine, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,8 @@ from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.model.words.paths import typed_path
 from silo_tui.screens.dialogs import recorder
 from silo_tui.screens.dialogs.questions import Choice, Prompt, Question, ask_line
-from silo_tui.screens.files.opened import open_recording, overlay_recording
-from silo_tui.screens.lists.list_screen import LoggerList
+from silo_tui.screens.files.opened import brought_here, open_recording, overlay_recording
+from silo_tui.screens.lists.list_screen import ComparesTwo, LoggerList, Opener
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.recordings import Fetching, GivenUpError, here
 from silo_tui.theme import bold
@@ -31,7 +32,7 @@ FIRST, MOST = 200, 10_000  # how many are asked for
 LOOK_AGAIN_S = 0.3
 
 
-class RecordingsScreen(LoggerList[SavedRecording]):
+class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
     """A list of what is saved; what is being recorded stands above it."""
 
     scope = "recordings"
@@ -210,11 +211,20 @@ class RecordingsScreen(LoggerList[SavedRecording]):
 
     enter = command_open_recording
 
+    async def opener_of(self, one: SavedRecording) -> "Opener | None":
+        from silo.analysis.opening import open_log
+
+        folder = self.found.folder if self.found is not None else ""
+        path = await brought_here(self.context, self.session, folder, rows.best_file(one))
+        return (one.stem, partial(open_log, path)) if path is not None else None
+
     def command_overlay_recording(self) -> None:
-        one = self.chosen
-        if one is None or self.found is None or one.unfinished:
-            self.say("nothing to lay over the plots here")
+        targets = self.targets("nothing to lay over the plots here")
+        if len(targets) > 1:
+            self.say(f"one at a time lies over the plots, {len(targets)} are marked")
+        if len(targets) != 1 or self.found is None:
             return
+        (one,) = targets
         name = rows.short_stem(one.stem, self.session.status.logger, 30)
         if self.session.overlay is not None and self.session.overlay.name == name:
             self.session.overlay = None

@@ -1,4 +1,4 @@
-"""The runs of a folder of this machine, from its index: filtered by words or by what was measured, opened, compared."""
+"""The runs of a folder of this machine, from its index: by words or what was measured; opened, compared, overlaid."""
 
 import asyncio
 import math
@@ -7,10 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from rich.text import Text
-from textual.app import ComposeResult
-from textual.widgets import Static
 
-from silo.analysis.compare import Comparison, SignalDifference, compare
 from silo.analysis.log import Log
 from silo.analysis.opening import open_log
 from silo.core.quantities.writing import many
@@ -22,16 +19,16 @@ from silo_tui.modal import ask, run_alone
 from silo_tui.model.lists import runs as rows
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.lists.recordings import fitting_stems
-from silo_tui.model.words.names import below, first_levels, fitted_among, without_prefix
+from silo_tui.model.words.names import fitted_among
 from silo_tui.model.words.paths import typed_path
 from silo_tui.screens.dialogs.questions import Prompt
 from silo_tui.screens.files.opened import show_read
-from silo_tui.screens.lists.list_screen import ListScreen
+from silo_tui.screens.lists.list_screen import ComparesTwo, Opener
 
 MOST_TICKS = 50_000_000  # their time stamps take 400 MB
 
 
-class RunsScreen(ListScreen[ListedRun]):
+class RunsScreen(ComparesTwo[ListedRun]):
     """A list of runs; columns more are statistics of theirs."""
 
     scope = "runs"
@@ -168,27 +165,8 @@ class RunsScreen(ListScreen[ListedRun]):
 
     enter = command_open_run
 
-    def mode_keys(self) -> Sequence[tuple[str, str]]:
-        """Return what two marks are for."""
-        return (("compare_runs", "Compare"),) if len(self.marks.keys) == 2 else ()
-
-    def command_compare_runs(self) -> None:
-        targets = self.targets("no run is here")
-        if len(targets) != 2:
-            self.say(f"{key_of('list_mark')} marks runs: two are compared, {len(targets)} are marked")
-            return
-        self.say(f"comparing {targets[0].name} with {targets[1].name} …")
-        run_alone(self, "opening", self._show_differences, *reversed(targets))
-
-    async def _show_differences(self, one: ListedRun, other: ListedRun) -> None:
-        def read() -> tuple[list[tuple[str, Log]], Comparison]:
-            logs = [(each.name, each.open()) for each in (one, other)]
-            return logs, compare(logs[0][1], logs[1][1])
-
-        with self.context.telling(f"{one.facts.path} and {other.facts.path} can't be compared"):
-            logs, found = await asyncio.to_thread(read)
-            self.say("")
-            self.app.push_screen(ComparisonScreen(logs, found))
+    async def opener_of(self, one: ListedRun) -> Opener:
+        return one.name, one.open
 
     def command_overlay_runs(self) -> None:
         targets = self.targets("no run is here")
@@ -205,71 +183,6 @@ class RunsScreen(ListScreen[ListedRun]):
             return Log(rows.together(logs, event), str(Path(self._folder) / " + ".join(one.name for one in targets)))
 
         await show_read(self.context, read, "these runs can't lie over each other")
-
-
-class ComparisonScreen(ListScreen[SignalDifference]):
-    """What differs between two runs, a line for each signal."""
-
-    scope = "comparison"
-    orders = rows.COMPARED
-    filter_hint = "words of a name"
-
-    def __init__(self, logs: Sequence[tuple[str, Log]], found: Comparison) -> None:
-        super().__init__()
-        self._logs, self._found, self._prefix = logs, found, logs[0][1].recording.prefix
-
-    def named(self, key: str) -> str:
-        return below(self._prefix, key)
-
-    def above(self) -> ComposeResult:
-        (one, _), (other, _) = self._logs
-        yield Static(f" {one}, then {other}", id="compared-title", markup=False)
-
-    @property
-    def all(self) -> Sequence[SignalDifference]:
-        return self._found.rows
-
-    def key_of(self, one: SignalDifference) -> str:
-        return one.name
-
-    def told(self, one: SignalDifference) -> str:
-        return f"{one.name} {one.unit}"
-
-    def prepare(self, found: Sequence[SignalDifference], width: int) -> None:
-        self._table = rows.Differences(found, self._prefix, max(40, width) - 3)
-
-    def head(self, width: int) -> str:
-        return f"  {self._table.head}"
-
-    def row_of(self, one: SignalDifference, width: int) -> Text:
-        return Text(f"  {self._table.row(one)}", no_wrap=True)
-
-    def words(self) -> str:
-        more = "`silo compare` in a shell has options: from an event on, within a tolerance, as a plot"
-        found = self._found
-        levels = first_levels([*found.only_a, *found.only_b, *found.not_compared, *found.partly], self._prefix)
-        notes = (without_prefix(each, self._prefix, levels) for each in self._found.notes)
-        return "\n".join([self._found.counted, *notes, more])
-
-    def none(self) -> str:
-        return "Nothing differs."
-
-    def command_plot_compared(self) -> None:
-        if (one := self.here()) is not None:
-            run_alone(self, "opening", self._plot, one.name, one.at_s)
-
-    async def _plot(self, name: str, at_s: float) -> None:
-        """Plot a scalar of both where they differ most, as its line says."""
-        with self.context.telling(f"{self.named(name)} of these runs can't lie over each other"):
-            found = await asyncio.to_thread(rows.of_one, self._logs, name)
-            if found is None:
-                self.say(f"{self.named(name)} is derived, and stands in no file: plot the signals that it is of")
-                return
-            made = Log(found.recording, " + ".join(run for run, _ in self._logs))
-            at_ns = found.start_ns + round(1e9 * at_s)
-            await show_read(self.context, lambda: made, f"{self.named(name)} can't be shown", found.names, at_ns)
-
-    enter = command_plot_compared
 
 
 def _by(column: dict[str, float]) -> "rows.Key":

@@ -353,8 +353,11 @@ class PlotScreen(SiloScreen):
         self.moved(self.window.go_to(time_ns, self.held_ns, self.stack.columns))
 
     def gone_words(self, what: str) -> str:
-        """Return that a moment is overwritten, and from when on there are any."""
-        return f"{what}: overwritten, held is from {self.moment_words(self.held_ns[0])} on"
+        """Return that a moment is overwritten, or not in a file, and from when on there are any."""
+        first, last = map(self.moment_words, self.held_ns)
+        if self.file is not None:
+            return f"{what}: not in this file, which goes from {first} to {last}"
+        return f"{what}: overwritten, held is from {first} on"
 
     async def jump_to(self, time_ns: int) -> bool:
         """Move the cursor to a moment, and the window so that the moment is in its middle if it was not in it.
