@@ -80,6 +80,11 @@ class HeldSource:
         return min(pinned, self._oldest_ns) if self._oldest_ns and self._in_buffers else pinned
 
     @property
+    def drawn_ns(self) -> int:
+        """The oldest moment of which anything is known: what stood on the screen stays there, held or not."""
+        return self.main.drawn_before(self.begin_ns)
+
+    @property
     def end_ns(self) -> int:
         """The moment at which it stands still, or the newest that was looked at since."""
         return max(self._newest_ns, self._pieces[-1].end_ns)
@@ -126,8 +131,11 @@ class HeldSource:
         words = f"{self.held_text} held, {share} fetched" if others else self.main.text
         lost_ns = sum(end - begin for begin, end in self._gaps(self._held_from_ns, min(self._oldest_ns, self.end_ns)))
         lost_s = lost_ns / SECOND_NS
-        is_some = lost_s > self.held_s / 100  # a few ticks go between the picture and what was before it
-        return f"{words}, {text.span(lost_s, 2)} before it overwritten" if is_some else words
+        drawn_s = (self.begin_ns - self.drawn_ns) / SECOND_NS
+        least_s = self.held_s / 100  # a few ticks go between the picture and what was before it
+        if drawn_s > least_s:
+            return f"{words}, {text.span(drawn_s, 2)} before it as drawn"
+        return f"{words}, {text.span(lost_s, 2)} before it overwritten" if lost_s > least_s else words
 
     def covers(self, time_ns: int) -> bool:
         """Return whether a moment is pinned."""
@@ -216,7 +224,8 @@ class HeldSource:
             # what came after the picture was held is pinned only where one goes there
             end_ns = time_ns + around_ns
             await self.cover(time_ns - around_ns, end_ns if time_ns > self.end_ns else min(end_ns, self.end_ns))
-        return any(piece.begin_ns - slack <= time_ns <= piece.end_ns + slack for piece in self._pieces)
+        is_drawn = self.drawn_ns <= time_ns < self.begin_ns
+        return is_drawn or any(one.begin_ns - slack <= time_ns <= one.end_ns + slack for one in self._pieces)
 
     async def fetch(self, start_ns: int, end_ns: int) -> None:
         """Fetch all samples between two times, as far as they are pinned, the newest first."""
@@ -262,27 +271,35 @@ class HeldSource:
         return joined([piece.held(name, start_ns, end_ns) for piece in self._pieces])
 
     async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
-        """Columns of a stretch of time: of the pins, and of the buffers where these have it alone."""
+        """Columns of a stretch of time: of the pins, of the buffers where these have it alone, of what was drawn."""
         gaps = self._buffered(start_ns, end_ns)
         inside = self._inside(start_ns, end_ns)
         if len(inside) == 1 and not gaps:
-            return await inside[0][0].history(names, start_ns, end_ns, column_ns)
-        store = _room(names, start_ns, end_ns, column_ns)
-        for begin, end in gaps:
-            with suppress(SiloError):
-                store.take(await self._live.history(names, begin, end, column_ns))
-        for piece, begin, end in inside:
-            store.take(await piece.history(names, begin, max(end, begin + 1), column_ns))
-        return store.stretch(None)
+            found = await inside[0][0].history(names, start_ns, end_ns, column_ns)
+        else:
+            store = _room(names, start_ns, end_ns, column_ns)
+            for begin, end in gaps:
+                with suppress(SiloError):
+                    store.take(await self._live.history(names, begin, end, column_ns))
+            for piece, begin, end in inside:
+                store.take(await piece.history(names, begin, max(end, begin + 1), column_ns))
+            found = store.stretch(None)
+        return self._with_drawn(found, start_ns)
 
     def columns(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
         """Columns from what is here."""
         if len(self._pieces) == 1:
-            return self.main.columns(names, start_ns, end_ns, column_ns)
-        store = _room(names, start_ns, end_ns, column_ns)
-        for piece, begin, end in self._inside(start_ns, end_ns):
-            store.take(piece.columns(names, begin, end, column_ns))
-        return store.stretch(None)
+            found = self.main.columns(names, start_ns, end_ns, column_ns)
+        else:
+            store = _room(names, start_ns, end_ns, column_ns)
+            for piece, begin, end in self._inside(start_ns, end_ns):
+                store.take(piece.columns(names, begin, end, column_ns))
+            found = store.stretch(None)
+        return self._with_drawn(found, start_ns)
+
+    def _with_drawn(self, found: HistoryColumns, start_ns: int) -> HistoryColumns:
+        is_drawn = start_ns < self.begin_ns and self.drawn_ns < self.begin_ns
+        return self.main.with_drawn(found, self._pieces) if is_drawn else found
 
     async def readings(self, names: Sequence[str], time_ns: int) -> dict[str, Reading]:
         """What held at a time, of elements: the newest sample up to then, as far as it is pinned."""

@@ -76,12 +76,14 @@ class Pause:
         return f"PAUSED {ago} ago, {held} held" if held else f"PAUSED {ago} ago"
 
     def held_ns(self, plots: Sequence[Plotted]) -> tuple[int, int]:
-        """The oldest and the newest moment that can be looked at: held, in a file, or surely in the logger's buffers,
-        which have room for more than they were asked to hold.
+        """The oldest and the newest moment that can be looked at: held or drawn, in a file, or surely in the buffers.
+
+        These have room for more than they were asked to hold.
         """
-        if self.source is not None or not self.possible:
-            held = self.source or self._live
-            return held.begin_ns, held.end_ns
+        if self.source is not None:
+            return self.source.drawn_ns, self.source.end_ns
+        if not self.possible:
+            return self._live.begin_ns, self._live.end_ns
         newest_ns, started_ns = self._live.end_ns, self._session.status.started_ns
         spans = [0]
         for element in {plotted.element.name: plotted.element for plotted in plots}.values():

@@ -9,10 +9,10 @@ import asyncio
 import math
 import time
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from silo.core.arrays.columns import (
     FLAGS,
@@ -218,9 +218,7 @@ class PinnedSource:
         """Nothing of it could be pinned: the picture that stood on the screen is all that there is."""
         self.problem = problem
         if self._reader is None:
-            drawn = np.flatnonzero((np.isfinite(self._shown.low) | self._flags(self._shown)).any(axis=0))
-            begin = (self._shown.first + int(drawn[0])) * self._shown.column_ns if len(drawn) else self.end_ns - 1
-            self.begin_ns = min(begin, self.end_ns - 1)
+            self.begin_ns = min(self.drawn_ns, self.end_ns - 1)
             self._slice_ns = max(1, -(-(self.end_ns - self.begin_ns + 1) // SLICES))
 
     async def fetch_columns(self, column_ns: int) -> None:
@@ -330,8 +328,7 @@ class PinnedSource:
                 for wide in (self._coarse, self._shown):
                     _spread(grid, row, name, wide, column_ns)
             self._lay_samples(grid, row, name, column_ns)
-        bases = {row: base for row, base in enumerate(grid.bases) if base}
-        return HistoryColumns(tuple(names), first, column_ns, grid.low, grid.high, grid.marks, bases)
+        return _columns_of(grid, names, column_ns)
 
     def _lay_samples(self, grid: ColumnGrid, row: int, name: str, column_ns: int) -> None:
         """Lay samples over a grid; a column without one shows the value that held, until two more would be due."""
@@ -350,9 +347,32 @@ class PinnedSource:
             columns = empty[holding].astype(np.int64)
             grid.add(row, Bins(columns, np.arange(len(columns))), values[newest[holding]])
 
-    @staticmethod
-    def _flags(columns: HistoryColumns) -> NDArray[np.bool_]:
-        return np.zeros(columns.low.shape, np.bool_) if columns.marks is None else (columns.marks & FLAGS) != 0
+    @cached_property
+    def drawn_ns(self) -> int:
+        """The oldest moment that stood on the screen; of an empty one its end."""
+        shown = self._shown
+        marked = np.zeros(shown.low.shape, np.bool_) if shown.marks is None else (shown.marks & FLAGS) != 0
+        drawn = np.flatnonzero((np.isfinite(shown.low) | marked).any(axis=0))
+        return (shown.first + int(drawn[0])) * shown.column_ns if len(drawn) else self.end_ns
+
+    def drawn_before(self, time_ns: int) -> int:
+        """That moment where it was columns before a time, else this time."""
+        return self.drawn_ns if self.drawn_ns + self._shown.column_ns <= time_ns else time_ns
+
+    def with_drawn(self, found: HistoryColumns, pieces: Sequence["PinnedSource"]) -> HistoryColumns:
+        """Return columns with those that stood on the screen, where none of the pieces is."""
+        count, column_ns = found.low.shape[1], found.column_ns
+        grid = ColumnGrid(len(found.names), found.first, count)
+        for row, name in enumerate(found.names):
+            _spread(grid, row, name, self._shown, column_ns)
+        begins = (found.first + np.arange(count)) * column_ns
+        for piece in pieces:
+            inside = (begins + column_ns > piece.begin_ns) & (begins <= piece.end_ns)
+            grid.low[:, inside] = grid.high[:, inside] = np.nan
+            grid.marks[:, inside] = 0
+        rows = range(len(found.names))
+        grid.merge(rows, grid_of(found.first, found.low, found.high, found.marks, found.bases), rows)
+        return _columns_of(grid, found.names, column_ns)
 
 
 def _ends_of(columns: HistoryColumns, row: int) -> Samples:
@@ -385,6 +405,11 @@ def _copy_of(shown: ColumnStore) -> HistoryColumns:
     bases = {row: shown.base(row) for row in rows if shown.base(row)}
     low, high, marks = shown.low.copy(), shown.high.copy(), shown.marks.copy()
     return HistoryColumns(shown.names, shown.first, shown.column_ns, low, high, marks, bases)
+
+
+def _columns_of(grid: ColumnGrid, names: Sequence[str], column_ns: int) -> HistoryColumns:
+    bases = {row: base for row, base in enumerate(grid.bases) if base}
+    return HistoryColumns(tuple(names), grid.first, column_ns, grid.low, grid.high, grid.marks, bases)
 
 
 def _spread(grid: ColumnGrid, row: int, name: str, other: HistoryColumns | None, column_ns: int) -> None:

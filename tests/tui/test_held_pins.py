@@ -453,6 +453,29 @@ async def test_what_was_drawn_stays_drawn(robot):
     assert (empty.begin_ns, empty.end_ns) == (99 * SECOND - 1, 99 * SECOND)
 
 
+async def test_what_was_drawn_and_is_in_no_buffer_any_more_stays_drawn_and_is_told(robot):
+    shown = ColumnStore((X,), 40, SECOND)
+    shown.take(columns(70 * SECOND, 99 * SECOND, SECOND))
+    robot.oldest_ns = 90 * SECOND
+    held = HeldSource(
+        robot, [SimpleNamespace(name=X, element=ELEMENT)], (60 * SECOND, 100 * SECOND), 100 * SECOND, shown, robot
+    )
+    await held.open()
+    for fetched in (False, True):
+        if fetched:
+            await held.fetch(90 * SECOND, 100 * SECOND)
+            assert held.text == "10 s held, all fetched, 20 s before it as drawn"
+        for found in (
+            held.columns([X], 60 * SECOND, 99 * SECOND, SECOND),
+            await held.history([X], 60 * SECOND, 99 * SECOND, SECOND),
+        ):
+            np.testing.assert_array_equal(found.low[0, 10:], np.arange(70.0, 100.0))
+    robot.oldest_ns = 95 * SECOND
+    assert await held.bring(75 * SECOND, SECOND)
+    assert not await held.bring(65 * SECOND, SECOND)
+    assert (held.drawn_ns, held.begin_ns) == (70 * SECOND, 90 * SECOND)
+
+
 async def test_between_two_samples_the_value_holds_but_not_for_longer_than_two_periods(robot):
     robot.silent = 95 * SECOND + 5 * PERIOD, 95 * SECOND + 9 * PERIOD
     source = pinned_of(robot)

@@ -560,3 +560,22 @@ async def test_what_lies_between_is_added_up_in_the_helper_where_it_is_not_here(
         facts, _ = await held.measure([TORQUE], here, held.end_ns)
         assert len(fake.calls) == asked + 1
         assert facts[TORQUE].samples == 1 + HZ
+
+
+async def test_what_the_plot_showed_stays_to_be_seen_where_the_buffers_hold_it_no_more(new_fake, opened):
+    fake = new_fake([scalar(TORQUE, "Nm", buffer=BufferType.LOOPING, size=1600)])  # of 4 s, with room for 8 s
+    async with opened(fake.run(5)) as screen:
+        await screen.press("m")
+        await screen.until(lambda: not store_of(screen).empty, "history in the plot")
+        for _ in range(10):
+            fake.advance(0.5)
+            await screen.until(
+                lambda: store_of(screen).end * store_of(screen).column_ns >= fake.now_ns, "what came meanwhile"
+            )
+        await screen.until(lambda: filled(screen), "ten seconds as they came")
+        await screen.press("space")
+        await screen.shows("before it as drawn")
+        await screen.until(lambda: monitor(screen).pause.source.main.complete, "all samples")
+        assert filled(screen)
+        await screen.do("oldest")
+        await screen.until(lambda: monitor(screen).window.at_ns == monitor(screen).held_ns[0], "the oldest drawn")

@@ -472,11 +472,10 @@ class PlotScreen(SiloScreen):
         source = self.pause.source
         if source is None:
             return
-        if window.at_ns is not None and window.at_ns < source.begin_ns:
-            window.at_ns = source.begin_ns
-        half_empty = (
-            start_ns + window.column_ns(columns) < source.begin_ns and end_ns - source.begin_ns < window.span_ns // 2
-        )
+        oldest_ns = self.held_ns[0]
+        if window.at_ns is not None and window.at_ns < oldest_ns:
+            window.at_ns = oldest_ns
+        half_empty = start_ns + window.column_ns(columns) < oldest_ns and end_ns - oldest_ns < window.span_ns // 2
         if half_empty:  # a window wider than all that is held stays where it is
             window.show(end_ns, self.held_ns, columns)
             if window.paused_end_ns != end_ns:
