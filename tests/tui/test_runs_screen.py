@@ -20,9 +20,8 @@ from silo_tui.app import SiloApp
 from silo_tui.model.lists import runs
 from silo_tui.model.lists.runs import together
 from silo_tui.screens.dialogs.questions import Choice, Question
-from silo_tui.screens.files.comparison import ComparisonScreen
 from silo_tui.screens.files.file_table import FileTableScreen
-from silo_tui.screens.lists.runs import RunsScreen
+from silo_tui.screens.lists.runs import ComparisonScreen, RunsScreen
 from tests.stand_ins.saved import cut_in_two, recorded_in_two
 
 pytestmark = pytest.mark.slow  # each walks through the whole app

@@ -363,6 +363,10 @@ class ComparesTwo(ListScreen[LineT]):
     async def opener_of(self, one: LineT) -> "Opener | None":
         """Return how to open one; None, and told why, where it can't be."""
 
+    @abstractmethod
+    async def compare_logs(self, ways: Sequence[Opener]) -> None:
+        """Compare two, and show what came of it."""
+
     def mode_keys(self) -> Sequence[tuple[str, str]]:
         """Return what two marks are for."""
         return (("compare_runs", "Compare"),) if len(self.marks.keys) == 2 else ()
@@ -375,12 +379,10 @@ class ComparesTwo(ListScreen[LineT]):
             self.say(f"{key_of('list_mark')} marks runs: two are compared, {len(targets)} are marked")
 
     async def _compare(self, targets: Sequence[LineT]) -> None:
-        from silo_tui.screens.files.comparison import show_differences
-
         ways = [way for one in targets if (way := await self.opener_of(one)) is not None]
         if len(ways) == 2:
             self.say(f"comparing {ways[1][0]} with {ways[0][0]} …")
-            await show_differences(self, ways)
+            await self.compare_logs(ways)
 
 
 class LoggerList(ListScreen[LineT]):

@@ -218,6 +218,11 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
         path = await brought_here(self.context, self.session, folder, rows.best_file(one))
         return (one.stem, partial(open_log, path)) if path is not None else None
 
+    async def compare_logs(self, ways: Sequence[Opener]) -> None:
+        from silo_tui.screens.lists.runs import show_differences  # with all that reads logs
+
+        await show_differences(self, ways)
+
     def command_overlay_recording(self) -> None:
         targets = self.targets("nothing to lay over the plots here")
         if len(targets) > 1:
