@@ -119,9 +119,7 @@ class FileTableScreen(ElementsScreen):
         self.inspector.refresh()
 
     async def _read(self, store: ColumnStore, begin_ns: int, end_ns: int) -> None:
-        past = await self.file.source.history(store.names, begin_ns, end_ns, store.column_ns)
-        store.advance_to(past.first + past.low.shape[1])
-        store.take(past)
+        store.take(await self.file.source.history(store.names, begin_ns, end_ns, store.column_ns))
 
     # --------------------------------------------------------------------------------------------------- commands
 
