@@ -1,11 +1,13 @@
 """What the words of a command mean, without a logger."""
 
+import importlib
 import json
 import os
 import re
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -266,6 +268,15 @@ def test_a_logger_in_place_of_the_words_is_no_mark(bench, capsys):
     bench.logger.start()
     assert run(["mark", "bot"]) == EXIT_USAGE
     assert "'bot' is the logger: which words?" in capsys.readouterr().err
+
+
+def test_what_a_recording_can_not_have_is_told_as_it_begins(monkeypatch, capsys):
+    started = SimpleNamespace(name="all", folder="/logs", text="2 elements come to an end")
+    client = SimpleNamespace(record=lambda *_: started, found=SimpleNamespace(label="bot"))
+    monkeypatch.setattr(importlib.import_module("silo.cli.logs.record"), "connect", lambda _: nullcontext(client))
+    assert run(["record", "bot"]) == 0
+    said = "recording 'all' to /logs; `silo record bot --stop all` ends it\n"
+    assert capsys.readouterr() == (said, "2 elements come to an end\n")
 
 
 def test_a_setting_without_a_pattern_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:

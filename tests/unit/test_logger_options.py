@@ -9,6 +9,7 @@ import pytest
 from silo.core.elements import Action, BufferType, Edit, ElementOptions
 from silo.core.runtime import list_segments
 from silo.errors import ElementError, ScriptError, SourceError, StateError
+from silo.settings.script import read_script
 from tests.stand_ins.ticking import collect, values
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -174,12 +175,15 @@ def test_a_script_with_problems_changes_nothing_and_stops_every_start(new_logger
 
 def test_names_that_the_table_lacks_are_returned_and_warned_of(new_logger, tmp_path, caplog):
     script = tmp_path / "other.yaml"
-    script.write_text("log_elements:\n  - name: /log/gone\n    enabled: true\n")
+    script.write_text("log_elements:\n  - name: /log/gone\n    enabled: true\n  - name: /log/x\n    colour: red\n")
     logger = new_logger()
     logger.array("x")
     logger.update()
+    caplog.clear()
     assert logger.load_script(script) == ["/log/gone"]
-    assert any("/log/gone" in record.getMessage() for record in caplog.records if record.levelno == logging.WARNING)
+    unknown, off = read_script(script).warnings
+    assert caplog.messages == [unknown, off, f"{script}: line 2: no element '/log/gone'"]
+    assert {record.levelno for record in caplog.records} == {logging.WARNING}
 
 
 def test_a_saved_script_is_the_configuration(new_logger, tmp_path):
@@ -248,6 +252,8 @@ def test_a_unit_that_is_not_known_is_told_once_with_the_one_that_is_meant(new_lo
     assert "did you mean 'rad'?" in told[0]
     assert "the next release will refuse it" in told[0]
     assert "/log/d" in told[1]
+    logger.derive("e", "2 * c", unit=" ")  # a blank one is none: that which follows is
+    assert logger._conditions.now.derived[-1].unit == ""
 
 
 def test_what_a_rate_became_is_told_where_no_divider_gives_it(new_logger, caplog, tmp_path):
