@@ -30,6 +30,7 @@ from silo.core.runtime import boot_id, lock_as_writer, pid_namespace
 from silo.files.event_log import add_missing, append_events, event_log_path, read_events
 from silo.files.formats import read_recording
 from silo.files.parts.scan import scan_part
+from silo.helper import left_logs
 from silo.helper.dead_robot import OrphanRecovery
 from silo.journal.format import Head, free_name
 from silo.journal.writer import Disk, JournalWriter
@@ -316,6 +317,16 @@ def test_a_run_that_can_not_be_judged_now_is_held_until_it_can(left) -> None:
     planted.unlink()
     left.recover_as_helper()
     left.check()
+
+
+def test_a_run_of_which_nobody_can_tell_now_whether_it_was_judged_is_held(left, monkeypatch) -> None:
+    left.leave_a_run_that_is_held(50, "another boot", watched=True, state="unseen")
+    held = [path for path in left.runtime.iterdir() if path.suffix == ".held"]
+    with monkeypatch.context() as unreadable:
+        unreadable.setattr(left_captures, "read_events", no_room)
+        left_logs.release_left()
+    assert held
+    assert all(path.exists() for path in held)
 
 
 @pytest.mark.parametrize("memory_full", [False, True])

@@ -1,6 +1,7 @@
 """The thread that judges: which run it takes, and when it is done with it."""
 
 import os
+from types import SimpleNamespace
 
 import pytest
 
@@ -8,6 +9,8 @@ import silo
 from silo.conditions.judge import Judge
 from silo.core.elements import LoggedEvent
 from silo.errors import SegmentError
+from silo.helper import runs
+from silo.helper.runs import Runs
 from silo.logger.serving.answers import robot_state
 from silo.rpc.published import EventKind
 from silo.state.events import EventLog
@@ -147,3 +150,17 @@ def test_what_is_said_of_a_run_while_it_is_taken_up_is_not_forgotten(tmp_path, r
         replica.let_go()
         held.let_go(held_alone=False)
         logger.close()
+
+
+@pytest.mark.parametrize("left", [False, True])
+def test_a_run_found_at_the_start_is_judged_to_its_end_unless_it_goes_on(monkeypatch, left) -> None:
+    taken: list[object] = []
+    reader = SimpleNamespace(close=lambda: None)
+    held = SimpleNamespace(add=lambda _: None, find=list, ids=lambda: ["1f"], open=lambda _: reader)
+    judge = SimpleNamespace(needs=None, take=lambda run, left: taken.append((run, left)))
+    marks = SimpleNamespace(take_left=lambda _: taken.append("its marks"))
+    recording = SimpleNamespace(needs=None, follow_present=lambda: taken.append("recorded"))
+    monkeypatch.setattr(runs, "tell_left", lambda *_: None)
+    replica = SimpleNamespace(run="2f" if left else "1f")
+    Runs(None, replica, held, None, marks, judge, recording, SimpleNamespace(needs=None), []).begin()
+    assert taken == [("1f", left), *(["its marks", "recorded"] if left else [])]
