@@ -18,7 +18,7 @@ from click.testing import CliRunner
 import silo
 from silo.cli.group import cli
 from silo.core.recording import Recording
-from silo.errors import ElementError, LogNotFoundError, SiloError
+from silo.errors import ElementError, LogNotFoundError, SaveError, SiloError
 from silo.run_index import tables
 from silo.run_index.archive import Archive
 from tests.later import Later
@@ -415,6 +415,21 @@ def test_tables_that_many_write_at_once_have_all_runs(warm, written, tmp_path):
 def test_a_run_that_left_an_archive_is_told_by_its_name(archive):
     with pytest.raises(ElementError, match=r"no run 'gone\.silo': ask again"):
         archive.read("gone.silo", ["slow"])
+
+
+@pytest.mark.parametrize("door", [
+    lambda one: one.exists, lambda one: one.manifest(), lambda one: one.frame("runs"), lambda one: one.check(),
+    lambda one: one.read("run0", ["slow"]), lambda one: one._parts(), lambda one: one.sql("select * from runs"),
+])  # fmt: skip
+def test_a_store_that_fails_is_told_by_its_name_through_every_door(archive, door):
+    class Failing:
+        def __getattr__(self, name):
+            raise TimeoutError("no answer")
+
+    broken = Archive(archive.where)
+    broken._files = Failing()
+    with pytest.raises(SaveError, match=f"the archive '{archive.where}' can't be reached: no answer"):
+        door(broken)
 
 
 def test_a_store_elsewhere_is_one_too_and_a_password_in_a_url_is_refused(runs):
