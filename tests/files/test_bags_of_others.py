@@ -512,25 +512,39 @@ class TestCommands:
         assert begun.tolist() == list(range(200))
 
 
-def test_a_joint_that_only_the_beginning_of_a_bag_has_is_a_signal(tmp_path):
+def joint_log(path, names_at):
+    """A log of joint states: each position is a hundred times the message's number, and its joint's place in ABC."""
     store = message_types()
     names = ("builtin_interfaces/msg/Time", "std_msgs/msg/Header", "sensor_msgs/msg/JointState")
     stamp, header, state = (store.types[name] for name in names)
     nothing = np.zeros(0)
-    path = tmp_path / "bag.mcap"
     with path.open("wb") as file:
         writer = McapWriter(file, chunk_size=2_000)
         writer.start(profile="ros2")
         text = store.generate_msgdef(names[2], ros_version=2)[0].encode()
         channel = writer.register_channel("/joints", "cdr", writer.register_schema(names[2], "ros2msg", text))
         for number in range(200):
-            joint = "old" if number < 50 else "new"
-            made = state(header(stamp(0, 0), ""), [joint], np.array([float(number)]), nothing, nothing)
+            joints = names_at(number)
+            values = np.array([100.0 * number + ord(joint[0]) - ord("a") for joint in joints])
+            made = state(header(stamp(0, 0), ""), joints, values, values[:-1] if len(joints) > 1 else nothing, nothing)
             writer.add_message(channel, START + number, bytes(store.serialize_cdr(made, names[2])), START + number)
         writer.finish()
-    log = silo.open_log(path)
-    assert log["joints/position"].components == ("old", "new")
-    assert log["joints/position_old"].values[:50].tolist() == list(range(50))
+    return silo.open_log(path)
+
+
+def test_a_joint_that_only_the_beginning_of_a_bag_has_is_a_signal(tmp_path):
+    log = joint_log(tmp_path / "bag.mcap", lambda number: ["a_old" if number < 50 else "b_new"])
+    assert log["joints/position"].components == ("a_old", "b_new")
+    assert log["joints/position_a_old"].values[:50].tolist() == [100.0 * number for number in range(50)]
+
+
+def test_joints_in_another_order_keep_their_names_also_where_one_has_no_value(tmp_path):
+    log = joint_log(tmp_path / "bag.mcap", lambda number: ["c", "a", "b"] if number % 2 else ["a", "b", "c"])
+    hundreds = 100.0 * np.arange(200)
+    np.testing.assert_array_equal(log["joints/position"].values, hundreds[:, None] + [0, 1, 2])
+    even, odd = [0, 1, np.nan], [0, np.nan, 2]  # the last of each message has no velocity
+    wanted = [hundreds[number] + (odd if number % 2 else even) for number in range(200)]
+    np.testing.assert_array_equal(log["joints/velocity"].values, wanted)
 
 
 @pytest.mark.filterwarnings("ignore::silo.LogWarning")

@@ -253,7 +253,9 @@ def test_the_shell_draws_both_and_gives_numbers_to_machines(tmp_path, capsys):
     assert found["excitation"] == "chirp 0.2 to 20 Hz, amplitude 2, for 30 s, ramps of 1 s, from 10 to 40 s"
     assert max(found["magnitude_db"]) == pytest.approx(14.0, abs=0.3)
     assert run(["step", step, "tau", "q", "--width", "80", "--height", "20"]) == 0
-    assert "overshoot 72.9%" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "overshoot 72.9%" in shown
+    assert "of step, amplitude 2, for 5 s, from 10 to 15 s" in shown
     assert run(["bode", chirp, "tau", "nothing"]) == 1
     assert run(["bode", chirp, "tau", "q", "--png", str(tmp_path / "bode.png")]) == 0
     assert (tmp_path / "bode.png").read_bytes().startswith(b"\x89PNG")
