@@ -4,6 +4,7 @@ import io
 import os
 import subprocess
 import sys
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import msgspec
@@ -17,6 +18,7 @@ from silo.logger.serving.answers import robot_state
 from silo.recordings import writing
 from silo.recordings.requests import Save
 from silo.recordings.writing import WriteOrder, WriteReport, write_log
+from silo.rpc.refusals import RequestRefusedError
 from silo.segment.reader import SegmentReader
 from silo.state.replica import Replica
 from tests.waiting import DEADLINE_S
@@ -84,6 +86,7 @@ def test_a_writing_process_is_nice_unless_the_robot_program_waits_for_it(tmp_pat
 @pytest.mark.parametrize("for_robot", [True, False])
 def test_the_writing_process_knows_whether_the_robot_program_waits(new_logger, monkeypatch, for_robot):
     orders = []
+    monkeypatch.setattr("silo.helper.saver.MAX_WAITING", 1)
 
     def write(reader, order, progress):
         orders.append(order)
@@ -104,9 +107,12 @@ def test_the_writing_process_knows_whether_the_robot_program_waits(new_logger, m
     )
     job = saver.prepare(Save(types=[FileType.BAG], name="", client="x"), for_robot=for_robot)
     saver.submit(job)
+    refused = nullcontext() if for_robot else pytest.raises(RequestRefusedError, match="1 saves are waiting already")
+    with refused:  # however much clients want, the program's own save is done
+        saver.submit(saver.prepare(Save(types=[FileType.BAG], name="", client="x"), for_robot=for_robot))
     saver.start()
     saver.stop()
-    assert [order.awaited for order in orders] == [for_robot]
+    assert [order.awaited for order in orders] == [for_robot] * (1 + for_robot)
 
 
 @pytest.mark.parametrize("said", [b"", b'{"folder": "/tm'])

@@ -12,7 +12,7 @@ import silo
 from silo.core.tuning.excitation import LONGEST_S, MOST_BITS, _check_numbers, ends_of, number_at, steepest
 from silo.core.tuning.parameters import Excitation, ParameterInfo, ParameterKind, Wave, Writable, fitting, range_text
 from silo.errors import ElementError
-from silo.parameters.excited import GONE, TAPS, _prbs
+from silo.parameters.excited import GONE, TAPS, _prbs, course_of
 from silo.parameters.landing import CLOSED, SET, STANDS_STILL
 from silo.parameters.parameters import STALLED, Parameters
 from silo.parameters.requests import ParametersSet
@@ -90,6 +90,16 @@ def test_a_band_is_excited_and_hardly_anything_beyond_it_without_a_jump(robot, w
     assert power[(hz > 0.8) & (hz < 55)].sum() > 0.99 * power.sum()
     octaves = [power[(hz >= low) & (hz < 2 * low)].sum() for low in (2, 4, 8, 16)]
     assert max(octaves) < 3 * min(octaves)  # about as much in each
+
+
+@pytest.mark.parametrize("high_hz", [50.0, 1.0])
+def test_a_chirp_begins_at_zero_and_turns_as_often_as_its_frequency_says(high_hz):
+    what = replace(CHIRP, high_hz=high_hz, ramp_s=0.0)
+    at_s = np.linspace(0.0, what.duration_s, 80_000, endpoint=False)
+    hz = what.low_hz * (high_hz / what.low_hz) ** (at_s / what.duration_s)
+    turns = np.concatenate([[0.0], np.cumsum((hz[1:] + hz[:-1]) / 2 * np.diff(at_s))])
+    found = [course_of(what)(each) for each in at_s.tolist()]
+    np.testing.assert_allclose(found, what.amplitude * np.sin(2 * np.pi * turns), atol=1e-3)
 
 
 def test_a_prbs_goes_to_both_ends_as_often_and_changes_with_its_bits_alone(robot):
