@@ -54,6 +54,20 @@ def test_a_png_is_a_picture(tmp_path):
     assert (tmp_path / "plots.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_picture_has_each_sample_at_its_time_and_holds_it_until_the_next(tmp_path, monkeypatch):
+    agg = pytest.importorskip("matplotlib.backends.backend_agg")
+    drawn = []
+    monkeypatch.setattr(agg.FigureCanvasAgg, "print_png", lambda canvas, file: drawn.append(canvas.figure))
+    write(tmp_path / "plots.png")
+    numbers, words = (axes.get_lines()[0] for axes in drawn[0].axes)
+    assert (numbers.get_label(), words.get_label()) == ("/a [Nm]", "/state")
+    np.testing.assert_array_equal(numbers.get_xydata().T, [FAST[0] / 1e9, FAST[1]])
+    np.testing.assert_array_equal(words.get_xydata().T, [SLOW[0] / 1e9, [0, 1]])
+    assert words.get_drawstyle() == "steps-post"
+    assert [each.get_text() for each in words.axes.get_yticklabels()] == ["walk", "a, b"]
+    assert drawn[0].axes[-1].get_xlabel() == "time [s]"
+
+
 def test_a_file_that_is_there_stays_as_it_was(tmp_path):
     (tmp_path / "plots.csv").write_text("mine")
     with pytest.raises(SiloError, match="exists: choose another name; nothing was written"):

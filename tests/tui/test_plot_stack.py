@@ -14,6 +14,7 @@ from silo_tui.model.drawing.plots import plots_of
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.plots.picture import AXIS
 from silo_tui.model.samples.live import Reading
+from silo_tui.screens.plots.monitor import MonitorScreen
 from silo_tui.widgets.plot_stack import PlotStack
 from tests.stand_ins.desk import Drawn
 from tests.stand_ins.fake_signals import scalar, vector
@@ -391,6 +392,10 @@ def test_the_wheel_goes_on_or_zooms(ctrl, stack):
     stack.on_mouse_scroll_up(event)
     assert [(each.step, each.zooms) for each in stack.posted] == [(1, ctrl), (-1, ctrl)]
     assert len(stopped) == 2
+    done: list[str] = []
+    for each in stack.posted:
+        MonitorScreen.on_plot_stack_wheeled(SimpleNamespace(action_command=done.append), each)  # type: ignore[arg-type]
+    assert done == (["wider", "closer"] if ctrl else ["plot_down", "plot_up"])
 
 
 def test_another_size_is_told(stack):

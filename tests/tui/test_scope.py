@@ -39,6 +39,12 @@ class TestModel:
         store = picture_of({"a": (np.array([-60 * MS, 0, 60 * MS]), np.array([7.0, 1.0, 9.0]))}, scope, 0, 100)
         assert np.nanmax(store.high) == 1.0
 
+    @pytest.mark.parametrize("columns", [100, 77, 30])
+    def test_the_last_samples_of_the_picture_are_in_it(self, columns):
+        time_ns = MS * np.arange(-40, 60)
+        store = picture_of({"a": (time_ns, np.arange(100.0))}, Scope(0.0, span_s=0.1, pre=0.4), 0, columns)
+        assert np.nanmax(store.high) == 99.0
+
     def test_the_axis_counts_from_the_crossing(self):
         scope = Scope(0.0, span_s=0.2)
         assert [axis_word(scope, share) for share in (0.0, 0.4, 1.0)] == ["-80 ms", "0", "+120 ms"]

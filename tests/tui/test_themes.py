@@ -9,6 +9,7 @@ from textual.color import Color
 from silo_tui import theme
 from silo_tui.commands.runner import CommandRunner
 from silo_tui.settings.options import OPTION, Settings
+from silo_tui.widgets.styled import _IN_16, _style
 
 GROUNDS = ("background", "panel", "boost")
 TEXTS = ("foreground", "quiet", "primary", "success", "plot", *theme.ROLES)
@@ -74,6 +75,13 @@ def test_the_roles_are_told_from_each_other_and_from_text(of):
             for other in told[place + 1 :]
         ]
         assert min(apart) >= 45
+
+
+@pytest.mark.parametrize("of", TRUE, ids=lambda each: each.name)
+def test_curves_are_told_from_their_ground_and_from_each_other(of):
+    colors = [_style(place, few=False, dark=of.dark).color.get_truecolor().hex for place in range(len(_IN_16))]
+    assert min(contrast(color, value(of, ground)) for color in colors for ground in ("background", "panel")) >= 3
+    assert len(set(colors)) == len(set(_IN_16)) == 8
 
 
 def test_colours_are_named_in_one_place_only():
