@@ -19,7 +19,7 @@ from silo_tui.actions import COMMANDS, footer_for
 from silo_tui.commands import flows
 from silo_tui.modal import Choices
 from silo_tui.model.table.fields import Field
-from silo_tui.screens.dialogs.questions import Question
+from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.screens.table import TableScreen
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
@@ -588,3 +588,19 @@ async def test_while_the_demo_starts_nobody_is_told_that_no_logger_runs(opened):
         await screen.shows("The demo ended with exit code 1")
         assert screen.text.index("no room") < screen.text.index("No logger is running")  # first what is wrong
         await screen.shows("No logger is running")
+
+
+async def test_what_shines_through_a_dialog_is_painted_anew_with_it(fake, opened, monkeypatch):
+    async with opened(fake) as screen:
+        table, below, above = (
+            screen.app.screen,
+            Question("One", "", [Choice("", "Close")]),
+            Question("Other", "", [Choice("", "Close")]),
+        )
+        for dialog in (below, above):
+            await screen.app.push_screen(dialog)
+        painted = []
+        for each in (table, below):
+            monkeypatch.setattr(each, "_set_dirty", lambda *_, each=each: painted.append(each))
+        above.refresh()
+        assert painted == [below]

@@ -281,15 +281,16 @@ async def test_without_plots_enter_opens_those_of_what_it_is_about_else_of_the_c
         await screen.until(lambda: screen.app.screen.scope == "events", "the events below")
 
 
-async def test_a_marker_has_the_tick_of_the_key_press_and_the_words_that_follow(running, opened):
+@pytest.mark.parametrize(("typed", "words"), [("it slipped", "it slipped"), ("", "marker")])
+async def test_a_marker_has_the_tick_of_the_key_press_and_the_words_that_follow(running, opened, typed, words):
     async with opened(running) as screen:
         await screen.until(lambda: screen.session.frame_time_ns == running.now_ns)
         pressed_ns = running.now_ns
         await screen.do("set_marker")
         running.advance(5.0)
-        await screen.enter("it slipped")
-        await screen.until(lambda: ("mark", "it slipped", pressed_ns) in running.calls)
-        await screen.shows('"it slipped"')
+        await screen.enter(typed)
+        await screen.until(lambda: ("mark", words, pressed_ns) in running.calls)
+        await screen.shows(f'"{words}"')
 
 
 async def test_a_marker_left_by_esc_is_none(running, opened):

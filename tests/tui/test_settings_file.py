@@ -147,7 +147,13 @@ def test_a_key_that_was_pressed_may_be_one_that_no_command_can_have(key, why):
 
 @pytest.mark.parametrize(
     ("words", "keys"),
-    [("f10, ctrl+f", "f10,ctrl+f"), ('","', "comma"), ("[f10, f10]", "f10"), ('["/", f10]', "slash,f10")],
+    [
+        ("f10, ctrl+f", "f10,ctrl+f"),
+        ('","', "comma"),
+        ('" , "', "comma"),
+        ("[f10, f10]", "f10"),
+        ('["/", f10]', "slash,f10"),
+    ],
 )
 def test_a_command_has_one_key_or_several(words, keys):
     assert read(f"keymap: classic\nkeys:\n  filter: {words}\n") == (
@@ -272,6 +278,12 @@ def test_whatever_is_written_is_read_again(text, new):
         [each for each in problems if each.reason != KEYS_ALONE]
     )
     assert rewritten(made, new, new) == made
+
+
+@pytest.mark.parametrize("text", ["keys:", "keys:\n", "keys:\n  filter:\n", "rate:\nkeys:\n  filter: f10\n"])
+def test_no_line_that_is_written_ends_in_a_blank(text):
+    made = rewritten(text, Settings(), Settings(rate=3.0, keys={"filter": "f11"}))
+    assert [line for line in made.splitlines() if line != line.rstrip()] == []
 
 
 @pytest.fixture
