@@ -63,6 +63,8 @@ class LifeCycle:
     def forget(self) -> None:
         """Be closed, in a forked child: all of it belongs to the parent, which may hold the lock."""
         self.lock = threading.RLock()
+        if self.serving is not None:
+            self.serving.forget()
         self.running, self.closed, self.serving = False, True, None
         self._whose = f"is that of the process that process {os.getpid()} was forked from"
 

@@ -88,6 +88,45 @@ def test_a_program_that_ends_right_after_the_start_leaves_every_tick(tmp_path, u
     assert saved_values(tmp_path) == list(range(ticks))
 
 
+FORKED = """
+child = os.fork()
+if child == 0:
+    signal.pause()
+print("forked", child, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.slow
+def test_a_killed_program_is_saved_while_a_child_that_it_forked_lives_on(tmp_path, until):
+    child = int(run_program(tmp_path, 7, FORKED).stderr.partition("forked ")[2].split()[0])
+    try:
+        until(lambda: list(tmp_path.glob("*.silo")))
+        assert psutil.pid_exists(child)
+    finally:
+        os.kill(child, signal.SIGKILL)
+    assert saved_values(tmp_path) == list(range(7))
+
+
+LEAVING = """
+helper = serving.helper_pid
+with serving:
+    if os.fork() == 0:
+        raise ValueError
+    os.wait()
+    log.save()
+    print("the same" if serving.helper_pid == helper else "another")
+log.close()
+"""
+
+
+@pytest.mark.slow
+def test_a_forked_child_that_leaves_what_serves_its_parent_ends_nothing(tmp_path):
+    done = run_program(tmp_path, 7, LEAVING)
+    assert done.stderr.rstrip().endswith("the same")
+    assert saved_values(tmp_path) == list(range(7))
+
+
 def test_a_new_helper_process_is_handed_the_run_that_goes_on(served, until):
     log = served()
     x = log.array("x", (), np.int64)

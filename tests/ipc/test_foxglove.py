@@ -453,6 +453,21 @@ class TestPrograms:
         assert capfd.readouterr().err == ""
 
     @pytest.mark.slow
+    def test_that_bridge_ends_by_itself_while_a_forked_child_lives_on(self, runtime_folder, tmp_path):
+        with silo.Logger("bot", frequency=100, folder=tmp_path) as log:
+            log.array("x", 2)
+            serving = log.serve(foxglove=0)
+            child = os.fork()
+            if child == 0:
+                signal.pause()
+            try:
+                serving._viewers.stdin.close()
+                assert serving._viewers.wait_within(DEADLINE_S) == 0
+            finally:
+                os.kill(child, signal.SIGKILL)
+                os.waitpid(child, 0)
+
+    @pytest.mark.slow
     def test_a_port_that_is_taken_is_said_and_no_helper_is_left(self, runtime_folder, tmp_path):
         with bound("127.0.0.1", 0) as taken, silo.Logger("bot", frequency=100, folder=tmp_path) as log:
             with pytest.raises(silo.SiloError, match="can't listen at"):

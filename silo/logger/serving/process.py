@@ -173,6 +173,10 @@ class DownMark:
             return
         with contextlib.suppress(OSError, SegmentError):
             down_mark(self._name, os.getpid()).unlink(missing_ok=True)
+        self.let_go()
+
+    def let_go(self) -> None:
+        """Have it open no more: alone in a forked child, as what is said stays its parent's."""
         self._file.close()
 
 
@@ -226,8 +230,12 @@ class FoxgloveProcess(ChildProcess):
             self.stdin.write(b"\n")
             self.stdin.flush()
 
-    def close(self) -> None:
-        """End it; closing twice is fine."""
+    def let_go(self) -> None:
+        """Close the pipe, by whose end it learns that the robot program is done with it."""
         with contextlib.suppress(BrokenPipeError):
             self.stdin.close()
+
+    def close(self) -> None:
+        """End it; closing twice is fine."""
+        self.let_go()
         self.end()

@@ -512,6 +512,14 @@ class Serving:
         self.left = (segment_path, ticks)
         self._end(say_goodbye=False)
 
+    def forget(self) -> None:
+        """Serve nobody, in a forked child, and hold nothing by whose end others learn that its parent ended."""
+        self.alive = self.is_up = False
+        self._helper.let_go()
+        self._down.let_go()
+        if self._viewers is not None:
+            self._viewers.let_go()
+
     def _end(self, *, say_goodbye: bool) -> None:
         if not self.alive:
             return
