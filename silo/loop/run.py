@@ -36,7 +36,6 @@ from silo.loop.pieces import words_at
 from silo.loop.plan import Element, Plan, make_plan
 from silo.segment.held_runs import held_name
 from silo.segment.layout import Cut, SegmentSchema
-from silo.segment.marks import Mark, no_mark
 from silo.segment.reader import SegmentReader
 from silo.segment.reasons import StopReason
 from silo.segment.writer import Segment
@@ -102,7 +101,6 @@ class Run:
         self._landing = landing
         self.collect: Collect = _nothing
         self._retire: Callable[[], None] = _nothing
-        self.mark: Mark = no_mark
 
     def begin(self) -> None:
         """Make it ready, and the present one. Raises SegmentError where there is no room for its buffers."""
@@ -121,7 +119,6 @@ class Run:
             announce_segment(self.segment.path)
         generated = self._generate(self.plan, self.segment)
         self.collect, self._retire = generated.collect, generated.retire
-        self.mark = self.segment.mark
 
     def go_live(self) -> None:
         """Be the one whose ticks come next."""
@@ -223,8 +220,9 @@ class Run:
         self.segment.stop(reason)
 
     def forget(self) -> None:
-        """No more ticks in this process, a forked child; the segment goes on being its parent's."""
+        """No more ticks and changes in this process, a forked child; the segment goes on being its parent's."""
         self._retire()
+        self._end_changes()
 
     def drop(self, *, held: bool = False) -> Path | None:
         """Delete the segment, which readers that have it mapped keep, and let go of the program's variables.
@@ -234,10 +232,7 @@ class Run:
         """
         self._retire()
         self.collect = self._retire = _nothing
-        self.mark = no_mark
-        if self._landing is not None:
-            self._landing.end_run(self.segment.changes)
-            self._landing = None
+        self._end_changes()
         self.plan = dataclasses.replace(self.plan, references=())
         self._elements, self._watched = None, Watched.of(())
         self._unheld.end()
@@ -248,6 +243,11 @@ class Run:
             self._reader.close()
             self._reader = None
         return kept
+
+    def _end_changes(self) -> None:
+        if self._landing is not None:
+            self._landing.end_run(self.segment.changes)
+            self._landing = None
 
 
 def _taken(once: list[bool]) -> bool:

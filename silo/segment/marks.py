@@ -5,10 +5,10 @@ instruction: once `mark` returned it is as safe as a committed row. One `pack_in
 number stands at both ends, so that a slot that is being written, or never was finished, is no mark.
 """
 
-import itertools
 import struct
 import time
 from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,16 +26,24 @@ MARKS_BYTES = SLOTS * SLOT.size
 Mark = Callable[..., None]  # of words, as `Logger.mark` takes them
 NO_WORDS = "mark"
 
+# where those of a run go: the bytes of the slots; words of which the one at that place counts ticks; the next number
+MarksOfRun: TypeAlias = "tuple[memoryview, memoryview[int], int, Callable[[], int]]"
 
-def marker(area: memoryview, words: "memoryview[int]", head: int) -> Mark:
-    """Return `mark(text)` of one run. `area` are the bytes of the slots, `words[head]` counts the ticks.
 
-    Threads may call it at once: each takes a number of its own.
+def marker() -> "tuple[Mark, Callable[[MarksOfRun | None], None]]":
+    """Return `mark(text)` of a logger, and what tells it the run that is marked from now on; None: none is.
+
+    Threads may call it at once: each takes a number of its own. Who keeps it marks the present run with it.
     """
 
-    take, pack, now = itertools.count(1).__next__, SLOT.pack_into, time.time_ns
+    pack, now = SLOT.pack_into, time.time_ns
+    marked: MarksOfRun | None = None
 
     def mark(text: str = NO_WORDS, *more: object) -> None:
+        run = marked
+        if run is None:
+            return
+        area, words, head, take = run
         if more:
             text = " ".join(map(str, (text, *more)))
         number = take()
@@ -45,12 +53,12 @@ def marker(area: memoryview, words: "memoryview[int]", head: int) -> Mark:
             data = str(text).encode("utf-8", "backslashreplace")
         pack(area, (number & LAST_SLOT) << SLOT_SHIFT, number, words[head] - 1, now(), data, number)
 
+    def mark_in(run: "MarksOfRun | None") -> None:
+        nonlocal marked
+        marked = run
+
     mark.__qualname__ = "log.mark"  # as it stands in what Python says of a wrong call
-    return mark
-
-
-def no_mark(text: str = NO_WORDS, *more: object) -> None:
-    """`mark()` where there is no run that could have it."""
+    return mark, mark_in
 
 
 def read_marks(words: NDArray[np.uint64], since: int, logger: str, run: str) -> list[LoggedEvent]:

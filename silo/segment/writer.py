@@ -5,6 +5,7 @@ Only `start()` and the chunk allocation do system calls; the stores of a tick ar
 
 import contextlib
 import errno
+import itertools
 import logging
 import mmap
 import os
@@ -46,7 +47,7 @@ from silo.segment.layout import (
     SegmentState,
     page_up,
 )
-from silo.segment.marks import MARKS_BYTES, SLOTS, Mark, marker, no_mark
+from silo.segment.marks import MARKS_BYTES, SLOTS, MarksOfRun
 from silo.segment.parameter_changes import AREA_BYTES, ChangeRecord, image_bytes
 from silo.segment.reasons import LOST_TEXTS, LostWhy, StopReason
 
@@ -96,7 +97,7 @@ class Segment:
         self._file = unopened()
         self._kept: Path | None = None  # its name after `unlink`
         self.words = memoryview(b"").cast("l")
-        self.mark: Mark = no_mark
+        self.marks: MarksOfRun | None = None
         self.changes: ChangeRecord | None = None  # of parameters, where there are any
         self._first_rows = first_rows
         self._first: dict[int, list[Chunk]] = {}
@@ -176,7 +177,7 @@ class Segment:
         np.frombuffer(mapped, np.uint8)[::PAGE] = 0
         self.words = memoryview(mapped).cast("l")
         marks = memoryview(mapped)[8 * self.schema.marks :][:MARKS_BYTES]
-        self.mark = marker(marks, self.words, self.ring_control(TIME_RING))
+        self.marks = marks, self.words, self.ring_control(TIME_RING), itertools.count(1).__next__
         if self.schema.parameters:
             area = memoryview(mapped)[8 * self.schema.parameter_changes :][:AREA_BYTES]
             image = memoryview(mapped)[8 * self.schema.parameter_image :][: image_bytes(self.schema.parameters)]
@@ -404,7 +405,7 @@ class Segment:
                     path.unlink(missing_ok=True)
         with self._allocating:
             self.words = memoryview(b"").cast("l")
-            self.mark, self.changes = no_mark, None
+            self.marks = self.changes = None
             self._next.clear()
             self._first.clear()
             self._file.close()

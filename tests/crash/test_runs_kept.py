@@ -407,6 +407,32 @@ def test_a_forked_child_says_once_that_it_logs_nothing(served, capfd):
     assert "make a logger of its own there" in error
 
 
+def test_what_a_forked_child_marks_and_sets_is_not_in_the_log_of_its_parent(served):
+    log = served()
+    log.array("x")
+    gain = log.parameter("kp", 1.0)
+    log.start()
+    log.collect()
+    mark = log.mark
+    child = os.fork()
+    if child == 0:
+        try:
+            mark("child")
+            gain.value = 2.0
+            log.parameters.set({"kp": 3.0})
+        finally:
+            os._exit(0)
+    os.waitpid(child, 0)
+    mark("parent")
+    log.collect()
+    gain.value = 4.0
+    log.collect()
+    (file,) = log.save()
+    run = silo.open_log(file.path)
+    assert [event.text for event in run.events if event.kind == EventKind.MARKER.value] == ["parent"]
+    assert [change.text for change in run.parameters.changes] == ["kp 1.0 -> 4.0 (program)"]
+
+
 def test_a_new_run_is_known_before_the_files_of_the_last_one_go(served, monkeypatch):
     log = served()
     log.array("x")

@@ -62,6 +62,22 @@ def test_the_next_run_has_marks_of_its_own(log):
     assert [event.text for event in log.snapshot().events] == ["second run"]
 
 
+def test_a_mark_that_the_program_keeps_marks_the_present_run(log):
+    mark = log.mark
+    log.collect()
+    mark("first run")
+    log.set("x", size=50, cut=True)
+    log.collect()
+    mark("behind a cut")
+    assert [(event.text, event.tick) for event in log.snapshot().events][-1] == ("behind a cut", 0)
+    log.restart()
+    log.collect()
+    mark("next run")
+    assert [event.text for event in log.snapshot().events] == ["next run"]
+    log.close()
+    mark("late")
+
+
 @pytest.mark.parametrize("text", ["", "ä" * 200, "x" * TEXT_BYTES, "zwölf 日本", "a\nb", "\ud800", "ends\\"])
 def test_text_of_any_kind_is_kept_and_long_text_is_cut_at_a_letter(log, text):
     log.collect()
