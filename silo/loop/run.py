@@ -223,6 +223,7 @@ class Run:
         """No more ticks and changes in this process, a forked child; the segment goes on being its parent's."""
         self._retire()
         self._end_changes()
+        self.segment.forget()
 
     def drop(self, *, held: bool = False) -> Path | None:
         """Delete the segment, which readers that have it mapped keep, and let go of the program's variables.

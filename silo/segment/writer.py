@@ -306,13 +306,16 @@ class Segment:
         """Keep one chunk ready per growing ring."""
         while not self._ended:
             for ring in self._growing:
-                with self._allocating:
-                    if ring not in self._next and (chunk := self._append_within_limit(ring)):
-                        self._next[ring] = chunk
+                self._make_ready(ring)
             self._tell_of_end()
             self._wanted.wait()
             self._wanted.clear()
         self._tell_of_end()
+
+    def _make_ready(self, ring: int) -> None:
+        with self._allocating:
+            if ring not in self._next and (chunk := self._append_within_limit(ring)):
+                self._next[ring] = chunk
 
     def _append_within_limit(self, ring: int) -> Chunk | None:
         # the time ring may pass the limit: without time stamps no other ring is worth anything
@@ -390,12 +393,8 @@ class Segment:
         """
         self._end_chunks()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
-            self._thread.join()  # it holds the chunk that it made last
-        if len(self.words):
-            self._failed = self.failures
-            self._counted = self.ticks, self.lost_rows
-        else:  # it was never made
-            self._failed, self._counted = self._failed or {}, self._counted or (0, 0)
+            self._thread.join()  # it may be making a chunk
+        self._count()
         if not self._file.closed:
             if held and self._kept is None:
                 with contextlib.suppress(OSError):
@@ -403,13 +402,29 @@ class Segment:
             for path in [self._temporary, self.path] if self._kept is None else []:
                 if is_at(self._file.fileno(), path):
                     path.unlink(missing_ok=True)
+        self._let_go()
+        return self._kept
+
+    def forget(self) -> None:
+        """Let go of its memory in a forked child, whose parent has the file, and may have it for long."""
+        self._ended, self._allocating = True, threading.RLock()  # a thread that is not in this process may hold it
+        self._count()
+        self._let_go()
+
+    def _count(self) -> None:
+        if len(self.words):
+            self._failed = self.failures
+            self._counted = self.ticks, self.lost_rows
+        else:  # it was never made
+            self._failed, self._counted = self._failed or {}, self._counted or (0, 0)
+
+    def _let_go(self) -> None:
         with self._allocating:
             self.words = memoryview(b"").cast("l")
             self.marks = self.changes = None
             self._next.clear()
             self._first.clear()
             self._file.close()
-        return self._kept
 
 
 def _held_by_dead() -> str:

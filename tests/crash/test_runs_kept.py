@@ -433,6 +433,22 @@ def test_what_a_forked_child_marks_and_sets_is_not_in_the_log_of_its_parent(serv
     assert [change.text for change in run.parameters.changes] == ["kp 1.0 -> 4.0 (program)"]
 
 
+def test_a_forked_child_keeps_no_memory_of_its_parents_runs(served):
+    log = served()
+    log.array("x", 1000, buffer="looping")
+    log.start()
+    log.collect()
+    mine, theirs = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.write(theirs, b"held" if ".segment" in Path("/proc/self/maps").read_text() else b"free")
+        os._exit(0)
+    os.waitpid(child, 0)
+    assert os.read(mine, 4) == b"free"
+    os.close(mine)
+    os.close(theirs)
+
+
 def test_a_new_run_is_known_before_the_files_of_the_last_one_go(served, monkeypatch):
     log = served()
     log.array("x")
