@@ -422,11 +422,11 @@ class EndlessRecordings:
                 recorder.runs.clear()
             self._count(recorder)
         told = f"recording '{recorder.order.name}' ended: {text}; {sums.text}"
-        # one that fails may be behind: what it failed at is of a run that may be over; the last words of one that died
+        # other runs may have come since: it failed in this one, or was to end in that; the last words of one that died
         # are of something else
-        run = last.told_run if last.state.over else ""
-        tick = last.told_tick if run and last.told_tick >= 0 else None
-        self._tell(told, recorder.kept.by, run=run, tick=tick, failed=True) if failed else self._tell(told)
+        run = "" if not last.state.over else last.told_run if failed else recorder.kept.last
+        tick = last.told_tick if run and run == last.told_run and last.told_tick >= 0 else None
+        self._tell(told, recorder.kept.by if failed else "", run=run, tick=tick, failed=failed)
         recorder.reported.set()
         recorder.ended.set()
         with self._lock:

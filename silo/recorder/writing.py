@@ -217,7 +217,7 @@ class Writing:
         self._order, self._ledger, self._disk = order, ledger, disk
         self.totals = Progress(RecorderState.WAITING)
         self.news: deque[News] = deque()  # for the other thread, which takes them
-        self.end_news = News(Report)  # of where it failed
+        self.end_news = News(Report)  # of where it failed, or ended
         self._folder = Path(order.folder)
         self._layout: ChannelLayout | None = None
         self._next_rows: dict[int, int] = {}
@@ -271,6 +271,7 @@ class Writing:
                     self._queue.popleft()
                     self._queued_bytes -= size_bytes
             self.end_run()
+            self._note_end()
         except OSError as error:  # a SaveError, too
             self._fail(str(error) if isinstance(error, SiloError) else f"the disk refused: {reason(error)}")
         except SiloError as error:
@@ -563,6 +564,14 @@ class Writing:
         self.totals.parts, self.totals.lost, self.totals.written_bytes = sums.parts, sums.lost, sums.size_bytes
         self.totals.samples = sums.samples + (part.samples if part is not None else 0)
         self.totals.size_bytes = self._ledger.size_bytes + self.open_bytes
+
+    def _note_end(self) -> None:
+        """Have the last words stand at the last tick that it recorded: others may have come by now, of other runs."""
+        if self._layout is not None:
+            schema = self._layout.schema
+            rows = ((schema.rings[ring].divider, self._next_rows.get(ring, 0)) for ring in self._layout.rings)
+            last = max((divider * (row - 1) for divider, row in rows if row), default=-1)
+            self.end_news = News(Report, told_run=schema.run, told_tick=last)
 
     def _fail(self, text: str) -> None:
         """End by itself: what was written is finished, if the disk lets it."""

@@ -35,10 +35,13 @@ def test_of_a_disk_that_is_too_slow_for_ever_only_losses_are_left_out():
         (Report(RecorderState.DIED, told="lost 5 rows", told_run="before", told_tick=100), ("", None)),
         (Report(RecorderState.FAILED, told_run="run", told_tick=100), ("run", 100)),
         (Report(RecorderState.FAILED, told_run="run"), ("run", None)),
+        (Report(RecorderState.ENDED, told_run="asked in", told_tick=100), ("asked in", 100)),
+        (Report(RecorderState.ENDED), ("asked in", None)),
     ],
 )
-def test_a_recording_that_failed_stands_where_it_failed_not_where_something_was_lost_before(last, place):
-    published = []
+def test_the_end_of_a_recording_stands_where_it_ended_not_where_something_was_lost_before(last, place):
+    published, failed = [], last.state is not RecorderState.ENDED
+    asked_in = "" if failed else "asked in"
     server = object.__new__(EndlessRecordings)
     server._lock = threading.RLock()
     server._events = SimpleNamespace(publish=lambda kind, text, *, by, run, tick: published.append((run, tick)))
@@ -47,10 +50,10 @@ def test_a_recording_that_failed_stands_where_it_failed_not_where_something_was_
     server._recorders, server._replica = {}, SimpleNamespace(recorders=1)
     recorder = SimpleNamespace(
         report=last, again_s=0.0, runs=deque(), reported=threading.Event(), ended=threading.Event(),
-        order=SimpleNamespace(name="walk"), kept=SimpleNamespace(by="ann"),
+        order=SimpleNamespace(name="walk"), kept=SimpleNamespace(by="ann", last=asked_in),
         sums=lambda: SimpleNamespace(parts=1, samples=5, lost=5, text="5 lost"),
     )  # fmt: skip
-    server._over(recorder, "the disk is full", failed=True)
+    server._over(recorder, "the disk is full", failed=failed)
     assert published == [place]
-    assert recorder.report.state is RecorderState.FAILED
+    assert recorder.report.state is (RecorderState.FAILED if failed else RecorderState.ENDED)
     assert server._replica.recorders == 0
