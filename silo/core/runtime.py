@@ -378,14 +378,45 @@ def disk_room(place: Path | int) -> tuple[int, int]:
     return found.f_bavail * found.f_frsize, found.f_blocks * found.f_frsize
 
 
+_V1_FILES, _V2_FILES = ("memory.limit_in_bytes", "memory.usage_in_bytes"), ("memory.max", "memory.current")
+
+
 def available_memory_bytes() -> int:
-    """Return what the kernel says could be taken without swapping; very much where it doesn't say."""
+    """Return what the kernel says could be taken without swapping, of the machine and of this process's control groups.
+
+    Very much where it doesn't say.
+    """
     try:
         lines = Path("/proc/meminfo").read_text().splitlines()
     except OSError:
         lines = []
     sizes = [int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")]
-    return sizes[0] if sizes else sys.maxsize
+    return min([*sizes, *_left_to_groups()], default=sys.maxsize)
+
+
+def _left_to_groups(process: Path = Path("/proc/self"), mounted: Path = Path("/sys/fs/cgroup")) -> list[int]:
+    """Return what each control group of the process that has a limit leaves, files that could be written back included.
+
+    Of both versions: `Documentation/admin-guide/cgroup-v2.rst` and `cgroup-v1/memory.rst` of the kernel.
+    """
+    left = []
+    with contextlib.suppress(OSError):
+        for line in (process / "cgroup").read_text().splitlines():
+            _, controllers, path = line.split(":", 2)
+            if controllers and "memory" not in controllers.split(","):
+                continue
+            root = mounted / "memory" if controllers else mounted
+            limit, used = _V1_FILES if controllers else _V2_FILES
+            group = root / path.lstrip("/")
+            for folder in (group, *group.parents):
+                if not folder.is_relative_to(root):
+                    break
+                with contextlib.suppress(OSError, ValueError):  # there is no limit (`max`), or no such group in sight
+                    statistics = dict(row.split() for row in (folder / "memory.stat").read_text().splitlines())
+                    most = int((folder / limit).read_text())
+                    taken = int((folder / used).read_text()) - int(statistics.get("inactive_file", 0))
+                    left.append(max(0, most - taken))
+    return left
 
 
 def boot_id() -> str:

@@ -21,8 +21,10 @@ from silo.core.arguments import line, switch, text
 from silo.core.arguments import path as file_path
 from silo.core.calls import present_words, told_class, unknown_argument
 from silo.core.conditions import Conditions
-from silo.core.elements import DEFAULT_OPTIONS, Edit, ElementInfo, LoggerOptions, Problem, join_name
+from silo.core.elements import DEFAULT_OPTIONS, Edit, ElementInfo, LoggerOptions, Problem, Storage, join_name
 from silo.core.kinds import STRUCT, struct_text
+from silo.core.quantities.writing import size_text
+from silo.core.runtime import available_memory_bytes
 from silo.errors import ArgumentError, ElementError, SourceError
 from silo.logger.arguments.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
 from silo.logger.arguments.options import array_layout, edits_given, element_name, new_options, string_room
@@ -33,7 +35,7 @@ from silo.logger.registrations import Registrations
 from silo.loop.plan import Element
 from silo.loop.sources import OwnMemory, VariableSet
 from silo.loop.types import as_numbers, describe, kind_of, label_map
-from silo.segment.retention import large_text
+from silo.segment.retention import large_text, total_bytes
 from silo.settings.options import refusal
 from silo.settings.typed import ElementSettings, apply_settings, diff_options, rate_words, read_options
 
@@ -428,6 +430,16 @@ class ScriptedTable:
                 raise
             self._life.tell()
 
+    def _no_room(self, before: int) -> str:
+        """Say why a client may not have the buffers take what they do now: memory is touched when a stretch begins."""
+        total, most = total_bytes(self._table.infos), available_memory_bytes() // 2
+        if total <= max(before, most) or self._options.storage is Storage.FILE:
+            return ""
+        return (
+            f"the buffers would take {size_text(total)}, from a client {size_text(most)} at most (half of the memory "
+            "that is free here): make them smaller, or set them in the program"
+        )
+
     def _warn_of_size(self, changed: int) -> None:
         if changed and (large := large_text(self._table.infos)):
             log.warning("%s: %s", self._options.name, large)
@@ -472,7 +484,11 @@ class ScriptedTable:
             problems = self._table.problems(edits)
             if problems:
                 raise ElementError(refusal(problems))
+            size, state = total_bytes(self._table.infos), self._table.state
             changed = self._table.apply(edits)
+            if who and (why := self._no_room(size)):
+                self._table.state = state
+                raise ElementError(f"{why}; nothing was changed")
             if conditions is not None:
                 self._conditions.take(conditions)
             self._warn_of_size(changed)

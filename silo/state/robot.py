@@ -61,7 +61,7 @@ class StateRobot(Server, does=[requests], robot=True):
                 raise refused_running()
             check_revision(request, table.revision)
             check_none(table.problems(request.edits))
-            changed = table.apply(request.edits, request.conditions, cut=request.cut, who=request.client)
+            changed = table.apply(request.edits, request.conditions, cut=request.cut, who=request.client or "a client")
             large = large_text(table.elements) if changed else ""
             return EditsApplied(table.revision, changed, warnings=[large] if large else [])
 
