@@ -134,9 +134,6 @@ class Holding(Dialog[None]):
     What is typed meanwhile is for the dialog that comes: without this it would edit the table.
     """
 
-    CSS = "Holding { background: $background 0%; align: left bottom; } Holding #waiting { display: none; height: 1; \
-width: 1fr; padding: 0 1; margin-bottom: 1; background: $panel; }"
-
     KEYS_HERE = "Esc Lets it go on"
 
     def __init__(self, what: str) -> None:

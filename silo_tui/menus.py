@@ -30,9 +30,6 @@ LEAST_COLUMN = 24
 class MenuLines(Guarded, Static):
     """The entries of a menu."""
 
-    DEFAULT_CSS = "MenuLines { layer: editor; dock: bottom; margin-bottom: 2; width: 100%; height: auto; \
-background: $panel; color: $foreground; padding: 0 1; text-wrap: nowrap; }"
-
 
 class MenuReader:
     """What is pressed on full screens, and the menu that is open on one."""

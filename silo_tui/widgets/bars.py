@@ -76,7 +76,6 @@ class StatusBar(FittingLine):
     """A logger, or a file, at a glance: who, what state, how long, how many, how fast, what was lost."""
 
     BETWEEN = ""
-    DEFAULT_CSS = "StatusBar { height: 1; }"
 
     def __init__(self, session: Session) -> None:
         super().__init__()
@@ -205,8 +204,6 @@ def left_a_file(session: Session) -> bool:
 class Banner(Guarded, Widget):
     """What is wrong and what to do, in one or two lines over the table; hidden when all is well."""
 
-    DEFAULT_CSS = "Banner { height: auto; display: none; padding: 0 1; }"
-
     def __init__(self, session: Session) -> None:
         super().__init__()
         self.session = session
@@ -286,7 +283,6 @@ def _as_many(parts: Sequence[LinePart], room: int, between: str) -> list[LinePar
 class KeyBar(Guarded, Widget):
     """The keys that matter now, as many as fit; help and quit always at its end. A click does what the key does."""
 
-    DEFAULT_CSS = "KeyBar { height: 1; }"
     LAST = ("help", "quit")
 
     def __init__(self) -> None:

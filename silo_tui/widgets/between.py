@@ -19,8 +19,6 @@ _TITLES = ("at A", "B-A", "slope/s", "mean", "std", "rms", "min", "max")
 class BetweenTable(Guarded, Static):
     """Hidden without cursor B."""
 
-    DEFAULT_CSS = "BetweenTable { height: auto; display: none; }"
-
     def __init__(self) -> None:
         super().__init__()
         self.partly = ""  # where not all of it is here yet

@@ -28,7 +28,6 @@ class DetailPlot(Guarded, Styled):
     """Draws a `BigPlot`, or says why there is none."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {"plot--quiet", "plot--line", "plot--cursor", "plot--title"}
-    DEFAULT_CSS = "DetailPlot { height: 1fr; width: 1fr; }"
 
     def __init__(self) -> None:
         super().__init__(id="detail-plot")

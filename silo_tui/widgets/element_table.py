@@ -85,9 +85,6 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         "table--pending", "table--conflict", "table--value", "table--stale", "table--lost", "table--trend",
         "table--full", "table--rail", "table--caution",
     }  # fmt: skip
-    DEFAULT_CSS = """
-    ElementTable { scrollbar-size: 0 0; overflow-x: hidden; width: 1fr; height: 1fr; }
-    """
 
     @dataclass
     class Moved(Message):
@@ -597,7 +594,6 @@ def fitted(words: str, width: int, *, right: bool = False) -> str:
 class TableHead(Guarded, ScrollView):
     """The heads of the columns, over the table."""
 
-    DEFAULT_CSS = "TableHead { height: 1; width: 1fr; scrollbar-size: 0 0; }"
     COMPONENT_CLASSES: ClassVar[set[str]] = {"head--text", "head--field"}
 
     @dataclass

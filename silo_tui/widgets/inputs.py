@@ -74,8 +74,6 @@ class Fleeting(Guarded, Input):
     link brings several keys at once, and a binding would act before or after keys that were pressed after or before it.
     """
 
-    DEFAULT_CSS = "Fleeting { display: none; height: 1; border: none; padding: 0; }"
-
     @dataclass
     class Entered(Message):
         """Enter, and the value was taken."""
@@ -136,8 +134,6 @@ class Fleeting(Guarded, Input):
 class Line(Fleeting):
     """A line at the bottom: filter or command."""
 
-    DEFAULT_CSS = "Line { padding: 0 1; }"
-
     def __init__(self, complete: Callable[[str], list[str]], placeholder: str, id: str) -> None:  # noqa: A002
         super().__init__(id, placeholder=placeholder, suggester=LineSuggester(complete), select_on_focus=False)
         self._complete_line = complete
@@ -166,8 +162,6 @@ class Line(Fleeting):
 
 class CellEditor(Fleeting):
     """Lies over a cell while its value is edited in place; stays open until the value can be taken."""
-
-    DEFAULT_CSS = "CellEditor { layer: editor; }"
 
     def __init__(self, check: Callable[[str], bool]) -> None:
         super().__init__("cell-editor", check=check, select_on_focus=True)

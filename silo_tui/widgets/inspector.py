@@ -72,8 +72,6 @@ def cut_to(words: str, room: int) -> str:
 class Inspector(Guarded, Widget):
     """Name, options with what is pending, values of all entries, plots of the first few."""
 
-    DEFAULT_CSS = "Inspector { width: 40; padding: 0 1; }"
-
     def __init__(self, session: Session) -> None:
         super().__init__()
         self.session = session

@@ -39,8 +39,6 @@ class MessageLine(FittingLine):
     as many as have room beside it are shown; one that is longer than the line wraps, a failure as far as it goes.
     """
 
-    DEFAULT_CSS = "MessageLine { height: auto; min-height: 1; max-height: 8; padding: 0 1; }"
-
     def __init__(self) -> None:
         super().__init__()
         self.said = ""  # the answer to a key

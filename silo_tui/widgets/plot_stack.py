@@ -60,7 +60,6 @@ class PlotStack(Guarded, Styled):
         "plot--title", "plot--chosen", "plot--quiet", "plot--line", "plot--stale", "plot--cursor", "plot--band",
         "plot--red", "plot--yellow",
     }  # fmt: skip
-    DEFAULT_CSS = "PlotStack { height: 1fr; width: 1fr; }"
 
     def __init__(self, plots: list[Plotted], window: PlotWindow, source: PlotSource) -> None:
         super().__init__()

@@ -29,10 +29,6 @@ from silo_tui.unforeseen import Guarded
 class CheckLine(Guarded, Widget, can_focus=True):
     """`[x] label`; space, x or a click turn it over. A `>` in front shows the focus, also without colours."""
 
-    DEFAULT_CSS = """
-    CheckLine { height: 1; }
-    CheckLine:focus { text-style: bold; background: $boost; }
-    """
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
         Binding("space,x", "turn", "Turn", show=False)
     ]
