@@ -15,8 +15,6 @@ STOP_S = 30.0  # as long as saving may take on a busy computer
 class Demo:
     """`silo demo` as a child process, logging into `./silo-logs` where one can write, else into a temporary folder."""
 
-    name = ""
-
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self._output = Path()

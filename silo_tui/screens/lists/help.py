@@ -73,7 +73,6 @@ PLOT_SIGNS = (
     (EVENT_LINE, "where it happened"), (CURSOR_A, "cursor A"), (CURSOR_B, "cursor B"),
     (SHADE, "a hole, with its reason: stopped, lost, off, full …"),
 )  # fmt: skip
-EVENT_SIGNS = tuple((each, name) for each, name in NAMES.items())
 FILE_SIGNS = (
     (MARKED, "marked: the plots are of all that is marked"), ("= 1.23", "the value that held at the cursor"),
     ("min max mean", "of the samples in the window"),
@@ -121,19 +120,15 @@ def entries(scope: str, *, everywhere: bool) -> list[HelpLine]:
             for each in members
         ]
     on_file = scope in FILE_SCOPES
-    if everywhere or scope in ("table", "file"):
-        signs = FILE_SIGNS if on_file else (*SIGNS, *MEANINGS.items())
-        found += [HelpLine(left, right, "First line") for left, right in HEAD]
-        found += [HelpLine(left, right, "Columns") for left, right in COLUMNS]
-        found += [HelpLine(left, right, "Signs") for left, right in signs]
-        found += [HelpLine(left, right, "Filter") for left, right in (*WORDS, *filter_rows())]
-    if everywhere or scope in PLOT_SCOPES:
-        found += [HelpLine(left, right, "In plots") for left, right in PLOT_SIGNS]
-    elif scope in ("events", "file_events"):
-        found += [HelpLine(left, right, "Kinds") for left, right in EVENT_SIGNS]
-    if not on_file and (everywhere or scope == "table"):
-        found += [HelpLine(left, right, "Commands") for left, right in typed_rows()]
-    return found
+    of_table, of_plots = (everywhere or scope in scopes for scopes in (("table", "file"), PLOT_SCOPES))
+    signs = FILE_SIGNS if on_file else (*SIGNS, *MEANINGS.items())
+    parts = (
+        ("First line", of_table, HEAD), ("Columns", of_table, COLUMNS), ("Signs", of_table, signs),
+        ("Filter", of_table, (*WORDS, *filter_rows())), ("In plots", of_plots, PLOT_SIGNS),
+        ("Kinds", not of_plots and scope in ("events", "file_events"), NAMES.items()),
+        ("Commands", not on_file and (everywhere or scope == "table"), typed_rows()),
+    )  # fmt: skip
+    return found + [HelpLine(*each, group) for group, is_there, rows in parts if is_there for each in rows]
 
 
 def filter_rows() -> list[tuple[str, str]]:

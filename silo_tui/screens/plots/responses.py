@@ -41,7 +41,6 @@ from silo_tui.widgets.bars import KeyBar
 if TYPE_CHECKING:
     from silo.client.client import Client
     from silo.parameters.requests import ExcitationState
-    from silo_tui.context import Context
 
 USAGE = ":bode IN OUT FROM TO"
 NOTES = 3  # lines below the charts
@@ -215,7 +214,7 @@ class Exciting(Dialog[None]):
         self.ended.set()
 
 
-async def excite(context: "Context", name: str, line: str) -> None:
+async def excite(context: Context, name: str, line: str) -> None:
     """Ask how, where the line doesn't say it, and whether; then excite it, and say how it ended."""
     if not name:
         raise ElementError(f"say which parameter: :excite NAME {EXAMPLE}")
