@@ -1,8 +1,9 @@
 """Everything that can be done, once: keys, key bar, help, command palette and `:` words are made from this list.
 
 A command with id `x` is carried out by the method `command_x` of the screen, else of `CommandRunner`, else of the app:
-by key, by word and from the palette. A new one touches its entry, that method and its test. Keys avoid what terminals
-eat: `ctrl+h/i/j/m`, `alt+letter`, `ctrl+enter`. This imports nothing of `silo_tui`.
+by key, by word and from the palette; those that do the same by another amount share one. A new one touches its entry,
+that method and its test. Keys avoid what terminals eat: `ctrl+h/i/j/m`, `alt+letter`, `ctrl+enter`. This imports
+nothing of `silo_tui`.
 """
 
 import unicodedata
@@ -37,7 +38,8 @@ class Command(msgspec.Struct, frozen=True):
     `scopes` are the screens where its keys count (`any`: all of them; none: it can only be typed). `footer` is its
     place in the key bar, 0: none. `writes` commands change the logger or its table: they are refused with
     `--read-only`. Those that `asks` need a logger that answers; where the link is lost, those that
-    `retries` look for it at once instead. `hidden` ones are left out of the palette.
+    `retries` look for it at once instead. `hidden` ones are left out of the palette. Several may share a method, that
+    of what they do, which is told what is `given`.
     """
 
     id: str
@@ -53,6 +55,13 @@ class Command(msgspec.Struct, frozen=True):
     hidden: bool = False
     shown_key: str = ""
     typed: Typed | None = None
+    does: str = ""
+    given: str | int = ""
+
+    @property
+    def method(self) -> str:
+        """What carries it out."""
+        return f"command_{self.does or self.id}"
 
     @property
     def key_text(self) -> str:
@@ -131,6 +140,8 @@ _LISTS = _ORDERED + _SETTINGS + _MESSAGES
 FILE_SCOPES = _FILE + _FILE_MONITOR + _FILE_DETAIL + _FILE_EVENTS
 
 
+FAR = 10  # steps
+
 _read = partial(Typed, reads=True)
 _acts = partial(Command, writes=True, asks=True)  # what changes a logger that answers
 
@@ -146,8 +157,8 @@ def _words(option: str) -> str:
 # fmt: off
 COMMANDS: tuple[Command, ...] = (
     # ------------------------------------------------------------------------------------------------- moving
-    Command("down", "j,down", "Down", "next element", "Move", _TABLES, hidden=True),
-    Command("up", "k,up", "Up", "previous element", "Move", _TABLES, hidden=True),
+    Command("down", "j,down", "Down", "next element", "Move", _TABLES, hidden=True, does="step", given=1),
+    Command("up", "k,up", "Up", "previous element", "Move", _TABLES, hidden=True, does="step", given=-1),
     Command("top", "g,home", "Top", "first element", "Move", _TABLES),
     Command("bottom", "G,end", "Bottom", "last element", "Move", _TABLES),
     Command("half_down", "ctrl+d,pagedown", "Page down", "half a page down", "Move", _TABLES),
@@ -172,11 +183,15 @@ COMMANDS: tuple[Command, ...] = (
             _TABLE + _MONITOR),
     # ------------------------------------------------------------------------------------------------- editing
     Command("edit", "e,enter", "Edit", "edit the field that ← → chose, else ask which", "Edit", _TABLE, 5, writes=True),
-    Command("toggle", "t", "On/Off", "switch logging on or off", "Edit", _TABLE, 13, writes=True),
-    Command("edit_divider", "d", "Divider", _typed("divider"), "Edit", _TABLE, writes=True),
-    Command("edit_size", "s", "Size", _typed("size"), "Edit", _TABLE, writes=True),
-    Command("next_buffer", "b", "Buffer", _words("buffer"), "Edit", _TABLE, writes=True),
-    Command("next_action", "p", "Publish", _words("action"), "Edit", _TABLE, writes=True),
+    Command("toggle", "t", "On/Off", "switch logging on or off", "Edit", _TABLE, 13, writes=True, does="edit_field",
+            given="ENABLED"),
+    Command("edit_divider", "d", "Divider", _typed("divider"), "Edit", _TABLE, writes=True, does="edit_field",
+            given="DIVIDER"),
+    Command("edit_size", "s", "Size", _typed("size"), "Edit", _TABLE, writes=True, does="edit_field", given="SIZE"),
+    Command("next_buffer", "b", "Buffer", _words("buffer"), "Edit", _TABLE, writes=True, does="edit_field",
+            given="BUFFER"),
+    Command("next_action", "p", "Publish", _words("action"), "Edit", _TABLE, writes=True, does="edit_field",
+            given="ACTION"),
     Command("edit_all", "equals_sign", "Set to", "type a value, or words: div=5 size=10s buf=loop", "Edit",
             _TABLE, writes=True),
     Command("undo", "u", "Undo", "take the last edit back", "Edit", _TABLE + _PARAMETERS, 14, typed=Typed(("undo",))),
@@ -200,23 +215,29 @@ COMMANDS: tuple[Command, ...] = (
     Command("monitor", "m", "Plot", "plot what is marked, or the element under the cursor", "Look", _TABLE, 7,
             typed=Typed(("monitor",))),
     Command("inspector", "i", "Inspector", "show or hide all about the element, beside or below", "Look", _TABLES),
-    Command("plot_down", "j,down", "Next", "next plot", "Plots", _MONITORS),
-    Command("plot_up", "k,up", "Previous", "previous plot", "Plots", _MONITORS),
+    Command("plot_down", "j,down", "Next", "next plot", "Plots", _MONITORS, does="choose_plot", given=1),
+    Command("plot_up", "k,up", "Previous", "previous plot", "Plots", _MONITORS, does="choose_plot", given=-1),
     Command("plot_top", "g", "First", "first plot", "Plots", _MONITORS),
     Command("plot_bottom", "G", "Last", "last plot", "Plots", _MONITORS),
     Command("pause", "space", "Pause", "freeze what is shown, and as much before it", "Plots", _LIVE_PLOTS, 1),
     Command("closer", "plus,equals_sign", "Shorter", "shorter time span, or range of frequencies", "Plots",
-            _PLOTS + _SCOPE, 2, shown_key="+"),
-    Command("wider", "minus", "Longer", "longer time span, or range of frequencies", "Plots", _PLOTS + _SCOPE, 3),
-    Command("cursor_left", "h,left", "Cursor", "cursor to the left", "Plots", _PLOTS + _SCOPE, 4, shown_key="←→"),
-    Command("cursor_right", "l,right", "Cursor right", "cursor to the right", "Plots", _PLOTS + _SCOPE),
-    Command("cursor_far_left", "shift+left", "Far left", "cursor ten to the left", "Plots", _PLOTS + _SCOPE),
-    Command("cursor_far_right", "shift+right", "Far right", "cursor ten to the right", "Plots", _PLOTS + _SCOPE),
+            _PLOTS + _SCOPE, 2, shown_key="+", does="zoom", given=True),
+    Command("wider", "minus", "Longer", "longer time span, or range of frequencies", "Plots", _PLOTS + _SCOPE, 3,
+            does="zoom", given=False),
+    Command("cursor_left", "h,left", "Cursor", "cursor to the left", "Plots", _PLOTS + _SCOPE, 4, shown_key="←→",
+            does="move_cursor", given=-1),
+    Command("cursor_right", "l,right", "Cursor right", "cursor to the right", "Plots", _PLOTS + _SCOPE,
+            does="move_cursor", given=1),
+    Command("cursor_far_left", "shift+left", "Far left", "cursor ten to the left", "Plots", _PLOTS + _SCOPE,
+            does="move_cursor", given=-FAR),
+    Command("cursor_far_right", "shift+right", "Far right", "cursor ten to the right", "Plots", _PLOTS + _SCOPE,
+            does="move_cursor", given=FAR),
     Command("scale", "y", "Y scale", "hold the y scale, or let it follow", "Plots", _PLOTS, 5),
     Command("catch", "c", "Catch", "the scope: crossings of a level stand still", "Plots", _LIVE_PLOTS, asks=True),
     Command("scope_mode", "c", "Mode", "normal, single, auto", "Scope", _SCOPE, 1),
-    Command("level_down", "less_than_sign", "Level", "level down", "Scope", _SCOPE, 2, shown_key="< >"),
-    Command("level_up", "greater_than_sign", "Level up", "level up", "Scope", _SCOPE),
+    Command("level_down", "less_than_sign", "Level", "level down", "Scope", _SCOPE, 2, shown_key="< >",
+            does="move_level", given=-1),
+    Command("level_up", "greater_than_sign", "Level up", "level up", "Scope", _SCOPE, does="move_level", given=1),
     Command("scope_force", "exclamation_mark", "Force", "show what is there now", "Scope", _SCOPE, 3),
     Command("scope_settings", "e", "Settings", "edge, level, pre share, mode", "Scope", _SCOPE, 4),
     Command("scope_hold", "space", "Hold", "hold the picture, or go on; after single arm again", "Scope", _SCOPE, 5),
@@ -228,20 +249,24 @@ COMMANDS: tuple[Command, ...] = (
     Command("isolate_plot", "I", "Isolate", "the signal in a plot of its own again", "Plots", _MONITORS),
     Command("arrange_plots", "tab", "Views", "each alone, one plot per unit, as few as can be", "Plots", _MONITORS, 9),
     Command("cursor_b", "B", "Cursor B", "second cursor at A, or lift it: facts between", "Plots", _PLOTS, 6),
-    Command("next_sample", "full_stop", "Next sample", "cursor to the next sample of the plot", "Plots", _PLOTS),
-    Command("previous_sample", "comma", "Sample before", "cursor to the sample before", "Plots", _PLOTS),
+    Command("next_sample", "full_stop", "Next sample", "cursor to the next sample of the plot", "Plots", _PLOTS,
+            does="step_sample", given=1),
+    Command("previous_sample", "comma", "Sample before", "cursor to the sample before", "Plots", _PLOTS,
+            does="step_sample", given=-1),
     Command("find", "f", "Find", "the highest, a crossing, a change, nan, a hole ...", "Plots", _PLOTS, 4),
-    Command("next_found", "right_square_bracket", "Next found", "next of what was looked for; else the highest, or the "
-            "next change", "Plots", _PLOTS),
-    Command("previous_found", "left_square_bracket", "Found before", "the one before; else the lowest, or the change "
-            "before", "Plots", _PLOTS),
+    Command("next_found", "right_square_bracket", "Next found",
+            "next of what was looked for; else the highest, or the next change", "Plots", _PLOTS, does="find_on",
+            given=1),
+    Command("previous_found", "left_square_bracket", "Found before",
+            "the one before; else the lowest, or the change before", "Plots", _PLOTS, does="find_on", given=-1),
     Command("next_event", "right_curly_bracket", "Next event", "next hole, trigger, marker", "Plots",
-            _PLOTS + _HAPPENED),
-    Command("previous_event", "left_curly_bracket", "Event before", "the event before", "Plots",
-            _PLOTS + _HAPPENED),
-    Command("earlier", "pageup,ctrl+u", "Earlier", "half a window back, live too", "Plots", _PLOTS, 7,
-            shown_key="PgUp"),
-    Command("later", "pagedown,ctrl+d", "Later", "half a window on", "Plots", _PLOTS, 8, shown_key="PgDn"),
+            _PLOTS + _HAPPENED, does="step_event", given=1),
+    Command("previous_event", "left_curly_bracket", "Event before", "the event before", "Plots", _PLOTS + _HAPPENED,
+            does="step_event", given=-1),
+    Command("earlier", "pageup,ctrl+u", "Earlier", "half a window back, live too", "Plots", _PLOTS, 7, shown_key="PgUp",
+            does="pan", given=-1),
+    Command("later", "pagedown,ctrl+d", "Later", "half a window on", "Plots", _PLOTS, 8, shown_key="PgDn", does="pan",
+            given=1),
     Command("oldest", "home,circumflex_accent", "Oldest", "the oldest that is held", "Plots", _PLOTS),
     Command("newest", "end,dollar_sign", "Now", "now; in a file its end", "Plots", _PLOTS, 9, shown_key="End"),
     Command("all_held", "0", "All", "all that is held", "Plots", _PLOTS, 9),
@@ -250,13 +275,16 @@ COMMANDS: tuple[Command, ...] = (
     Command("drop_plot", "x", "Remove", "take the plot off the screen", "Plots", _MONITORS, 10),
     Command("mode", "tab,v", "View", "over time, x-y, spectrum, histogram", "Detail plot", _DETAILS, 1),
     Command("level", "Y", "Log/dB", "y axis by powers of ten; of a spectrum also dB", "Detail plot", _DETAILS, 2),
-    Command("mode_time", "", "Over time", "the signals over time", "Detail plot", _PLOTS),
-    Command("mode_spectrum", "", "Spectrum", "amplitudes by frequency, peaks", "Detail plot", _PLOTS),
-    Command("mode_xy", "", "X-Y", "one signal over another", "Detail plot", _PLOTS),
-    Command("mode_histogram", "", "Histogram", "how often which value", "Detail plot", _PLOTS),
+    Command("mode_time", "", "Over time", "the signals over time", "Detail plot", _PLOTS, does="show_as", given="time"),
+    Command("mode_spectrum", "", "Spectrum", "amplitudes by frequency, peaks", "Detail plot", _PLOTS, does="show_as",
+            given="spectrum"),
+    Command("mode_xy", "", "X-Y", "one signal over another", "Detail plot", _PLOTS, does="show_as", given="x-y"),
+    Command("mode_histogram", "", "Histogram", "how often which value", "Detail plot", _PLOTS, does="show_as",
+            given="histogram"),
     Command("detail_swap", "X", "Swap", "swap x and y", "Detail plot", _DETAILS, 8),
-    Command("detail_down", "j,down", "Next", "next signal of the plots", "Detail plot", _DETAILS),
-    Command("detail_up", "k,up", "Previous", "the signal before", "Detail plot", _DETAILS),
+    Command("detail_down", "j,down", "Next", "next signal of the plots", "Detail plot", _DETAILS, does="turn_to",
+            given=1),
+    Command("detail_up", "k,up", "Previous", "the signal before", "Detail plot", _DETAILS, does="turn_to", given=-1),
     Command("detail_top", "g", "First", "first signal of the plots", "Detail plot", _DETAILS),
     Command("detail_bottom", "G", "Last", "last signal of the plots", "Detail plot", _DETAILS),
     Command("detail_refresh", "r", "Refresh", "draw with what came since", "Detail plot", _DETAIL, 7),
@@ -265,8 +293,8 @@ COMMANDS: tuple[Command, ...] = (
     # --------------------------------------------------------------------------------------------------- files
     Command("plot", "m,enter", "Plot", "plot what is marked, or the element under the cursor", "Look", _FILE, 3),
     # --------------------------------------------------------------------------------------------------- lists
-    Command("list_down", "j,down", "Down", "next line", "Lists", _LISTS, hidden=True),
-    Command("list_up", "k,up", "Up", "line above", "Lists", _LISTS, hidden=True),
+    Command("list_down", "j,down", "Down", "next line", "Lists", _LISTS, hidden=True, does="list_step", given=1),
+    Command("list_up", "k,up", "Up", "line above", "Lists", _LISTS, hidden=True, does="list_step", given=-1),
     Command("list_top", "g,home", "Top", "first line; of events the newest, and what comes", "Lists", _LISTS),
     Command("list_bottom", "G,end", "Bottom", "last line", "Lists", _LISTS),
     Command("list_page_down", "ctrl+d,pagedown", "Page down", "a page down", "Lists", _LISTS),
@@ -282,10 +310,11 @@ COMMANDS: tuple[Command, ...] = (
     _acts("set_marker", "M", "Marker", "mark the tick on the screen (paused: at cursor A) with some words", "Events",
             _MARKING, typed=Typed(("marker",))),
     _acts("episode_good", "f5", "Episode good", "the newest episode went well; it ends one begun by hand", "Events",
-            _MARKING),
-    _acts("episode_bad", "f6", "Episode bad", "the newest went badly", "Events", _MARKING),
+            _MARKING, does="say_of_episode", given="good"),
+    _acts("episode_bad", "f6", "Episode bad", "the newest went badly", "Events", _MARKING, does="say_of_episode",
+            given="bad"),
     _acts("episode_redo", "f7", "Episode redo", "the newest episode went badly and is to be done again", "Events",
-            _MARKING),
+            _MARKING, does="say_of_episode", given="redo"),
     _acts("episode", "f8", "Episode", "begin an episode by hand; its name is asked for", "Events", _MARKING,
             typed=_read(("episode",), "", ":episode begin NAME", "an episode: begin, end, good, bad, redo", 9)),
     Command("events", "E", "Events", "what happened, and who did it", "Go",
@@ -298,14 +327,15 @@ COMMANDS: tuple[Command, ...] = (
             "`silo-tui --serve` is all of it in a browser", "Go",
             _BOTH + _DETAIL + _ASIDE, typed=Typed(("loggers", "fleet"))),
     Command("open_logger", "enter", "Open", "open this logger", "Loggers", _LOGGERS, 1),
-    Command("start_stop_loggers", "S", "Start/Stop", "start or stop it, or all that are marked, after a question that "
-            "names them", "Loggers", _LOGGERS, 3, writes=True),
+    Command("start_stop_loggers", "S", "Start/Stop",
+            "start or stop it, or all that are marked, after a question that names them", "Loggers", _LOGGERS, 3,
+            writes=True, does="many", given="start_stop"),
     Command("restart_loggers", "R", "Restart", "stop and start it again, or all that are marked", "Loggers", _LOGGERS,
-            writes=True),
+            writes=True, does="many", given="restart"),
     Command("save_loggers", "w", "Save", "write its data to files on the robot, or of all that are marked", "Loggers",
-            _LOGGERS, 4, writes=True),
+            _LOGGERS, 4, writes=True, does="many", given="save"),
     Command("load_into_loggers", "L", "Load configuration", "load a script into it, or into all that are marked",
-            "Loggers", _LOGGERS, 5, writes=True),
+            "Loggers", _LOGGERS, 5, writes=True, does="many", given="load"),
     Command("look_again", "r", "Look again", "forget those that are gone; try what could not be reached", "Loggers",
             _LOGGERS, 8),
     Command("demo", "D", "Demo", "start a simulated robot and open it", "Loggers", _LOGGERS, 7),
@@ -361,15 +391,16 @@ COMMANDS: tuple[Command, ...] = (
             "Go", _BOTH + _DETAIL + _CONDITIONS + _RECORDINGS + _EVENTS, asks=True,
             typed=Typed(("parameters", "param"))),
     _acts("turn_down", "h,left,less_than_sign", "Turn", "the parameter a step down; the word before", "Parameters",
-            _PARAMETERS, 1, shown_key="←→"),
+            _PARAMETERS, 1, shown_key="←→", does="turn", given=-1),
     _acts("turn_up", "l,right,greater_than_sign", "Turn up", "the parameter a step up; the word after", "Parameters",
-            _PARAMETERS),
+            _PARAMETERS, does="turn", given=1),
     _acts("turn_plotted_down", "less_than_sign", "Turn", "turn the parameter in the plot a step down", "Parameters",
-            _MONITOR, shown_key="< >"),
+            _MONITOR, shown_key="< >", does="turn_plotted", given=-1),
     _acts("turn_plotted_up", "greater_than_sign", "Turn up", "turn the parameter in the plot a step up", "Parameters",
-            _MONITOR),
-    _acts("turn_far_down", "shift+left", "Far", "ten steps down", "Parameters", _PARAMETERS, 2, shown_key="⇧←→"),
-    _acts("turn_far_up", "shift+right", "Far up", "ten steps up", "Parameters", _PARAMETERS),
+            _MONITOR, does="turn_plotted", given=1),
+    _acts("turn_far_down", "shift+left", "Far", "ten steps down", "Parameters", _PARAMETERS, 2, shown_key="⇧←→",
+            does="turn", given=-FAR),
+    _acts("turn_far_up", "shift+right", "Far up", "ten steps up", "Parameters", _PARAMETERS, does="turn", given=FAR),
     _acts("type_parameter", "e,enter", "Edit", "type its value", "Parameters", _PARAMETERS, 3),
     _acts("default_parameter", "x", "Default",
             "back to the default, or those of all that are marked, after a " "question", "Parameters", _PARAMETERS, 4),
@@ -389,8 +420,10 @@ COMMANDS: tuple[Command, ...] = (
             typed=Typed(("settings",))),
     Command("change_setting", "e,enter", "Change", "the next word, a number to type, a key to press", "Settings",
             _SETTINGS, 1),
-    Command("earlier_word", "h,left", "Choose", "the word before", "Settings", _SETTINGS, 2, shown_key="←→"),
-    Command("later_word", "l,right", "Word after", "the word after", "Settings", _SETTINGS),
+    Command("earlier_word", "h,left", "Choose", "the word before", "Settings", _SETTINGS, 2, shown_key="←→",
+            does="choose_word", given=-1),
+    Command("later_word", "l,right", "Word after", "the word after", "Settings", _SETTINGS, does="choose_word",
+            given=1),
     Command("default_setting", "x", "Default", "as it is without a file", "Settings", _SETTINGS, 4),
     Command("write_settings", "w", "Write the file", "keep the settings for next time", "Settings", _SETTINGS, 3),
     # ------------------------------------------------------------------------------------------------------ app
@@ -398,13 +431,19 @@ COMMANDS: tuple[Command, ...] = (
             _TABLE + _MONITOR + _DETAIL + _ASIDE + _LOGGERS + _SETTINGS + _RUNS + _COMPARED + _RESPONSE + _MESSAGES
             + FILE_SCOPES, 11),
     Command("menus", "backslash", "Menus", "the five menus: go, edit, view, record, plots", "Go", ("any",)),
-    Command("menu_go", "", "Go", "the menu of screens, names, files", "Menus", ("any",), 2),
-    Command("menu_edit", "", "Edit", "the menu of what edits elements, or what the cursor is on", "Menus", ("any",), 2),
-    Command("menu_view", "", "View", "the menu of what is shown, and how", "Menus", ("any",), 2),
-    Command("menu_record", "", "Rec", "the menu of recordings, triggers, markers", "Menus", ("any",), 2),
-    Command("menu_plots", "", "Plots", "the menu of plots: find, cursors, axes, what joins what", "Menus", ("any",), 2),
+    Command("menu_go", "", "Go", "the menu of screens, names, files", "Menus", ("any",), 2, does="menus",
+            given="menu_go"),
+    Command("menu_edit", "", "Edit", "the menu of what edits elements, or what the cursor is on", "Menus", ("any",), 2,
+            does="menus", given="menu_edit"),
+    Command("menu_view", "", "View", "the menu of what is shown, and how", "Menus", ("any",), 2, does="menus",
+            given="menu_view"),
+    Command("menu_record", "", "Rec", "the menu of recordings, triggers, markers", "Menus", ("any",), 2, does="menus",
+            given="menu_record"),
+    Command("menu_plots", "", "Plots", "the menu of plots: find, cursors, axes, what joins what", "Menus", ("any",), 2,
+            does="menus", given="menu_plots"),
     Command("again", "", "Again", "what was done last by menus e, v, p once more, with its value", "Go", ("any",)),
-    Command("again_back", "", "Other way", "what was done last by the menu p the other way round", "Go", ("any",)),
+    Command("again_back", "", "Other way", "what was done last by the menu p the other way round", "Go", ("any",),
+            does="again", given="back"),
     Command("help", "question_mark,f1", "Help", "this page", "Go", ("any",), 10, shown_key="?", typed=Typed(("help",))),
     Command("palette", "ctrl+p", "Palette", "search everything that can be done", "Go", ("any",), hidden=True),
     Command("back", "escape", "Back", "out of whatever is open; clears range, filter, marks", "Go", ("any",),

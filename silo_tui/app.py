@@ -6,7 +6,6 @@ import gc
 import os
 import shlex
 from collections.abc import Callable, Sequence
-from functools import partialmethod
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from textual import events
@@ -332,16 +331,8 @@ class SiloApp(Guarded, App[None]):
     def command_menus(self, menu: str = "menus") -> None:
         self.reader.open(menu)
 
-    command_menu_go = partialmethod(command_menus, "menu_go")
-    command_menu_edit = partialmethod(command_menus, "menu_edit")
-    command_menu_view = partialmethod(command_menus, "menu_view")
-    command_menu_record = partialmethod(command_menus, "menu_record")
-    command_menu_plots = partialmethod(command_menus, "menu_plots")
-
-    def command_again(self, *, turned: bool = False) -> None:
-        self.reader.again(turned=turned)
-
-    command_again_back = partialmethod(command_again, turned=True)
+    def command_again(self, way: str = "") -> None:
+        self.reader.again(turned=way == "back")
 
     def command_suspend(self) -> None:
         self.action_suspend_process()
@@ -350,17 +341,15 @@ class SiloApp(Guarded, App[None]):
         terminal.repaint(self)
         self.context.run_flow(self.context.session.reload())
 
-    def command_detail(self, mode: str = "time") -> None:
+    def command_detail(self) -> None:
+        self.command_show_as("time")
+
+    def command_show_as(self, mode: str) -> None:
         from silo_tui.screens.plots.detail import open_large
         from silo_tui.screens.plots.monitor import MonitorScreen
 
         if isinstance(self.screen, MonitorScreen):
             open_large(self.screen, mode)
-
-    command_mode_time = command_detail
-    command_mode_spectrum = partialmethod(command_detail, "spectrum")
-    command_mode_xy = partialmethod(command_detail, "x-y")
-    command_mode_histogram = partialmethod(command_detail, "histogram")
 
     def command_triggers(self) -> None:
         from silo_tui.screens.lists.triggers import TriggersScreen
@@ -479,18 +468,14 @@ class SiloApp(Guarded, App[None]):
         from silo_tui.screens.dialogs.marking import ask_episode
 
         if typed.arguments:
-            self._say_of_episode(typed.first, " ".join(typed.arguments[1:]))
+            self.command_say_of_episode(typed.first, " ".join(typed.arguments[1:]))
         else:
             ask_episode(self.context)
 
-    def _say_of_episode(self, word: str, name: str = "") -> None:
+    def command_say_of_episode(self, word: str, name: str = "") -> None:
         from silo_tui.screens.dialogs.marking import say_of_episode
 
         run_aside(self, "mark", say_of_episode, self.context, word, name)
-
-    command_episode_good = partialmethod(_say_of_episode, "good")
-    command_episode_bad = partialmethod(_say_of_episode, "bad")
-    command_episode_redo = partialmethod(_say_of_episode, "redo")
 
     def open_left(self, names: Sequence[str] = ()) -> None:
         """Open what a robot program that died left, with plots of these elements where some are named."""

@@ -417,10 +417,11 @@ class SiloScreen(Leaving[None]):
         if not self.context.allows(command):
             return
         places = (self, *self.parts, self.context.runner, self.app)
-        found = (getattr(place, f"command_{command_id}", None) for place in places)
+        found = (getattr(place, command.method, None) for place in places)
         handler: Callable[..., Any] | None = next(filter(None, found), None)
         if handler is not None:
-            handler(*([typed] if command.typed is not None and command.typed.reads else []))
+            reads = command.typed is not None and command.typed.reads
+            handler(*([command.given] if command.does else []), *([typed] if reads else []))
         self.update_keys()
 
     def _as_typed(self, command: Command) -> None:

@@ -103,9 +103,8 @@ class CommandRunner:
             tables = [each for each in stack if each.scope == "table"]
         else:
             tables = stack[:1]
-        named = f"command_{command.id}"
-        found = [each for each in stack if hasattr(each, named)] or tables
-        if not found and hasattr(self._context.app, named):  # no logger is open, nor needed
+        found = [each for each in stack if hasattr(each, command.method)] or tables
+        if not found and hasattr(self._context.app, command.method):  # no logger is open, nor needed
             found = stack[:1]
         if not found:
             raise RefusedError("no logger is open")

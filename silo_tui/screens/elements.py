@@ -2,7 +2,6 @@
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from functools import partialmethod
 from typing import TYPE_CHECKING
 
 from textual import events
@@ -158,21 +157,20 @@ class ElementsScreen(SiloScreen):
         self.session.rows.move_to(position)
         self.table.show_cursor()
 
-    def _step(self, lines: int) -> None:
+    def command_step(self, lines: int) -> None:
         self._move(self.session.rows.position + lines)
 
-    command_down = partialmethod(_step, 1)
-    command_up = partialmethod(_step, -1)
-    command_top = partialmethod(_move, 0)
+    def command_top(self) -> None:
+        self._move(0)
 
     def command_bottom(self) -> None:
         self._move(len(self.session.rows.tree.lines) - 1)
 
     def command_half_down(self) -> None:
-        self._step(self.table.half_page)
+        self.command_step(self.table.half_page)
 
     def command_half_up(self) -> None:
-        self._step(-self.table.half_page)
+        self.command_step(-self.table.half_page)
 
     # ------------------------------------------------------------------------------------ filter, marks, order
 
@@ -207,7 +205,7 @@ class ElementsScreen(SiloScreen):
             self._marks_changed()
             return
         rows.toggle_mark()
-        self.command_down()
+        self.command_step(1)
 
     def command_mark_shown(self) -> None:
         if not self._is_empty():

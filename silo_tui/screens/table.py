@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Sequence
-from functools import partial, partialmethod
+from functools import partial
 
 import msgspec
 import numpy as np
@@ -442,11 +442,8 @@ class TableScreen(ElementsScreen):
         if self._targets_known():
             self.sure_of_hidden(lambda: self._edit_field(field))
 
-    command_toggle = partialmethod(edit_field, Field.ENABLED)
-    command_edit_divider = partialmethod(edit_field, Field.DIVIDER)
-    command_edit_size = partialmethod(edit_field, Field.SIZE)
-    command_next_buffer = partialmethod(edit_field, Field.BUFFER)
-    command_next_action = partialmethod(edit_field, Field.ACTION)
+    def command_edit_field(self, name: str) -> None:
+        self.edit_field(Field[name])
 
     def _edit_field(self, field: Field) -> None:
         self._choose_field(field)

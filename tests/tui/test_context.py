@@ -373,8 +373,8 @@ class Part:
     def __init__(self, done: list[str]) -> None:
         self.done = done
 
-    def command_toggle(self) -> None:
-        self.done.append("toggle")
+    def command_edit_field(self, name: str) -> None:
+        self.done.append({"ENABLED": "toggle"}[name])
 
     def command_filter(self, typed: Spelled) -> None:
         self.done.append("never: the screen has it")

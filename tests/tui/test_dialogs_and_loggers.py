@@ -434,7 +434,7 @@ def test_every_command_has_its_method():
         for scope in command.scopes if "any" not in command.scopes else screens:
             screen = screens.get(scope) or screens[scope.removeprefix("file_")]
             owners = (screen, *screen.PARTS, CommandRunner, SiloApp)
-            assert any(hasattr(owner, f"command_{command.id}") for owner in owners), (scope, command.id)
+            assert any(hasattr(owner, command.method) for owner in owners), (scope, command.id)
 
 
 async def test_a_logger_that_doesn_t_answer_is_told_with_what_to_do(fake, opened):

@@ -321,9 +321,9 @@ async def test_two_steps_of_which_neither_waits_for_the_other_are_two_samples(mo
             return await samples(name, start_ns, end_ns)
 
         monkeypatch.setattr(shown.source, "samples", slow_samples)
-        shown.search.command_next_sample()
-        shown.search.command_next_sample()
-        shown.search.command_next_sample()
+        shown.search.command_step_sample(1)
+        shown.search.command_step_sample(1)
+        shown.search.command_step_sample(1)
         await screen.until(lambda: shown.file.time_ns == START_NS + 4 * STEP_NS, "three samples on")
         assert len(asked) == len(set(asked)) == 3
 

@@ -17,7 +17,6 @@ from silo.errors import ElementError
 from silo_tui.model.words import text
 
 NUMBERS = (ParameterKind.FLOAT, ParameterKind.INT)
-COARSE = 10
 FINE_SHARE = 100  # without a step of its own it goes in so many steps through its range
 VALUE, BAR, DEFAULT = 15, 12, 9
 

@@ -99,8 +99,8 @@ class EventsScreen(LoggerList[LoggedEvent]):
         self._following = True
         self.show()
 
-    command_next_event = LoggerList.command_list_up
-    command_previous_event = LoggerList.command_list_down
+    def command_step_event(self, step: int) -> None:
+        self.command_list_step(-step)
 
     def command_list_read(self) -> None:
         run_alone(self, "events", self._read_again)

@@ -2,7 +2,6 @@
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from functools import partialmethod
 from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 
 from rich.text import Text
@@ -262,17 +261,14 @@ class ListScreen(SiloScreen, Generic[LineT]):
         """Move the cursor."""
         self.lines.move(place)
 
-    def _step(self, lines: int) -> None:
+    def command_list_step(self, lines: int) -> None:
         self.move((self.lines.highlighted or 0) + lines)
 
-    command_list_down = partialmethod(_step, 1)
-    command_list_up = partialmethod(_step, -1)
-
     def command_list_page_down(self) -> None:
-        self._step(self.lines.page_rows)
+        self.command_list_step(self.lines.page_rows)
 
     def command_list_page_up(self) -> None:
-        self._step(-self.lines.page_rows)
+        self.command_list_step(-self.lines.page_rows)
 
     def command_list_top(self) -> None:
         self.move(0)
@@ -285,7 +281,7 @@ class ListScreen(SiloScreen, Generic[LineT]):
     def command_list_mark(self) -> None:
         if self.here() is not None:
             self.marks.toggle(self.chosen_key)
-            self._step(1)
+            self.command_list_step(1)
             self.show()
 
     def command_list_mark_all(self) -> None:

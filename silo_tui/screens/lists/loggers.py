@@ -5,7 +5,6 @@ Shown when there are several, and while there is none: then it says what to star
 
 import time
 from collections.abc import Callable, Sequence
-from functools import partialmethod
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -155,13 +154,8 @@ class LoggersScreen(ListScreen[FoundLogger]):
 
     # ------------------------------------------------------------------------------------------------- many at once
 
-    def _many(self, what: str) -> None:
+    def command_many(self, what: str) -> None:
         none = "the filter leaves out any logger: Esc ends it; nothing was asked" if self.asked else "no logger is here"
         targets = self.targets(none)
         if targets and self._command is not None:
             self._command(what, targets)
-
-    command_start_stop_loggers = partialmethod(_many, "start_stop")
-    command_restart_loggers = partialmethod(_many, "restart")
-    command_save_loggers = partialmethod(_many, "save")
-    command_load_into_loggers = partialmethod(_many, "load")

@@ -109,15 +109,10 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
 
     # ------------------------------------------------------------------------------------------------- commands
 
-    def _turn(self, steps: int) -> None:
+    def command_turn(self, steps: int) -> None:
         if (one := self.here()) is not None:
             turn = partial(self.knobs.turn, self.context.link, one.name, steps)
             run_aside(self, "turning", self._tell, turn, self._way_on())
-
-    command_turn_down = partialmethod(_turn, -1)
-    command_turn_up = partialmethod(_turn, 1)
-    command_turn_far_down = partialmethod(_turn, -rows.COARSE)
-    command_turn_far_up = partialmethod(_turn, rows.COARSE)
 
     @staticmethod
     def _way_on() -> str:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partialmethod
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
@@ -146,7 +145,7 @@ class SettingsScreen(ListScreen[SettingRow]):
             command = row.command
             ask(self, KeyDialog(command, self.context.settings), lambda key: self._take_key(command, key))
         elif row.option is not None and row.option.words and not row.option.several:
-            self._choose(1)
+            self.command_choose_word(1)
         elif row.option is not None:
             self._typed_of, value = row.option, getattr(self.context.settings, row.option.name)
             line = self.query_one("#settings-value", Line)
@@ -156,7 +155,7 @@ class SettingsScreen(ListScreen[SettingRow]):
 
     enter = command_change_setting
 
-    def _choose(self, step: int) -> None:
+    def command_choose_word(self, step: int) -> None:
         option = row.option if (row := self.chosen) is not None else None
         if option is not None and option.several:
             self.command_change_setting()
@@ -167,9 +166,6 @@ class SettingsScreen(ListScreen[SettingRow]):
         place = option.words.index(getattr(self.context.settings, option.name))
         word = option.words[(place + step) % len(option.words)]
         self._change(f"{option.name}: {word}", **{option.name: word})
-
-    command_earlier_word = partialmethod(_choose, -1)
-    command_later_word = partialmethod(_choose, 1)
 
     def command_default_setting(self) -> None:
         row, settings = self.here(), self.context.settings

@@ -9,7 +9,6 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partialmethod
 
 import numpy as np
 from textual import events
@@ -293,7 +292,7 @@ class DetailScreen(MonitorScreen):
     # --------------------------------------------------------------------------------------------------- commands
 
     def command_mode(self) -> None:
-        self._show_as(MODES[(MODES.index(self.mode) + 1) % len(MODES)])
+        self.command_show_as(MODES[(MODES.index(self.mode) + 1) % len(MODES)])
 
     def on_key(self, event: events.Key) -> None:
         """Say of the key that led here that it leads no further."""
@@ -319,7 +318,7 @@ class DetailScreen(MonitorScreen):
     def value_now(self, command_id: str) -> str:
         return {"level": self.level, "mode": self.mode}.get(command_id, "")
 
-    def _show_as(self, mode: str) -> None:
+    def command_show_as(self, mode: str) -> None:
         self.mode = mode
         self.line.say("")
         self._kind = ""
@@ -329,11 +328,6 @@ class DetailScreen(MonitorScreen):
         self.stack.display, self.plot.display = over_time, not over_time
         self.show_between()
         self.call_after_refresh(self.request_view)
-
-    command_mode_time = partialmethod(_show_as, "time")
-    command_mode_spectrum = partialmethod(_show_as, "spectrum")
-    command_mode_xy = partialmethod(_show_as, "x-y")
-    command_mode_histogram = partialmethod(_show_as, "histogram")
 
     def command_level(self) -> None:
         if self.mode == "spectrum":
@@ -364,14 +358,11 @@ class DetailScreen(MonitorScreen):
             self._peak = int(answer)
             self._tell_peak()
 
-    def _find_on(self, step: int) -> None:
+    def command_find_on(self, step: int) -> None:
         if self.mode == MODES[0]:
-            self.search.find_on(step)
+            self.search.command_find_on(step)
         else:
             self._go_to_peak(step)
-
-    command_next_found = partialmethod(_find_on, 1)
-    command_previous_found = partialmethod(_find_on, -1)
 
     def _go_to_peak(self, step: int) -> None:
         if not self._peaks:
@@ -399,10 +390,10 @@ class DetailScreen(MonitorScreen):
         level = big_plot.level_words(peak.amplitude, self.level, self.plots[0].element.unit)
         return f"{self._letter(0)}peak {self._peak + 1}: {self._hz(peak)} Hz, {level}"
 
-    def _zoom(self, *, closer: bool) -> None:
+    def command_zoom(self, closer: bool) -> None:
         """Zoom over time; in a spectrum its frequencies, of which the lower half is looked at."""
         if self.mode != "spectrum" or self._first is None:
-            super()._zoom(closer=closer)
+            super().command_zoom(closer)
         elif not closer and not self._halved:
             self.say("that is the whole spectrum")
         elif closer and self._top_hz / 2 < LEAST_LINES * self._first.step_hz:
@@ -420,9 +411,9 @@ class DetailScreen(MonitorScreen):
         self.line.say("")
         self.request_view()
 
-    def _move_cursor(self, cells: int) -> None:
+    def command_move_cursor(self, cells: int) -> None:
         if self.mode == MODES[0]:
-            super()._move_cursor(cells)
+            super().command_move_cursor(cells)
         elif self.mode == "spectrum":
             width, before = self.plot.plot_size[0], self.plot.cursor
             if before is None and self._peaks:
@@ -460,12 +451,12 @@ class DetailScreen(MonitorScreen):
         self.request_view()
 
     def command_detail_top(self) -> None:
-        self._turn_to(-self._turned)
+        self.command_turn_to(-self._turned)
 
     def command_detail_bottom(self) -> None:
-        self._turn_to(len(self.plots) - 1 - self._turned)
+        self.command_turn_to(len(self.plots) - 1 - self._turned)
 
-    def _turn_to(self, step: int) -> None:
+    def command_turn_to(self, step: int) -> None:
         """Show another one of the signals, alone; the others come behind it."""
         if len(self.plots) < 2:
             self.say("this is the only signal: mark several, then m and Enter")
@@ -477,9 +468,6 @@ class DetailScreen(MonitorScreen):
         self.count, self._peak = 1, None
         self.stack.show_panels([tuple(self.plots[:1])])
         self.request_view()
-
-    command_detail_down = partialmethod(_turn_to, 1)
-    command_detail_up = partialmethod(_turn_to, -1)
 
     def command_detail_refresh(self) -> None:
         if not self.session.connected:

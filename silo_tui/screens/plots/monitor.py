@@ -1,7 +1,6 @@
 """The monitor: the commands of a plot screen."""
 
 from collections.abc import Callable, Sequence
-from functools import partialmethod
 
 from silo.core.conditions import AROUND_S, TriggerOptions
 from silo_tui.actions import key_of
@@ -16,8 +15,6 @@ from silo_tui.screens.plots.searching import MomentSearch, value_here
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import left_a_file
 from silo_tui.widgets.plot_stack import PlotStack
-
-FAR = 10
 
 
 class MonitorScreen(PlotScreen):
@@ -39,13 +36,7 @@ class MonitorScreen(PlotScreen):
             return
         super().action_command(command_id, typed)
 
-    def command_closer(self) -> None:
-        self._zoom(closer=True)
-
-    def command_wider(self) -> None:
-        self._zoom(closer=False)
-
-    def _zoom(self, *, closer: bool) -> None:
+    def command_zoom(self, closer: bool) -> None:
         """Zoom around the cursor while the picture stands still, or around its middle; live at its right end."""
         if not self.window.paused:
             done = self.window.zoom(closer=closer)
@@ -58,19 +49,7 @@ class MonitorScreen(PlotScreen):
             whole = "longest span" if self.file is None else "whole file"
             self.say(f"that is the {'shortest span' if closer else whole}")
 
-    def command_cursor_left(self) -> None:
-        self._move_cursor(-1)
-
-    def command_cursor_right(self) -> None:
-        self._move_cursor(1)
-
-    def command_cursor_far_left(self) -> None:
-        self._move_cursor(-FAR)
-
-    def command_cursor_far_right(self) -> None:
-        self._move_cursor(FAR)
-
-    def _move_cursor(self, cells: int) -> None:
+    def command_move_cursor(self, cells: int) -> None:
         if not self.window.paused:
             self.window.move_cursor(cells, self.stack.columns)
             self.stack.redraw()
@@ -84,11 +63,8 @@ class MonitorScreen(PlotScreen):
         else:
             self._go_to(at_ns + step_ns)
 
-    def _turn_plotted(self, steps: int) -> None:
+    def command_turn_plotted(self, steps: int) -> None:
         run_aside(self, "turning", self._turn, steps)
-
-    command_turn_plotted_down = partialmethod(_turn_plotted, -1)
-    command_turn_plotted_up = partialmethod(_turn_plotted, 1)
 
     async def _turn(self, steps: int) -> None:
         """Turn the parameter whose plot is chosen."""
@@ -101,7 +77,7 @@ class MonitorScreen(PlotScreen):
             if words := await knobs.turn(self.context.link, plotted.element.name, steps):
                 self.say(words)
 
-    def _pan(self, direction: int) -> None:
+    def command_pan(self, direction: int) -> None:
         """Pan by half a window; the cursor stays where it is in the picture."""
         span_ns, (oldest_ns, newest_ns) = self.window.span_ns, self.held_ns
         if direction > 0 and not self.window.paused:
@@ -129,10 +105,7 @@ class MonitorScreen(PlotScreen):
         self.hold()
         await self.pause.settled()
         if self.pause.source is not None:
-            self._pan(-1)
-
-    command_earlier = partialmethod(_pan, -1)
-    command_later = partialmethod(_pan, 1)
+            self.command_pan(-1)
 
     def _edge(self, direction: int) -> str:
         if self.file is not None:
@@ -189,12 +162,11 @@ class MonitorScreen(PlotScreen):
 
     # --------------------------------------------------------------------------------------------------- commands
 
-    def _choose_beside(self, step: int) -> None:
+    def command_choose_plot(self, step: int) -> None:
         self._choose(self.stack.chosen + step)
 
-    command_plot_down = partialmethod(_choose_beside, 1)
-    command_plot_up = partialmethod(_choose_beside, -1)
-    command_plot_top = partialmethod(PlotScreen._choose, 0)
+    def command_plot_top(self) -> None:
+        self._choose(0)
 
     def command_plot_bottom(self) -> None:
         self._choose(len(self.stack.plots) - 1)

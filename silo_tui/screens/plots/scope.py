@@ -8,7 +8,6 @@ import asyncio
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partialmethod
 
 import numpy as np
 from textual.app import ComposeResult
@@ -45,7 +44,6 @@ from silo_tui.widgets.plot_stack import PlotStack
 
 LOOK_S = 0.2
 MOST_CROSSINGS = 2000  # that are told of at a look: the newest of them is shown
-FAR = 10
 LATE_PERIODS = 10
 
 
@@ -256,14 +254,11 @@ class ScopeScreen(SiloScreen):
             self._held = False
         self._set(replace(self.settings, mode=mode), f"mode {mode.value}")
 
-    def _move_level(self, step: int) -> None:
+    def command_move_level(self, step: int) -> None:
         bottom, top = self.stack.scale_of_first()
         height = (top - bottom) if top > bottom else max(abs(self.settings.level), 1.0)
         level = float(text.short(self.settings.level + step * height / LEVEL_STEPS))
         self._set(replace(self.settings, level=level), "")
-
-    command_level_up = partialmethod(_move_level, 1)
-    command_level_down = partialmethod(_move_level, -1)
 
     def command_scope_settings(self) -> None:
         now = self.settings
@@ -288,20 +283,12 @@ class ScopeScreen(SiloScreen):
         self._waits_since_s = time.monotonic()
         self._tell()
 
-    def _zoom(self, *, closer: bool) -> None:
+    def command_zoom(self, closer: bool) -> None:
         self._set(replace(self.settings, span_s=other_span(self.settings.span_s, closer=closer)), "")
 
-    command_closer = partialmethod(_zoom, closer=True)
-    command_wider = partialmethod(_zoom, closer=False)
-
-    def _move_cursor(self, cells: int) -> None:
+    def command_move_cursor(self, cells: int) -> None:
         self.window.move_cursor(cells, self.stack.columns)
         self.stack.redraw()
-
-    command_cursor_left = partialmethod(_move_cursor, -1)
-    command_cursor_right = partialmethod(_move_cursor, 1)
-    command_cursor_far_left = partialmethod(_move_cursor, -FAR)
-    command_cursor_far_right = partialmethod(_move_cursor, FAR)
 
     def command_plot_trigger(self) -> None:
         from silo_tui.screens.dialogs.trigger_editor import ask_trigger

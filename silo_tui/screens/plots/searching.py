@@ -6,7 +6,6 @@ The source looks (`HeldRows.find`): a file by itself, a logger's helper process 
 import asyncio
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partialmethod
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -246,7 +245,7 @@ class MomentSearch:
     def _find(self, search: Search) -> None:
         run_alone(self.screen, "find", self._search, search, 0)
 
-    def find_on(self, step: int) -> None:
+    def command_find_on(self, step: int) -> None:
         """Go on with the search; without one to the highest and lowest number, or the change next to here."""
         self.screen.pause_here()
         if self.found is not None:
@@ -255,9 +254,6 @@ class MomentSearch:
         curve = kind_of(self.screen.stack.chosen_plot) is CurveKind.CURVE
         what = (What.HIGHEST if step > 0 else What.LOWEST) if curve else What.CHANGE
         run_alone(self.screen, "find", self._search, Search(what), 0 if curve else step, keep=False)
-
-    command_next_found = partialmethod(find_on, 1)
-    command_previous_found = partialmethod(find_on, -1)
 
     async def _search(self, search: Search, step: int, *, keep: bool = True) -> None:
         await self.screen.pause.settled()
@@ -334,12 +330,9 @@ class MomentSearch:
     def _told(self, event: LoggedEvent) -> str:
         return words(event, self.screen.session.told)
 
-    def _event(self, step: int) -> None:
+    def command_step_event(self, step: int) -> None:
         self.screen.pause_here()
         run_alone(self.screen, "find", self._go_to_event, step)
-
-    command_next_event = partialmethod(_event, 1)
-    command_previous_event = partialmethod(_event, -1)
 
     async def _go_to_event(self, step: int) -> None:
         await self.screen.pause.settled()
@@ -353,12 +346,9 @@ class MomentSearch:
 
     # ------------------------------------------------------------------------------------------------------ samples
 
-    def _step(self, step: int) -> None:
+    def command_step_sample(self, step: int) -> None:
         self.screen.pause_here()
         run_aside(self.screen, "find", self._step_by, step)
-
-    command_next_sample = partialmethod(_step, 1)
-    command_previous_sample = partialmethod(_step, -1)
 
     async def _step_by(self, step: int) -> None:
         await self.screen.pause.settled()
