@@ -135,39 +135,30 @@ class Context:
     # ------------------------------------------------------------------------------------------------ permission
 
     def allows(self, command: Command) -> bool:
-        """Return whether a command may be carried out now; say why when it may not."""
-        return (not command.writes or self._may_do(command)) and (not command.asks or self._may_ask(command))
-
-    def _may_do(self, command: Command) -> bool:
-        """Whether a command may change loggers: of many each says itself whom it lets."""
-        if "loggers" not in command.scopes:
-            return self.may_write(command.label)
-        if self.read_only:
-            self.say(f"{command.label}: {READ_ONLY_WORDS}")
-        return not self.read_only
-
-    def may_write(self, label: str) -> bool:
-        """Return whether the logger may be changed; say why when it may not."""
-        if not self.has_session:
-            return False
-        if self.read_only:
-            self.say(f"{label}: {READ_ONLY_WORDS}")
-            return False
-        if not self.session.may_edit:
-            self.say(f"{label}: {self.session.why_not}")
-            return False
-        return True
-
-    def _may_ask(self, command: Command) -> bool:
-        if not self.has_session or self.session.connected:
-            return True
-        if command.retries:
+        """Return whether a command may be carried out now; say why when it may not, or look for a lost link at once."""
+        why = self.why_not(command)
+        if why is not None and command.retries:
             self.try_link()
-        else:
-            retries = key_that_retries(screen.scope) if (screen := self.upper_screen) is not None else ""
-            tries = f"; {retries} tries now" if retries else ""
-            self.say(f"{command.label}: no link to {self.session.name}{tries}")
-        return False
+        elif why is not None:
+            self.say(f"{command.label}: {why[1]}")
+        return why is None and (self.has_session or not command.writes or "loggers" in command.scopes)
+
+    def why_not(self, command: Command) -> tuple[str, str] | None:
+        """Return why a command can't be carried out now, in a few words and in a sentence; None where it can.
+
+        Of many loggers each says itself whom it lets.
+        """
+        if command.writes and self.read_only:
+            return "read-only", READ_ONLY_WORDS
+        if not self.has_session or "loggers" in command.scopes:
+            return None
+        session = self.session
+        if command.writes and not session.may_edit:
+            return session.why_not.partition(";")[0].partition(",")[0].removeprefix("this is "), session.why_not
+        if not command.asks or session.connected:
+            return None
+        retries = key_that_retries(screen.scope) if (screen := self.upper_screen) is not None else ""
+        return "no link", f"no link to {session.name}{f'; {retries} tries now' if retries else ''}"
 
     def try_link(self) -> None:
         """Look for the logger at once, where the link is lost."""

@@ -118,15 +118,9 @@ class MenuReader:
         own = scope in command.scopes or "any" in command.scopes
         if not context.has_session and not own and command.asks | command.writes | bool(command.scopes):
             return "no logger", f"no logger is open; {key_of('open_logger')} opens one that is listed"
-        if command.writes and context.read_only:
-            return "read-only", "silo-tui was started with --read-only"
-        if context.has_session and scope != "loggers":
-            session = context.session
-            if command.writes and not session.may_edit:
-                words = session.why_not.partition(";")[0].partition(",")[0]
-                return words.removeprefix("this is "), session.why_not
-            if command.asks and not command.retries and not session.connected:
-                return "no link", f"no link to {session.name}; it is tried again all the time"
+        why_not = context.why_not(command) if scope != "loggers" or context.read_only else None
+        if why_not is not None and not command.retries:
+            return why_not
         why = screen.why_not_now(command.id)
         return (why, why) if why else None
 

@@ -7,12 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+import msgspec
+
 from silo.core.names import did_you_mean, nearest
 from silo.core.quantities.writing import many
 from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
 from silo.settings.typed import completions
-from silo_tui.actions import BY_WORD, FILE_SCOPES, NOT_EDITED, Command, key_of, typed_on_file
+from silo_tui.actions import BY_ID, BY_WORD, FILE_SCOPES, NOT_EDITED, Command, key_of, typed_on_file
 from silo_tui.commands import flows
 from silo_tui.context import Context, SiloScreen
 from silo_tui.layouts import files, views
@@ -266,7 +268,7 @@ async def control_flow(context: Context, words: Sequence[str]) -> None:
         raise RefusedError(f"control: there is no {words[0]!r}{hint}")
     if len(words) != (2 if words[0] == "give" else 1):
         raise RefusedError(f"control: {CONTROL_WORDS}")
-    if context.may_write("Control"):
+    if context.allows(msgspec.structs.replace(BY_ID["control"], writes=True)):
         done = await session.connection.call(jobs[words[0]])
         await session.refresh_status()
         if words[0] in ("take", "force"):  # which silo-tui renews
