@@ -166,11 +166,8 @@ class ElementsScreen(SiloScreen):
     def command_bottom(self) -> None:
         self._move(len(self.session.rows.tree.lines) - 1)
 
-    def command_half_down(self) -> None:
-        self.command_step(self.table.half_page)
-
-    def command_half_up(self) -> None:
-        self.command_step(-self.table.half_page)
+    def command_half_page(self, pages: int) -> None:
+        self.command_step(pages * max(1, self.table.size.height // 2))
 
     # ------------------------------------------------------------------------------------ filter, marks, order
 

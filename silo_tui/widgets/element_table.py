@@ -236,11 +236,6 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         top = self.rows.position - self.scroll_offset.y
         return Region(self.region.x + start, self.region.y + top, width, 1)
 
-    @property
-    def half_page(self) -> int:
-        """How many lines half a page is."""
-        return max(1, self.size.height // 2)
-
     def _lines_on_screen(self) -> list[int]:
         top = self.scroll_offset.y
         lines: list[int] = self.rows.tree.lines[top : top + max(1, self.size.height)].tolist()

@@ -264,11 +264,8 @@ class ListScreen(SiloScreen, Generic[LineT]):
     def command_list_step(self, lines: int) -> None:
         self.move((self.lines.highlighted or 0) + lines)
 
-    def command_list_page_down(self) -> None:
-        self.command_list_step(self.lines.page_rows)
-
-    def command_list_page_up(self) -> None:
-        self.command_list_step(-self.lines.page_rows)
+    def command_list_page(self, pages: int) -> None:
+        self.command_list_step(pages * self.lines.page_rows)
 
     def command_list_top(self) -> None:
         self.move(0)
