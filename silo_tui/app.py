@@ -5,7 +5,7 @@ import asyncio
 import gc
 import os
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from textual import events
@@ -223,7 +223,7 @@ class SiloApp(Guarded, App[None]):
         if not paint:
             return
         if frame.running != session.running and not session.dead:
-            run_alone(self, "status", self._refresh_status)
+            run_alone(self, "status", self._follow, session.refresh_status)
         self.context.tell_upper(lambda screen: screen.live_changed(frame))
         self._tell_thinness()
 
@@ -247,19 +247,16 @@ class SiloApp(Guarded, App[None]):
                 run_aside(self, "regain", self._regain, session)
         elif session is not None and session.running and session.connected and session.status.durable_ticks >= 0:
             # no frame tells what is durable
-            run_alone(self, "status", self._refresh_status)
+            run_alone(self, "status", self._follow, session.refresh_status)
 
     def _ask_for_conditions(self) -> None:
         session = self._live_session
         if session is not None and session.conditions_due and session.fresh:
-            run_alone(self, "conditions", self._refresh_conditions, session)
+            run_alone(self, "conditions", self._follow, session.refresh_conditions)
 
-    async def _refresh_conditions(self, session: Session) -> None:
-        await self.context.quietly(session.refresh_conditions())
-        self.context.status_changed()
-
-    async def _refresh_status(self) -> None:
-        await self.context.quietly(self.context.session.refresh_status())
+    async def _follow(self, ask: Callable[[], Coroutine[Any, Any, None]]) -> None:
+        with self.context.quiet():
+            await ask()
         self.context.status_changed()
 
     # ------------------------------------------------------------------------------------------ what links report
