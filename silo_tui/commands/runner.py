@@ -23,7 +23,7 @@ from silo_tui.layouts.presets import BY_NAME, NEAR, PRESETS, near_limit, within
 from silo_tui.modal import ask, run_alone
 from silo_tui.model.words import command_line
 from silo_tui.model.words.command_line import BY_KEY, Spelled
-from silo_tui.model.words.paths import typed_file
+from silo_tui.model.words.paths import typed_file, typed_path
 from silo_tui.model.words.people import operators, people_words
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.settings.themes import THEMES
@@ -156,10 +156,15 @@ class CommandRunner:
             )
         if not self._context.has_session:
             raise RefusedError("no logger is open: leave silo-tui, and open the file by `silo-tui FILE`")
-        from silo_tui.screens.files.opened import open_path
+        from silo.analysis.opening import open_log
+        from silo_tui.screens.files.opened import show_read
 
         self._context.say(f"reading {typed.rest} …")
-        run_alone(self._context.app, "opening", open_path, self._context, typed.rest)
+        failed = f"{typed.rest} can't be opened"
+        run_alone(
+            self._context.app, "opening", show_read, self._context,
+            lambda: open_log(typed_path("the log", typed.rest)), failed,
+        )  # fmt: skip
 
     def command_theme(self, typed: Spelled = BY_KEY) -> None:
         words, known = typed.arguments, self._context.app.available_themes

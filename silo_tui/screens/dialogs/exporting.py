@@ -55,11 +55,6 @@ def ask_export(
     ask_line(screen, Prompt(title, body, begin, check=path_of, label="file"), write)
 
 
-async def read(source: PlotSource, plots: Sequence[Plotted], start_ns: int, end_ns: int) -> list[Samples]:
-    """Return the samples of each signal from one time to another. Raises a SiloError where they can't be had."""
-    return [await source.samples(plotted.name, start_ns, end_ns) for plotted in plots]
-
-
 def csv_text(plots: Sequence[Plotted], found: Sequence[Samples]) -> str:
     """Return a line per time stamp of any signal, a column per signal: empty where it has no sample then."""
     out = io.StringIO()
@@ -153,7 +148,7 @@ async def export(
     if path.suffix == ".svg":
         write_whole(path, picture(app).encode())
         return f"the screen is in {path}"
-    found = await read(source, plots, *shown_ns)
+    found = [await source.samples(plotted.name, *shown_ns) for plotted in plots]
     count = sum(len(time_ns) for time_ns, _ in found)
     if not count:
         raise SiloError("no samples in what is shown; nothing was written")

@@ -18,7 +18,6 @@ from silo_tui.modal import run_alone
 from silo_tui.model.lists.conditions import MOST_PLOTS, named_in
 from silo_tui.model.lists.recordings import begun_ns, best_file
 from silo_tui.model.plots.overlay import overlay_of
-from silo_tui.model.words.paths import typed_path
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.recordings import Fetching, GivenUpError, as_listed, bring_here, cache_folder
 
@@ -48,13 +47,6 @@ async def open_recording(
     await _show(context, opened, plotted(opened) if plotted is not None else ())
     if path.parent == cache_folder(session.status.host, session.name):
         context.say(f"fetched, {size_text(file.size_bytes)}: {path}")
-
-
-async def open_path(context: Context, path: str) -> None:
-    """Show a log of this machine over the logger that is open, or say why it can't be opened."""
-    from silo.analysis.opening import open_log
-
-    await show_read(context, lambda: open_log(typed_path("the log", path)), f"{path} can't be opened")
 
 
 async def show_read(
