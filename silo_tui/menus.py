@@ -18,7 +18,6 @@ from silo_tui.actions import BY_ID, Command, key_of, key_text
 from silo_tui.context import SiloScreen
 from silo_tui.keymap import MENUS, TURNED, command_of, counts, in_menu, where
 from silo_tui.unforeseen import Guarded
-from silo_tui.widgets.inputs import Fleeting
 
 DRAWN_AFTER_S = 0.25
 DRAWN_AFTER_THIN_S = 0.6
@@ -49,7 +48,7 @@ class MenuReader:
             self.close()
         if not isinstance(screen, SiloScreen):
             return False
-        typing = isinstance(screen.focused, Fleeting) and screen.focused.display
+        typing = screen.is_typing
         if isinstance(typed, events.Paste):
             if not typing:
                 self._app.context.say(f"{len(typed.text)} characters pasted outside a line are no keys: left out")
