@@ -90,7 +90,7 @@ class Saver:
             )
         cut_off = request.segment if for_robot else ""
         reader = SegmentReader(cut_off) if cut_off else self._replica.open_reader()
-        if reader is None or not (reader.ticks or reader.schema.cut):
+        if reader is None:
             raise RequestRefusedError(RefusedWhy.FAILED, "nothing was logged yet: start the logger first")
         robot = self._replica.now.robot
         with self._lock:

@@ -266,10 +266,13 @@ def test_a_folder_in_which_nothing_can_be_saved_is_told_of_at_the_start(
 # ------------------------------------------------------------------------------------------ wrong turns
 
 
-def test_a_file_without_samples_is_told_of(new_logger, caplog):
+@pytest.mark.parametrize("served", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_a_file_without_samples_is_told_of(new_logger, runtime_folder, caplog, served):
     logger = new_logger()
+    if served:
+        logger.serve()
     logger.start()
-    logger.save()
+    assert not len(silo.open_log(logger.save().path).time_ns)
     assert "nothing was collected since start(), the file holds no samples" in caplog.text
 
 
