@@ -5,6 +5,7 @@ written before anything is told: what was told is never told anew, and what was 
 """
 
 import contextlib
+import threading
 import zlib
 from pathlib import Path
 from typing import Any
@@ -104,6 +105,8 @@ def array_of(kind: type, value: Any) -> Any:
     return np.frombuffer(data, dtype).reshape(shape).copy()
 
 
+# who takes a run over notes that it is begun, while its judge may store what it knows of it already
+_storing = threading.RLock()
 _encoder = msgspec.msgpack.Encoder(enc_hook=array_parts)
 _decoder = msgpack_decoder(JudgeState, array_of)
 
@@ -116,7 +119,8 @@ def state_path(logger: str, run: str) -> Path:
 def store_state(path: Path, state: JudgeState) -> None:
     """Replace the file as a whole. It needs to outlive a process, not the computer. Raises OSError."""
     body = _encoder.encode(state)
-    write_private(path, _MAGIC + zlib.crc32(body).to_bytes(4, "little") + body)
+    with _storing:
+        write_private(path, _MAGIC + zlib.crc32(body).to_bytes(4, "little") + body)
 
 
 def begun_state(schema: SegmentSchema) -> JudgeState:
@@ -135,7 +139,7 @@ def note_begun(schema: SegmentSchema) -> None:
     """
     if not schema.conditions.judged:
         return
-    with contextlib.suppress(OSError, SegmentError):  # then a successor judges what it finds in the buffers
+    with _storing, contextlib.suppress(OSError, SegmentError):  # then a successor judges what it finds in the buffers
         path = state_path(schema.logger, schema.run)
         if not path.exists():
             try:

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 import silo
+from silo.conditions import state_file
 from silo.conditions.captures.files import write_capture
 from silo.conditions.left_captures import recover_captures
 from silo.conditions.segment_judge import SegmentJudge
-from silo.conditions.state_file import KeptCapture, state_path, store_state
+from silo.conditions.state_file import KeptCapture, note_begun, read_state, state_path, store_state
 from silo.errors import SaveError
 from silo.files import naming
 from silo.files.atomic import claimed, sweep_parts
@@ -134,3 +135,21 @@ def test_a_capture_that_was_written_is_not_written_again_where_another_folder_is
     other.mkdir()
     assert recover_captures(judge.reader, str(other)).files == []
     assert list(other.glob("*.silo")) == []
+
+
+def test_what_a_judge_stores_while_its_run_is_noted_as_begun_stays(robot, monkeypatch):
+    judge = judge_of(robot)
+    judge.step()
+    path, write = state_path("bot", judge.reader.schema.run), state_file.write_private
+    stored = threading.Thread(target=store_state, args=(path, judge.state([], [], closed=False)))
+
+    def while_another_writes(path, body):
+        if not stored.ident:
+            stored.start()
+            stored.join(LONG_S)
+        write(path, body)
+
+    monkeypatch.setattr(state_file, "write_private", while_another_writes)
+    note_begun(judge.reader.schema)
+    stored.join()
+    assert read_state(path).until == 500
