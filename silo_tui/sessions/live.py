@@ -156,6 +156,7 @@ class Session:
         self._said_closed = False  # the program that is connected, since it is
         self.gone: dict[str, Condition] = {}  # what went with the program before, by words
         self.refused_trigger: TriggerOptions | None = None  # and left, to mend why
+        self.made_trigger = ""  # the one that was made last
         self.left_files: list[SavedFile] = []  # of a robot program that died
         self.happened: list[LoggedEvent] = []  # the newest lines of the event log
         self._slow_s = -SLOW_TOLD_S  # monotonic, when the loop was slow last

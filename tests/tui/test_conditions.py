@@ -8,6 +8,7 @@ from silo.core.conditions import SignalLimits, TriggerOptions, TriggerWord
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo_tui.model.lists.conditions import (
     alarms_words,
+    capture_words,
     fields_of,
     head_words,
     limit_row,
@@ -142,10 +143,19 @@ class TestWords:
         assert alarms_words([over] * alarms) == f"0 over limits now, {says}"
 
     def test_a_test_shows_where_it_would_have_fired(self, fake):
-        first, places, size = tried_lines(fake.try_trigger(FALL.options), 60, 20)
+        tried = fake.try_trigger(FALL.options)
+        first, places = tried_lines(tried, 60)
         assert first == "would have fired 3 × in the last 60 s (all that is held)"
         assert places.count("│") == 3
+        size = capture_words(tried, FALL.options)
         assert size.startswith("each capture about")
+        assert "join" not in size
+
+    def test_a_test_says_that_fires_close_together_are_one_capture(self, fake):
+        tried = fake.try_trigger(FALL.options)
+        told = replace(tried, time_ns=[10**9, 3 * 10**9])
+        assert "; fires within 2 s (post) of each other join" in capture_words(told, replace(FALL.options, post_s=2.0))
+        assert "join" not in capture_words(told, replace(FALL.options, post_s=1.9))
 
     @pytest.mark.parametrize(
         ("held", "blind", "says"),
@@ -156,7 +166,7 @@ class TestWords:
         tried = replace(fake.try_trigger(FALL.options), fires=0, held=held, blind=blind)
         said, _, blind_words = says.partition("; ")
         for lasts, counted in (("", "would have been violated 0 ×"), ("one violation", "one violation")):
-            first = tried_lines(tried, 60, 20, "would have been violated", "beyond", lasts=lasts)[0]
+            first = tried_lines(tried, 60, "would have been violated", "beyond", lasts=lasts)[0]
             told = f"{said} in the last 60 s (all that is held), from its begin on: {counted}"
             assert first == told + (f"; {blind_words}" if blind_words else "")
 
@@ -235,6 +245,15 @@ class TestScreens:
             await screen.type("x > 3")
             await screen.press("enter")
             await screen.until(lambda: getattr(screen.app.screen, "chosen_key", "") == "high")
+            await screen.press("escape")
+            await screen.do("plot", "plot_trigger")  # its form, from a plot
+            await screen.shows("New trigger")
+            await screen.press("enter")
+            await screen.until(lambda: len(fake.trigger_statuses) == 4, "the trigger")
+            await done(screen)
+            await screen.do("triggers")
+            await screen.until(lambda: getattr(screen.app.screen, "scope", "") == "triggers", "the list")
+            await screen.until(lambda: screen.app.screen.chosen_key == fake.trigger_statuses[-1].options.name)
 
     async def test_they_are_asked_for_again_where_no_answer_came(self, fake, opened, monkeypatch):
         fake.limit_statuses = [HOT]
@@ -616,7 +635,7 @@ async def test_a_capture_without_end_says_how_long_it_is_and_what_ends_it(fake, 
         await screen.press("T")
         await screen.shows("fall")
         await screen.press("enter")
-        await screen.shows("fall has no capture yet; m plots its signals │")
+        await screen.shows("its first capture is under way; m plots its signals │")
         await screen.shows("fall captures, 14 s so far: the")
         await screen.shows("file is written 1 s after the last fire, or after 60 s")
 

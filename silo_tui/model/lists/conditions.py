@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from itertools import pairwise
 
 from silo.conditions.requests import TriggerTried
 from silo.conditions.standing import SIDES, LimitStatus, LimitWord, TriggerStatus
@@ -210,9 +211,9 @@ def held_axis(tried: TriggerTried, width: int) -> tuple[str, int]:
 
 
 def tried_lines(
-    tried: TriggerTried, width: int, keep: int, verb: str = "would have fired", holds: str = "true", *, lasts: str = ""
+    tried: TriggerTried, width: int, verb: str = "would have fired", holds: str = "true", *, lasts: str = ""
 ) -> list[str]:
-    """Return what a test found: how often, for how much of what is held, where in it, and how large a capture is.
+    """Return what a test found: how often, for how much of what is held, and where in it.
 
     `lasts`: what is said instead of how often where it holds from the begin on, and began nowhere.
     """
@@ -230,7 +231,14 @@ def tried_lines(
     cells = ["·"] * room
     for time_ns in tried.time_ns:
         cells[min(int((time_ns - tried.begin_ns) / max(tried.end_ns - tried.begin_ns, 1) * room), room - 1)] = "│"
+    return [first, left + "".join(cells) + NOW]
+
+
+def capture_words(tried: TriggerTried, made: TriggerOptions) -> str:
+    """Return how large a capture is, and what makes it larger."""
     size = f"each capture about {size_text(tried.capture_bytes)}"
-    if keep:
-        size += f"; disk keeps {keep} of them, {size_text(keep * tried.capture_bytes)}"
-    return [first, left + "".join(cells) + NOW, size]
+    if made.keep:
+        size += f"; disk keeps {made.keep} of them, {size_text(made.keep * tried.capture_bytes)}"
+    if any(after - before <= made.post_s * 1e9 for before, after in pairwise(tried.time_ns)):
+        size += f"; fires within {text.span(made.post_s)} (post) of each other join in one, which is larger"
+    return size

@@ -69,4 +69,4 @@ class ConditionDialog(Form[Search]):
         if not self.fields["when"]:
             return CONDITION
         tried = await self._session.turns_true(self.made().condition)
-        return "\n".join(tried_lines(tried, self.told_width, 0, "turned true")[:2])
+        return "\n".join(tried_lines(tried, self.told_width, "turned true"))

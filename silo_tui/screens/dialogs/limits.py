@@ -122,7 +122,7 @@ class LimitsDialog(Form[LimitsWish]):
         tried = await self._session.tried(wanted)
         width = self.told_width - MARKS + len(NOW)
         lasts = "one violation, begun before that"
-        told = tried_lines(tried, width, 0, "would have been violated", "beyond", lasts=lasts)[:2]
+        told = tried_lines(tried, width, "would have been violated", "beyond", lasts=lasts)
         return "\n".join([*told, *await self._trend(limits, shown, tried, width)])
 
     async def _trend(self, limits: SignalLimits, shown: str, tried: TriggerTried, whole: int) -> list[str]:

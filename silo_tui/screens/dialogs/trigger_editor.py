@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from silo.core.conditions import TriggerOptions
 from silo_tui.context import Context
-from silo_tui.model.lists.conditions import UNNAMED, fields_of, options_of_fields, tried_lines
+from silo_tui.model.lists.conditions import UNNAMED, capture_words, fields_of, options_of_fields, tried_lines
 from silo_tui.screens.dialogs.form import CONDITION, Form, taken, told
 from silo_tui.sessions.live import Session
 
@@ -29,10 +29,14 @@ async def ask_trigger(
             problem = "as it was when it was refused; Esc, then the same key again, for another one"
         return TriggerEditor(session, one or before or made, is_new=True, problem=problem)
 
-    def set_it(answer: TriggerOptions) -> Awaitable[None]:
-        return told(context, lambda client: client._set_trigger(answer), "triggers")
+    async def set_it(answer: TriggerOptions) -> None:
+        if send is not None:
+            await send(answer)
+        else:
+            await told(context, lambda client: client._set_trigger(answer), "triggers")
+        session.made_trigger = answer.name
 
-    session.refused_trigger = await taken(context, form, send or set_it)
+    session.refused_trigger = await taken(context, form, set_it)
 
 
 class TriggerEditor(Form[TriggerOptions]):
@@ -73,7 +77,8 @@ class TriggerEditor(Form[TriggerOptions]):
         tried = await self._session.tried(made)
         return "\n".join(
             [
-                *tried_lines(tried, self.told_width, made.keep),
+                *tried_lines(tried, self.told_width),
+                capture_words(tried, made),
                 *([f"name it before Enter: {UNNAMED}"] if unnamed else []),
             ]
         )

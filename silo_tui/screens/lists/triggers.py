@@ -45,6 +45,11 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         Order("last", "l", "last time, the newest first", lambda one: one.last_ns, True),
     )
 
+    def follow(self, known: str, place: int | None) -> int | None:
+        """Begin at the trigger that was made last: the next keys are about it."""
+        made = self.session.made_trigger
+        return self.shown_keys.index(made) if not known and made in self.shown_keys else super().follow(known, place)
+
     def head(self, width: int) -> str:
         return times_head(width, self._room)
 
@@ -165,7 +170,8 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
     def command_trigger_capture(self) -> None:
         one = self.here()
         if one is not None and not one.files:
-            self.say(f"{one.options.name} has no capture yet; {key_of('plot_conditions')} plots its signals")
+            why = "its first capture is under way" if one.capturing_s else f"{one.options.name} has no capture yet"
+            self.say(f"{why}; {key_of('plot_conditions')} plots its signals")
         elif one is not None:
             run_alone(self, "opening", open_capture, self.context, self.session, one)
 
