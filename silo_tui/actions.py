@@ -352,7 +352,8 @@ COMMANDS: tuple[Command, ...] = (
     _acts("delete_recording", "x", "Delete", "delete it on the robot, after a question", "Recordings", _RECORDINGS, 4),
     _acts("record", "N", "Record", "a new recording of all, marked or named signals, for days", "Recordings",
             _RECORDINGS, 5, typed=_read(("record",))),
-    _acts("stop_recording", "t", "Stop rec", "end a recording that runs; its parts stay", "Recordings", _RECORDINGS, 6),
+    _acts("stop_recording", "t", "Stop rec", "end a recording that runs; its parts stay", "Recordings", _RECORDINGS, 6,
+          typed=Typed(("endrecording",))),
     # ------------------------------------------------------------------------------------- runs of this machine
     Command("runs", "f3", "Runs", "the runs of a folder of this machine, by what was measured", "Go",
             _TABLES + _PLOTS + _HAPPENED + _CONDITIONS + _PARAMETERS + _RECORDINGS + _LOGGERS,

@@ -149,6 +149,11 @@ class CommandRunner:
 
         self._context.run_flow(recorder.begin(self._context, self._context.session, signals=typed.rest))
 
+    def command_stop_recording(self) -> None:
+        from silo_tui.screens.dialogs import recorder
+
+        self._context.run_flow(recorder.end(self._context, self._context.session))
+
     def command_open(self, typed: Spelled) -> None:
         if not typed.arguments:
             raise ValueError(

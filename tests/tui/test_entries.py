@@ -154,7 +154,7 @@ BARS = {
     ("classic", "alarms"): "acknowledge list_mark alarm_worst alarm_limits alarm_new alarm_remove plot_conditions "
     "list_filter list_order help command quit",
     ("classic", "recordings"): "open_recording list_mark fetch_recording overlay_recording delete_recording record "
-    "stop_recording list_filter list_order help command quit",
+    "stop_recording compare_runs list_filter list_order help command quit",
 }
 
 

@@ -7,6 +7,8 @@ from silo.core.elements import RecorderState
 from silo.errors import RefusedError
 from silo.recorder.requests import RecorderInfo
 from silo.recordings.requests import Recordings
+from silo_tui.actions import BY_ID
+from silo_tui.keymap import counts
 from silo_tui.model.lists.recorders import WritingPace, head, row
 
 SECOND = 10**9
@@ -173,6 +175,27 @@ class TestScreens:
             await screen.shows("d is no answer here  Enter Leave them")
             await screen.press("y")  # of one that is asked for, as anywhere
             await screen.until(lambda: fake.recorder_infos == [])
+
+    async def test_one_is_stopped_where_it_was_begun(self, fake, opened):
+        fake.recorder_infos = [WALK]
+        async with opened(fake) as screen:
+            assert counts(BY_ID["stop_recording"], "table")  # by the letters of the menu
+            await screen.enter(":endrecording")
+            await screen.shows("Stop which recording of robot?")
+            await screen.press("y")
+            await screen.until(lambda: fake.recorder_infos == [])
+
+    async def test_the_list_follows_the_parts_that_are_finished(self, fake, opened, monkeypatch):
+        fake.recorder_infos, told = [WALK], fake.recordings
+        asked = []
+        monkeypatch.setattr(fake, "recordings", lambda most=200: asked.append(most) or told(most))
+        async with opened(fake) as screen:
+            await screen.do("recordings")
+            await screen.shows("walks/walk")
+            await screen.until(lambda: screen.app.screen._parts is not None)
+            before = len(asked)
+            fake.recorder_infos = [structs.replace(WALK, parts=WALK.parts + 1)]
+            await screen.until(lambda: len(asked) > before, "the list anew")
 
     async def test_nothing_to_stop_names_the_key_that_begins(self, fake, opened):
         async with opened(fake) as screen:

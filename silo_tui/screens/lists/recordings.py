@@ -45,6 +45,7 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
         self._deleted_here: set[str] = set()
         self._most = FIRST
         self._asking = False  # for the older ones
+        self._parts: list[tuple[str, int]] | None = None  # that endless recordings have finished
 
     def above(self) -> ComposeResult:
         yield from self.bars()
@@ -130,8 +131,13 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
             run_alone(self, "recorders", self._look_at_recorders)
 
     async def _look_at_recorders(self) -> None:
+        """Follow them, and the list where a part was finished since: an older one may be deleted for it."""
+        before = self._parts
         await self.context.quietly(self.session.refresh_recorders())
         self._show_running()
+        self._parts = [(one.name, one.parts) for one in self.session.recorders]
+        if before is not None and before != self._parts:
+            self.read_again()
 
     def _show_running(self) -> None:
         """Draw what is being recorded; nothing where nothing is."""
