@@ -173,7 +173,9 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
             widths = [max(each.width_in(sight, width), (1 + len(each.title)) * each.gives(sort)) for each in of]
             measured = [(each, cells) for each, cells in zip(of, widths, strict=True) if cells]
             rest = width - 1 - sum(1 + cells for _, cells in measured)
-            steady = shown_columns([each for each in offered if not each.measured], sight, rest - FLAGS, rest, sort)
+            by_measured = any(each.gives(sort) for each, _ in measured)
+            others = [each for each in offered if not each.measured]
+            steady = shown_columns(others, sight, rest - FLAGS, rest, sort, measured=by_measured)
             names = max(8, rest - FLAGS - sum(1 + cells for _, cells in steady))
             longest, widest = self._needed()
             if (spare := names - longest) > 0:  # what names don't need is for the entries of vectors

@@ -93,6 +93,13 @@ def test_whole_columns_are_left_out_in_their_order_until_names_have_room(table, 
     assert room >= NAME_ROOM or not [column for column in shown if column.leaves]
 
 
+@pytest.mark.parametrize("width", [30, 50])
+def test_what_is_measured_keeps_its_unit_where_it_is_ordered_by(table, width):
+    for measured in (False, True):
+        shown = shown_columns(STEADY, _sight(table), width, width, "std", measured=measured)
+        assert ("unit" in [column.title for column, _ in shown]) == measured or width == 50
+
+
 @pytest.mark.parametrize("column", [column for column in LIVE_COLUMNS if column.terms], ids=lambda column: column.title)
 def test_every_completed_term_can_be_read(column):
     for term in column.terms:

@@ -179,6 +179,17 @@ def test_an_order_by_value_begins_with_nan_then_the_largest_and_ends_with_what_i
     assert (rows.arrow, rows.shown[0], rows.shown[1], rows.shown[-1]) == ("↑", 5, 0, 6)
 
 
+@pytest.mark.parametrize(("order", "last"), [("std", True), ("mean", True), ("max", False)])
+def test_between_labels_is_nothing_to_order_by(rows, order, last):
+    count = len(rows.table)
+    row = next(at for at, one in enumerate(rows.table.elements) if any(entry.labels for entry in one.entries))
+    measure(rows, **{order: np.where(np.arange(count) == row, 0.0, 1.0 + np.arange(count))}, signs=np.zeros(count))
+    for _ in range(2):
+        rows.order_by(order)
+        if rows.arrow == "↑":
+            assert rows.shown[-1 if last else 0] == row
+
+
 def test_what_filter_and_order_are_by_is_known_when_all_of_it_was_measured(rows):
     assert not rows.is_measured
     measure(rows, signs=np.zeros(len(rows.table)))

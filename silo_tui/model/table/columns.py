@@ -109,7 +109,9 @@ def _measured(
         known = table.facts.of(quantity, len(table))
         if known is None:
             return np.full(len(table), np.nan)
-        known = np.where(table.mixed, np.nan, known) if of_norm else known  # of metres and radians there is no norm
+        if of_norm:  # of metres and radians there is no norm, between two labels is nothing
+            none = table.mixed | table.labelled if quantity in {"mean", "std"} else table.mixed
+            known = np.where(none, np.nan, known)
         return known if of is None else of(known)
 
     return TableOrder(name, letter, keys, words, quantity, falling, of_norm)
@@ -230,16 +232,17 @@ def in_set(column: TableColumn, name: str, *, wide: bool) -> bool:
 
 
 def shown_columns(
-    columns: Iterable[TableColumn], sight: Sight, room: int, table_width: int, sort: str = ""
+    columns: Iterable[TableColumn], sight: Sight, room: int, table_width: int, sort: str = "", *, measured: bool = False
 ) -> list[tuple[TableColumn, int]]:
     """Return the columns that a table shows, with their widths, where `room` cells are for names and columns.
 
-    Whole columns are left out where names would have less than `NAME_ROOM`; never that of the order.
+    Whole columns are left out where names would have less than `NAME_ROOM`; never that of the order, nor, where that is
+    of what is `measured`, its unit.
     """
     shown = [(column, width) for column in columns if (width := column.width_in(sight, table_width))]
     for column, width in sorted(shown, key=lambda pair: pair[0].leaves):
         if room - sum(1 + each for _, each in shown) >= NAME_ROOM:
             break
-        if column.leaves and not column.gives(sort):
+        if column.leaves and not column.gives(sort) and not (measured and column.gives("unit")):
             shown.remove((column, width))
     return shown

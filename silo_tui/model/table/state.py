@@ -74,6 +74,7 @@ class TableState:
         self.revision = -1
         self.version = 0  # grows with every change, so that caches can tell
         self.mixed: Mask = np.zeros(0, np.bool_)  # of which rows there is no norm: their entries have several units
+        self.labelled: Mask = np.zeros(0, np.bool_)  # which rows have words for numbers
         self.own = 0  # how many of the elements are the logger's own: the rows after them are derived
         self._row_of: dict[str, int] = {}
         self.server: Ints = np.zeros((FIELDS, 0), np.int64)  # what the logger has; not to be written to
@@ -299,6 +300,7 @@ class TableState:
             ]
             for each in elements
         ]
+        self.labelled = np.array([any(one.labels for one in each.entries) for each in elements], np.bool_)
         self.mixed = np.array([len(each.entries) > 1 and not has_norm(each) for each in elements], np.bool_)
         self.revision, self.server = table.revision, server
         self._edited &= self._wanted != server
