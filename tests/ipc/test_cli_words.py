@@ -18,11 +18,15 @@ from silo.cli.codes import EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE
 from silo.cli.common import logged_for, next_names, split_logger
 from silo.cli.edits import select, split_settings
 from silo.cli.group import COMMANDS, cli
+from silo.cli.loggers.ls import _facts
+from silo.cli.logs.recover import _incomplete
 from silo.cli.main import run
 from silo.cli.other_words import OTHER_WORDS
 from silo.core.elements import Action, BufferType, ElementOptions, State
 from silo.core.quantities.writing import duration_text, wall_clock
+from silo.core.runtime import RECORDERS_SUFFIX
 from silo.errors import ElementError
+from silo.fleet.member import Member
 from silo.fleet.resolving import Discovery
 from silo.net.found import LoggerAddress
 from silo.settings.typed import ElementSettings, RelativeValue, apply_settings, read_settings
@@ -268,6 +272,20 @@ def test_a_logger_in_place_of_the_words_is_no_mark(bench, capsys):
     bench.logger.start()
     assert run(["mark", "bot"]) == EXIT_USAGE
     assert "'bot' is the logger: which words?" in capsys.readouterr().err
+
+
+def test_machines_are_told_why_a_logger_has_no_status():
+    (fact,) = _facts([Member(LoggerAddress("bot", 4711, "", "ann", host="robot3"), problem="hangs", mute="no answer")])
+    assert (fact["state"], fact["error"]) == ("no answer", "hangs")
+
+
+@pytest.mark.parametrize(("named", "wanted"), [(None, "ab"), (["/logs"], "a"), (["/logs/walks/deep"], "")])
+def test_recordings_into_a_folder_that_is_named_are_completed(runtime_folder, monkeypatch, named, wanted):
+    orders = (SimpleNamespace(name="a", folder="/logs/walks"), SimpleNamespace(name="b", folder="/"))
+    (runtime_folder / f"bot{RECORDERS_SUFFIX}").touch()
+    lists = [("bot", [SimpleNamespace(order=order) for order in orders])]
+    monkeypatch.setattr("silo.recorder.left_recordings.left_lists", lambda: lists)
+    assert "".join(one.order.name for one in _incomplete(named)) == wanted
 
 
 def test_what_a_recording_can_not_have_is_told_as_it_begins(monkeypatch, capsys):
