@@ -5,10 +5,12 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import msgspec
+import pytest
 
+from silo.errors import SegmentError
 from silo.history.requests import OpenStream, StreamFrame
-from silo.live import streams
-from silo.live.feeds import Round
+from silo.live import feeds, streams
+from silo.live.feeds import Feeds, Round
 from silo.live.publisher import MOST_BEHIND_BYTES, Publisher
 from silo.live.streams import ServedStream
 from silo.logger.serving.answers import robot_state
@@ -153,3 +155,25 @@ def test_of_runs_that_wait_for_a_stream_the_oldest_make_room_and_the_next_one_is
     assert [held.between(run, present) for run in "XABC?"] == ["A", "B", "C", present, present]
     read.clear()
     assert not Publisher.needs(publisher, "C")
+
+
+def test_who_does_not_listen_yet_is_sent_nothing_and_not_asked_for_again_at_once(monkeypatch):
+    monkeypatch.setattr(feeds, "matching", lambda _: False)
+    feed = SimpleNamespace(prepare=lambda _: None, publisher=None, frame=lambda _: pytest.fail("made for nobody"))
+    assert Feeds._send(SimpleNamespace(kind="view"), "a-1", feed, None) is False
+
+
+def test_a_run_that_can_not_be_read_is_told_of_once(caplog):
+    rounds = iter(["cut short", "cut short", "gone", "gone"])
+
+    def fails(_: float) -> float:
+        problem = next(rounds, None)
+        publisher._ending = problem is None
+        raise SegmentError(problem or "gone")
+
+    publisher = SimpleNamespace(
+        _ending=False, _told="", _round=fails, _begin_anew=lambda now_s: now_s, views=SimpleNamespace(stop=list),
+        streams=SimpleNamespace(stop=list), _wake=SimpleNamespace(wait=lambda _: None, clear=list),
+    )  # fmt: skip
+    Publisher._run(publisher)
+    assert caplog.messages == [f"publishing failed, trying again: {problem}" for problem in ("cut short", "gone")]
