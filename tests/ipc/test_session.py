@@ -190,6 +190,9 @@ def test_every_element_name_has_a_topic_that_leads_back(name: str) -> None:
     key = keys.Root("host", "bot").topic(name)
     assert str(zenoh.KeyExpr(key)) == key
     assert keys.unescape(key.split("/topic/", 1)[1]) == name.strip("/")
+    root = keys.Root(name.replace("/", ""), name.replace("/", "."), "1f")
+    assert not set("*$?# ") & set(str(root))
+    assert keys.root_of(root.key("ask")) == root
 
 
 def test_topics_of_names_that_differ_in_reserved_characters_differ() -> None:

@@ -111,6 +111,11 @@ def test_a_newer_client_is_refused_with_what_to_update() -> None:
     assert "update silo on the robot" in refused.text
 
 
+def test_a_request_that_tells_no_protocol_is_of_the_first() -> None:
+    refused = answered(lambda: decode_ask(msgspec.msgpack.encode({"type": "GetNothing"})))
+    assert refused.text.startswith("the silo of this program is older (protocol 1) than")
+
+
 def test_a_request_that_only_a_newer_silo_knows_is_refused_for_its_version() -> None:
     refused = answered(lambda: decode_ask(msgspec.msgpack.encode({"type": "GetSamples", "protocol": PROTOCOL + 1})))
     assert "is newer (protocol" in refused.text
