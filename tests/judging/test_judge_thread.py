@@ -84,6 +84,10 @@ def test_what_is_judged_is_what_the_program_has_by_now(tmp_path, runtime_folder)
         logger.trigger("fall", "x < -50", pre="20ms", post="10ms")
         assert judged() == ["spike", "fall"]
         assert judge._judge is known  # what it has seen so far counts on
+        held.note_conditions()  # and who judges it once it is over, knows
+        noted = held.conditions(replica.run)
+        assert noted is not None
+        assert [one.name for one in noted.triggers] == ["spike", "fall"]
     finally:
         replica.let_go()
         held.let_go(held_alone=False)
