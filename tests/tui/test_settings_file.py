@@ -397,3 +397,8 @@ def test_a_key_of_lists_that_is_changed_takes_the_place_of_its_names_of_before()
     assert made == "keys:\n  list_down: ctrl+f\n  mark_loggers: y\nkeymap: classic\n"
     given_back = {name: keys for name, keys in found.keys.items() if name != "list_mark_all"}
     assert "mark_loggers" not in rewritten(OLD_NAMES, found, replace(found, keys=given_back))
+
+
+def test_a_file_that_a_line_does_not_fit_into_is_left_as_it_is():
+    with pytest.raises(SaveError, match="can't take the changes as it is: look at its lines; nothing was changed"):
+        rewritten("{theme: dark}\n", Settings(), Settings(rate=3.0))
