@@ -15,18 +15,18 @@ class HeardEvents:
 
     def __init__(self) -> None:
         self._folder = ""
-        self._number = -1  # of the newest line of the event log that was handed out, or was there before
+        self._number = -1  # of the newest line of the event log that was handed out, or was there at the first hello
         self._newest: deque[tuple[int, str, str]] = deque(maxlen=MOST)  # a line may be numbered on after it was told
 
     def missed(self, hello: HelloReply, read: Callable[[int, int], list[LoggedEvent]]) -> list[Event]:
         """Return what was told between two sessions of one logger, oldest first, the newest `MOST` of it.
 
         Args:
-            hello: what its helper process says in the new session; one of an older silo says no number.
-            read: returns so many of the lines after a number.
+            hello: what its helper process said in the new session; one of an older silo says no number.
+            read: returns so many of the lines after a number; called when the session is told what happens.
         """
         newest, folder = hello.newest_event, hello.status.folder
-        goes_on = folder == self._folder and 0 <= self._number < newest
+        goes_on = folder == self._folder and 0 <= self._number <= newest
         lines = read(self._number, MOST) if goes_on else []
         self._number, self._folder = newest, folder
         name = hello.status.logger
