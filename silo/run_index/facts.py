@@ -366,7 +366,7 @@ def _saves(files: Sequence[RunFacts]) -> list[tuple[RunFacts, ...]]:
 
 def _is_within(one: RunFacts, other: RunFacts) -> bool:
     ends = [each.stamp_ns + round(each.span_s * 1e9) for each in (one, other)]
-    return one is other or (other.stamp_ns <= one.stamp_ns and ends[0] <= ends[1])
+    return one is other or not one.ticks or (other.stamp_ns <= one.stamp_ns and ends[0] <= ends[1])
 
 
 def _shifts(files: Sequence[RunFacts]) -> list[float]:

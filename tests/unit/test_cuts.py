@@ -307,6 +307,18 @@ def test_a_run_that_was_cut_and_had_no_tick_since_is_saved(new_logger, runtime_f
     loop.whole(tmp_path)
 
 
+def test_a_run_that_was_saved_before_the_first_tick_after_its_cut_and_again_is_one_line(new_logger, tmp_path):
+    logger = new_logger()
+    loop = Loop(logger)
+    loop.turn(30)
+    logger.set("x", divider=2, cut=True)
+    logger.save()
+    loop.turn(40)
+    logger.save()
+    (one,) = silo.runs(tmp_path)
+    assert (one.facts.ticks, len(one.files)) == (70, 2)
+
+
 @pytest.mark.parametrize("ticks", [0, 30])
 def test_what_comes_between_a_cut_and_the_next_tick_stands_there(new_logger, tmp_path, ticks):
     logger = new_logger()
