@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from silo_tui.modal import run_alone
 from silo_tui.model.lists.conditions import MOST_PLOTS
+from silo_tui.model.words.names import fitting_names
 from silo_tui.screens.lists.list_screen import LoggerList
 
 Status = TypeVar("Status")
@@ -49,6 +50,12 @@ class ConditionsScreen(LoggerList[Status]):
     @abstractmethod
     def signals_of(self, one: Status) -> Sequence[str]:
         """Return the elements that a line is about."""
+
+    def fit(self, found: Sequence[Status], room: int) -> None:
+        """Fit the names of all into so many cells: different ones stay different."""
+        keys = list(map(self.key_of, found))
+        fitted = fitting_names([self.named(key) for key in keys], room)
+        self._room, self._names = room, {key: f"{fits:<{room}}" for key, fits in zip(keys, fitted, strict=True)}
 
     def show(self) -> None:
         super().show()

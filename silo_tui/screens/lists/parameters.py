@@ -16,7 +16,6 @@ from silo_tui.actions import key_of
 from silo_tui.modal import ask, run_aside
 from silo_tui.model.lists import parameters as rows
 from silo_tui.model.lists.ordering import Order
-from silo_tui.model.words.names import fitting_names
 from silo_tui.model.words.paths import typed_file
 from silo_tui.screens.dialogs.questions import Prompt, ask_line, confirmed
 from silo_tui.screens.lists.conditions import ConditionsScreen
@@ -55,11 +54,7 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
         return rows.head(width, self._room, self.knobs.preset)
 
     def prepare(self, found: Sequence[ParameterInfo], width: int) -> None:
-        """Fit the names of all into the same cells: different ones stay different."""
-        names = [self.named(one.name) for one in found]
-        self._room = rows.name_width(names, width)
-        fitted = fitting_names(names, self._room)
-        self._names = {one.name: f"{fits:<{self._room}}" for one, fits in zip(found, fitted, strict=True)}
+        self.fit(found, rows.name_width([self.named(one.name) for one in found], width))
         self._begun, self._newest = rows.history(self.session.happened)
 
     def told(self, one: ParameterInfo) -> str:

@@ -15,7 +15,6 @@ from silo_tui.modal import run_alone
 from silo_tui.model.lists.conditions import CAUTION, LOUD, name_width, named_in, times_head, trigger_row
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
-from silo_tui.model.words.names import fitting_names
 from silo_tui.screens.dialogs.form import taken
 from silo_tui.screens.dialogs.questions import confirmed
 from silo_tui.screens.dialogs.trigger_editor import TriggerEditor, ask_trigger
@@ -54,11 +53,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         return times_head(width, self._room)
 
     def prepare(self, found: Sequence[TriggerStatus], width: int) -> None:
-        """Fit the names of all into the same cells: different ones stay different."""
-        names = [one.options.name for one in found]
-        self._room = name_width(names, width)
-        fitted = fitting_names(names, self._room)
-        self._names = {name: f"{fits:<{self._room}}" for name, fits in zip(names, fitted, strict=True)}
+        self.fit(found, name_width([one.options.name for one in found], width))
 
     @property
     def all(self) -> Sequence[TriggerStatus]:
