@@ -160,11 +160,8 @@ class ElementsScreen(SiloScreen):
     def command_step(self, lines: int) -> None:
         self._move(self.session.rows.position + lines)
 
-    def command_top(self) -> None:
-        self._move(0)
-
-    def command_bottom(self) -> None:
-        self._move(len(self.session.rows.tree.lines) - 1)
+    def command_end(self, last: bool) -> None:
+        self._move(len(self.session.rows.tree.lines) - 1 if last else 0)
 
     def command_half_page(self, pages: int) -> None:
         self.command_step(pages * max(1, self.table.size.height // 2))

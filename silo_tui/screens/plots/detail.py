@@ -450,11 +450,8 @@ class DetailScreen(MonitorScreen):
             self.stack.show_panels([tuple(self.plots[: self.count])])
         self.request_view()
 
-    def command_detail_top(self) -> None:
-        self.command_turn_to(-self._turned)
-
-    def command_detail_bottom(self) -> None:
-        self.command_turn_to(len(self.plots) - 1 - self._turned)
+    def command_turn_to_end(self, last: bool) -> None:
+        self.command_turn_to((len(self.plots) - 1 if last else 0) - self._turned)
 
     def command_turn_to(self, step: int) -> None:
         """Show another one of the signals, alone; the others come behind it."""

@@ -165,11 +165,8 @@ class MonitorScreen(PlotScreen):
     def command_choose_plot(self, step: int) -> None:
         self._choose(self.stack.chosen + step)
 
-    def command_plot_top(self) -> None:
-        self._choose(0)
-
-    def command_plot_bottom(self) -> None:
-        self._choose(len(self.stack.plots) - 1)
+    def command_choose_end(self, last: bool) -> None:
+        self._choose(len(self.stack.plots) - 1 if last else 0)
 
     def on_plot_stack_pointed(self, event: PlotStack.Pointed) -> None:
         """Choose the plot that was clicked, and put the cursor there."""
