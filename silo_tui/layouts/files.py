@@ -15,7 +15,7 @@ from silo.errors import SaveError, reason
 from silo.net.configuration import config_folder
 from silo_tui.layouts.layout import KeptLayout
 from silo_tui.model.words.text import ago
-from silo_tui.sessions.kept import lives
+from silo_tui.sessions.kept import of_the_dead
 from silo_tui.settings.file import read_text
 
 ENDING = ".yaml"
@@ -57,11 +57,8 @@ def left_last(logger: str) -> Left | None:
 
     Older ones of this terminal are removed. ValueError for one that can't be read.
     """
-    found = []
-    for path in _folder().glob(f".left-{_plain(logger)}.*{ENDING}"):
-        _, terminal, pid = path.name.removesuffix(ENDING).rsplit(".", 2)
-        if pid.isdecimal() and not lives(int(pid)):
-            found.append((terminal, _changed(path), path))
+    paths = of_the_dead(_folder(), f".left-{_plain(logger)}.*{ENDING}")
+    found = [(path.name.split(".")[-3], _changed(path), path) for path in paths]
     ours = sorted(each for each in found if each[0] == _terminal())
     for _, _, path in ours[:-1]:
         path.unlink(missing_ok=True)

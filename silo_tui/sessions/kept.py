@@ -31,13 +31,14 @@ def path_of(host: str, logger: str) -> Path:
 
 def left_behind(host: str, logger: str) -> dict[Path, KeptEdits]:
     """Return what processes that are no more kept of a logger, by file; what can't be read is none."""
-    found = {}
-    for path in sorted(_folder().glob(f"{_stem(host, logger)}.*.json")):
-        pid = path.name.split(".")[-2]
-        kept = read(path) if pid.isdecimal() and not lives(int(pid)) else None
-        if kept is not None and kept.edits:
-            found[path] = kept
-    return found
+    found = ((path, read(path)) for path in of_the_dead(_folder(), f"{_stem(host, logger)}.*.json"))
+    return {path: kept for path, kept in found if kept is not None and kept.edits}
+
+
+def of_the_dead(folder: Path, pattern: str) -> list[Path]:
+    """Return the files of a folder that belong to processes that are no more, by the number before the ending."""
+    found = [(path, path.name.split(".")[-2]) for path in sorted(folder.glob(pattern))]
+    return [path for path, pid in found if pid.isdecimal() and not lives(int(pid))]
 
 
 def _folder() -> Path:

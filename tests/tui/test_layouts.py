@@ -170,7 +170,7 @@ def test_what_was_on_a_screen_is_kept_by_logger_terminal_and_process(views, monk
     monkeypatch.setattr(os, "ttyname", lambda number: "/dev/pts/7")
     assert files.left_by_us("robot3/any.mal") == views / f".left-robot3_any_mal.pts_7.{os.getpid()}.yaml"
     assert files.left_by_us("r" * 90).name == f".left-{'r' * 80}.pts_7.{os.getpid()}.yaml"
-    monkeypatch.setattr(files, "lives", lambda pid: pid == 12)
+    monkeypatch.setattr("silo_tui.sessions.kept.lives", lambda pid: pid == 12)
     names = ["robot.pts_8.13", "robot.none.11", "robot.pts_7.12", "robot.pts_7.x", "robots.pts_7.14"]
     for at, name in enumerate(names):
         files.save(views / f".left-{name}.yaml", WHOLE)
