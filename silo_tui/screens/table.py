@@ -68,6 +68,7 @@ class TableScreen(ElementsScreen):
         self._order_wanted = False  # by who chose it, until what it is by was measured
         self._top_wanted = False  # then too, while no key says where the cursor is to be
         self._offered = False
+        self._came_from: int | None = None  # the row of the cursor, where the editor lies over another one
         self._kept_version = -1
         self._surveying = False
         self._reset_wanted = False
@@ -468,8 +469,9 @@ class TableScreen(ElementsScreen):
     def _open_editor(self, value: str, *, select: bool) -> None:
         if self.table.field not in self.table.field_spans():
             self.show_set("settings")  # in which one sees what is edited
-        about = self.session.rows.targets_words  # before the cursor goes there
+        about, row = self.session.rows.targets_words, self.session.rows.row  # before the cursor goes there
         if self.session.rows.move_to_target():  # the editor lies over a row that is edited
+            self._came_from = row
             self.context.table_changed()
         field, region = self.table.field, self.table.cell_region()
         words = ""
@@ -482,6 +484,13 @@ class TableScreen(ElementsScreen):
         hidden = "" if field in self.table.field_spans() else f" (its column is not shown: {key_of('columns')})"
         self.info.ask(f"{field.label} of {about}{differ}{hidden}, e.g. {examples(field.option)}{words}")
         self.query_one(KeyBar).show_instead(EDITOR_KEYS)
+
+    def _back_to_table(self) -> None:
+        """Go back to the row of the cursor, where the editor lay over another one."""
+        row, self._came_from = self._came_from, None
+        if row is not None and self.session.rows.move_to_row(row):
+            self.context.table_changed()
+        super()._back_to_table()
 
     def _again(self, edit: Callable[[], None]) -> None:
         """Make an edit of what the cursor is on now, or of what is marked."""

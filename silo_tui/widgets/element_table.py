@@ -41,7 +41,7 @@ from silo_tui.model.words.names import MIN_WIDTH, fitting_names, shared_space
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import pace_of
 from silo_tui.unforeseen import Guarded
-from silo_tui.widgets.lines import CURSOR, MARKED
+from silo_tui.widgets.lines import CURSOR, MARKED, ON_MARKED
 from silo_tui.widgets.styled import Styled
 
 FLAGS = 2
@@ -574,8 +574,8 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
 
 
 def _sign(*, is_cursor: bool, marked: bool) -> str:
-    """Return what stands before a name; a mark is told also on the cursor's line, which looks different anyway."""
-    return MARKED if marked else CURSOR if is_cursor else " "
+    """Return what stands before a name: there is room for one sign."""
+    return (ON_MARKED if is_cursor else MARKED) if marked else CURSOR if is_cursor else " "
 
 
 def fitted(words: str, width: int, *, right: bool = False) -> str:

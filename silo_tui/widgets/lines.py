@@ -17,7 +17,8 @@ from textual.strip import Strip
 
 from silo_tui.unforeseen import Guarded
 
-CURSOR, MARKED = ">", "+"  # signs in front of a line, of whatever list: colours alone don't reach everybody
+# signs in front of a line, of whatever list: colours alone don't reach everybody
+CURSOR, MARKED, ON_MARKED = ">", "+", "»"
 
 
 class Lines(Guarded, ScrollView, can_focus=True):

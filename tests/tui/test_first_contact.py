@@ -242,11 +242,11 @@ async def test_after_an_apply_fill_counts_against_the_buffers_of_the_recording(f
 async def test_edits_of_marked_rows_say_that_they_are_not_of_the_row_under_the_cursor(fake, opened):
     async with opened(fake, size=(120, 24)) as screen:
         await screen.do("mark", "mark", "next_buffer")
-        await screen.shows("buffer of 2 marked elements, not of this row")
+        await screen.shows("buffer of 2 marked elements, not of velocity")
         await screen.press("escape")
         await screen.until(lambda: not screen.app.screen.is_modal)
         await screen.do("edit_divider")
-        await screen.shows("divider of 2 marked elements, not of this row")
+        await screen.shows("divider of 2 marked elements, not of velocity")
         await screen.press("7", "enter")
         await screen.shows("divider: 2 changed")
 

@@ -11,6 +11,7 @@ from silo_tui.model.table.facts import FULL, OLD, SIGNS
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.filter import TERMS
 from silo_tui.screens.lists.help import _NUMBER, GAP, column_count, entries, page
+from silo_tui.widgets.lines import MARKED, ON_MARKED
 
 SCOPES = sorted({scope for command in COMMANDS for scope in command.scopes} - {"any"})
 
@@ -63,10 +64,17 @@ def test_the_words_of_options_and_filter_are_those_of_their_tables():
     assert all(example in BY_ID["edit_divider"].help for example in ("50Hz", "*2"))
 
 
+@pytest.mark.parametrize("sign", ["BUSY", "SCREEN", "THIN", "9 632 + 63 712"])
+def test_every_sign_of_the_first_line_is_explained(sign):
+    told = [one for one in entries("table", everywhere=False) if one.group == "First line"]
+    assert any(sign in f"{one.left} {one.right}" for one in told)
+
+
 def test_every_sign_of_the_table_is_explained():
     signs = [entry for entry in entries("table", everywhere=False) if entry.group == "Signs"]
     explained = {letters: entry.right for entry in signs for letters in entry.left.split()}
-    assert all(explained[letters] for letters in (*(letters for _, letters in SIGNS), OLD, FULL))
+    assert all(explained[letters] for letters in (*(letters for _, letters in SIGNS), OLD, FULL, "…", "↓", "↑"))
+    assert ON_MARKED in explained[MARKED]
 
 
 @pytest.mark.parametrize(

@@ -172,7 +172,7 @@ def test_a_range_is_seen_while_it_is_made(table):
     table.show_cursor()
     assert sorted(table.areas) == [(0, 0), (0, 1), (0, 2)]
     assert ["table--range" in names for names in (table.looks(y)["both"] for y in range(4))] == [True] * 3 + [False]
-    assert [line[1] for line in table.text[:4]] == ["+", "+", "+", " "]
+    assert [line[1] for line in table.text[:4]] == ["+", "+", "»", " "]
 
 
 def test_below_the_last_line_nothing_is_drawn(table):
@@ -270,7 +270,7 @@ def test_a_click_puts_the_cursor_there_and_a_second_one_edits(table):
 
 def test_a_click_in_front_of_a_name_marks_it(table):
     click(table, FLAGS - 1, 3)
-    assert (table.rows.position, table.rows.marked_count, table.text[3][1]) == (3, 1, "+")
+    assert (table.rows.position, table.rows.marked_count, table.text[3][1]) == (3, 1, "»")
     click(table, FLAGS, 4)
     assert table.rows.marked_count == 1
 

@@ -128,8 +128,12 @@ async def test_apply_shows_the_difference_and_sends_one_transaction(fake, opened
 async def test_the_editor_lies_over_a_row_that_is_edited(fake, opened):
     async with opened(fake) as screen:
         await screen.do("space", "j", "j", "edit_divider")
-        await screen.shows("divider of 1 marked element, not of this row, e.g. 5 50Hz")
+        await screen.shows("divider of 1 marked element, not of acceleration, e.g. 5 50Hz")
         assert screen.app.screen.query_one(CellEditor).region.y == screen.app.screen.table.region.y
+        for key in ("escape", "enter"):  # and the cursor goes back
+            await screen.press(key)
+            await screen.until(lambda: screen.session.rows.row == 3, "the row of the cursor")
+            await screen.do("edit_divider")
 
 
 async def test_buffers_of_gigabytes_are_told_of_when_they_are_applied_as_in_the_shell(fake, opened, monkeypatch):

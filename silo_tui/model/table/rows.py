@@ -360,7 +360,10 @@ class RowList:
     @property
     def not_here(self) -> str:
         """What to add where that is marked elsewhere: one looks at the row under the cursor."""
-        return ", not of this row" if self.row is not None and self.row not in self.targets() else ""
+        row = self.row
+        if row is None or row in self.targets():
+            return ""
+        return f", not of {self.table.names[row].rpartition('/')[2]}"
 
     @property
     def hidden_targets(self) -> int:

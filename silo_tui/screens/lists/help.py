@@ -22,7 +22,7 @@ from silo_tui.model.lists.happened import EVENT_LINE, NAMES
 from silo_tui.model.table.facts import MEANINGS
 from silo_tui.model.table.filter import TERMS
 from silo_tui.widgets.inputs import Fleeting, Line
-from silo_tui.widgets.lines import MARKED
+from silo_tui.widgets.lines import MARKED, ON_MARKED
 from silo_tui.widgets.plot_stack import CURSOR_A, CURSOR_B
 
 THREE_FROM, TWO_FROM = 120, 72
@@ -38,7 +38,8 @@ HEAD = (
     ("488/500 elements on", "so many are logged, of all; +1 derived: computed from them"),
     ("400 Hz", "ticks a second as measured; … of 400 Hz: none was yet"),
     ("318 of 400 Hz slow", "the loop makes fewer ticks than it should: filter `lateness` (logged with timing=True)"),
-    ("‼ no tick for 4 s", "the loop stands still"), ("118 024 ticks", "of the run until now"),
+    ("‼ no tick for 4 s", "the loop stands still"),
+    ("118 024 ticks", "of the run until now; 9 632 + 63 712: before a cut, and since"),
     ("lost 0", "samples that the buffers could not keep"),
     ("1 alarm HH, HH 1+", "so many are beyond limits, the worst so far; +: others nobody has seen"),
     ("1 alarm ended unseen", "it is over, and nobody has said that he saw it: acknowledge it in the list of alarms"),
@@ -48,6 +49,7 @@ HEAD = (
     ("PAUSED SCOPE FILE", "of plots: they stand still, show crossings, are of a saved file"),
     ("THIN 1.2 of 5 Hz", "the link takes so many pictures a second, carries kbit/s, answers after ms; keys go first"),
     ("BUSY 1.2 of 5 Hz", "this computer is too busy to draw as often as it should; not the link"),
+    ("SCREEN 1.2 of 5 Hz", "it is drawn less often than it should be, and neither is known to be why"),
 )  # fmt: skip
 COLUMNS = (
     ("name in /legs", "all that are shown begin so"), ("▼ legs 412, ►", "a branch of so many, or a vector; folded: ►"),
@@ -64,7 +66,9 @@ COLUMNS = (
 )  # fmt: skip
 SIGNS = (
     ("*", "pending: prepared here, not applied yet (underlined)"), ("!", "conflict: somebody else changed it too"),
-    (MARKED, "marked: edits and plots are about all that is marked"),
+    (MARKED, f"marked: edits and plots are about all that is marked; {ON_MARKED} with the cursor on it"),
+    ("…", "there is more than has room: the inspector has all of it"),
+    ("↓ ↑", "before a title: ordered by it, falling or rising"),
     ("=", "derived: computed from others; its options are those of its signals"),
 )  # fmt: skip
 PLOT_SCOPES = ("monitor", "detail", "file_monitor", "file_detail")
