@@ -485,7 +485,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("open", "", "Open a file", "look into a saved log of this machine; Esc comes back", "Go", (),
             typed=_read(("open",), "logs", ":open FILE", "look into a saved log of this machine", 9)),
     Command("picture", "", "Picture", "a screenshot: the screen as a picture", "Go", (),
-            typed=_read(("picture",), "", ":picture FILE.svg", "a screenshot, to a file", 7)),
+            typed=_read(("picture",), "", ":picture FILE.svg", "a screenshot, to a file; else silo-tui.svg", 7)),
 )
 # fmt: on
 

@@ -535,7 +535,8 @@ class SiloApp(Guarded, App[None]):
         if screen is not None and screen.scope == "table":
             words = "load save set goto sort data start stop help quit"
             self.context.learn_scripts()
-        self.push_screen(CommandLine(self.context.runner.complete, words, begun), run)
+        runner = self.context.runner
+        self.push_screen(CommandLine(runner.complete, words, begun, runner.usage), run)
 
     def command_palette(self) -> None:
         if not isinstance(self.screen, CommandPalette):

@@ -50,6 +50,14 @@ class CommandRunner:
         words = [word for word, one in BY_WORD.items() if not self._on_file or typed_on_file(one)]
         return command_line.complete(line, sorted(words), [each for each in choices if each not in line.split()])
 
+    def usage(self, line: str) -> str:
+        """Return what a command line does, once its word is typed."""
+        command = BY_WORD.get(line.lstrip(":").partition(" ")[0])
+        if command is None or command.typed is None:
+            return ""
+        typed = command.typed
+        return f"{typed.usage}: {typed.help}" if typed.usage else f"{command.label}: {command.help}"
+
     def choices(self, command: Command, *typed: str) -> Sequence[str]:
         """Return what the argument of a command may be, of which the last word of `typed` is typed."""
         context, begun = self._context, typed[-1] if typed else ""

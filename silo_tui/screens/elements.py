@@ -18,6 +18,7 @@ from silo_tui.modal import ask
 from silo_tui.model.table import filter as filters
 from silo_tui.model.table.columns import NAME, TREE, TableColumn
 from silo_tui.model.words.command_line import BY_KEY, Spelled
+from silo_tui.model.words.names import next_levels
 from silo_tui.screens.dialogs.questions import Choice, OrderDialog, Question
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import KeyBar
@@ -463,4 +464,12 @@ class ElementsScreen(SiloScreen):
     def _complete_filter(self, line: str) -> list[str]:
         head, _, last = line.rpartition(" ")
         units = sorted({element.unit for element in self.session.table.elements if element.unit != "-"})
-        return [f"{head} {term}".lstrip() for term in filters.completions(last, units)]
+        found = filters.completions(last, units)
+        if "/" in last:
+            found += next_levels(last, list(map(self.session.short_name, self.session.table.names)))
+        return [f"{head} {term}".lstrip() for term in found]
+
+    def on_line_completed(self, event: Line.Completed) -> None:
+        """Show what else the filter may become."""
+        if event.words and self.query_one("#filter-line", Line).display:
+            self.query_one("#filter-notes", Static).update(event.words)

@@ -12,6 +12,7 @@ from textual.suggester import Suggester
 from textual.widget import Widget
 from textual.widgets import Input
 
+from silo.core.quantities.writing import and_more
 from silo_tui.model.table.fields import Field
 from silo_tui.unforeseen import Guarded
 
@@ -134,6 +135,18 @@ class Fleeting(Guarded, Input):
 class Line(Fleeting):
     """A line at the bottom: filter or command."""
 
+    @dataclass
+    class Completed(Message):
+        """Tab: whole lines that it may become, by the first of which it is completed."""
+
+        found: list[str]
+
+        @property
+        def words(self) -> str:
+            """What they end with, where there are several; that there are none."""
+            ends = [one.rpartition(" ")[2] for one in self.found]
+            return f"Tab again: {and_more(ends[1:], 6)}" if len(ends) > 1 else "" if ends else "nothing completes it"
+
     def __init__(self, complete: Callable[[str], list[str]], placeholder: str, id: str) -> None:  # noqa: A002
         super().__init__(id, placeholder=placeholder, suggester=LineSuggester(complete), select_on_focus=False)
         self._complete_line = complete
@@ -151,13 +164,14 @@ class Line(Fleeting):
     def complete(self) -> None:
         """Take the next completion; Tab again takes the one after."""
         if not self._turn or self.value not in self._turn:
-            self._turn = self._complete_line(self.value)
-            if not self._turn:
-                return
-            self.value = self._turn[0]
+            self._turn, at = self._complete_line(self.value), 0
         else:
-            self.value = self._turn[(self._turn.index(self.value) + 1) % len(self._turn)]
-        self.cursor_position = len(self.value)
+            at = (self._turn.index(self.value) + 1) % len(self._turn)
+        if self._turn:
+            self.value = self._turn[at]
+            self.cursor_position = len(self.value)
+        # behind the change of the value, which is told first
+        self.call_later(self.post_message, self.Completed(self._turn[at:] + self._turn[:at]))
 
 
 class CellEditor(Fleeting):

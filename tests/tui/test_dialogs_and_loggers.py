@@ -15,7 +15,7 @@ from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import RefusedError
 from silo.files import write
 from silo_tui import screens as every_screen
-from silo_tui.actions import COMMANDS, footer_for
+from silo_tui.actions import BY_WORD, COMMANDS, footer_for
 from silo_tui.commands import flows
 from silo_tui.modal import Choices
 from silo_tui.model.table.fields import Field
@@ -362,6 +362,8 @@ async def test_the_palette_finds_what_can_only_be_typed_and_goes_on_in_the_comma
         await screen.shows(":goto NAME")
         await screen.press("enter")
         await screen.shows("Tab completes")
+        await screen.until(lambda: any(line.startswith(" :goto") for line in screen.text.splitlines()), "the colon")
+        await screen.shows(f":goto NAME: {BY_WORD['goto'].typed.help}")
         await screen.enter("imu/temp")
         await screen.until(lambda: screen.session.table.names[screen.session.rows.row] == "/log/imu/temperature")
 
@@ -604,3 +606,21 @@ async def test_what_shines_through_a_dialog_is_painted_anew_with_it(fake, opened
             monkeypatch.setattr(each, "_set_dirty", lambda *_, each=each: painted.append(each))
         above.refresh()
         assert painted == [below]
+
+
+async def test_tab_says_what_else_a_line_may_become(fake, opened):
+    async with opened(fake, size=(100, 40)) as screen:
+        await screen.press("slash")
+        await screen.type("/legs/LF/H")
+        await screen.press("tab")
+        await screen.shows("Tab again: /legs/LF/HFE")
+        assert screen.app.screen.query_one("#filter-line").value == "/legs/LF/HAA"
+        await screen.press("tab")
+        await screen.shows("Tab again: /legs/LF/HAA")
+        await screen.type("/nowhere")
+        await screen.press("tab")
+        await screen.shows("nothing completes it")
+        await screen.press("escape", "colon")
+        await screen.type("st")
+        await screen.press("tab")
+        await screen.shows("Tab again: stop")

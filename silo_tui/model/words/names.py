@@ -70,6 +70,17 @@ def fitting_names_below(names: Sequence[str], width: int, room: int) -> tuple[st
     return space, fitting_names([name[len(space) + bool(space) :] for name in names], width)
 
 
+def next_levels(begun: str, names: Sequence[str]) -> list[str]:
+    """Return what a part of a name may become, up to the end of its level."""
+    found: dict[str, None] = {}
+    for name in names:
+        at = name.casefold().find(begun.casefold())
+        if at >= 0:
+            end = name.find("/", at + len(begun))
+            found[name[at:] if end < 0 else name[at:end]] = None
+    return [one for one in found if one != begun]
+
+
 def fitted_among(name: str, names: tuple[str, ...], width: int) -> str:
     """Return one of some names in at most `width` cells: as it differs from the others; without others for itself."""
     return _all_fitted(names or (name,), width)[name]

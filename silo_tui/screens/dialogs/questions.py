@@ -397,17 +397,34 @@ class CommandLine(Dialog[str | None]):
     KEYS_HERE = "Enter does it  Tab completes  Esc leaves"
     AUTO_FOCUS = ""
 
-    def __init__(self, complete: Callable[[str], list[str]], words: str, begun: str = "") -> None:
-        """`words` are some of those that may be typed, `begun` is typed already."""
+    def __init__(
+        self, complete: Callable[[str], list[str]], words: str, begun: str = "", usage: Callable[[str], str] = str
+    ) -> None:
+        """`words` are some of those that may be typed, `begun` is typed already, `usage` says what it does."""
         super().__init__()
         self._begun = begun
-        self._complete, self._words = complete, words
+        self._complete, self._words, self._usage = complete, words, usage
 
     def compose(self) -> ComposeResult:
-        yield Line(self._complete, self._words, "command-over")
+        with Vertical(id="command"):
+            yield Static("", id="command-notes", markup=False)
+            with Horizontal():
+                yield Static(":")
+                yield Line(self._complete, self._words, "command-over")
 
     def on_mount(self) -> None:
         self.query_one(Line).begin(self._begun)
+
+    def on_input_changed(self, event: Line.Changed) -> None:
+        self._note(self._usage(event.value))
+
+    def on_line_completed(self, event: Line.Completed) -> None:
+        self._note(event.words or self._usage(self.query_one(Line).value))
+
+    def _note(self, words: str) -> None:
+        notes = self.query_one("#command-notes", Static)
+        notes.update(words)
+        notes.display = bool(words)
 
     def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
         self.dismiss(event.value)
