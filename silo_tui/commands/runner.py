@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, cast
 import msgspec
 
 from silo.core.names import did_you_mean, nearest
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import and_more, many
 from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
+from silo.net.access.senders import name_of
 from silo.settings.typed import completions
 from silo_tui.actions import BY_ID, BY_WORD, FILE_SCOPES, NOT_EDITED, Command, key_of, typed_on_file
 from silo_tui.commands import flows
@@ -193,7 +194,7 @@ class CommandRunner:
             app = self._context.app
             cast(Any, app).take_settings(replace(self._context.settings, theme=words[0]))
             app.theme = theme_name(words[0])  # where one of Textual's own was shown the settings know of no change
-            self._context.say(f"theme: {words[0]}; {keys} keeps it")
+            self._context.say(f"theme: {words[0]}; {keys} writes it to the file")
             return
         name = " ".join(words)
         if name not in known:
@@ -308,7 +309,8 @@ async def _ask_for_control(context: Context) -> Sequence[str]:
         choices = [Choice("", "Leave it to all"), Choice("take", "Take it: users other than you change nothing", "t")]
     else:
         choices = [Choice("", "Leave it there"), Choice("force", "Take it: who has it is told", "F")]
-    body = f"{told}\n\n:control give NAME hands it over."
+    others = [name for name in operators(session.status) if name != name_of(session.identity)]
+    body = f"{told}\n\n:control give NAME hands it over{f' ({and_more(others, 3)})' if others else ''}."
     answer = await context.app.push_screen_wait(Question(f"Who controls {session.name}?", body, choices))
     return (answer,) if answer else ()
 

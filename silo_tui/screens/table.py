@@ -554,7 +554,8 @@ class TableScreen(ElementsScreen):
     def command_undo(self) -> None:
         label = self.session.table.undo() or ""
         again = f"; wanted back, not applied yet: {key_of('apply')}" if label.startswith(APPLIED) else ""
-        self._edited(f"undone: {label}{again}" if label else "nothing to undo")
+        waits = f"; {key_of('discard')} drops what is pending" if self.session.table.pending_count[0] else ""
+        self._edited(f"undone: {label}{again}" if label else f"nothing to undo{waits}")
 
     def command_redo(self) -> None:
         label = self.session.table.redo()

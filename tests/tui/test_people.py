@@ -69,14 +69,14 @@ async def test_events_say_whether_a_name_is_proven(fake, opened):
 def test_words_of_who_is_there(fake):
     fake.clients = [Present("anna (proven) from desk2, silo-tui 2", 1, "anna"), Present("bob@desk3 silo 3", 2)]
     told = people_words(fake.status(), "anna", "anna@desk2 silo-tui 2")
-    assert told == "nobody has control; connected: anna (proven), bob@desk3 looks"
+    assert told == "nobody has control; connected: anna (proven) (this one), bob@desk3 looks"
     assert head_words(fake.status(), "anna", "anna@desk2 silo-tui 2") == ("", "1 other client")
 
 
 def test_two_programs_of_one_user_are_told_apart(fake):
     one, other = "root@vm silo-tui 7", "root@vm silo-tui 8"
     fake.clients = [Present(one, 1, "@local root"), Present(other, 1, "@local root")]
-    assert people_words(fake.status(), "@local root", one).endswith(f"connected: {one}, {other}")
+    assert people_words(fake.status(), "@local root", one).endswith(f"connected: {one} (this one), {other}")
     fake._controlled_by(other, "@local root")
     assert head_words(fake.status(), "@local root", one)[0] == "you have control in silo-tui 8"
     assert head_words(fake.status(), "@local root", other)[0] == "you have control"
@@ -108,6 +108,8 @@ async def test_control_is_given_to_who_is_connected_and_tab_names_them(fake, ope
         assert complete(":control give a") == ["control give anna"]
         assert complete(":control take ") == []
         assert complete(":control g") == ["control give"]
+        await screen.do("control")
+        await screen.shows(":control give NAME hands it over (anna")
 
 
 def test_since_when_something_is_so_is_told_by_the_clock_with_the_date_of_another_day():

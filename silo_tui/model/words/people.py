@@ -38,7 +38,8 @@ def people_words(status: Status, identity: str, own_name: str) -> str:
         begin = "nobody has control" + (", and changes need it (:control take)" if status.one_operator else "")
     short = [short_words(one.who) for one in status.clients]
     names = [
-        f"{words if short.count(words) == 1 else one.who}{'' if one.identity else ' looks'}"
+        f"{words if short.count(words) == 1 else one.who}{' (this one)' * is_by(one.who, own_name)}"
+        f"{'' if one.identity else ' looks'}"
         for words, one in zip(short, status.clients, strict=True)
     ]
     return f"{begin}; connected: {', '.join(names) or 'nobody'}"

@@ -133,7 +133,7 @@ class SettingsScreen(ListScreen[SettingRow]):
 
     def _change(self, words: str, **fields: Any) -> None:
         self._take(replace(self.context.settings, **fields))
-        self.say(f"{words}; {key_of('write_settings')} keeps it")
+        self.say(f"{words}; {key_of('write_settings')} writes it to the file")
 
     # ------------------------------------------------------------------------------------------------ changing
 
