@@ -234,6 +234,7 @@ def opened(read: Callable[[], Log]) -> FileSession:
             told = f" ({'; '.join(log.warnings)})" if log.warnings else ""
             raise FileFormatError(f"{log.path}: the log is empty, it holds no {what}{told}")
         session = FileSession(log)
-        if alone := alone_of(Path(log.path), log.recording):
-            session.warnings += (alone,)
+        stretch = log.recording.stretch
+        if stretch is not None and alone_of(Path(log.path), log.recording):
+            session.warnings += (f"{stretch.text}, alone: :runs opens all of it as one",)
     return session

@@ -457,7 +457,8 @@ async def test_a_file_of_a_recording_is_shown_alone_and_says_so(tmp_path, on_fil
     recorded_in_two(tmp_path)
     async with on_file(next(tmp_path.glob("*00001*"))) as screen:
         await screen.shows("one file of recording")
-        await screen.shows("alone: :runs")
+        await screen.shows("alone: :runs opens all of it as one")
+        assert "(all: silo info" not in screen.text
         assert screen.session.report.ticks == 10
 
 

@@ -112,6 +112,9 @@ async def test_undo_and_redo(fake, opened):
         assert screen.session.table.pending_count == (0, 0)
         await screen.press("ctrl+r")
         assert screen.session.table.pending_count == (72, 72)
+        screen.session.table.note_applied(())  # all steps are done with
+        await screen.press("u")
+        await screen.shows("nothing to undo; x drops what is pending")
 
 
 async def test_apply_shows_the_difference_and_sends_one_transaction(fake, opened):
