@@ -1,6 +1,7 @@
 """Limits in plots stand at their value, and an axis by powers of ten shows any values in their order."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +11,9 @@ from hypothesis import strategies as st
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo_tui.model.drawing import braille
 from silo_tui.model.drawing.axes import axis_of, scale_of, words_of
-from silo_tui.model.drawing.plots import Axis
+from silo_tui.model.drawing.plots import NOBODY, Axis
 from silo_tui.model.plots.limits import inner, level_line, lines_of
+from silo_tui.model.plots.picture import RED, _draw_limits
 
 HEIGHT = 12
 TORQUE = "/log/legs/LF/HAA/torque"
@@ -37,6 +39,15 @@ def test_a_limit_stands_in_the_cell_of_its_value_or_is_told_at_the_border_that_i
         else:
             row = braille.row_of(np.array([offset]), (low, high), 4 * HEIGHT)[0]  # where a sample of that value stands
             assert one.line == (4 * HEIGHT - 1 - row) // 4
+
+
+def test_of_two_limits_in_a_line_both_words_stand_there_and_the_red_one_gives_the_colour():
+    cells, owners = np.full((HEIGHT, 8), ord(" "), np.uint32), np.full((HEIGHT, 8), NOBODY)
+    source = SimpleNamespace(bounds={"a": (0.0, 0.1, 9.9, 10.0)}, level=None)
+    pictures = [SimpleNamespace(axis=Axis((0, 10)))]
+    words = _draw_limits(source, [SimpleNamespace(name="a")], pictures, cells, owners)
+    assert words == {0: ("H HH", RED), HEIGHT - 1: ("LL L", RED)}
+    assert owners[0].tolist() == owners[HEIGHT - 1].tolist() == [RED, NOBODY] * 4
 
 
 @pytest.mark.parametrize("scale", [(math.nan, math.nan), (2.0, 2.0)])

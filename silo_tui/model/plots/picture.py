@@ -102,7 +102,7 @@ def _draw_limits(
             words = f"{source.letter(plotted) if len(panel) > 1 else ''}{limit.mark}"
             known = found.get(limit.line)
             found[limit.line] = (words, owner) if known is None else (f"{known[0]} {words}", min(known[1], owner))
-            free = owners[limit.line] == NOBODY
+            free = (owners[limit.line] == NOBODY) | (owners[limit.line] == YELLOW)  # of two in a line red is seen
             if not limit.beyond:
                 free[1::2] = False  # dashed: a curve is not
                 cells[limit.line][free], owners[limit.line][free] = ord(LIMIT), owner
