@@ -3,6 +3,7 @@
 import math
 import os
 import stat
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -15,6 +16,7 @@ from silo.core.elements import Action, BufferType, ElementInfo, ElementOptions, 
 from silo_tui.model.table.changes import cost_of, groups_of
 from silo_tui.model.table.fields import Field, values_of
 from silo_tui.model.table.state import TableState
+from silo_tui.screens.editing import Editing
 from silo_tui.sessions import kept
 from silo_tui.sessions.kept import lives
 from silo_tui.unforeseen import log_file
@@ -437,3 +439,17 @@ def test_the_cost_of_a_table_counts_what_is_on(robot):
     assert (cost.disk_bytes_s, cost.topic_bytes_s, cost.shortest_s, cost.shortest) == (1600.0, 1600.0, 2.0, TORQUE)
     assert cost.memory_bytes == 400 * 8 + 400 * 16
     assert cost_of(table.elements, np.zeros_like(values), 400.0).shortest == ""
+
+
+@pytest.mark.parametrize(("by", "again"), [("next_buffer", [0, 1]), ("edit", [0])])
+def test_what_is_done_again_sets_the_value_that_was_chosen_where_the_cursor_is_now(by, again):
+    edits, cursor = [], iter([0, 1])
+    table = SimpleNamespace(edit=lambda *given: edits.append(given) or 1)
+    rows = SimpleNamespace(targets=lambda: next(cursor), not_here="")
+    of = SimpleNamespace(
+        repeated=by, repeats=list, session=SimpleNamespace(rows=rows, table=table), _edited=str, _again=lambda do: do()
+    )
+    of._set = lambda *given: Editing._set(of, *given)
+    of._set(Field.BUFFER, BufferType.GROWING)
+    of.repeats()
+    assert edits == [(row, Field.BUFFER, BufferType.GROWING) for row in again]

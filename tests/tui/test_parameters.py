@@ -1,6 +1,7 @@
 """Parameters on the screen: turned, typed, undone, back to defaults, kept as presets, and why one can't be changed."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 from msgspec.structs import replace
@@ -22,6 +23,7 @@ from silo_tui.model.lists.parameters import (
     stepped,
     why_fixed,
 )
+from silo_tui.screens.lists.parameters import ParametersScreen
 from silo_tui.screens.plots.monitor import MonitorScreen
 from silo_tui.sessions import parameters as knobs
 from tests.stand_ins.fake_parameters import PARAMETERS
@@ -85,6 +87,18 @@ def test_a_line_says_what_a_value_was_and_what_it_differs_from(info, beside, beg
         (replace(HEIGHT, writable=Writable.ANYWHERE), "above ground │ 0.4 to 0.54 in steps of 0.005 m"),
     ],
 )
+def beside_it(beside, info=COUNT):
+    of = SimpleNamespace(
+        knobs=SimpleNamespace(preset="tall", beside=beside, locked=False), _names={info.name: "n"}, _begun={},
+        _who=lambda _: "", _room=1, named=lambda name: name,
+    )  # fmt: skip
+    return ParametersScreen.row_of(of, replace(info, value=4), 80).plain.split("]")[1].split()
+
+
+def test_beside_a_value_stands_that_of_the_preset_or_that_it_has_none():
+    assert [beside_it(each) for each in ({}, {COUNT.name: 0}, {COUNT.name: 4})] == [["-"], ["≠", "0"], ["4"]]
+
+
 def test_below_the_list_stands_where_one_is_set(info, says):
     assert about(info, locked=False) == says
 

@@ -437,6 +437,7 @@ async def test_w_fetches_to_a_folder_and_says_where_it_is(opened, fake, logs, tm
         await at_recordings(screen)
         await screen.press("w")
         await screen.shows("to a folder of this")
+        await screen.shows("It lies on this machine already: ")
         screen.app.screen.query_one("Input").value = str(tmp_path / "here")
         await screen.press("enter")
         await screen.shows("fetched:")
