@@ -4,15 +4,18 @@ import errno
 import itertools
 import threading
 from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import silo
 from silo.analysis.stretches import joined
-from silo.core.elements import BufferType, Edit, LoggedEvent, Stretch
+from silo.core.elements import BufferType, Edit, LoggedEvent, Storage, Stretch
 from silo.core.recording import Recording
 from silo.errors import ElementError, SaveError, SegmentError, StateError, UnsavedError
+from silo.helper import dead_robot
 from silo.journal.holdings import segment_holdings
 from silo.logger.current_run import MOST_CUT_OFF, MOST_ELEMENTS, CurrentRun
 from tests.stand_ins.saved import element
@@ -714,3 +717,19 @@ def test_a_logger_that_is_closed_lets_nobody_copy_what_goes(new_logger, monkeypa
         logger.close(discard=True)
     saving.join()
     assert not copied.is_set()
+
+
+def test_of_what_a_dead_program_logged_before_a_cut_that_is_saved_which_is_in_no_file(monkeypatch):
+    closed = []
+    found = [
+        SimpleNamespace(schema=SimpleNamespace(run=run), is_cut=run != "whole", close=partial(closed.append, run))
+        for run in ("in no file", "saved", "whole", "present")
+    ]
+    monkeypatch.setattr(dead_robot, "list_segments", lambda _: [])
+    monkeypatch.setattr(dead_robot, "readers", lambda *_: found)
+    options = SimpleNamespace(folder="", storage=Storage.MEMORY, name="bot", id="1f")
+    replica = SimpleNamespace(
+        now=SimpleNamespace(options=options), run="present", is_saved_of=lambda one: one.schema.run == "saved"
+    )
+    assert dead_robot._cut_off(replica) == found[:1]
+    assert closed == ["saved", "whole", "present"]

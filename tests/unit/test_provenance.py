@@ -36,7 +36,11 @@ class TestGit:
     def test_the_commit_of_a_folder_below_is_found(self, tree):
         assert git_state(tree / "src", 60) == git(tree, "rev-parse", "HEAD")
 
-    def test_a_file_that_was_changed_is_told_whatever_its_size_and_time(self, tree):
+    @pytest.mark.parametrize("version", [2, 3])  # of the index: one file that is skipped makes it the later
+    def test_a_file_that_was_changed_is_told_whatever_its_size_and_time(self, tree, version):
+        if version == 3:
+            git(tree, "update-index", "--skip-worktree", "README")
+        assert (tree / ".git" / "index").read_bytes()[7] == version
         commit, path = git(tree, "rev-parse", "HEAD"), tree / "src" / "walk.py"
         os.utime(path, (1, 1))
         assert git_state(tree, 60) == commit

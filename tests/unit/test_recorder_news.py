@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from silo.core.elements import RecorderState
+from silo.recorder import recorder
 from silo.recorder.orders import News, Progress, Report
 from silo.recorder.recorder import Recorder
 from silo.recorder.server import EndlessRecordings
@@ -57,3 +58,21 @@ def test_the_end_of_a_recording_stands_where_it_ended_not_where_something_was_lo
     assert published == [place]
     assert recorder.report.state is (RecorderState.FAILED if failed else RecorderState.ENDED)
     assert server._replica.recorders == 0
+
+
+def test_an_end_that_takes_its_time_is_told_until_it_is_over(monkeypatch):
+    waits, sent = iter([False, False, True]), []
+    totals = SimpleNamespace(state=RecorderState.RECORDING, text="")
+    over = SimpleNamespace(is_set=lambda: True, wait=lambda _: next(waits))
+    writing = SimpleNamespace(over=over, totals=totals, news=[], start=list, end=list, join=list)
+    monkeypatch.setattr(recorder, "Writing", lambda *_: writing)
+    ledger = SimpleNamespace(
+        written=SimpleNamespace(run="", next_rows={}, runs=[]), begin_order=id, sums=lambda: SimpleNamespace(gone=2)
+    )
+    of = SimpleNamespace(
+        _order=SimpleNamespace(resume=False, order=None), _why="it was stopped", _drain=None, _look_for_gone=list,
+        _drain_last=list, _settle=list, _send=sent.append, _report=lambda: (totals.state.value, totals.text),
+    )  # fmt: skip
+    assert Recorder._record(of, ledger) is RecorderState.ENDED
+    ended = ("ended", "it was stopped; the end of 2 runs is in no file")
+    assert sent == [("finishing", ""), ("finishing", ""), ended]
