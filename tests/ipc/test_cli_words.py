@@ -279,6 +279,17 @@ def test_machines_are_told_why_a_logger_has_no_status():
     assert (fact["state"], fact["error"]) == ("no answer", "hangs")
 
 
+def test_a_column_that_one_logger_needs_has_a_word_for_nothing_at_the_others(monkeypatch, capsys):
+    of = importlib.import_module("silo.cli.loggers.ls")
+    monkeypatch.setattr(of, "_ls_row", lambda _: ("x",) * 10)
+    monkeypatch.setattr(of, "_addresses", lambda _: [])
+    none = {"durable_ticks": -1, "recorders": 0, "disk_bytes": 0, "alarms": 0, "denied": 0, "clients": []}
+    each = [SimpleNamespace(**none), SimpleNamespace(**none | {"durable_ticks": 0, "recorders": 2})]
+    of._show_table([SimpleNamespace(found=None, status=one) for one in each])
+    shown = [line.split()[10:] for line in capsys.readouterr().out.splitlines()]
+    assert shown == [["DURABLE", "TO", "TICK", "REC"], ["-", "0"], ["0", "2"]]
+
+
 @pytest.mark.parametrize(("named", "wanted"), [(None, "ab"), (["/logs"], "a"), (["/logs/walks/deep"], "")])
 def test_recordings_into_a_folder_that_is_named_are_completed(runtime_folder, monkeypatch, named, wanted):
     orders = (SimpleNamespace(name="a", folder="/logs/walks"), SimpleNamespace(name="b", folder="/"))
