@@ -11,7 +11,7 @@ import io
 import os
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,8 @@ from silo.errors import SaveError, reason
 
 PART_ENDING = ".part"
 SWAP_ENDING = ".swap"  # a folder in which a new one is made that takes the name of an old one
+ROOM_SHARE = 0.02  # of a disk is left free by what is written without end, or
+ROOM_BYTES = 1_000_000_000  # that many, whichever is less
 _OLD_ENDING = ".old"  # what silo up to 0.1 called an old bag while the new one was written
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 
@@ -349,6 +351,28 @@ def _free(folder: Path) -> str:
     with suppress(OSError):
         return f"{size_text(disk_room(folder)[0])} are free in '{folder}': "
     return ""
+
+
+class NearlyFullError(SaveError):
+    """The disk is as full as it may become by what nobody asked for one by one."""
+
+
+def check_room(
+    folder: Path, coming_bytes: int, room: Callable[[Path], tuple[int, int]] = disk_room, advice: str = "make room"
+) -> None:
+    """Raise NearlyFullError where so much more would leave others of the disk no room, OSError."""
+    free, size = room(folder)
+    left = left_free(size)
+    if free - coming_bytes < left:
+        raise NearlyFullError(
+            f"the disk of {folder} is nearly full: {size_text(free)} are free, and {size_text(left)} of it are left to "
+            f"others; {advice}"
+        )
+
+
+def left_free(size_bytes: int) -> int:
+    """Return how many bytes of a disk of this size are left to others."""
+    return int(min(ROOM_SHARE * size_bytes, ROOM_BYTES))
 
 
 def _temporary_name(final: Path, ending: str = PART_ENDING) -> Path:

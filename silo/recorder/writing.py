@@ -28,7 +28,7 @@ from silo.core.quantities.writing import and_more, duration, size_text
 from silo.core.recording import RecordedElement
 from silo.core.runtime import disk_room, sync
 from silo.errors import SiloError, reason
-from silo.files.atomic import open_part
+from silo.files.atomic import check_room, open_part
 from silo.files.bags.message_groups import group_samples
 from silo.files.bags.writer import MAX_STAMP_NS, metadata_yaml, write_windows
 from silo.files.manifest import ClosedPart, Ledger, RunEntry, part_path
@@ -52,8 +52,6 @@ P = ParamSpec("P")
 QUEUE_BYTES = 64 << 20
 MOST_INDEX_BYTES = 16 << 20  # of a part, in memory: then the next one begins
 MOST_HOLE_ROWS = 100_000  # a part holds no larger ones, which whoever reads it would have to fill
-ROOM_SHARE = 0.02  # of a disk that is left free, or
-ROOM_BYTES = 1_000_000_000  # that many, whichever is less
 MESSAGE_BYTES = 80  # what a sample takes at most of the disk beside its value, for a look ahead
 BAD_STAMP = (
     "their time stamps are before 1970 or after 2038, and a file of ROS 2 counts seconds in 31 bits: see to the clock "
@@ -383,7 +381,7 @@ class Writing:
         return self._layout
 
     def _make_room(self, coming_bytes: int) -> None:
-        """Keep to the budget, and to what is left free of the disk. Raises NoRoomLeft."""
+        """Keep to the budget, and to what is left free of the disk. Raises NearlyFullError."""
         open_bytes = self._part.size_bytes if self._part is not None else 0
         deleted = self._ledger.trim(self._order.keep_bytes, open_bytes + coming_bytes)
         if deleted:
@@ -391,14 +389,11 @@ class Writing:
             if earlier := [name for name in deleted if name in self._ledger.written.earlier]:
                 what = f"deleted {', '.join(earlier)} of an earlier recording '{self._ledger.name}'"
                 self.news.append(News(Report, told=f"{what}, to keep {size_text(self._order.keep_bytes)}"))
-        free, size = self._disk.room(self._folder)
-        if free - coming_bytes < left_free(size):
-            left = left_free(size)
-            raise _NoRoomLeftError(
-                f"the disk of {self._folder} is nearly full: {free / 1e6:.0f} MB are free, and {left / 1e6:.0f} MB "
-                "of it are left to others; the recording ended there, and all its parts are finished; make room, "
-                "or keep less (--keep), and start it again"
-            )
+        advice = (
+            "the recording ended there, and all its parts are finished; make room, or keep less (--keep), and start it "
+            "again"
+        )
+        check_room(self._folder, coming_bytes, self._disk.room, advice)
 
     def _open_part(self) -> OpenPart:
         if self._part is None:
@@ -591,11 +586,6 @@ class Writing:
         self.totals.state = RecorderState.FAILED
 
 
-def left_free(size_bytes: int) -> int:
-    """Return how many bytes of a disk of this size are left to others."""
-    return int(min(ROOM_SHARE * size_bytes, ROOM_BYTES))
-
-
 def _entry(layout: ChannelLayout, begin: Mapping[int, int]) -> RunEntry:
     schema = layout.schema
     channels = {ring: len(numbers) for ring, numbers in layout.ring_channels.items()}
@@ -614,10 +604,6 @@ def _stretches(rows: Rows) -> Iterator[tuple[Rows, bool]]:
     bounds = [0, *(np.flatnonzero(np.diff(fits)) + 1).tolist(), len(rows)]
     for begin, end in itertools.pairwise(bounds):
         yield Rows(rows.ring, rows.first + begin, rows.words[begin:end]), bool(fits[begin])
-
-
-class _NoRoomLeftError(SiloError):
-    """The disk is as full as it may become."""
 
 
 def why_full(order: RecordOrder, part: OpenPart, now_s: float, *, up_to_date: bool) -> str:

@@ -1,9 +1,12 @@
 """Captures that two processes know of: written once, whoever comes first, and found written by who comes second."""
 
 import contextlib
+import dataclasses
+import functools
 import os
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -12,14 +15,16 @@ import pytest
 import silo
 from silo.conditions import state_file
 from silo.conditions.captures.files import write_capture
+from silo.conditions.captures.writer import CaptureWriter
 from silo.conditions.left_captures import recover_captures
 from silo.conditions.segment_judge import SegmentJudge
 from silo.conditions.state_file import KeptCapture, note_begun, read_state, state_path, store_state
 from silo.errors import SaveError
 from silo.files import naming
-from silo.files.atomic import claimed, sweep_parts
+from silo.files.atomic import check_room, claimed, sweep_parts
 from silo.files.manifest import CaptureList
 from silo.recordings import writing
+from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
 
 LONG_S = 1.0  # what the first one waits for may never come: then it goes on
@@ -153,3 +158,32 @@ def test_what_a_judge_stores_while_its_run_is_noted_as_begun_stays(robot, monkey
     note_begun(judge.reader.schema)
     stored.join()
     assert read_state(path).until == 500
+
+
+@pytest.mark.slow
+def test_captures_leave_others_room_on_the_disk_and_those_left_out_are_told_together(robot, tmp_path, monkeypatch):
+    room, told = [10**9], []
+    check = functools.partial(check_room, room=lambda _: (room[0], 10**9))
+    monkeypatch.setattr("silo.conditions.captures.files.check_room", check)
+    monkeypatch.setattr("silo.conditions.captures.writer.TOLD_S", 0.0)
+    events = SimpleNamespace(
+        publish=lambda kind, text, **_: told.append((kind, text)),
+        log=SimpleNamespace(of_run=lambda _: (), texts=lambda *_: ()),
+    )
+    writer = CaptureWriter(SimpleNamespace(now=SimpleNamespace(robot=SimpleNamespace(folder=str(tmp_path)))), events)
+    (first,) = judge_of(robot).step().whole
+    writer._guarded(first)
+    assert [kind for kind, _ in told] == [EventKind.CAPTURED]
+    room[0] = 20_000_000
+    told.clear()
+    for number in (2, 3):
+        (buffer,) = judge_of(robot).step().whole
+        buffer.capture = dataclasses.replace(buffer.capture, number=number)
+        writer._guarded(buffer)
+    writer._tell_left_out(writer._waiting.done())
+    (kind, begun), (_, sum_of_both) = told
+    assert kind is EventKind.SAVE_FAILED
+    assert "captures of trigger 'spike' are left out from here on" in begun
+    assert "nearly full: 20 MB are free, and 20 MB of it are left to others" in begun
+    assert sum_of_both.startswith("2 captures, numbers 2 to 3, of 'spike' not written: the disk of")
+    assert len(list(tmp_path.glob("*_spike_*.silo"))) == 1

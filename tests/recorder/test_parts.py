@@ -21,7 +21,7 @@ from silo.core.elements import RecorderState
 from silo.core.quantities.reading import read_keep, read_split
 from silo.core.quantities.writing import size_text
 from silo.errors import ElementError, SaveError
-from silo.files.atomic import write_all
+from silo.files.atomic import left_free, write_all
 from silo.files.bags.index import BagElements
 from silo.files.bags.writer import write_bag
 from silo.files.manifest import Ledger, size_of_parts
@@ -33,7 +33,7 @@ from silo.recorder.orders import RecordOrder
 from silo.recorder.requests import StartRecorder
 from silo.recorder.ring_cursor import RingCursor
 from silo.recorder.server import _wrong_numbers
-from silo.recorder.writing import MOST_INDEX_BYTES, QUEUE_BYTES, RecorderDisk, left_free, why_full
+from silo.recorder.writing import MOST_INDEX_BYTES, QUEUE_BYTES, RecorderDisk, why_full
 from silo.recovery.parts import close_part, close_parts, finished_part, left_parts, left_rows
 from silo.segment.reader import SegmentReader
 from tests.whole_bags import read_bag
@@ -140,7 +140,7 @@ def test_a_recording_stops_with_words_before_the_disk_is_full(robot, tmp_path, t
     direct.step()
     totals = direct.finish()
     assert totals.state is RecorderState.FAILED
-    assert "nearly full: 2 MB are free, and 2 MB of it are left to others" in totals.text
+    assert "nearly full: 2.05 MB are free, and 2 MB of it are left to others" in totals.text
     assert truth.span(read_bag(parts(tmp_path)[0])) == (0, 300)
     assert "0 lost, and the end of a run" in direct.ledger.written.sums().text  # what was collected after that
 

@@ -10,7 +10,7 @@ import msgspec
 from silo.conditions.captures.buffer import CaptureBuffer
 from silo.core.elements import FileType, LoggedEvent, SavedFile
 from silo.errors import SaveError
-from silo.files.atomic import claimed
+from silo.files.atomic import check_room, claimed
 from silo.files.formats import kind_of
 from silo.files.manifest import CaptureEntry, CaptureList
 from silo.files.saving import size_of
@@ -28,13 +28,18 @@ class WrittenCapture:
 
 
 def write_capture(
-    buffer: CaptureBuffer, folder: str, listed: CaptureList, happened: Sequence[LoggedEvent]
+    buffer: CaptureBuffer,
+    folder: str,
+    listed: CaptureList,
+    happened: Sequence[LoggedEvent],
+    *,
+    leaves_room: bool = False,
 ) -> WrittenCapture:
     """Write a capture, under the name that one who was killed had begun it with; note it in the list.
 
     One process at a time writes it: the writing process of a helper that was killed goes on, and a helper that gives
     way writes what its successor knows of too. Who comes second finds it written. `happened` are events of its run.
-    Raises OSError, SaveError.
+    `leaves_room`: to others of the disk, as there may be captures without end. Raises OSError, SaveError.
     """
     from silo.files.naming import next_run_number
 
@@ -51,6 +56,8 @@ def write_capture(
         if entry.files:  # its trigger may not keep it any more
             files, removed = _there(folder, entry), []
         else:
+            if leaves_room:
+                check_room(Path(folder), buffer.size_bytes)
             files = _written(buffer, folder, entry.name, happened, claim)
             removed = listed.written(entry, [file.path for file in files], buffer.options.keep)
     ended = buffer.why and f" ({buffer.why})"

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from silo.core.elements import SavedFile
 from silo.errors import SaveError, SiloError, lacks_descriptors
+from silo.files.atomic import NearlyFullError
 from silo.files.manifest import CaptureList
 from silo.rpc.published import EventKind
 from silo.state.events import EventNotifier
@@ -28,6 +29,7 @@ MOST_WAITING = 1000  # of a trigger that keeps all its captures; of others as ma
 LEAST_WAITING = 20
 AGAIN_S = 0.5  # before another try of a capture for which no file could be opened
 TOLD_S = 10.0  # what is left out is told together for so long
+TOO_FAST = "it fired faster than they could be; give it a holdoff"
 
 
 class WaitingCaptures:
@@ -39,7 +41,8 @@ class WaitingCaptures:
             OrderedDict()
         )  # by run and trigger, next one first
         self._under_way: CaptureBuffer | None = None
-        self._dropped: dict[tuple[str, str], list[int]] = {}  # numbers of the first and the last, and how many
+        # numbers of the first and the last, how many, and why
+        self._dropped: dict[tuple[str, str], tuple[int, int, int, str]] = {}
         self._since_s: dict[tuple[str, str], float] = {}
         self._stop_s: float | None = None
 
@@ -49,15 +52,19 @@ class WaitingCaptures:
         with self._changed:
             waiting = self._turns.setdefault(key, deque())
             waiting.append(buffer)
-            is_first = False
             keep = buffer.options.keep
-            if len(waiting) > (max(keep, LEAST_WAITING) if keep else MOST_WAITING):
-                number = waiting.popleft().capture.number
-                is_first = key not in self._dropped
-                self._since_s.setdefault(key, time.monotonic())
-                first, _, count = self._dropped.get(key, (number, number, 0))
-                self._dropped[key] = [first, number, count + 1]
+            too_many = len(waiting) > (max(keep, LEAST_WAITING) if keep else MOST_WAITING)
             self._changed.notify()
+            return too_many and self.leave_out(waiting.popleft(), TOO_FAST)
+
+    def leave_out(self, buffer: "CaptureBuffer", why: str) -> bool:
+        """Count a capture that is not written; whether it is the first of its trigger since that was told."""
+        key, number = (buffer.run, buffer.trigger), buffer.capture.number
+        with self._changed:
+            is_first = key not in self._dropped
+            self._since_s.setdefault(key, time.monotonic())
+            first, _, count, _ = self._dropped.get(key, (number, number, 0, ""))
+            self._dropped[key] = first, number, count + 1, why
             return is_first
 
     def next(self) -> "CaptureBuffer | None":
@@ -88,12 +95,9 @@ class WaitingCaptures:
             return [self._left_out(key) for key, since_s in list(self._since_s.items()) if since_s <= told_s]
 
     def _left_out(self, key: tuple[str, str]) -> tuple[str, str]:
-        first, last, count = self._dropped.pop(key)
+        first, last, count, why = self._dropped.pop(key)
         del self._since_s[key]
-        return key[0], (
-            f"{_captures(first, last, count)} of '{key[1]}' not written: it fired faster than they could be; give it a "
-            "holdoff"
-        )
+        return key[0], f"{_captures(first, last, count)} of '{key[1]}' not written: {why}"
 
     def stop(self, within_s: float) -> None:
         """End `next` when nothing waits, or after so long."""
@@ -189,6 +193,10 @@ class CaptureWriter:
         try:
             try:
                 self._write_when_it_can(buffer)
+            except NearlyFullError as error:
+                if self._waiting.leave_out(buffer, str(error)):
+                    text = f"captures of trigger '{buffer.trigger}' are left out from here on: {error}"
+                    self._tell(buffer, EventKind.SAVE_FAILED, text)
             except SaveError as error:  # its writing process was killed, perhaps
                 log.info("capture %d of '%s' is tried again: %s", buffer.capture.number, buffer.trigger, error)
                 self._write_when_it_can(buffer)
@@ -216,7 +224,7 @@ class CaptureWriter:
         folder, logger = self.folder, buffer.schema.logger
         if self._listed is None or not self._listed.is_of(folder, logger):
             self._listed = CaptureList(folder, logger)  # of one that was read before only what is new has to be read
-        done = write_capture(buffer, folder, self._listed, self._events.log.of_run(buffer.run))
+        done = write_capture(buffer, folder, self._listed, self._events.log.of_run(buffer.run), leaves_room=True)
         told = self._events.log.texts(EventKind.CAPTURED.value, buffer.run) if done.files else ()
         if done.files and not any(file.path in text for file in done.files for text in told):
             self._tell(buffer, EventKind.CAPTURED, done.text, done.files)
