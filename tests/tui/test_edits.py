@@ -16,7 +16,7 @@ from silo.core.elements import Action, BufferType, ElementInfo, ElementOptions, 
 from silo_tui.model.table.changes import cost_of, groups_of
 from silo_tui.model.table.fields import Field, values_of
 from silo_tui.model.table.state import TableState
-from silo_tui.screens.editing import Editing
+from silo_tui.screens.table import TableScreen
 from silo_tui.sessions import kept
 from silo_tui.sessions.kept import lives
 from silo_tui.unforeseen import log_file
@@ -449,7 +449,7 @@ def test_what_is_done_again_sets_the_value_that_was_chosen_where_the_cursor_is_n
     of = SimpleNamespace(
         repeated=by, repeats=list, session=SimpleNamespace(rows=rows, table=table), _edited=str, _again=lambda do: do()
     )
-    of._set = lambda *given: Editing._set(of, *given)
+    of._set = lambda *given: TableScreen._set(of, *given)
     of._set(Field.BUFFER, BufferType.GROWING)
     of.repeats()
     assert edits == [(row, Field.BUFFER, BufferType.GROWING) for row in again]
