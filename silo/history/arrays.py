@@ -39,7 +39,7 @@ FRAME_BYTES = 256  # what one takes beside its data
 
 _decoder = msgpack_decoder(StreamFrame)
 
-Layouts: TypeAlias = dict[int, StreamOpened]  # the newest few of a session, by generation
+Layouts: TypeAlias = dict[int, list[SampledName]]  # the newest few of a session, by generation
 
 
 @dataclass(frozen=True)
@@ -187,6 +187,7 @@ class Stream(Subscribed):
         self._expected: dict[tuple[str, str, int], int] = {}  # by run, name and which of its groups
         self._dropped: dict[tuple[str, int], int] = {}  # rows before the next ones that are read, by name and group
         self._from_first: set[str] = set()  # names of which nothing has come of the run, which began meanwhile
+        self._unread_rows: Counter[str] = Counter()  # by run, of which nobody tells any more how to read them
         self._refused = ""
         self._foreign = Foreign("a frame")
 
@@ -207,12 +208,13 @@ class Stream(Subscribed):
             known = rows.setdefault(name, [])
             known += [*[-1] * (place - len(known)), row]  # of a buffer that was full nothing came
         run = next((run for run, *_ in expected), self._request.run)
-        return msgspec.structs.replace(self._request, run=run, rows=rows)
+        return msgspec.structs.replace(self._request, run=run, rows=rows, known=max(self._opened, default=-1))
 
     def accept(self, opened: StreamOpened) -> None:
         """How to read the frames from now on."""
         with self._changed:
-            self._opened[opened.generation] = opened
+            self._opened |= {one.generation: one.names for one in opened.earlier}
+            self._opened[opened.generation] = opened.names
             for old in sorted(self._opened)[:-MAX_LAYOUTS]:
                 del self._opened[old]
             self.missing, self._refused = opened.missing, ""
@@ -284,12 +286,14 @@ class Stream(Subscribed):
                     self._renew()  # after an edit or a start: how to read it comes
                 return None
             self._unread = None
-            opened = layouts.get(frame.generation)  # of a session that is over nobody tells any more
-            if opened is not None and (batch := self._batch(frame, opened)):
+            names = layouts.get(frame.generation)
+            if names is not None and (batch := self._batch(frame, names)):
                 return batch
+            if names is None and layouts is self._opened:  # what came in a session that is over comes again
+                self._unread_rows[frame.run] += sum(rows.count for rows in frame.rows)
         return None
 
-    def _batch(self, frame: StreamFrame, opened: StreamOpened, *, dropped: bool = False) -> StreamBatch:
+    def _batch(self, frame: StreamFrame, layout: list[SampledName], *, dropped: bool = False) -> StreamBatch:
         by_group = {rows.group: rows for rows in frame.rows}
         parts: dict[str, list[tuple[SampledName, SampledRows, int]]] = {}
         # counted by name: another generation numbers groups anew
@@ -298,7 +302,7 @@ class Stream(Subscribed):
             self._from_first = {name for _, name, place in self._expected if not place}
         missed: dict[int, int] = {}
         places: Counter[str] = Counter()
-        for name in opened.names:
+        for name in layout:
             key = (frame.run, name.name, places[name.name])
             places[name.name] += 1
             some = by_group.get(name.group)
@@ -317,7 +321,9 @@ class Stream(Subscribed):
                 continue
             parts.setdefault(name.name, []).append((name, some, more))
         self._expected = expected
-        self.missed += sum(missed.values())
+        del self._unread_rows[frame.run]  # the numbers of its rows show them
+        self.missed += sum(missed.values()) + self._unread_rows.total()
+        self._unread_rows.clear()
         return StreamBatch(frame.run, parts)
 
     def __iter__(self) -> Iterator[StreamBatch]:

@@ -89,10 +89,19 @@ class SampleRows(Reply, frozen=True, omit_defaults=True):
     missing: dict[str, str] = {}
 
 
+class StreamLayout(msgspec.Struct, frozen=True):
+    """How to read the frames of a stream that are of this `generation`: their groups are as in `names`."""
+
+    generation: int
+    names: list[SampledName]
+
+
 class StreamOpened(Reply, frozen=True):
     """How to read the frames of a stream: those of this `generation` have groups as in `names`.
 
     `run` is the present one, `-` before the first: a client of which nothing has come asks to go on behind it.
+    `earlier` tells the same of generations that came and went since the one that the client knows: their frames are on
+    their way to it.
     """
 
     stream: str
@@ -100,6 +109,7 @@ class StreamOpened(Reply, frozen=True):
     names: list[SampledName]
     missing: dict[str, str]
     run: str = ""
+    earlier: list[StreamLayout] = []
 
 
 class PinOpened(Reply, frozen=True):
@@ -164,6 +174,7 @@ class OpenStream(Ask[StreamOpened], frozen=True):
     told (`again`: this client had the stream open before, maybe with another helper process). `proof` as of a view.
     `run` is that of which rows came last, `rows` the next one of each group of a name (-1: none came): it goes on
     there, or with the first row of the run that is the present one by now, as far back as a few seconds carry.
+    `known` is the newest generation that the client can read, -1 for none.
     """
 
     stream: str
@@ -173,6 +184,7 @@ class OpenStream(Ask[StreamOpened], frozen=True):
     proof: str = ""
     run: str = ""
     rows: dict[str, list[int]] = {}
+    known: int = -1
 
 
 class CloseStream(Ask[Done], frozen=True):

@@ -14,7 +14,7 @@ import zenoh
 
 from silo.errors import SegmentError
 from silo.history.picking import RingGroup, RowSelection, check_known, pick
-from silo.history.requests import OpenStream, SampledRows, StreamFrame, StreamOpened
+from silo.history.requests import OpenStream, SampledRows, StreamFrame, StreamLayout, StreamOpened
 from silo.history.samples import MAX_NAMES
 from silo.live.feeds import Feed, Feeds, Round
 from silo.net import keys
@@ -24,6 +24,7 @@ from silo.state.run_follower import Between, is_next, is_over
 
 MIN_PERIOD_S, MAX_PERIOD_S = 0.01, 10.0
 MAX_FRAME_BYTES = 2**20  # the rest follows at once
+MOST_EARLIER = 7  # words by which frames are read that are on their way: a client keeps one more
 BEHIND_BYTES = 8 * MAX_FRAME_BYTES  # so much of what came while a client was away is sent, the newest
 
 
@@ -35,6 +36,7 @@ class ServedStream(Feed[OpenStream]):
         self._between = between
         self._following: SegmentReader | None = None  # behind the run that is read
         self.opened = StreamOpened(request.stream, -1, [], {})  # how to read the present frames
+        self._earlier: tuple[StreamLayout, ...] = ()  # and those before them, which are on their way
         self._table = -1  # the generation of the table that was adopted last
         self._run: str | None = None
         self._reader: SegmentReader | None = None
@@ -84,6 +86,8 @@ class ServedStream(Feed[OpenStream]):
         if (picked.names, missing) != (self.opened.names, self.opened.missing) or self.opened.generation < 0:
             # else frames are read as before, and their client needs no other words to read them by
             number = self.opened.generation + 1
+            layout = StreamLayout(self.opened.generation, self.opened.names)
+            self._earlier = (*self._earlier, layout)[-MOST_EARLIER:]
             self.opened = StreamOpened(self.request.stream, number, picked.names, missing, run or "-")
         self._next_s, self._following = math.inf, None
         self._table, self._run, self._reader, self._groups = now.generation, run, reader, picked.groups
@@ -101,6 +105,11 @@ class ServedStream(Feed[OpenStream]):
                 since.append(asked[0] if asked and asked[0] >= 0 else head)
             places[name.name] += 1
         return min(since)
+
+    def told(self, known: int) -> StreamOpened:
+        """Return how frames are read, for a client that can read those of generations up to `known`, -1 for none."""
+        earlier = [one for one in self._earlier if 0 <= known < one.generation]
+        return msgspec.structs.replace(self.opened, earlier=earlier)
 
     def _key(self, group: RingGroup) -> tuple[int | str, int]:
         return self._derived.get(group.ring, group.ring), group.after
@@ -179,7 +188,7 @@ class Streams(Feeds[OpenStream, ServedStream]):
         if problem:
             raise self._cant_open(problem)
         # of the present generation from the next frame on, which makes clients ask again
-        return self.renewed(request.stream, request).opened
+        return self.renewed(request.stream, request).told(request.known)
 
     def _is_same(self, old: OpenStream, new: OpenStream) -> bool:
         # whatever the table has lost since: `ServedStream.adopt` goes on with what is there

@@ -8,7 +8,15 @@ import pytest
 
 from silo.history import arrays
 from silo.history.arrays import Stream
-from silo.history.requests import OpenStream, SampledEntry, SampledName, SampledRows, StreamFrame, StreamOpened
+from silo.history.requests import (
+    OpenStream,
+    SampledEntry,
+    SampledName,
+    SampledRows,
+    StreamFrame,
+    StreamLayout,
+    StreamOpened,
+)
 from silo.net.keys import Root
 
 
@@ -25,9 +33,9 @@ def stream():
     return one
 
 
-def comes(stream, run, *found):
+def comes(stream, run, *found, generation=0):
     """A frame comes, and nobody reads it yet."""
-    data = msgspec.msgpack.encode(StreamFrame(0, run, list(found)))
+    data = msgspec.msgpack.encode(StreamFrame(generation, run, list(found)))
     stream._take(SimpleNamespace(payload=SimpleNamespace(to_bytes=lambda: data)))
 
 
@@ -125,6 +133,33 @@ def test_what_came_before_a_link_was_lost_is_read_behind_it_as_it_was_then(strea
     stream.accept(StreamOpened("b-1", 0, [SampledName(name, at, 1, (), entries) for at, name in enumerate("yx")], {}))
     assert list(stream.read(0)["y"].values) == [0, 1]
     assert (stream.read(0), stream.missed) == (None, 0)
+
+
+def test_runs_whose_tables_came_and_went_before_it_asked_how_to_read_them_are_read(stream):
+    came(stream, "a", rows(0, 4))
+    for generation, run in enumerate("bcd", 1):
+        comes(stream, run, rows(0, 3), generation=generation)
+    assert stream.read(0) is None
+    assert stream.request.known == 0
+    entries = [SampledEntry("", "<i8", 16, False)]
+    told = [StreamOpened("a-1", number, [SampledName("x", 0, number, (), entries)], {}) for number in (1, 2, 3)]
+    earlier = [StreamLayout(one.generation, one.names) for one in told[:-1]]
+    stream.accept(msgspec.structs.replace(told[-1], earlier=earlier))
+    assert [(one.run, one["x"].divider, len(one["x"])) for one in (stream.read(0) for _ in range(3))] == [
+        ("b", 1, 3), ("c", 2, 3), ("d", 3, 3),
+    ]  # fmt: skip
+    assert (stream.read(0), stream.missed) == (None, 0)
+
+
+def test_a_run_that_nobody_tells_any_more_how_to_read_is_counted(stream):
+    came(stream, "a", rows(0, 4))
+    comes(stream, "b", rows(0, 3), rows(0, 2, 1), generation=1)
+    comes(stream, "c", rows(0, 3), generation=2)
+    comes(stream, "c", rows(3, 3), generation=3)
+    entries = [SampledEntry("", "<i8", 16, False)]
+    stream.accept(StreamOpened("a-1", 3, [SampledName("x", 0, 1, (), entries)], {}))
+    assert list(stream.read(0)["x"].values) == [3, 4, 5]
+    assert stream.missed == 5 + 3
 
 
 def test_a_frame_that_nobody_tells_any_more_how_to_read_is_missed(stream):

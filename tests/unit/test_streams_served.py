@@ -51,9 +51,27 @@ def test_a_stream_goes_on_as_the_table_changes_and_has_a_new_run_from_its_first_
     assert came(0, 2) == ([], False)
     # clients read all of it by the same words
     assert (stream.opened.generation, stream.opened.missing) == (0, {"/log/gone": "it is no longer in the table"})
+    assert stream.told(0) == stream.opened
     monkeypatch.setattr(streams, "MAX_FRAME_BYTES", 2 * 24 + 1)
     assert came(3, 2) == ([(4, 2)], True)
     assert came(0, 2) == ([(6, 1)], False)
+
+
+def test_a_client_is_told_how_to_read_what_was_sent_since_it_asked(new_logger):
+    log = new_logger("bot", frequency=100)
+    log.array("x")
+    log.start()
+    stream = ServedStream(OpenStream(stream="a-1", names=["/log/x"]), None, 0.0, at_once)
+    for generation in range(12):
+        log.collect()
+        log.set("x", divider=2 + generation, cut=True)
+        now = replace(Replica(robot_state(log, "", -1)).now, generation=generation)
+        stream.adopt(now, SegmentReader(log._present.path))
+    told = stream.told(8)
+    assert ([one.generation for one in told.earlier], told.generation) == ([9, 10], 11)
+    assert [one.names[0].divider for one in told.earlier] == [11, 12]
+    assert [one.generation for one in stream.told(0).earlier] == [4, 5, 6, 7, 8, 9, 10]
+    assert stream.told(-1).earlier == []
 
 
 def test_a_run_that_is_cut_or_ends_is_sent_to_its_end_before_the_next_one(new_logger):
