@@ -184,8 +184,6 @@ class MonitorLine(MessageLine):
 class ListLine(MessageLine):
     """Of a list: marks, filter, order, what is to be said of the line under the cursor; wraps, as far as it may go."""
 
-    DEFAULT_CSS = "ListLine { max-height: 80%; }"
-
     def __init__(self, share: float) -> None:
         """`share` is how much of the screen it takes at most."""
         super().__init__()
