@@ -91,6 +91,8 @@ class DetailScreen(MonitorScreen):
         self._peak: int | None = None
         self._top_hz = 0.0
         self._due_s = 0.0  # when what goes on is drawn again
+        self._cursor_hz: float | None = None  # where the cursor goes in the spectrum that comes
+        self._notes: Sequence[str] = ()
         self._halved = 0  # how often the upper half of the frequencies was left out
         self._first: Spectrum | None = None
         self.window, self.pause = monitor.window, monitor.pause
@@ -204,6 +206,10 @@ class DetailScreen(MonitorScreen):
         self._kind, self._peaks, self._top_hz, self._first = found.kind, found.peaks, found.top_hz, found.spectrum
         if told and self.line.said == told:  # it is told of the spectrum that stands there
             self._say_peak()
+        hz, self._cursor_hz = self._cursor_hz, None
+        if hz is not None and hz <= self._top_hz:  # it stays on its frequency, where that is drawn still
+            self.plot.cursor = big_plot.cell_of(hz, self._top_hz, self.plot.plot_size[0])
+        self._notes = found.notes
         self.plot.show(found.plot, [*found.notes, *self._at_cursor()])
         self._title()
 
@@ -322,7 +328,7 @@ class DetailScreen(MonitorScreen):
         self.mode = mode
         self.line.say("")
         self._kind = ""
-        self._peak = self.plot.cursor = None
+        self._peak = self.plot.cursor = self._cursor_hz = None
         self._peaks, self._first, self._halved = (), None, 0
         over_time = self.mode == MODES[0]
         self.stack.display, self.plot.display = over_time, not over_time
@@ -407,6 +413,8 @@ class DetailScreen(MonitorScreen):
         super().command_all_held()
 
     def _look_at(self, halved: int) -> None:
+        if (read := self._read_at_cursor()) is not None:
+            self._cursor_hz = read.frequency_hz
         self._halved, self._peak, self.plot.cursor = halved, None, None
         self.line.say("")
         self.request_view()
@@ -429,15 +437,25 @@ class DetailScreen(MonitorScreen):
 
     def _put_cursor(self, cell: int) -> None:
         self.plot.cursor = cell
-        self.say(" ".join(self._at_cursor()))
-        self.plot.refresh()
+        self._tell_cursor()
+
+    def _tell_cursor(self) -> None:
+        """Tell of the cursor beside the plot, where it follows what comes, and nowhere else."""
+        self.line.say("")
+        if self.plot.plot is not None:
+            self.plot.show(self.plot.plot, [*self._notes, *self._at_cursor()])
+
+    def _read_at_cursor(self) -> Peak | None:
+        """What a cursor in the spectrum reads; None where none is, or it is still being read."""
+        if self.plot.cursor is None or self._first is None:
+            return None
+        width = self.plot.plot_size[0]
+        return big_plot.line_in(self._first, self._peaks, min(self.plot.cursor, width - 1), self._top_hz, width)
 
     def _at_cursor(self) -> list[str]:
         """Where the cursor is in the spectrum."""
-        if self.plot.cursor is None or self._first is None:  # it is no spectrum, or still being read
+        if (read := self._read_at_cursor()) is None:
             return []
-        width = self.plot.plot_size[0]
-        read = big_plot.line_in(self._first, self._peaks, min(self.plot.cursor, width - 1), self._top_hz, width)
         level = big_plot.level_words(read.amplitude, self.level, self.plots[0].element.unit)
         return [f"A {self._hz(read)} Hz, {level}"]
 
@@ -483,7 +501,7 @@ class DetailScreen(MonitorScreen):
 
     def _lift_own_cursor(self) -> None:
         self.plot.cursor = None
-        self.plot.refresh()
+        self._tell_cursor()
 
     def _leave(self) -> None:
         self.context.leave_screen()
