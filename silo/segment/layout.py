@@ -245,6 +245,8 @@ def _drop_unknown_options(part: object) -> None:
     elif isinstance(part, dict):
         options = part.get("options")
         if isinstance(options, dict):
-            part["options"] = {name: options[name] for name in ElementOptions.__struct_fields__ if name in options}
+            part["options"] = {
+                name: options[name] for name in ElementOptions.__struct_encode_fields__ if name in options
+            }
         for one in part.values():
             _drop_unknown_options(one)

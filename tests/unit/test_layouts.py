@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
+import silo
 from silo.core.recording import NO_FAILURES
 from silo.errors import SegmentError
 from silo.journal.format import Head
@@ -92,9 +93,10 @@ def test_a_journal_passes_over_fields_that_a_newer_silo_adds(new_logger, tmp_pat
     assert [entry.values.tolist() for entry in element.entries] == [[3.0], [4.0]]
 
 
-def test_fields_that_a_newer_silo_adds_to_the_description_are_passed_over(new_logger):
+def described_anew(new_logger, change) -> Path:
+    """A segment of a tick, whose description was changed."""
     logger = new_logger()
-    x = logger.array("x", 2)
+    x = logger.array("x", 2, buffer=silo.BufferType.GROWING)
     logger.start()
     x[:] = 3, 4
     logger.collect()
@@ -102,15 +104,36 @@ def test_fields_that_a_newer_silo_adds_to_the_description_are_passed_over(new_lo
     data = bytearray(path.read_bytes())
     words = np.frombuffer(data, np.int64)
     begin, size = int(words[HeaderWord.SCHEMA_OFFSET]), int(words[HeaderWord.SCHEMA_BYTES])
-    schema = {**msgspec.json.decode(bytes(data[begin : begin + size])), "novel": [{"of": "x"}]}
-    assert add_beside_every_field(schema) >= 11
+    schema = msgspec.json.decode(bytes(data[begin : begin + size]))
+    change(schema)
     body = msgspec.json.encode(schema)
     words[HeaderWord.SCHEMA_OFFSET], words[HeaderWord.SCHEMA_BYTES] = len(data), len(body)  # there it has room
     data = bytes(data) + body
     copy = path.with_name("newer.segment")
     copy.write_bytes(data)
-    (element,) = SegmentReader(copy).snapshot().elements
+    return copy
+
+
+def test_fields_that_a_newer_silo_adds_to_the_description_are_passed_over(new_logger):
+    def newer(schema):
+        schema["novel"] = [{"of": "x"}]
+        assert add_beside_every_field(schema) >= 11
+
+    (element,) = SegmentReader(described_anew(new_logger, newer)).snapshot().elements
     assert [entry.values.tolist() for entry in element.entries] == [[3.0], [4.0]]
+
+
+@pytest.mark.parametrize(("change", "says"), [
+    (lambda of: of.update(chunk_bytes=of["chunk_bytes"] + 4), "don't fit its chunks"),
+    (lambda of: of.update(chunk_bytes=8), "don't fit its chunks"),
+    (lambda of: of["rings"][1].update(capacity=0), "ring 1 of its description makes no sense"),
+    (lambda of: of["rings"][1].update(offset=4), "ring 1 of its description makes no sense"),
+    (lambda of: of["rings"].clear(), "there is no ring of time stamps"),
+    (lambda of: of.update(logger="a/b"), "is no name"),
+])  # fmt: skip
+def test_a_description_that_does_not_fit_itself_is_refused(new_logger, change, says):
+    with pytest.raises(SegmentError, match=says):
+        SegmentReader(described_anew(new_logger, change))
 
 
 def test_every_run_has_an_identity_of_its_own(new_logger):
