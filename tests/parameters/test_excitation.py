@@ -373,8 +373,9 @@ def test_it_is_refused_where_something_else_goes_on(robot):
         excite(robot, Excitation("kp", Wave.STEP, 1.0, 8.0))
     first = excite(robot)
     assert excite(robot) is first  # asked twice by one name
-    with pytest.raises(ElementError, match="excited by alice: one at a time"):
-        excite(robot, name="b")
+    for other in (CHIRP, Excitation("kp", Wave.STEP, 1.0, 8.0)):
+        with pytest.raises(ElementError, match="excited by alice: one at a time"):
+            excite(robot, other, name="b")
     robot.parameters.lock()
     with pytest.raises(ElementError, match="closed it for now"):
         excite(robot, name="b")

@@ -9,6 +9,7 @@ from silo.client.renewals import ControlLease, Renewals
 from silo.control.authentication import Sender
 from silo.control.requests import TakeControl
 from silo.control.server import CONTROL, ControlLock
+from silo.live.feeds import LEASE_S
 from silo.net.keys import Root
 from silo.rpc.declaring import Done
 from silo.rpc.leases import Leases
@@ -111,3 +112,16 @@ def test_control_that_was_given_up_is_not_taken_again_by_a_renewal_of_the_same_u
     after = ControlLock(told, None, Root("here", "robot"), "robot.1")
     after.take(TakeControl(renew=True), terminal)
     assert after.control.identity == "anna"
+
+
+def test_a_lease_is_renewed_three_times_before_it_ends(monkeypatch) -> None:
+    link, now_s = Link(Done(), Done()), 100.0
+    monkeypatch.setattr("silo.client.renewals.time.monotonic", lambda: now_s)
+    renewals = Renewals(link, lambda: "me")
+    renewals.add(ControlLease(TakeControl(lease_s=15.0, renew=True), print))
+    renewals.renew()
+    for asked in (1, 2):
+        now_s += LEASE_S / 3 + 0.01
+        renewals.renew()
+        renewals.renew()
+        assert len(link.asked) == asked
