@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import silo
+from silo.analysis.plots.curves import _seconds
 from silo.analysis.reports import statistics
 
 COUNT = 20
@@ -457,3 +458,8 @@ def test_a_mask_or_a_rule_of_numpy_gives_plain_numbers(log):
     assert type(made) is np.ndarray
     assert made.tolist() == (x.values + 1).tolist()
     assert np.add(x, x, dtype=np.float32).values.dtype == np.float32
+
+
+def test_of_a_time_that_is_none_nothing_is_drawn():
+    for kind in ("M8[ms]", "m8[ms]"):
+        np.testing.assert_array_equal(_seconds(np.array([1500, "NaT"], kind)), [1.5, np.nan])

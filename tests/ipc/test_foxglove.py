@@ -21,6 +21,7 @@ import pytest
 
 import silo
 from silo.bridges.feed import LoggerFollower
+from silo.bridges.foxglove.guard import refusal
 from silo.bridges.listening import bound
 from silo.bridges.services import services, setting
 from silo.client.client import Client
@@ -278,6 +279,17 @@ class TestStrangers:
     def test_a_page_of_somebody_may_not_connect(self, look):
         with pytest.raises(InvalidStatus, match="403"):
             look(origin="https://evil.example")
+
+    @pytest.mark.parametrize(("origin", "path", "host", "says"), [
+        (None, "/key", "localhost:1", ""), ("https://my.page", "/key?a", "127.0.0.1", ""),
+        ("", "/key", "localhost", "pages of  may not connect"), ("null", "/key", "localhost", "may not connect"),
+        ("http://localhost.evil", "/key", "localhost", "may not connect"), (None, "/kez", "localhost", "not the token"),
+        (None, "/", "localhost", "not the token"), (None, "/key", "evil.example", "is no address of this computer"),
+    ])  # fmt: skip
+    def test_who_may_connect(self, origin, path, host, says):
+        said = refusal(path, host, origin, "key", ["https://my.page"], on_loopback=True)
+        assert says in said
+        assert bool(says) == bool(said)
 
     def test_viewers_that_are_known_may(self, look):
         for origin in ("https://app.foxglove.dev", "http://localhost:8080", "file://"):
