@@ -346,6 +346,11 @@ def test_a_start_without_a_helper_says_that_nobody_judges(robot, caplog):
     with caplog.at_level(logging.WARNING, "silo"):
         robot.start()
     assert "spike: triggers are judged by the helper process, and there is none: call serve()" in caplog.text
+    assert "unobservable" not in caplog.text
+    robot.logger.stop()
+    robot.logger.set("fast/x", enabled=False)
+    robot.logger.start()
+    assert "trigger 'spike' is unobservable: the elements in it are off" in caplog.text
 
 
 def test_what_keeps_its_first_samples_hinders_no_trigger(robot):

@@ -10,7 +10,7 @@ import psutil
 import pytest
 
 from silo.logger.logger import Logger
-from silo.programs.host.probes import PROBES
+from silo.programs.host.probes import PROBES, _pressure
 from silo.programs.host.program import Monitor
 from silo.programs.host.reading import Probe, Rates, plain_name, reader
 from silo.settings.script import apply_script, read_script
@@ -80,6 +80,17 @@ def test_what_the_machine_lacks_is_left_out(log: Logger, monkeypatch: pytest.Mon
     monkeypatch.delattr(psutil, "sensors_fans", raising=False)
     monkeypatch.setattr(psutil, "sensors_battery", lambda: None, raising=False)
     assert [reader(probe(group), log) for group in ("temperature", "fan", "battery")] == [None] * 3
+    log.close()
+
+
+def test_a_pressure_that_can_not_be_read_hides_no_other(log: Logger, monkeypatch: pytest.MonkeyPatch) -> None:
+    def told(path: Path) -> str:
+        if path.name == "cpu":
+            raise PermissionError
+        return f"some avg10={len(path.name)}.50 avg60=0.00\nfull avg10=9.00"
+
+    monkeypatch.setattr(Path, "read_text", told)
+    assert _pressure(log) == {"memory": 6.5, "io": 2.5}
     log.close()
 
 

@@ -239,6 +239,14 @@ def test_variables_in_silos_memory_survive_the_logger(new_logger):
     assert q.sum() == 15
 
 
+@pytest.mark.parametrize(("given", "prefix"), [("", ""), ("/", ""), ("a//b/", "/a/b"), ("/log", "/log")])
+def test_a_prefix_has_one_slash_before_each_part_and_none_is_none(given, prefix, new_logger):
+    logger = new_logger(prefix=given)
+    logger.array("x")
+    logger.update()
+    assert (logger.options.prefix, [one.name for one in logger.elements]) == (prefix, [f"{prefix}/x"])
+
+
 def test_a_unit_that_is_not_known_is_told_once_with_the_one_that_is_meant(new_logger, caplog):
     logger = new_logger()
     for name in ("a", "b"):
