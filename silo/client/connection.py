@@ -32,8 +32,8 @@ from silo.fleet.near import seen_now
 from silo.fleet.resolving import namesakes
 from silo.net import keys
 from silo.net.found import LoggerAddress
-from silo.net.session import owner_is_gone
-from silo.net.sessions import SessionLease, borrow, give_back, undeclare
+from silo.net.session import owner_is_gone, undeclare
+from silo.net.sessions import SessionLease, borrow, give_back
 from silo.rpc.clocks import TheirClock
 from silo.rpc.declaring import Do, Request, request_of
 from silo.rpc.foreign import Foreign

@@ -29,7 +29,8 @@ from silo.net import keys
 from silo.net.access.probing import REACH_S, Layer, LayerError
 from silo.net.configuration import LOCAL, find_file, from_file, remotes, user_of
 from silo.net.found import LoggerAddress
-from silo.net.sessions import SessionLease, borrowed, undeclare
+from silo.net.session import undeclare
+from silo.net.sessions import SessionLease, borrowed
 from silo.rpc.declaring import Ask
 from silo.rpc.foreign import NOT_UNDERSTOOD
 from silo.rpc.leases import Closing

@@ -29,6 +29,7 @@ from silo.live.publisher import Publisher
 from silo.live.server import LiveServer
 from silo.live.statistics import Surveyor
 from silo.net.keys import Root, may_use
+from silo.net.session import undeclare
 from silo.parameters.server import ParameterServer
 from silo.recorder.server import EndlessRecordings, RecorderServer
 from silo.recordings.folder import RecordingFolder
@@ -173,9 +174,7 @@ class RequestThreads:
     def stop(self) -> None:
         """End the threads and wait for them."""
         self._ending = True
-        for queryable in (self._asked, *self._to_do):
-            # ends the recv() of its thread
-            queryable.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
+        undeclare(self._asked, *self._to_do)  # ends the recv() of their threads
         for thread in self._threads:
             thread.join()
         self._lanes.stop()

@@ -14,8 +14,8 @@ import zenoh
 from silo.errors import SegmentError
 from silo.history.requests import OpenStream
 from silo.live.requests import OpenView
-from silo.live.topics import matching
 from silo.net import keys
+from silo.net.session import matching, undeclare
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.reader import SegmentReader
@@ -189,8 +189,7 @@ class Feeds(abc.ABC, Generic[RequestT, FeedT]):
         with self._feeds:
             closed = [*self._closed, *(one.value.publisher for one in self._feeds.expire())]
             self._closed = []
-        for publisher in closed:
-            publisher.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
+        undeclare(*closed)
 
     def stop(self) -> None:
         """End all feeds."""

@@ -21,10 +21,11 @@ from silo.history.pins import Pins
 from silo.live.feeds import Round
 from silo.live.requests import OpenView, ViewOpened
 from silo.live.streams import Streams
-from silo.live.topics import Topics, matching
+from silo.live.topics import Topics
 from silo.live.views import Views
 from silo.net import keys
 from silo.net.keys import Root
+from silo.net.session import matching
 from silo.rpc.published import EventKind, Summary
 from silo.segment.reader import SegmentReader
 from silo.segment.reasons import LOST_ADVICE, lost_text

@@ -6,7 +6,6 @@ that order); so `n = len(payload) // (8 + bytes of a value)`. The attachment is 
 since start, uint64: a gap between batches is a loss, a smaller number a new start.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +15,7 @@ from silo.core.kinds import in_parts
 from silo.core.names import grouped
 from silo.errors import SegmentError
 from silo.net.keys import Root, escape
+from silo.net.session import matching, undeclare
 from silo.segment.layout import ElementSchema
 from silo.segment.picking import Packer, shaped
 from silo.segment.reader import SegmentReader
@@ -59,11 +59,6 @@ class _Topic:
 def _said(element: ElementSchema) -> object:
     """What an encoding is made of."""
     return element.info.kind, element.info.shape, [entry.entry for entry in element.live_entries]
-
-
-def _undeclare(topics: Iterable[_Topic]) -> None:
-    for topic in topics:
-        topic.publisher.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
 
 
 class Topics:
@@ -119,10 +114,10 @@ class Topics:
         self._undeclared.reverse()
         self._read_before = {name for name, topic in before.items() if topic.active}
         self._check_s = 0.0
-        _undeclare(before.values())
+        undeclare(*(topic.publisher for topic in before.values()))
 
     def _forget(self) -> None:
-        _undeclare(self._topics)
+        undeclare(*(topic.publisher for topic in self._topics))
         self._topics, self._undeclared = [], self._published[::-1]
         self._cursors = {}
 
@@ -204,10 +199,3 @@ class Topics:
         for topic in topics:
             topic.publisher.put(stamps + topic.packer.of(rows.words).tobytes(), attachment=first)
         return len(rows) == most
-
-
-def matching(publisher: zenoh.Publisher) -> bool:
-    """Return whether anybody subscribes."""
-    status = publisher.matching_status
-    # the stub says bool, but it is an object with a flag, and always true
-    return bool(getattr(status, "matching", status))

@@ -9,6 +9,7 @@ import contextlib
 import enum
 import fcntl
 import json
+import logging
 import os
 import socket
 import time
@@ -42,6 +43,8 @@ MAX_SOCKET_PATH = 107  # bytes; the kernel's limit is 108 with the closing NUL
 MAX_MESSAGE_BYTES = 8 * 2**20  # about 60,000 edits; a larger message is dropped before it is put together
 OPEN_TRIES = 5
 AGAIN_S = 0.05  # between two tries of a client
+
+log = logging.getLogger("silo.client")
 
 
 # µs, in a client: as long as the lease. A request of 8 MB takes more than the queue holds, and where the robot's
@@ -375,6 +378,23 @@ def close(session: zenoh.Session) -> None:
     """Close a session; takes up to 2.5 s if the other side of a Unix socket is frozen."""
     releasing.end(session)
     session.close()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
+
+
+def undeclare(*declared: Any) -> None:
+    """End subscriptions, publishers and tokens; fine where their session has ended before."""
+    for one in declared:
+        if one is not None:
+            try:
+                one.undeclare()
+            except zenoh.ZError as error:
+                log.debug("the session ended before it: %s", error)
+
+
+def matching(publisher: zenoh.Publisher) -> bool:
+    """Return whether anybody subscribes."""
+    status = publisher.matching_status
+    # the stub says bool, but it is an object with a flag, and always true
+    return bool(getattr(status, "matching", status))
 
 
 def _hint(config: str | None) -> str:

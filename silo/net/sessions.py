@@ -4,13 +4,11 @@ The desk has one link to its router, whatever the number of robots behind it. A 
 and is closed when the last of its users gives it back.
 """
 
-import logging
 import os
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import zenoh
@@ -23,8 +21,6 @@ from silo.net.configuration import find_file, from_file, said_of, user_of
 from silo.net.session import Beside, close, open_client
 
 WAITED_TRIPS = 4  # of an answer, beyond the time that it may take where there is no way
-
-log = logging.getLogger("silo.client")
 
 
 class _Shared(msgspec.Struct):
@@ -139,16 +135,6 @@ def borrowed(socket_path: str, config: str, reach_s: float = REACH_S) -> Iterato
         yield mine
     finally:
         give_back(mine)
-
-
-def undeclare(*declared: Any) -> None:
-    """End subscriptions and tokens; fine where their session has ended before."""
-    for one in declared:
-        if one is not None:
-            try:
-                one.undeclare()
-            except zenoh.ZError as error:
-                log.debug("the session ended before it: %s", error)
 
 
 def open_configurations() -> dict[str, int]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import zenoh
 
-from silo.net.sessions import undeclare
+from silo.net.session import undeclare
 from silo.rpc.leases import Closing
 
 

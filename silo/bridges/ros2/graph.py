@@ -11,7 +11,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import zenoh
 
@@ -27,7 +26,7 @@ from silo.errors import ConnectionLostError, SiloError
 from silo.history.arrays import SampleArrays
 from silo.net.configuration import FORCED, insert, reason_of
 from silo.net.lingering import releasing
-from silo.net.session import close
+from silo.net.session import close, matching, undeclare
 
 OPEN_MS = 3000
 CALLER = "somebody in the ROS graph"  # which has no names to prove
@@ -157,8 +156,7 @@ class Graph:
         wanted = {(outlet.topic, outlet.type.type_hash): outlet for outlet in outlets}
         for key in [key for key in self._topics if key not in wanted]:
             topic = self._topics.pop(key)
-            topic.token.undeclare()  # type: ignore[no-untyped-call]
-            topic.publisher.undeclare()  # type: ignore[no-untyped-call]
+            undeclare(topic.token, topic.publisher)
         for key, outlet in wanted.items():
             if key in self._topics:
                 self._topics[key].outlet = outlet
@@ -205,11 +203,8 @@ class Graph:
         """
         while not self._ended.wait(LOOK_S):
             for topic in list(self._topics.values()):
-                try:
-                    status: Any = topic.publisher.matching_status  # zenoh's stub says bool
-                except zenoh.ZError:  # it was taken back just now
-                    continue
-                topic.is_watched = bool(getattr(status, "matching", status))
+                with contextlib.suppress(zenoh.ZError):  # it was taken back just now
+                    topic.is_watched = matching(topic.publisher)
             watched = [topic for topic in list(self._topics.values()) if topic.is_watched]
             self._feed.wish(frozenset(name for topic in watched for name in topic.outlet.elements))
             for service in self._services:
