@@ -66,6 +66,17 @@ def test_what_is_refused_is_told_in_the_words_of_the_robot_and_nothing_changes(t
     assert tuned.parameters.read() == {"/log/legs/kp": 40.0, "/log/legs/kd": 1.0}
 
 
+def test_a_check_that_would_wait_for_itself_refuses_at_once(bench, client):
+    logger = bench.logger
+    logger.stop()
+    logger.parameter("kp", 40.0, check=lambda _: logger.save())
+    logger.start()
+    with turning(logger.collect), pytest.raises(RefusedError, match="no save and no recording within a check"):
+        client.parameters.set({"kp": 50.0})
+    assert logger.parameters.read() == {"/log/kp": 40.0}
+    assert logger.save().path
+
+
 def test_a_change_is_an_event_and_stands_in_the_file_that_the_helper_process_saves(tuned, client):
     heard = Heard(client)
     told = client.parameters.set({"kp": 50.0})

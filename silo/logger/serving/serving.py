@@ -480,6 +480,8 @@ class Serving:
         self, request: Save | StartRecorder | StopRecorder, wanted: type[_Result], then: str
     ) -> tuple[_Result, SaveFuture]:
         """Return the helper process's answer, with what a save that is begun comes to. Raises SaveError."""
+        if self._thread is threading.current_thread():  # `check=` of a parameter, which that answer would wait for
+            raise SaveError("no save and no recording within a check: it would wait for itself; use another thread")
         number = next(self._numbers)
         asked: concurrent.futures.Future[tuple[AnyReply, SaveFuture]] = concurrent.futures.Future()
         self._answers[number] = asked
