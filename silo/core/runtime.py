@@ -378,7 +378,12 @@ def disk_room(place: Path | int) -> tuple[int, int]:
     return found.f_bavail * found.f_frsize, found.f_blocks * found.f_frsize
 
 
-_V1_FILES, _V2_FILES = ("memory.limit_in_bytes", "memory.usage_in_bytes"), ("memory.max", "memory.current")
+# the limit, what is used, and how sums over all groups below begin in `memory.stat`
+_V1_FILES, _V2_FILES = (
+    ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_"),
+    ("memory.max", "memory.current", ""),
+)
+_GIVEN_BACK = ("active_file", "inactive_file", "slab_reclaimable")  # where memory is scarce, as in `MemAvailable`
 
 
 def available_memory_bytes() -> int:
@@ -395,7 +400,7 @@ def available_memory_bytes() -> int:
 
 
 def _left_to_groups(process: Path = Path("/proc/self"), mounted: Path = Path("/sys/fs/cgroup")) -> list[int]:
-    """Return what each control group of the process that has a limit leaves, files that could be written back included.
+    """Return what each control group of the process that has a limit leaves, with what would be given back.
 
     Of both versions: `Documentation/admin-guide/cgroup-v2.rst` and `cgroup-v1/memory.rst` of the kernel.
     """
@@ -406,7 +411,7 @@ def _left_to_groups(process: Path = Path("/proc/self"), mounted: Path = Path("/s
             if controllers and "memory" not in controllers.split(","):
                 continue
             root = mounted / "memory" if controllers else mounted
-            limit, used = _V1_FILES if controllers else _V2_FILES
+            limit, used, total = _V1_FILES if controllers else _V2_FILES
             group = root / path.lstrip("/")
             for folder in (group, *group.parents):
                 if not folder.is_relative_to(root):
@@ -414,8 +419,8 @@ def _left_to_groups(process: Path = Path("/proc/self"), mounted: Path = Path("/s
                 with contextlib.suppress(OSError, ValueError):  # there is no limit (`max`), or no such group in sight
                     statistics = dict(row.split() for row in (folder / "memory.stat").read_text().splitlines())
                     most = int((folder / limit).read_text())
-                    taken = int((folder / used).read_text()) - int(statistics.get("inactive_file", 0))
-                    left.append(max(0, most - taken))
+                    given_back = sum(int(statistics.get(total + name, 0)) for name in _GIVEN_BACK)
+                    left.append(min(most, max(0, most - int((folder / used).read_text()) + given_back)))
     return left
 
 

@@ -258,6 +258,10 @@ class CurrentRun:
         """The present run, behind those that it goes on and that are in no file."""
         return [*self.cut_off, self.run] if self.run is not None else []
 
+    def memory_bytes(self) -> int:
+        """Return what its buffers take, of all stretches."""
+        return sum(run.segment.size_bytes for run in self.stretches)
+
     @property
     def lost(self) -> dict[str, int]:
         """How many samples of each element could not be kept since the last start, also of a run that was dropped."""

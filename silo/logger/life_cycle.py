@@ -24,6 +24,7 @@ class LifeCycle:
         self.reason = ""  # of the last stop
         self.serving: Serving | None = None
         self.cut: Callable[[str, str], None] = _never_started  # what changed, who asked: go on with another stretch
+        self.memory_bytes: Callable[[], int] = int  # that its buffers have
 
     @property
     def state(self) -> State:

@@ -293,7 +293,7 @@ class Logger(LoggerNames):
             if self._present.number == 0:
                 look_back(self.options, served=self._life.helper_is_up)
             self._present.number += 1
-            self._life.cut = self._cut
+            self._life.cut, self._life.memory_bytes = self._cut, self._present.memory_bytes
             run = self._present.replace(
                 self._make_run, self.options, self._conditions.now, self._let_go, self._hand_over, self._is_wanted
             )

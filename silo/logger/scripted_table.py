@@ -432,12 +432,12 @@ class ScriptedTable:
 
     def _no_room(self, before: int) -> str:
         """Say why a client may not have the buffers take what they do now: memory is touched when a stretch begins."""
-        total, most = total_bytes(self._table.infos), available_memory_bytes() // 2
+        total, most = total_bytes(self._table.infos), self._life.memory_bytes() + available_memory_bytes() // 2
         if total <= max(before, most) or self._options.storage is Storage.FILE:
             return ""
         return (
-            f"the buffers would take {size_text(total)}, from a client {size_text(most)} at most (half of the memory "
-            "that is free here): make them smaller, or set them in the program"
+            f"the buffers would take {size_text(total)}, from a client {size_text(most)} at most (what they have, and "
+            "half of the memory that is free here): make them smaller, or set them in the program"
         )
 
     def _warn_of_size(self, changed: int) -> None:

@@ -12,7 +12,9 @@ GB = 1 << 30
 def group(folder: Path, limit: str, used: int, files: int, *, first: bool = False) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     names = ("memory.limit_in_bytes", "memory.usage_in_bytes") if first else ("memory.max", "memory.current")
-    for name, text in zip((*names, "memory.stat"), (limit, used, f"anon 5\ninactive_file {files}"), strict=True):
+    half, total = files // 2, "total_" if first else ""
+    statistics = f"anon 5\n{total}inactive_file {half}\n{total}active_file {files - half}"
+    for name, text in zip((*names, "memory.stat"), (limit, used, statistics), strict=True):
         (folder / name).write_text(f"{text}\n")
 
 
@@ -34,7 +36,7 @@ def test_of_all_control_groups_above_a_process_each_limit_is_looked_at(tmp_path,
     group(mounted / "robots", str(8 * GB), 7 * GB, GB)
     group(mounted / "robots" / "arm", str(4 * GB), 3 * GB, 2 * GB)
     group(mounted / "robots" / "free", "max", GB, 0)
-    group(mounted / "memory" / "arm", str(2 * GB), GB, 0, first=True)
+    group(mounted / "memory" / "arm", str(2 * GB), 2 * GB, GB, first=True)
     assert _left_to_groups(tmp_path, mounted) == left
 
 
