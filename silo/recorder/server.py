@@ -254,7 +254,8 @@ class EndlessRecordings:
             return f"recording '{name}' ends: {held} until now; it is still finishing its last part"
         room = recorder.order.keep_bytes
         kept = f", of which the newest stay within {size_text(room)}" if room else ""
-        return f"recording '{name}' ended: {recorder.sums().text}{kept}, in {recorder.order.folder}"
+        why = f"{recorder.report.text}; " if recorder.report.state is RecorderState.FAILED else ""
+        return f"recording '{name}' ended: {why}{recorder.sums().text}{kept}, in {recorder.order.folder}"
 
     def infos(self) -> list[RecorderInfo]:
         """Return what there is."""

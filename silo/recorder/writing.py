@@ -26,7 +26,7 @@ from silo.core.conditions import Conditions
 from silo.core.elements import LoggedEvent, RecorderState
 from silo.core.quantities.writing import and_more, duration, size_text
 from silo.core.recording import RecordedElement
-from silo.core.runtime import disk_room, sync
+from silo.core.runtime import disk_room, is_at, sync
 from silo.errors import SiloError, reason
 from silo.files.atomic import check_room, open_part
 from silo.files.bags.message_groups import group_samples
@@ -57,6 +57,7 @@ BAD_STAMP = (
     "their time stamps are before 1970 or after 2038, and a file of ROS 2 counts seconds in 31 bits: see to the clock "
     "of the logger"
 )
+DELETED = "the part that had them was deleted, or its folder, before it was finished"
 
 log = logging.getLogger("silo.recorder")
 
@@ -80,7 +81,7 @@ class OpenPart:
         run_number = next_run_number(folder, recorder)
         self.final = log_path(folder, recorder, run_number, datetime.now().astimezone(), ".mcap")
         self.path = part_path(folder, self.final.name)
-        self.layout = layout
+        self.layout, self.begin = layout, begin
         self.begun_s = time.monotonic()
         self._file = open_part(self.path)
         self.inode = os.fstat(self._file.fileno()).st_ino
@@ -95,6 +96,11 @@ class OpenPart:
     def size_bytes(self) -> int:
         """Bytes written."""
         return self._mcap.size_bytes
+
+    @property
+    def is_there(self) -> bool:
+        """Whether its file still has its name: somebody may have deleted it, or its folder."""
+        return is_at(self._file.fileno(), self.path)
 
     @property
     def index_bytes(self) -> int:
@@ -328,6 +334,7 @@ class Writing:
 
     def write(self, drained: Drained) -> None:
         """Write rows, after what is missing before them."""
+        self._see_to_folder()
         self._make_room(self._estimate(drained))
         for loss in drained.losses:
             self._note_lost(loss)
@@ -379,6 +386,21 @@ class Writing:
     def _present_layout(self) -> ChannelLayout:
         assert self._layout is not None, "rows come after their run"
         return self._layout
+
+    def _see_to_folder(self) -> None:
+        """Go on with another part, in the folder made anew, where somebody deleted the one that is open."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        part = self._part
+        if part is None or part.is_there:
+            return
+        self._part = None
+        part.leave()
+        self._ledger.end(part.final.name, 0, part.layout.schema.run, {**part.begin}, {}, 0)
+        losses = [Loss(ring, part.begin.get(ring, 0), self._next_rows[ring], DELETED) for ring in part.layout.rings]
+        self._next_rows |= {loss.ring: loss.begin for loss in losses}
+        for loss in losses:
+            if loss.end > loss.begin:
+                self._note_lost(loss)
 
     def _make_room(self, coming_bytes: int) -> None:
         """Keep to the budget, and to what is left free of the disk. Raises NearlyFullError."""
@@ -526,6 +548,7 @@ class Writing:
 
     def _finish_part(self, why: str = "") -> None:
         """Finish the part that is open; `why`, where the next one goes on with the run."""
+        self._see_to_folder()
         self._take_changes()
         part, self._part = self._part, None
         if part is None:

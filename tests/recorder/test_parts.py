@@ -3,6 +3,7 @@
 import fcntl
 import itertools
 import os
+import shutil
 import struct
 import threading
 from collections.abc import Iterator
@@ -24,7 +25,7 @@ from silo.errors import ElementError, SaveError
 from silo.files.atomic import left_free, write_all
 from silo.files.bags.index import BagElements
 from silo.files.bags.writer import write_bag
-from silo.files.manifest import Ledger, size_of_parts
+from silo.files.manifest import Ledger, read_written, size_of_parts
 from silo.files.mcap.index import indexed_records
 from silo.files.parts.scan import rows_after, scan_part
 from silo.recorder.event_tail import EventTail
@@ -857,3 +858,31 @@ def test_damage_that_is_found_in_a_part_when_values_are_read_is_told_of_the_whol
     fresh = [text for text in log.warnings if text not in before]
     assert fresh
     assert all(text.startswith("ticks ") for text in fresh)
+
+
+@pytest.mark.parametrize("deleted", ["folder", "parts", "open part"])
+def test_a_recording_whose_files_somebody_deletes_goes_on_in_another_part(robot, tmp_path, truth, deleted) -> None:
+    robot.start()
+    folder = tmp_path / "rec"
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(300)
+    direct.step()
+    if deleted == "folder":
+        shutil.rmtree(folder)
+    else:
+        for path in [*folder.iterdir()]:
+            if deleted == "parts" or path.name.endswith(".part"):
+                path.unlink()
+    robot.ticks(200)
+    direct.step()
+    totals = direct.finish()
+    assert totals.state is not RecorderState.FAILED
+    (path,) = parts(tmp_path)
+    found = read_bag(path)
+    assert [element.entries[0].values[0] for element in found.elements if element.name == "/log/x"] == [300]
+    told = [one.told for one in direct.told() if "samples were lost, of ticks 0 to " in one.told]
+    assert all("was deleted, or its folder, before it was finished" in one for one in told)
+    assert (
+        totals.lost == sum(int(one.split()[0]) for one in told) == sum(element.lost for element in found.elements) > 0
+    )
+    assert f"{totals.lost} lost" in read_written(folder, direct.ledger.name).sums().text

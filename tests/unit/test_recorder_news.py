@@ -10,6 +10,7 @@ from silo.core.elements import RecorderState
 from silo.recorder import recorder
 from silo.recorder.orders import News, Progress, Report
 from silo.recorder.recorder import Recorder
+from silo.recorder.requests import StopRecorder
 from silo.recorder.server import EndlessRecordings
 
 
@@ -76,3 +77,21 @@ def test_an_end_that_takes_its_time_is_told_until_it_is_over(monkeypatch):
     assert Recorder._record(of, ledger) is RecorderState.ENDED
     ended = ("ended", "it was stopped; the end of 2 runs is in no file")
     assert sent == [("finishing", ""), ("finishing", ""), ended]
+
+
+@pytest.mark.parametrize(
+    ("state", "why"), [(RecorderState.FAILED, "the disk refused: it is gone; "), (RecorderState.ENDED, "")]
+)
+def test_who_stops_a_recording_that_had_ended_by_itself_is_told_why(state, why):
+    server, ended = object.__new__(EndlessRecordings), threading.Event()
+    ended.set()
+    server._lock = threading.RLock()
+    server._events = SimpleNamespace(log=SimpleNamespace(settle=lambda _: 0))
+    server._replica, server._store = SimpleNamespace(run="run"), lambda: None
+    recorder = SimpleNamespace(
+        report=Report(state, "the disk refused: it is gone"), ended=ended, given_up=False, finish=lambda *_, **__: None,
+        order=SimpleNamespace(keep_bytes=0, folder="/logs"), sums=lambda: SimpleNamespace(text="1 file, 0 lost"),
+    )  # fmt: skip
+    server._recorders = {"walk": recorder}
+    assert server.end(StopRecorder()) == f"recording 'walk' ended: {why}1 file, 0 lost, in /logs"
+    assert server._recorders == {}
