@@ -187,7 +187,7 @@ class Stream(Subscribed):
         self._expected: dict[tuple[str, str, int], int] = {}  # by run, name and which of its groups
         self._dropped: dict[tuple[str, int], int] = {}  # rows before the next ones that are read, by name and group
         self._from_first: set[str] = set()  # names of which nothing has come of the run, which began meanwhile
-        self._unread_rows: Counter[str] = Counter()  # by run, of which nobody tells any more how to read them
+        self._earlier, self._came = -1, 0  # rows that were to come in runs before this one, and of this one did
         self._refused = ""
         self._foreign = Foreign("a frame")
 
@@ -286,11 +286,9 @@ class Stream(Subscribed):
                     self._renew()  # after an edit or a start: how to read it comes
                 return None
             self._unread = None
-            names = layouts.get(frame.generation)
+            names = layouts.get(frame.generation)  # of a session that is over, or long ago, nobody tells any more
             if names is not None and (batch := self._batch(frame, names)):
                 return batch
-            if names is None and layouts is self._opened:  # what came in a session that is over comes again
-                self._unread_rows[frame.run] += sum(rows.count for rows in frame.rows)
         return None
 
     def _batch(self, frame: StreamFrame, layout: list[SampledName], *, dropped: bool = False) -> StreamBatch:
@@ -300,7 +298,12 @@ class Stream(Subscribed):
         expected = {key: row for key, row in self._expected.items() if key[0] == frame.run}
         if self._expected and not expected:  # another run is sent from its first row on
             self._from_first = {name for _, name, place in self._expected if not place}
+            if self._earlier >= 0:
+                self.missed += max(0, frame.earlier - self._earlier - self._came)
+        if frame.earlier != self._earlier:
+            self._earlier, self._came = frame.earlier, 0
         missed: dict[int, int] = {}
+        new: dict[int, int] = {}
         places: Counter[str] = Counter()
         for name in layout:
             key = (frame.run, name.name, places[name.name])
@@ -310,6 +313,7 @@ class Stream(Subscribed):
                 continue
             row = expected.get(key, 0 if name.name in self._from_first and not key[2] else some.first)
             gap = max(0, some.first - row)
+            new[name.group] = max(new.get(name.group, 0), some.first + some.count - row)
             some = _without(some, row - some.first)
             gap += some.count if dropped else 0
             missed[name.group] = max(missed.get(name.group, 0), gap)
@@ -321,9 +325,8 @@ class Stream(Subscribed):
                 continue
             parts.setdefault(name.name, []).append((name, some, more))
         self._expected = expected
-        del self._unread_rows[frame.run]  # the numbers of its rows show them
-        self.missed += sum(missed.values()) + self._unread_rows.total()
-        self._unread_rows.clear()
+        self.missed += sum(missed.values())
+        self._came += sum(new.values())
         return StreamBatch(frame.run, parts)
 
     def __iter__(self) -> Iterator[StreamBatch]:

@@ -47,12 +47,15 @@ class SampledRows(msgspec.Struct, frozen=True):
 class StreamFrame(msgspec.Struct, frozen=True):
     """What came since the last frame of a stream: put on `.../stream/<id>`; `generation` is that of `StreamOpened`.
 
-    A row number beyond the one that was expected is a loss; a smaller one with another `run` is a new start.
+    A row number beyond the one that was expected is a loss; a smaller one with another `run` is a new start. `earlier`
+    are the rows of the runs before it, of all groups, that were to come since the stream was opened: where fewer did,
+    the others were lost at the end of a run; -1 where that isn't told.
     """
 
     generation: int
     run: str
     rows: list[SampledRows]
+    earlier: int = -1
 
 
 class Columns(Reply, frozen=True, omit_defaults=True):

@@ -36,12 +36,13 @@ class ServedStream(Feed[OpenStream]):
         self._between = between
         self._following: SegmentReader | None = None  # behind the run that is read
         self.opened = StreamOpened(request.stream, -1, [], {})  # how to read the present frames
-        self._earlier: tuple[StreamLayout, ...] = ()  # and those before them, which are on their way
+        self._layouts: tuple[StreamLayout, ...] = ()  # and those before them, which are on their way
         self._table = -1  # the generation of the table that was adopted last
         self._run: str | None = None
         self._reader: SegmentReader | None = None
         self._groups: tuple[RingGroup, ...] = ()
         self._cursors: dict[tuple[int | str, int], int] = {}
+        self._earlier_rows = self._rows_of_run = 0  # that were to be sent, of the runs before this one, and of this one
         self._next_s = math.inf  # since when another run is the present one
         self._derived: dict[int, str] = {}  # rings of derived signals have no lasting numbers: their names
 
@@ -87,8 +88,10 @@ class ServedStream(Feed[OpenStream]):
             # else frames are read as before, and their client needs no other words to read them by
             number = self.opened.generation + 1
             layout = StreamLayout(self.opened.generation, self.opened.names)
-            self._earlier = (*self._earlier, layout)[-MOST_EARLIER:]
+            self._layouts = (*self._layouts, layout)[-MOST_EARLIER:]
             self.opened = StreamOpened(self.request.stream, number, picked.names, missing, run or "-")
+        if run != self._run:
+            self._earlier_rows, self._rows_of_run = self._earlier_rows + self._rows_of_run, 0
         self._next_s, self._following = math.inf, None
         self._table, self._run, self._reader, self._groups = now.generation, run, reader, picked.groups
 
@@ -108,7 +111,7 @@ class ServedStream(Feed[OpenStream]):
 
     def told(self, known: int) -> StreamOpened:
         """Return how frames are read, for a client that can read those of generations up to `known`, -1 for none."""
-        earlier = [one for one in self._earlier if 0 <= known < one.generation]
+        earlier = [one for one in self._layouts if 0 <= known < one.generation]
         return msgspec.structs.replace(self.opened, earlier=earlier)
 
     def _key(self, group: RingGroup) -> tuple[int | str, int]:
@@ -152,13 +155,15 @@ class ServedStream(Feed[OpenStream]):
                 begin = max(begin, reader.head(group.after))
             most = max(1, room // group.row_bytes)
             rows = reader.rows(group.ring, begin, most, group.words)
-            self._cursors[key] = max(begin, rows.first + len(rows))
+            self._cursors[key] = end = max(begin, rows.first + len(rows))
+            self._rows_of_run += end - begin
             if len(rows):
                 found.append(SampledRows(number, rows.first, len(rows), rows.words.tobytes()))
                 more = more or len(rows) == most
         if not found:
             return None, False
-        return msgspec.msgpack.encode(StreamFrame(self.opened.generation, reader.schema.run, found)), more
+        frame = StreamFrame(self.opened.generation, reader.schema.run, found, self._earlier_rows)
+        return msgspec.msgpack.encode(frame), more
 
 
 class Streams(Feeds[OpenStream, ServedStream]):

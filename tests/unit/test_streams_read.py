@@ -33,9 +33,9 @@ def stream():
     return one
 
 
-def comes(stream, run, *found, generation=0):
+def comes(stream, run, *found, generation=0, earlier=-1):
     """A frame comes, and nobody reads it yet."""
-    data = msgspec.msgpack.encode(StreamFrame(generation, run, list(found)))
+    data = msgspec.msgpack.encode(StreamFrame(generation, run, list(found), earlier))
     stream._take(SimpleNamespace(payload=SimpleNamespace(to_bytes=lambda: data)))
 
 
@@ -151,15 +151,39 @@ def test_runs_whose_tables_came_and_went_before_it_asked_how_to_read_them_are_re
     assert (stream.read(0), stream.missed) == (None, 0)
 
 
+def test_what_is_lost_at_the_end_of_a_run_and_runs_of_which_nothing_came_are_counted(stream):
+    comes(stream, "a", rows(5, 4), rows(0, 2, 1), earlier=20)
+    comes(stream, "a", rows(9, 2), earlier=20)  # of its last frame nothing comes: 3 rows of x, and 1 of y
+    comes(stream, "c", rows(0, 3), earlier=20 + 12 + 7)  # nor of b, with 7
+    comes(stream, "c", rows(5, 1), earlier=39)
+    comes(stream, "d", rows(1, 1), earlier=39 + 6)
+    assert [stream.read(0).run for _ in range(5)] == ["a", "a", "c", "c", "d"]
+    assert stream.missed == 4 + 7 + 2 + 1
+
+
 def test_a_run_that_nobody_tells_any_more_how_to_read_is_counted(stream):
-    came(stream, "a", rows(0, 4))
-    comes(stream, "b", rows(0, 3), rows(0, 2, 1), generation=1)
-    comes(stream, "c", rows(0, 3), generation=2)
-    comes(stream, "c", rows(3, 3), generation=3)
+    comes(stream, "a", rows(0, 4), earlier=0)
+    comes(stream, "b", rows(0, 3), rows(0, 2, 1), generation=1, earlier=4)
+    comes(stream, "c", rows(0, 3), generation=2, earlier=9)
+    comes(stream, "c", rows(3, 3), generation=3, earlier=9)
+    assert stream.read(0).run == "a"
+    assert stream.read(0) is None
     entries = [SampledEntry("", "<i8", 16, False)]
     stream.accept(StreamOpened("a-1", 3, [SampledName("x", 0, 1, (), entries)], {}))
     assert list(stream.read(0)["x"].values) == [3, 4, 5]
     assert stream.missed == 5 + 3
+
+
+def test_another_helper_process_counts_anew(stream):
+    comes(stream, "a", rows(0, 4), earlier=500)
+    stream.read(0)
+    connects_anew(stream)
+    entries = [SampledEntry("", "<i8", 16, False)]
+    stream.accept(StreamOpened("b-1", 0, [SampledName("x", 0, 1, (), entries)], {}))
+    comes(stream, "a", rows(4, 2), earlier=0)
+    comes(stream, "b", rows(0, 2), earlier=2)
+    assert [stream.read(0).run for _ in range(2)] == ["a", "b"]
+    assert stream.missed == 0
 
 
 def test_a_frame_that_nobody_tells_any_more_how_to_read_is_missed(stream):

@@ -57,6 +57,31 @@ def test_a_stream_goes_on_as_the_table_changes_and_has_a_new_run_from_its_first_
     assert came(0, 2) == ([(6, 1)], False)
 
 
+def test_each_frame_tells_how_many_rows_there_were_to_come_before_its_run(new_logger):
+    log = new_logger("bot", frequency=100)
+    log.array("x", size=10, buffer="looping")
+    log.start()
+    stream = ServedStream(OpenStream(stream="a-1", names=["/log/x"]), None, 0.0, at_once)
+
+    def came(ticks):
+        for _ in range(ticks):
+            log.collect()
+        this = Round(Replica(robot_state(log, "", -1)).now, SegmentReader(log._present.path), 0.0, 100.0, 0.0)
+        stream.prepare(this)
+        data, _ = stream.frame(this)
+        frame = msgspec.msgpack.decode(data, type=StreamFrame) if data else None
+        return frame and (frame.earlier, [(one.first, one.count) for one in frame.rows])
+
+    assert came(3) is None  # it begins with what comes
+    assert came(2) == (0, [(3, 2)])
+    capacity = log._present.run.segment.schema.rings[-1].capacity
+    assert came(capacity + 4) == (0, [(10, capacity - 1)])  # the others are overwritten
+    log.restart()
+    assert came(3) == (2 + 4 + capacity, [(0, 3)])
+    log.restart()
+    assert came(2) == (2 + 4 + capacity + 3, [(0, 2)])
+
+
 def test_a_client_is_told_how_to_read_what_was_sent_since_it_asked(new_logger):
     log = new_logger("bot", frequency=100)
     log.array("x")
