@@ -27,7 +27,7 @@ from silo.core.elements import LoggedEvent, RecorderState
 from silo.core.quantities.writing import and_more, duration, size_text
 from silo.core.recording import RecordedElement
 from silo.core.runtime import disk_room, is_at, sync
-from silo.errors import SiloError, reason
+from silo.errors import SaveError, SiloError, reason
 from silo.files.atomic import check_room, open_part
 from silo.files.bags.message_groups import group_samples
 from silo.files.bags.writer import MAX_STAMP_NS, metadata_yaml, write_windows
@@ -84,7 +84,8 @@ class OpenPart:
         self.layout, self.begin = layout, begin
         self.begun_s = time.monotonic()
         self._file = open_part(self.path)
-        self.inode = os.fstat(self._file.fileno()).st_ino
+        status = os.fstat(self._file.fileno())
+        self.inode, self.device = status.st_ino, status.st_dev
         self._mcap = McapWriter(self._file, *layout.definitions, write=write)
         self._mcap.attach(PART_ATTACHMENT, "application/zstd", pack_part(layout.facts(recorder, begin, since)))
         self._rows: dict[int, int] = dict.fromkeys(layout.rings, 0)
@@ -227,6 +228,7 @@ class Writing:
         self._next_rows: dict[int, int] = {}
         self._happening: EventTail | None = None
         self._part: OpenPart | None = None
+        self._device: int | None = None  # the disk of the newest part
         self._waiting: list[LoggedEvent] = []  # for a part in which to stand
         self._gone = ""  # likewise
         self._why_lost = ""
@@ -388,10 +390,20 @@ class Writing:
         return self._layout
 
     def _see_to_folder(self) -> None:
-        """Go on with another part, in the folder made anew, where somebody deleted the one that is open."""
-        self._folder.mkdir(parents=True, exist_ok=True)
+        """Go on with another part, in the folder made anew, where somebody deleted the one that is open.
+
+        Raises SaveError where that would be on another disk, OSError.
+        """
         part = self._part
-        if part is None or part.is_there:
+        if self._folder.exists() and (part is None or part.is_there):
+            return
+        place = next(one for one in (self._folder, *self._folder.parents) if one.exists())
+        if self._device not in (None, place.stat().st_dev):  # a mount that went: beneath it is somebody else's disk
+            raise SaveError(
+                f"{self._folder} was on another disk, which is not there any more: mount it, and record again"
+            )
+        self._folder.mkdir(parents=True, exist_ok=True)
+        if part is None:
             return
         self._part = None
         part.leave()
@@ -426,7 +438,7 @@ class Writing:
             # rows that are missing are told where others come behind them: in the part before nobody sees that they are
             begin |= {ring: hole.begin for ring, hole in self._holes.items()}
             part = OpenPart(self._folder, self._order.name, layout, begin, since, self._disk.write)
-            self._part = part
+            self._part, self._device = part, part.device
             for hole in self._holes.values():
                 part.note_lost(hole.ring, hole.begin, hole.end, hole.why)
             with contextlib.suppress(OSError, RuntimeError):  # then `silo recover` must be told the folder

@@ -886,3 +886,18 @@ def test_a_recording_whose_files_somebody_deletes_goes_on_in_another_part(robot,
         totals.lost == sum(int(one.split()[0]) for one in told) == sum(element.lost for element in found.elements) > 0
     )
     assert f"{totals.lost} lost" in read_written(folder, direct.ledger.name).sums().text
+
+
+def test_a_recording_whose_disk_is_gone_does_not_go_on_on_the_one_beneath(robot, tmp_path, truth) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(300)
+    direct.step()
+    shutil.rmtree(tmp_path / "rec")
+    direct.writing._device = -1
+    robot.ticks(200)
+    direct.step()
+    totals = direct.finish()
+    assert totals.state is RecorderState.FAILED
+    assert "was on another disk, which is not there any more: mount it, and record again" in totals.text
+    assert not (tmp_path / "rec").exists()
