@@ -94,6 +94,12 @@ def excited(fake, monkeypatch):
     return fake
 
 
+async def test_what_is_excited_is_named_as_the_table_does(excited, opened):
+    async with opened(excited) as screen:
+        await screen.enter(":excite /log/tau chirp 0.2-20Hz amplitude 2 for 30s")
+        await screen.shows("Excite /tau?")
+
+
 async def test_after_an_excitation_the_answer_of_a_signal_is_drawn(excited, opened):
     async with opened(excited) as screen:
         await screen.press("colon")

@@ -251,7 +251,10 @@ def test_together_stand_the_moments_that_are_alike():
     made = Log(together(logs))
     assert made["tau/run1"].values.tolist() == [2 * one for one in made["tau/run0"].values.tolist()]
     assert made.duration_s == 3.0
-    assert made.warnings == ("only from 0 to 3 s, the time that all of them have",)
+    assert made.warnings == (
+        "all at 100 Hz, as values held: samples and div are of that",
+        "only from 0 to 3 s, the time that all of them have",
+    )
     moved = Log(together(logs, "push"))
     (mark,) = moved.events
     assert moved["tau/run0"].value(mark.seconds) == pytest.approx(0.5)

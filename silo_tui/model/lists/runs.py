@@ -165,7 +165,7 @@ def together(logs: Sequence[tuple[str, Log]], event: str = "") -> Recording:
     step = max(min(int(np.median(np.diff(log.time_ns))) for _, log in logs), (last - first) // MOST_TICKS, 1)
     ticks = np.arange(first, last + 1, step, dtype=np.int64)
     shared = set.intersection(*({one.name for one in log.recording.elements if one.kind != "text"} for _, log in logs))
-    elements, warnings = [], []
+    elements, warnings = [], [f"all at {1e9 / step:.4g} Hz, as values held: samples and div are of that"]
     if max(end for _, end in ends) > last + step or min(begin for begin, _ in ends) < first - step:
         warnings.append(f"only from {first * 1e-9:.4g} to {last * 1e-9:.4g} s, the time that all of them have")
     for (name, log), at in zip(logs, begun, strict=True):

@@ -220,7 +220,7 @@ async def excite(context: Context, name: str, line: str) -> None:
         raise ElementError(f"say which parameter: :excite NAME {EXAMPLE}")
     knobs = context.session.knobs
     await knobs.refresh(context.link)
-    info = named(knobs.known, name)
+    info, shown = named(knobs.known, name), context.shown(name)
 
     def read(typed: str) -> Excitation:
         what = read_excitation(name, typed)
@@ -231,7 +231,7 @@ async def excite(context: Context, name: str, line: str) -> None:
         unit = "" if info.unit in ("", "-") else f" {info.unit}"
         body = f"It is {value_text(info.value, info.unit)}, and may be {range_text(info)}{unit}.\n"
         body += "Or multisine 0.1-20Hz, prbs 50Hz, step; also ramp 1s."
-        typed = await context.app.push_screen_wait(Prompt(f"Excite {name}", body, _usual(info), EXAMPLE, read))
+        typed = await context.app.push_screen_wait(Prompt(f"Excite {shown}", body, _usual(info), EXAMPLE, read))
         if typed is None:
             return
         line = typed
@@ -239,7 +239,7 @@ async def excite(context: Context, name: str, line: str) -> None:
     low, high = (number_at(end, what.index) for end in ends_of(info, what))
     around = value_text(number_at(info.value, what.index), info.unit)
     body = f"around {around}, from {low:g} to {high:g}:\n{what.text}\nIt comes back to {around}. Any key ends it."
-    if not await confirmed(context.app, f"Excite {name}?", body, "Excite it", "Leave it"):
+    if not await confirmed(context.app, f"Excite {shown}?", body, "Excite it", "Leave it"):
         return
     dialog = Exciting(name, what)
     context.app.push_screen(dialog)
