@@ -1,6 +1,7 @@
 """Marks and events on the screen: M, E, lines in plots, find, jump there."""
 
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from silo_tui.model.lists.happened import (
     of_last_run,
     words,
 )
+from silo_tui.screens.lists.events import EventsScreen
 from silo_tui.sessions.recorded import open_file
 
 SECOND = 10**9
@@ -413,3 +415,8 @@ async def test_without_an_episode_it_is_said_that_there_is_none(running, opened)
     async with opened(running) as screen:
         await screen.press("f5")
         await screen.shows("no episode was begun in this run")
+
+
+@pytest.mark.parametrize(("at_s", "scope"), [(None, "events"), (0.0, "file_events")])
+def test_the_keys_of_events_of_a_file_are_those_of_a_file(at_s, scope):
+    assert EventsScreen(SimpleNamespace(at_s=at_s)).scope == scope

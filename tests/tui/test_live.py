@@ -1,6 +1,7 @@
 """How newest values read in a cell."""
 
 import re
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,6 +20,7 @@ from silo_tui.model.samples.live import (
     value_text,
 )
 from silo_tui.model.words import text
+from silo_tui.sessions.link import Link
 
 
 @pytest.mark.parametrize(
@@ -217,3 +219,19 @@ def test_large_numbers_keep_the_digits_that_differ():
 )  # fmt: skip
 def test_where_one_unit_ends_the_next_begins(write, told):
     assert {value: write(value) for value in told} == told
+
+
+def test_what_is_asked_for_while_another_view_is_opened_is_opened_next():
+    opened, of = [], SimpleNamespace(_lock=nullcontext(), _closed=False, _opened=None, _opening=False)
+
+    def opens(request):
+        opened.append(request)
+        if request == 1:
+            for meanwhile in (2, 3):
+                Link.watch(of, meanwhile)
+
+    of._reading = SimpleNamespace(submit=lambda job: job())
+    of._open_requested, of._replace_view = (lambda: Link._open_requested(of)), opens
+    for request in (1, 3):
+        Link.watch(of, request)
+    assert (opened, of._opening) == ([1, 3], False)

@@ -7,7 +7,7 @@ import pytest
 import silo
 from silo.core.elements import Action, BufferType, ElementInfo, ElementOptions, Entry, FieldChange
 from silo.errors import ScriptError
-from silo.settings.script import apply_script, format_script, parse_script, read_script, write_script
+from silo.settings.script import MAX_SUGGESTIONS, apply_script, format_script, parse_script, read_script, write_script
 from silo.settings.typed import diff_options
 
 FIXTURES = Path(__file__).resolve().parents[3] / "shared" / "fixtures"
@@ -49,6 +49,9 @@ def test_unknown_names_are_returned_with_line_and_suggestion() -> None:
         "line 2: no element '/log/joints/tua' (did you mean '/log/joints/tau'?)",
         "line 3: no element '/elsewhere'",
     ]
+    lines = "".join(f"- name: /log/joints/tau{number}\n" for number in range(MAX_SUGGESTIONS + 2))
+    unknown = apply_script(parse_script(f"log_elements:\n{lines}", "s.yaml"), [info("/log/joints/tau")], 100.0).unknown
+    assert ["did you mean" in str(name) for name in unknown] == [True] * MAX_SUGGESTIONS + [False] * 2
 
 
 @pytest.mark.skipif(not FIXTURES.is_dir(), reason="files of the original are not here")
