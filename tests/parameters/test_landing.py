@@ -7,7 +7,7 @@ import pytest
 
 import silo
 from silo.analysis.parameters import LoggedParameters
-from silo.analysis.ramps import TunedSamples
+from silo.analysis.ramps import Arrival, TunedSamples
 from silo.core.elements import LoggedEvent
 from silo.core.recording import MOST_EVENTS, with_events
 from silo.core.tuning.parameters import Excitation, ParameterChange, ParameterInfo, ParameterKind, Wave
@@ -723,3 +723,9 @@ def test_a_text_without_end_ends_neither_the_loop_nor_the_history(tmp_path):
         assert kp.value == 3.0
         assert [change.change.values[0][2] for change in log._present.run.reader.changes(0)] == [2.0, 2.0, 2.0, 3.0]
         log.close(discard=True)
+
+
+def test_on_the_way_a_value_is_what_was_logged_from_the_change_to_the_next_one_alone():
+    samples = TunedSamples(np.arange(6), np.array([[3.0], [9.5], [9.0], [2.0], [1.0], [7.0]]))
+    way = Arrival(0.0, samples, 2, 5, lambda tick: tick)
+    assert [way.at(tick) for tick in (2, 3, 4)] == [9.0, 2.0, 1.0]

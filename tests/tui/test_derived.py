@@ -203,10 +203,14 @@ async def test_what_the_robot_refuses_is_said_and_nothing_typed_is_lost(fake, op
 
 
 async def test_what_is_typed_as_a_whole_is_done_and_what_is_not_is_asked_for(fake, opened):
-    async with opened(fake.run()) as screen:
+    async with opened(fake.run(), size=(120, 24)) as screen:
         await screen.press("colon", *"derive hot imu/temperature > 3", "enter")
         await screen.shows("'/hot' is derived: imu/temperature > 3")
+        assert "hides" not in screen.text
         assert not screen.app.screen.is_modal
+        await screen.enter("/legs")
+        await screen.press("colon", *"derive warm imu/temperature > 2", "enter")
+        await screen.shows("'/warm' is derived: imu/temperature > 2; the filter hides it")
         await screen.press("colon", *"derive cold", "enter")
         await screen.shows("Derive a signal on robot")
 

@@ -281,6 +281,11 @@ async def test_a_logger_that_lets_us_only_watch_says_so(fake, opened):
         await screen.shows("user 'bob' may look at anymal/robot, not change it: the role is viewer")
 
 
+async def test_who_began_to_look_alone_has_it_in_the_head(fake, opened):
+    async with opened(fake, read_only=True, size=(120, 24)) as screen:
+        await screen.shows("read-only")
+
+
 async def test_escape_backs_out_of_range_filter_and_marks_but_keeps_edits(fake, opened):
     async with opened(fake) as screen:
         await screen.do("toggle", "space", "V")

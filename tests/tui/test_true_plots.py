@@ -200,6 +200,13 @@ def test_a_hole_is_drawn_as_one_with_its_reason(hole):
     assert all(braille.SHADE not in line[35:] for line in drawn.lines)
 
 
+def test_a_hole_is_drawn_in_small_plots_too():
+    low = np.where((np.arange(80) < 30) | (np.arange(80) >= 60), 0.0, np.nan)
+    lines = braille.rasterise(low, low, (-1.0, 1.0), 40, 2, np.zeros(80, np.uint8))
+    assert lines[0][15:30].strip(braille.SHADE) == f" {HOLE_TEXTS[Gap.NONE]} "
+    assert braille.SHADE not in lines[0][:15] + lines[0][30:] + lines[1]
+
+
 def test_before_the_start_nothing_is_missing():
     drawn = with_hole(Gap.BEFORE, 0, 60)
     assert HOLE_TEXTS[Gap.BEFORE] in "".join(drawn.lines)

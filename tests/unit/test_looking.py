@@ -97,7 +97,9 @@ def test_notebooks_see_a_table_in_which_names_are_escaped(log):
 def test_a_recording_is_told_in_a_line_and_a_table(log):
     recording = turned(log, 3).snapshot()
     assert repr(recording).startswith("<Recording test: 4 elements, 3 ticks, ")
-    assert "<td>/log/joints/q</td><td>rad</td>" in recording._repr_html_()
+    html = recording._repr_html_()
+    assert "<td>/log/joints/q</td><td>rad</td>" in html
+    assert html.count("<td></td></tr>") == 4  # nothing of them was lost
 
 
 def test_new_values_say_how_many_they_are(log):

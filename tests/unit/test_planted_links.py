@@ -88,3 +88,10 @@ def test_a_file_of_ones_own_is_opened_as_ever(folder) -> None:
     assert read_own(folder / "a") == b"a"
     with pytest.raises(FileNotFoundError):
         read_own(folder / "b")
+
+
+def test_a_list_of_parts_that_is_damaged_leaves_its_name_free(tmp_path):
+    written_path(tmp_path, "x").write_bytes(b"{")
+    for _ in range(2):
+        with pytest.raises(SaveError, match="the list of this recorder's files is damaged"):
+            Ledger(tmp_path, "x", 0.0, os.getpid())
