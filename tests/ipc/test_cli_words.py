@@ -22,7 +22,7 @@ from silo.cli.loggers.ls import _facts
 from silo.cli.logs.recover import _incomplete
 from silo.cli.main import run
 from silo.cli.other_words import OTHER_WORDS
-from silo.core.elements import Action, BufferType, ElementOptions, State
+from silo.core.elements import Action, BufferType, ElementOptions, LoggedEvent, State
 from silo.core.quantities.writing import duration_text, wall_clock
 from silo.core.runtime import RECORDERS_SUFFIX
 from silo.errors import ElementError
@@ -288,6 +288,20 @@ def test_a_column_that_one_logger_needs_has_a_word_for_nothing_at_the_others(mon
     of._show_table([SimpleNamespace(found=None, status=one) for one in each])
     shown = [line.split()[10:] for line in capsys.readouterr().out.splitlines()]
     assert shown == [["DURABLE", "TO", "TICK", "REC"], ["-", "0"], ["0", "2"]]
+
+
+def test_of_what_happens_from_now_on_that_of_one_kind_is_printed(monkeypatch, capsys):
+    of, since = importlib.import_module("silo.cli.loggers.events"), []
+
+    def news(_, newest):
+        since.append(newest)
+        yield [LoggedEvent(kind, f"{kind} it", 1, 1, 1, "ann", "1f", 8) for kind in ("alarm", "marker")]
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(of, "_news", news)
+    of.watch_kind(SimpleNamespace(events=lambda *_: [SimpleNamespace(number=7)]), "marker")
+    shown = capsys.readouterr().out
+    assert ("marker it" in shown, "alarm it" in shown, since) == (True, False, [7])
 
 
 @pytest.mark.parametrize(("named", "wanted"), [(None, "ab"), (["/logs"], "a"), (["/logs/walks/deep"], "")])

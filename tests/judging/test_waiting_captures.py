@@ -1,9 +1,11 @@
 """Captures that wait to be written: in turn of their triggers, bounded, and what was left out is counted."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import pytest
 
+from silo.conditions.captures.buffer import CaptureBuffer
 from silo.conditions.captures.writer import MOST_WAITING, WaitingCaptures
 from silo.core.conditions import TriggerOptions
 from silo.files.manifest import CaptureEntry, CaptureFile, CaptureList
@@ -106,3 +108,10 @@ def test_a_list_that_another_process_wrote_anew_is_read_anew(tmp_path):
     assert other.has_files("run", "noise", 2500)
     other.note(CaptureEntry("run", "real", 1, "name"))
     assert one.numbers("run") == {"noise": 2500, "real": 1}
+
+
+def test_what_nobody_holds_any_more_is_told_up_to_the_last_tick_of_a_capture():
+    of = SimpleNamespace(
+        _reader=SimpleNamespace(unheld=lambda: {"a": 4, "b": 5, "c": 6}), capture=SimpleNamespace(last=5)
+    )
+    assert CaptureBuffer.unheld(of) == {"a": 4, "b": 5}

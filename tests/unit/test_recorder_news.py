@@ -11,6 +11,7 @@ from silo.recorder import recorder
 from silo.recorder.orders import News, Progress, Report
 from silo.recorder.recorder import Recorder
 from silo.recorder.requests import StopRecorder
+from silo.recorder.ring_cursor import RingCursor
 from silo.recorder.server import EndlessRecordings
 
 
@@ -95,3 +96,15 @@ def test_who_stops_a_recording_that_had_ended_by_itself_is_told_why(state, why):
     server._recorders = {"walk": recorder}
     assert server.end(StopRecorder()) == f"recording 'walk' ended: {why}1 file, 0 lost, in /logs"
     assert server._recorders == {}
+
+
+@pytest.mark.parametrize(("ticks", "read", "done"), [(7, 3, False), (7, 4, True), (6, 3, True), (6, 2, False)])
+def test_a_run_is_read_to_its_end_once_the_row_of_its_last_tick_is(ticks, read, done):
+    schema = SimpleNamespace(rings=[SimpleNamespace(divider=1), SimpleNamespace(divider=2)])
+    of = SimpleNamespace(
+        is_over=lambda: True, reader=SimpleNamespace(ticks=ticks, head=lambda _: 9), cursors={1: read},
+        layout=SimpleNamespace(schema=schema, rings=[1]),
+    )  # fmt: skip
+    assert RingCursor.done(of) is done
+    of.is_over = lambda: False
+    assert not RingCursor.done(of)
