@@ -11,6 +11,7 @@ from silo.errors import ElementError
 from silo.expressions.binding import bind
 from silo.expressions.evaluation import FALSE, TRUE, UNOBSERVABLE
 from silo.expressions.over_recordings import RecordingJudge, narrowed
+from silo.expressions.search import run_begins
 from silo.judging.checks import bind_limits, rule_of, scalar_names
 from silo.judging.limits import Level, Limit, LimitRule, Violation
 
@@ -114,6 +115,6 @@ def _conditioned(judge: RecordingJudge, recording: Recording, text: str, bad: in
     wrong = codes == bad
     if not wrong.any():
         return Finding(what, "UNOBSERVABLE" if (codes == UNOBSERVABLE).all() else Level.GREEN.name)
-    begins = np.flatnonzero(wrong & ~np.concatenate([[False], wrong[:-1]]))
+    begins = run_begins(wrong)
     first_s = float(times[begins[0]] - recording.time_ns[0]) * 1e-9
     return Finding(what, "VIOLATED", len(begins), int(wrong.sum()), first_s)

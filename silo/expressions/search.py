@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.arrays.values import numbers
+from silo.core.arrays.values import as_floats, numbers
 from silo.core.elements import Sought
 
 Places = NDArray[np.intp]
@@ -78,24 +78,24 @@ def places(looking: Looking, time_ns: NDArray[np.int64], values: NDArray[Any], e
     found = numbers(values)
     offsets = found.offsets
     if what is Sought.NOT_FINITE:
-        return _begins(~np.isfinite(offsets))
+        return run_begins(~np.isfinite(offsets))
     if what is Sought.OUTSIDE:
         low, high = (None if bound is None else bound - found.base for bound in looking.bounds)
         outside = np.zeros(len(offsets), np.bool_)
         outside |= False if low is None else offsets < low
         outside |= False if high is None else offsets > high
-        return _begins(outside)
+        return run_begins(outside)
     if what is Sought.CROSSING:
         # the level moves to the base: it is the float, the samples are exact
         return _crossings(offsets, looking.level - found.base, looking.direction)
     numbered = offsets[~np.isnan(offsets)]
     if not len(numbered):
         return np.zeros(0, np.intp)
-    return _begins(offsets == (numbered.max() if what is Sought.HIGHEST else numbered.min()))
+    return run_begins(offsets == (numbered.max() if what is Sought.HIGHEST else numbered.min()))
 
 
-def _begins(here: NDArray[np.bool_]) -> Places:
-    """Where each unbroken run begins."""
+def run_begins(here: NDArray[np.bool_]) -> Places:
+    """Return where each unbroken run begins."""
     return np.flatnonzero(here & ~np.concatenate([[False], here[:-1]]))
 
 
@@ -120,7 +120,7 @@ def _crossings(values: NDArray[np.float64], level: float, direction: int) -> Pla
 
 def _ends(values: NDArray[Any]) -> Ends:
     """Return the smallest and the largest finite value, of integers exactly; where there is none inf and -inf."""
-    finite = values if values.dtype.kind in "iu" else (floats := _floats(values))[np.isfinite(floats)]
+    finite = values if values.dtype.kind in "iu" else (floats := as_floats(values))[np.isfinite(floats)]
     return (finite.min().item(), finite.max().item()) if len(finite) else (np.inf, -np.inf)
 
 
@@ -133,7 +133,7 @@ def _edges(values: NDArray[Any], low: float, high: float) -> Places:
         larger, smaller = np.maximum(values[1:], values[:-1]), np.minimum(values[1:], values[:-1])
         steps = larger.astype(np.uint64) - smaller.astype(np.uint64)
         return np.flatnonzero(steps > np.uint64((int(high) - int(low)) // 2)) + 1
-    floats = _floats(values) / 2  # the step from the smallest to the largest float is none
+    floats = as_floats(values) / 2  # the step from the smallest to the largest float is none
     with np.errstate(invalid="ignore"):
         halves = np.abs(floats[1:] - floats[:-1])
     return np.flatnonzero(np.isfinite(halves) & (halves > (high / 2 - low / 2) / 2)) + 1
@@ -148,7 +148,7 @@ def _peaks(values: NDArray[Any], ends: Ends, direction: int, *, first: bool = Tr
     if not high > low:
         return np.zeros(0, np.intp), None
     with np.errstate(invalid="ignore"):  # halves: from the smallest to the largest float is no float
-        heights = (_floats(values) / 2 - low / 2) / (high / 2 - low / 2)
+        heights = (as_floats(values) / 2 - low / 2) / (high / 2 - low / 2)
     heights = 1 - heights if direction < 0 else heights
     sides = (heights > UP).astype(np.int8) - (heights < DOWN)
     known = np.flatnonzero(sides)
@@ -230,7 +230,7 @@ class Finder:
         if self._extreme is None or (extreme > self._extreme if highest else extreme < self._extreme):
             self._extreme = extreme
             self._forget()
-        return _begins((exact == self._extreme) & ~_missing(values))
+        return run_begins((exact == self._extreme) & ~_missing(values))
 
     def _remember(self, time_ns: NDArray[np.int64], values: NDArray[Any], still: int | None) -> None:
         """Keep the last sample, of a crossing the last one that is a number: with it the next block is compared.
@@ -273,11 +273,6 @@ class Finder:
         parts = [*self._values[0], *self._values[1]]
         values = np.concatenate(parts)[part] if parts else np.zeros(0)
         return FoundMoments(self._total, self._early - kept, times, values, self._begin_ns or 0, self._end_ns)
-
-
-def _floats(values: NDArray[Any]) -> NDArray[np.float64]:
-    found = numbers(values)
-    return found.offsets + found.base if found.base else found.offsets
 
 
 def _exact(values: NDArray[Any]) -> NDArray[Any]:
