@@ -7,15 +7,13 @@ import math
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from silo.core.elements import ElementInfo, State
 from silo.core.tuning.parameters import ParameterInfo
 from silo.errors import ConnectionLostError, RefusedError, SiloError
-from silo.history.arrays import SampleArrays, Stream, StreamBatch
+from silo.history.arrays import SampleArrays, Stream, StreamBatch, after
 from silo.rpc.published import Event, EventKind
 
 if TYPE_CHECKING:
@@ -194,9 +192,4 @@ class LoggerFollower:
             self._seen_run, self._last_tick = run, {}
         last = self._last_tick.get(name, -1)
         self._last_tick[name] = max(last, int(samples.ticks[-1]))
-        if samples.ticks[0] > last:
-            return samples
-        first = int(np.searchsorted(samples.ticks, last, side="right"))
-        return replace(
-            samples, ticks=samples.ticks[first:], time_ns=samples.time_ns[first:], values=samples.values[first:]
-        )
+        return after(samples, last)

@@ -96,6 +96,16 @@ def joined(parts: Sequence[SampleArrays]) -> SampleArrays:
     return SampleArrays(ticks, time_ns, values, parts[0].divider, parts[0].missed)
 
 
+def taken(samples: SampleArrays, which: slice | NDArray[np.intp]) -> SampleArrays:
+    """Return some of these samples, by where they are."""
+    return replace(samples, ticks=samples.ticks[which], time_ns=samples.time_ns[which], values=samples.values[which])
+
+
+def after(samples: SampleArrays, tick: int) -> SampleArrays:
+    """Return those that came later than a tick."""
+    return taken(samples, slice(int(np.searchsorted(samples.ticks, tick, side="right")), None))
+
+
 class Gathering:
     """The replies to one wish for samples, until all of it is there."""
 

@@ -4,12 +4,11 @@ Elements in different rings come at different times: a batch has each up to wher
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import reduce
 
 import numpy as np
 
-from silo.history.arrays import NO_SAMPLES, SampleArrays, joined
+from silo.history.arrays import NO_SAMPLES, SampleArrays, after, joined, taken
 
 MOST_WAITING = 10_000  # samples of an element
 
@@ -36,15 +35,15 @@ class Pairing:
                 self._add(name, batch[name])
         waiting = [self._waiting[name] for name in self.names]
         ticks = reduce(np.intersect1d, [one.ticks for one in waiting])
-        paired = [_of_ticks(one, ticks) for one in waiting]
+        paired = [taken(one, np.searchsorted(one.ticks, ticks)) for one in waiting]
         # an element tells its ticks in order: what is older than the newest of each has its partners by now, or never
         done = min(int(one.ticks[-1]) if len(one) else -1 for one in waiting)
-        self._waiting = {name: _after(one, done) for name, one in zip(self.names, waiting, strict=True)}
+        self._waiting = {name: after(one, done) for name, one in zip(self.names, waiting, strict=True)}
         if self._first is None and len(ticks):
             self._first = int(ticks[0])
         if self._first is not None:
-            since = [_from(one, int(np.searchsorted(one.ticks, self._first))) for one in waiting]
-            self.unpaired += max(len(one) - len(_after(one, done)) for one in since) - len(ticks)
+            since = [after(one, self._first - 1) for one in waiting]
+            self.unpaired += max(len(one) - len(after(one, done)) for one in since) - len(ticks)
         return paired
 
     def _add(self, name: str, fresh: SampleArrays) -> None:
@@ -55,17 +54,4 @@ class Pairing:
         added = joined([known, fresh]) if len(known) else fresh
         over = max(0, len(added) - MOST_WAITING)
         self.unpaired += over
-        self._waiting[name] = _from(added, over)
-
-
-def _of_ticks(one: SampleArrays, ticks: "np.ndarray[tuple[int], np.dtype[np.int64]]") -> SampleArrays:
-    places = np.searchsorted(one.ticks, ticks)
-    return replace(one, ticks=one.ticks[places], time_ns=one.time_ns[places], values=one.values[places])
-
-
-def _after(one: SampleArrays, tick: int) -> SampleArrays:
-    return _from(one, int(np.searchsorted(one.ticks, tick, side="right")))
-
-
-def _from(one: SampleArrays, first: int) -> SampleArrays:
-    return replace(one, ticks=one.ticks[first:], time_ns=one.time_ns[first:], values=one.values[first:])
+        self._waiting[name] = taken(added, slice(over, None))
