@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from silo.analysis.compute import exports
 from silo.analysis.compute.arithmetic import warn_outside
 from silo.analysis.compute.responses import Bode, StepResponse
 from silo.analysis.compute.samples import is_rate, unfolded_ticks
@@ -584,9 +585,7 @@ class Log(Mapping[str, Signal]):
         Args:
             pattern: which elements, with `*`, `?` and `[...]`.
         """
-        from silo.analysis.compute.exports import log_to_pandas
-
-        return log_to_pandas(*self._table(pattern))
+        return exports.log_to_pandas(*self._table(pattern))
 
     def to_polars(self, pattern: str = "*") -> Any:
         """Return a polars DataFrame: `time`, then one column per scalar, null where there is no sample.
@@ -594,9 +593,7 @@ class Log(Mapping[str, Signal]):
         Args:
             pattern: which elements, with `*`, `?` and `[...]`.
         """
-        from silo.analysis.compute.exports import log_to_polars
-
-        return log_to_polars(*self._table(pattern))
+        return exports.log_to_polars(*self._table(pattern))
 
     def to_xarray(self, pattern: str = "*") -> Any:
         """Return an xarray Dataset with one variable per element.
@@ -604,9 +601,7 @@ class Log(Mapping[str, Signal]):
         Args:
             pattern: which elements, with `*`, `?` and `[...]`.
         """
-        from silo.analysis.compute.exports import log_to_xarray
-
-        return log_to_xarray(*self._table(pattern))
+        return exports.log_to_xarray(*self._table(pattern))
 
     def _table(self, pattern: str) -> tuple[dict[str, Signal], NDArray[np.int64]]:
         """Return signals, and the stamps of the rows of a table of them: the ticks, or all stamps that they have."""
