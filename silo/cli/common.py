@@ -311,39 +311,35 @@ def complete_logger(ctx: click.Context, param: click.Parameter, incomplete: str)
 
 
 def complete_words(ctx: click.Context, param: click.Parameter, incomplete: str) -> "list[CompletionItem]":
-    """Complete a logger first, then its elements."""
-    words = ctx.params.get(param.name or "") or ()
-    elements = complete_element(split_logger(words)[0], incomplete)
-    return elements if words else [*complete_logger(ctx, param, incomplete), *elements]
-
-
-def complete_element(logger: str | None, incomplete: str) -> "list[CompletionItem]":
-    """Complete names of elements; namespaces where there would be too many."""
-    from silo.fleet.exchange import ask_once
-    from silo.rpc.declaring import request_of
+    """Complete a logger first, then its elements; their namespaces where there would be too many."""
     from silo.state.requests import TableRequests
 
-    try:
-        reply = ask_once(find_logger(logger), request_of(TableRequests._table), 1.0)
-    except (SiloError, click.UsageError):
-        return []
-    names = [info.name for info in (*reply.table.elements, *reply.table.derived)]
-    return items(next_names(names, incomplete))
+    words = ctx.params.get(param.name or "") or ()
+    reply = answer_of(lambda: split_logger(words)[0], TableRequests._table)
+    infos = (*reply.table.elements, *reply.table.derived) if reply is not None else ()
+    elements = items(next_names([info.name for info in infos], incomplete))
+    return elements if words else [*complete_logger(ctx, param, incomplete), *elements]
 
 
 def complete_script(ctx: click.Context, param: click.Parameter, incomplete: str) -> "list[CompletionItem]":
     """Complete a logger, or a script on its side."""
-    from silo.fleet.exchange import ask_once
-    from silo.rpc.declaring import request_of
     from silo.scripts.requests import ScriptRequests
 
     words = ctx.params.get(param.name or "") or ()
     loggers = [] if words else complete_logger(ctx, param, incomplete)
+    reply = answer_of(lambda: split_logger(words)[0], ScriptRequests.scripts)
+    return [*loggers, *(items(reply.names, incomplete) if reply is not None else [])]
+
+
+def answer_of(whom: Callable[[], str | None], declared: Callable[..., Any], **wish: Any) -> Any:
+    """Return what a logger answers at once to who completes words; None where it can't be told or asked."""
+    from silo.fleet.exchange import ask_once
+    from silo.rpc.declaring import request_of
+
     try:
-        reply = ask_once(find_logger(split_logger(words)[0]), request_of(ScriptRequests.scripts), 1.0)
+        return ask_once(find_logger(whom()), request_of(declared, **wish), 1.0)
     except (SiloError, click.UsageError):
-        return loggers
-    return [*loggers, *items(reply.names, incomplete)]
+        return None
 
 
 def next_names(names: Sequence[str], incomplete: str) -> list[str]:

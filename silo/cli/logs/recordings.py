@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 import click
 from click.shell_completion import CompletionItem
 
-from silo.cli.common import TypedPath, ask_first, complete_logger, connect, find_logger, items, progress, show_rows
+from silo.cli.common import TypedPath, answer_of, ask_first, complete_logger, connect, items, progress, show_rows
 from silo.cli.verbs import Verbs, verb
 from silo.core.quantities.writing import many, size_text, wall_clock
-from silo.errors import RefusedError, SiloError
+from silo.errors import RefusedError
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -33,14 +33,9 @@ def files() -> None:
 
 
 def _complete_name(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    from silo.fleet.exchange import ask_once
     from silo.recordings.requests import RecordingRequests
-    from silo.rpc.declaring import request_of
 
-    try:
-        found = find_logger(ctx.params.get("logger"))
-        reply = ask_once(found, request_of(RecordingRequests.recordings, most=200), 1.0)
-    except (SiloError, click.UsageError):
+    if (reply := answer_of(lambda: ctx.params.get("logger"), RecordingRequests.recordings, most=200)) is None:
         return []
     names = [file.name for one in reply.recordings for file in one.files if not one.unfinished]
     return items(names, incomplete)
