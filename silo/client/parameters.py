@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from silo.core.arguments import real, word
 from silo.core.tuning.excitation import LEASE_S, LONGEST_S, element_of, usual_ramp_s
-from silo.core.tuning.parameters import Excitation, ParameterInfo, ParameterValue, Wave
+from silo.core.tuning.parameters import Excitation, ParameterInfo, ParameterValue, Wave, meant
 from silo.errors import ElementError, SiloError
 from silo.parameters.requests import LONGEST_REVERT_S, ExcitationState, ParameterRequests, ParametersSet
 
@@ -44,14 +44,12 @@ class ClientParameters(MutableMapping[str, ParameterValue]):
         Raises:
             ElementError: there is none, or several.
         """
-        known = self.described()
-        found = [one for one in known if one.name == name] or [
-            one for one in known if one.name.endswith(f"/{name.strip('/')}")
-        ]
+        known = {one.name: one for one in self.described()}
+        found = meant(name, known)
         if len(found) != 1:
-            names = ", ".join(one.name for one in (found or known)[:5]) or "it has none"
+            names = ", ".join((found or list(known))[:5]) or "it has none"
             raise ElementError(f"{'several parameters' if found else 'no parameter'} '{name}': {names}")
-        return found[0]
+        return known[found[0]]
 
     def set(self, values: Mapping[str, Any], *, revert_after: float = 0.0) -> ParametersSet:
         """Set some, all or none, at the end of a tick.

@@ -28,6 +28,7 @@ from silo.core.tuning.parameters import (
     bound_text,
     decoded,
     fitting,
+    meant,
 )
 from silo.errors import ElementError, reason
 from silo.parameters.excited import Excited
@@ -182,16 +183,11 @@ class Parameters(Mapping[str, Parameter]):
         return len(self._known)
 
     def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and bool(self._matching(name))
-
-    def _matching(self, name: str) -> list[str]:
-        if name in self._known:
-            return [name]
-        return [known for known in self._known if known.endswith(f"/{name.strip('/')}")]
+        return isinstance(name, str) and bool(meant(name, self._known))
 
     def full(self, name: str) -> str:
         """Return the full name of the only parameter that a name means. Raises ElementError."""
-        found = self._matching(name)
+        found = meant(name, self._known)
         if len(found) == 1:
             return found[0]
         if found:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import yaml
 
-from silo.core.tuning.parameters import ParameterInfo, ParameterKind, ParameterValue, fitting
+from silo.core.tuning.parameters import ParameterInfo, ParameterKind, ParameterValue, fitting, meant
 from silo.errors import ElementError, ScriptError
 from silo.files.atomic import atomic_file
 from silo.settings.yaml_nodes import line_of, read_nodes
@@ -40,13 +40,13 @@ def _item(info: ParameterInfo, word: str) -> object:
 
 def find_parameter(name: str, infos: Sequence[ParameterInfo]) -> ParameterInfo:
     """Return the only parameter that a name means, whole or its end behind a `/`. Raises ElementError."""
-    ending = f"/{name.strip('/')}"
-    found = [one for one in infos if one.name == name] or [one for one in infos if one.name.endswith(ending)]
+    known = {one.name: one for one in infos}
+    found = meant(name, known)
     if len(found) == 1:
-        return found[0]
+        return known[found[0]]
     if found:
-        raise ElementError(f"'{name}' may be {', '.join(one.name for one in found)}: write more of the name")
-    names = ", ".join(one.name for one in infos[:5])
+        raise ElementError(f"'{name}' may be {', '.join(found)}: write more of the name")
+    names = ", ".join(list(known)[:5])
     raise ElementError(
         f"no parameter '{name}'" + (f"; there are {len(infos)}: {names}" if infos else "; there are none")
     )

@@ -7,7 +7,7 @@ Pure rules, without NumPy: clients, helper process and robot program judge alike
 import enum
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import msgspec
 
@@ -147,6 +147,11 @@ class ParameterChange(msgspec.Struct, frozen=True, omit_defaults=True):
     def is_image(self) -> bool:
         """Whether it tells what parameters were, and not that somebody changed them."""
         return all(old is None for _, old, _ in self.values)
+
+
+def meant(name: str, known: Collection[str]) -> list[str]:
+    """Return the parameters that a name means: the one that has it, else all that end so behind a `/`."""
+    return [name] if name in known else [one for one in known if one.endswith(f"/{name.strip('/')}")]
 
 
 def value_text(value: object, unit: str = "-") -> str:
