@@ -35,7 +35,7 @@ class HeardEvents:
     def is_new(self, event: Event) -> bool:
         """Whether an event was not handed out yet; from now on it was."""
         one = (event.time_ns, event.kind, event.text)
-        if event.logged and one in self._newest:
+        if one in self._newest:
             return False
         if event.logged:
             self._newest.append(one)

@@ -224,7 +224,9 @@ class EventTail:
         """Return what came, as far as its time stamps are there."""
         found = [*self._unstamped, *self._fresh()]
         ticks = self._reader.ticks
-        late = next((at for at, event in enumerate(found) if not event.stamp_ns and event.tick >= ticks), len(found))
+        # what comes before the first tick has the stamp of that one
+        waits = (at for at, event in enumerate(found) if not event.stamp_ns and max(event.tick, 0) >= ticks)
+        late = next(waits, len(found))
         self._unstamped = found[late:]  # in their order: by number it is told what a part has
         return tuple(self._stamped(event) for event in found[:late])
 

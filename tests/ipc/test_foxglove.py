@@ -148,14 +148,20 @@ class TestTopics:
     def test_a_logger_is_read_only_unless_said_otherwise(self, look):
         assert (look().info["supportedEncodings"], look().info["capabilities"]) == (["cdr"], READS)
 
-    def test_what_is_switched_off_is_taken_back_and_keeps_its_number_until_it_is_on_again(self, client, look):
-        viewer = look("/log/q")
+    def test_what_is_switched_off_is_taken_back_and_keeps_its_number_until_it_is_on_again(self, client, bridge, look):
+        one = bridge()
+        viewer = look("/log/q", to=one)
+        viewer.subscribe(_1="/log/q")
+        (known,) = one.server._viewers
+        wait_until(lambda: known.channels)
         number = viewer.channels["/log/q"]["id"]
         switch(client, "/log/q", False)
         assert viewer.json("unadvertise")["channelIds"] == [number]
         switch(client, "/log/q", True)
         viewer.json("advertise")
         assert viewer.channels["/log/q"]["id"] == number
+        viewer.subscribe(_2="/log/q")
+        wait_until(lambda: known.subscriptions == {2: number})
 
 
 class TestSamples:

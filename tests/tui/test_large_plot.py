@@ -203,6 +203,17 @@ async def test_an_x_y_plot_says_how_long_what_both_have_is_and_the_unit_of_its_l
         assert re.search(r"loop area \S+ rad\^2/s", screen.text)
 
 
+async def test_what_the_cursor_reads_has_room_on_a_small_screen(fake, opened):
+    async with opened(fake.run(20), size=(80, 24)) as screen:
+        await open_large(screen)
+        await screen.press("tab", "tab")
+        await screen.until(lambda: large(screen)._peaks)
+        await screen.press("right")
+        await screen.until(lambda: re.search(r"^ *A \d", screen.text, re.MULTILINE), "its reading")
+        await screen.press("plus")
+        await screen.until(lambda: "No cursor" in screen.text.splitlines()[-1], "how it goes, where it stays")
+
+
 async def test_the_cursor_reads_the_peak_that_one_goes_to_and_the_lines_beside_it(fake, opened):
     async with opened(fake.run(20)) as screen:
         await open_large(screen)

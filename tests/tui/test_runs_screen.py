@@ -209,16 +209,17 @@ async def test_both_names_and_what_was_not_compared_have_room_on_a_small_screen(
         await screen.shows("not compared: /0: for reason 0 long")
 
 
-async def test_the_largest_difference_at_the_very_end_is_plotted(fake, opened):
+@pytest.mark.parametrize(("at_s", "end"), [(1e6, 1), (-1e6, 0)])
+async def test_the_largest_difference_at_the_very_end_is_plotted(fake, opened, at_s, end):
     logs = [(f"run{number}", Log(run_of(number))) for number in range(2)]
     found = compare(*(log for _, log in logs))
-    found = replace(found, rows=tuple(replace(one, at_s=1e6) for one in found.rows))
+    found = replace(found, rows=tuple(replace(one, at_s=at_s) for one in found.rows))
     async with opened(fake) as screen:
         screen.app.push_screen(ComparisonScreen(logs, found))
         await screen.shows("/tau")
         await screen.press("enter")
         await screen.until(lambda: screen.app.screen.scope == "file_monitor", "the signal of both")
-        await screen.until(lambda: screen.app.screen.window.at_ns == screen.app.screen.held_ns[1], "its end")
+        await screen.until(lambda: screen.app.screen.window.at_ns == screen.app.screen.held_ns[end], "its end")
         assert screen.app.screen.gone_words("4 s") == "4 s: not in this file, which goes from 0.000 s to 3.000 s"
 
 

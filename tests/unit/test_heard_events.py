@@ -28,13 +28,12 @@ def test_what_was_there_before_the_first_session_is_no_news() -> None:
 
 def test_each_is_handed_out_once_also_where_its_line_was_numbered_on_after_it_was_told() -> None:
     heard = HeardEvents()
-    heard.missed(hello(2), read)
-    assert heard.is_new(Event.of(LINES[2]))
-    # another process wrote a line before it: in the log it has number 4
-    told = Event.of(replace(LINES[4], number=4))
-    assert heard.is_new(told)
+    heard.missed(hello(1), read)
+    # another process wrote two lines before them: in the log they have numbers 4 and 5
+    for number, line in enumerate(LINES[3:5], 2):
+        assert heard.is_new(Event.of(replace(line, number=number)))
     # the helper process told it after its hello, before it knew who subscribes
-    missed = [event for event in heard.missed(hello(4), read) if heard.is_new(event)]
+    missed = [event for event in heard.missed(hello(3), read) if heard.is_new(event)]
     assert [(event.text, event.logged, event.by) for event in missed] == [("m6", 6, "")]
     assert not heard.is_new(missed[0])  # it is published, too, in the new session
     progress = Event(9, 0, missed[0].kind, "saving: 10%")  # not in the log

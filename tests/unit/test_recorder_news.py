@@ -40,6 +40,7 @@ def test_of_a_disk_that_is_too_slow_for_ever_only_losses_are_left_out():
         (Report(RecorderState.FAILED, told_run="run"), ("run", None)),
         (Report(RecorderState.ENDED, told_run="asked in", told_tick=100), ("asked in", 100)),
         (Report(RecorderState.ENDED), ("asked in", None)),
+        (Report(RecorderState.ENDED, told_run="before", told_tick=100), ("asked in", None)),
     ],
 )
 def test_the_end_of_a_recording_stands_where_it_ended_not_where_something_was_lost_before(last, place):

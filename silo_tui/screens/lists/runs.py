@@ -274,7 +274,8 @@ class ComparisonScreen(ListScreen[SignalDifference]):
                 self.say(f"{self.named(name)} is derived, and stands in no file: plot the signals that it is of")
                 return
             made = Log(found.recording, " + ".join(run for run, _ in self._logs))
-            at_ns = min(found.start_ns + round(1e9 * at_s), int(found.recording.time_ns[-1]))  # of steps that are wider
+            stamps = found.recording.time_ns  # of steps that are wider
+            at_ns = min(max(found.start_ns + round(1e9 * at_s), int(stamps[0])), int(stamps[-1]))
             await show_read(self.context, lambda: made, f"{self.named(name)} can't be shown", found.names, at_ns)
 
     enter = command_plot_compared

@@ -210,8 +210,9 @@ class DetailScreen(MonitorScreen):
         if hz is not None and hz <= self._top_hz:  # it stays on its frequency, where that is drawn still
             self.plot.cursor = big_plot.cell_of(hz, self._top_hz, self.plot.plot_size[0])
         self._notes = found.notes
-        self.plot.show(found.plot, [*found.notes, *self._at_cursor()])
+        self.plot.show(found.plot, [*self._at_cursor(), *found.notes])
         self._title()
+        self.update_keys()
 
     async def _samples(self, plotted: Plotted) -> Samples:
         """Raw samples; where there are none, the middle of columns of one sample each."""
@@ -443,7 +444,7 @@ class DetailScreen(MonitorScreen):
         """Tell of the cursor beside the plot, where it follows what comes, and nowhere else."""
         self.line.say("")
         if self.plot.plot is not None:
-            self.plot.show(self.plot.plot, [*self._notes, *self._at_cursor()])
+            self.plot.show(self.plot.plot, [*self._at_cursor(), *self._notes])
 
     def _read_at_cursor(self) -> Peak | None:
         """What a cursor in the spectrum reads; None where none is, or it is still being read."""
