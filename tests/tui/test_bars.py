@@ -15,7 +15,7 @@ from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import Control, LoggedEvent, Present, State
 from silo.core.tuning.parameters import ParameterChange
 from silo.rpc.published import Event, EventKind
-from silo_tui.actions import BY_ID
+from silo_tui.actions import BY_ID, key_of
 from silo_tui.keymap import use_keys
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.table.facts import Facts
@@ -553,11 +553,13 @@ def test_a_whole_number_that_a_column_has_no_room_for_is_told(text, shown, new_f
 
 
 def test_of_a_list_a_failure_stands_alone_and_an_answer_before_what_is_told():
-    line = OfList()
+    line = OfList(0.3)
     line.told = ["2 marked", "", "by name"]
     assert line.words().plain == "2 marked │ by name"
     line.say("done")
     assert line.words().plain == "done │ 2 marked │ by name"
+    line.told = [" ".join(map(str, range(1000)))]
+    assert line.words().plain.endswith(f" … ({key_of('messages')})")
     line.say("it failed", failed=True)
     assert line.words().plain == "it failed"
 
