@@ -636,8 +636,8 @@ async def test_a_capture_without_end_says_how_long_it_is_and_what_ends_it(fake, 
         await screen.shows("fall")
         await screen.press("enter")
         await screen.shows("its first capture is under way; m plots its signals │")
-        await screen.shows("fall captures, 14 s so far: the")
-        await screen.shows("file is written 1 s after the last fire, or after 60 s")
+        await screen.shows("fall captures, 14 s so")
+        await screen.shows("the file is written 1 s after the last fire, or after 60 s")
 
 
 async def test_a_condition_is_tried_before_the_trigger_has_a_name(fake, opened):
