@@ -80,13 +80,6 @@ def test_a_line_says_what_a_value_was_and_what_it_differs_from(info, beside, beg
     assert row(info, "name", beside, begun, "ann") == shown
 
 
-@pytest.mark.parametrize(
-    ("info", "says"),
-    [
-        (HEIGHT, "above ground │ 0.4 to 0.54 in steps of 0.005 m │ set on the robot alone"),
-        (replace(HEIGHT, writable=Writable.ANYWHERE), "above ground │ 0.4 to 0.54 in steps of 0.005 m"),
-    ],
-)
 def beside_it(beside, info=COUNT):
     of = SimpleNamespace(
         knobs=SimpleNamespace(preset="tall", beside=beside, locked=False), _names={info.name: "n"}, _begun={},
@@ -99,6 +92,13 @@ def test_beside_a_value_stands_that_of_the_preset_or_that_it_has_none():
     assert [beside_it(each) for each in ({}, {COUNT.name: 0}, {COUNT.name: 4})] == [["-"], ["≠", "0"], ["4"]]
 
 
+@pytest.mark.parametrize(
+    ("info", "says"),
+    [
+        (HEIGHT, "above ground │ 0.4 to 0.54 in steps of 0.005 m │ set on the robot alone"),
+        (replace(HEIGHT, writable=Writable.ANYWHERE), "above ground │ 0.4 to 0.54 in steps of 0.005 m"),
+    ],
+)
 def test_below_the_list_stands_where_one_is_set(info, says):
     assert about(info, locked=False) == says
 
