@@ -3,6 +3,7 @@
 import errno
 import itertools
 import threading
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
@@ -18,6 +19,7 @@ from silo.errors import ElementError, SaveError, SegmentError, StateError, Unsav
 from silo.helper import dead_robot
 from silo.journal.holdings import segment_holdings
 from silo.logger.current_run import MOST_CUT_OFF, MOST_ELEMENTS, CurrentRun
+from silo.rpc.published import EventKind
 from tests.stand_ins.saved import element
 from tests.stand_ins.ticking import turning
 from tests.waiting import wait_until
@@ -737,3 +739,20 @@ def test_of_what_a_dead_program_logged_before_a_cut_that_is_saved_which_is_in_no
     )
     assert dead_robot._cut_off(replica) == found[:1]
     assert closed == ["saved", "whole", "present"]
+
+
+def test_what_a_dead_program_logged_and_can_not_be_saved_is_told_with_the_way_out(monkeypatch):
+    def fails(*_, **__):
+        raise SaveError("the disk is full")
+
+    told = []
+    monkeypatch.setattr(dead_robot, "claimed", lambda _: nullcontext())
+    monkeypatch.setattr(dead_robot, "save_reader", fails)
+    monkeypatch.setattr(dead_robot, "_tell", lambda replica, events, text, files: told.append((text, files)))
+    events = SimpleNamespace(
+        progress=id, log=SimpleNamespace(of_run=id), publish=lambda kind, text: told.append((text, kind))
+    )
+    replica = SimpleNamespace(now=SimpleNamespace(robot=SimpleNamespace(folder="", segment="")))
+    dead_robot._save(replica, events, SimpleNamespace(path="x.segment", schema=SimpleNamespace(run="1f")), "it died")
+    text = "it died, and its log could not be saved: the disk is full; run `silo recover x.segment`"
+    assert told == [(text, EventKind.SAVE_FAILED), (text, [])]
