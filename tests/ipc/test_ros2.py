@@ -34,6 +34,7 @@ if importlib.util.find_spec("xxhash"):
     from silo.bridges.ros2 import graph, parameters
     from silo.bridges.ros2.graph import Graph, joined
     from silo.bridges.ros2.names import Attachment, Distribution, EntityKind, Node, gid_of, ros_name
+    from silo.bridges.ros2.pairing import Pairing
     from silo.bridges.ros2.standard import Outlet, outlets_of
 
 JAZZY = get_typestore(Stores.ROS2_JAZZY)
@@ -143,7 +144,8 @@ class TestMessages:
         values = np.arange(9.0).reshape(3, 3)
         positions = SampleArrays(np.array([4, 5, 6]), np.array([40, 50, 60]) * 10**9, values)
         efforts = SampleArrays(np.array([5, 6, 7]), np.array([50, 60, 70]) * 10**9, values)
-        times, messages = found[0].encode([positions, efforts])
+        pairing = Pairing(found[0].elements)
+        times, messages = found[0].encode(pairing.take(dict(zip(found[0].elements, (positions, efforts), strict=True))))
         assert times.tolist() == [50 * 10**9, 60 * 10**9]
         message = JAZZY.deserialize_cdr(messages[0], "sensor_msgs/msg/JointState")
         assert (message.header.stamp.sec, message.name) == (50, ["joint0", "joint1", "joint2"])

@@ -6,7 +6,6 @@ The stamped types of silo's bags would need a package on the other side. Pure ru
 import struct
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import reduce
 from math import prod
 
 import numpy as np
@@ -51,7 +50,7 @@ _CAMEL = {"|u1": "UInt8", "<f4": "Float32", "<f8": "Float64"} | {
 
 @dataclass(frozen=True)
 class Outlet:
-    """A topic of standard messages. `encode` has the samples of its elements in their order."""
+    """A topic of standard messages. `encode` has samples of its elements in their order, of the same ticks."""
 
     topic: str
     type: MessageType
@@ -169,10 +168,9 @@ def _joint_state(group: str, count: int, alike: Sequence[ElementInfo | None]) ->
     lengths = [count if one else 0 for one in alike]
 
     def encode(samples: Sequence[SampleArrays]) -> Stamped:
-        ticks = reduce(np.intersect1d, [one.ticks for one in samples])
-        rows = [one.values.reshape(len(one), -1)[np.searchsorted(one.ticks, ticks)] for one in samples]
-        time_ns = samples[0].time_ns[np.searchsorted(samples[0].ticks, ticks)]
-        return time_ns, [message_of(int(time_ns[k]), [row[k] for row in rows]) for k in range(len(ticks))]
+        time_ns = samples[0].time_ns
+        rows = [one.values.reshape(len(one), -1) for one in samples]
+        return time_ns, [message_of(int(at), [row[k] for row in rows]) for k, at in enumerate(time_ns)]
 
     def message_of(time_ns: int, values: Sequence[NDArray[np.float64]]) -> bytes:
         sec, nanosec = divmod(time_ns, SECOND_NS)
