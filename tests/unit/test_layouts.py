@@ -35,7 +35,9 @@ def layout_1(tmp_path):
 
 
 def test_every_value_of_the_first_layout_is_read(layout_1):
-    recording = SegmentReader(layout_1).snapshot()
+    reader = SegmentReader(layout_1)
+    assert reader.running
+    recording = reader.snapshot()
     found = {e.name: np.stack([entry.values for entry in e.entries], axis=1) for e in recording.elements}
     assert found.keys() == KEPT.keys()
     for name, values in KEPT.items():
