@@ -96,14 +96,14 @@ def is_script(text: str) -> bool:
 
 
 def _head(path: Path) -> str:
-    with os.fdopen(_opened(path), "rb") as file:
+    with os.fdopen(_opened(path.resolve()), "rb") as file:
         return file.read(MAX_HEAD_BYTES).decode(errors="replace")
 
 
 def _opened(path: Path) -> int:
-    """Open a file to read it. Raises OSError."""
-    # without O_NONBLOCK, opening a named pipe would wait forever; links that lead on were followed when it was checked
-    return os.open(path.resolve(), os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
+    """Open a file to read it. Raises OSError, for a link too."""
+    # without O_NONBLOCK, opening a named pipe would wait forever
+    return os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
 
 
 @paths_refused("nothing was changed")
@@ -158,24 +158,31 @@ def _inside(path: Path, folder: Path) -> bool:
 def read_text(path: Path) -> str:
     """Return the text of a script. Raises RequestRefusedError where there is none that can be read."""
     try:
-        descriptor = _opened(path)
-        with os.fdopen(descriptor, "rb") as file:
-            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-                raise RequestRefusedError(RefusedWhy.INVALID, f"{path}: is not a file")
-            data = file.read(MAX_TEXT_BYTES + 1)
+        text = read_bounded(path, path.resolve(), MAX_TEXT_BYTES)  # where links lead was checked
     except FileNotFoundError:
-        raise RequestRefusedError(
-            RefusedWhy.NOT_FOUND,
-            f"{path}: no such script; paths begin in the folder of the logger's script, see `silo script list`",
-        ) from None
-    except OSError as error:
-        raise RequestRefusedError(RefusedWhy.FAILED, f"{path}: can't be read: {reason(error)}") from error
-    if len(data) > MAX_TEXT_BYTES:
-        raise RequestRefusedError(RefusedWhy.INVALID, f"{path}: larger than {MAX_TEXT_BYTES // 2**20} MB")
-    text = data.decode(errors="replace")
+        where = "paths begin in the folder of the logger's script, see `silo script list`"
+        raise RequestRefusedError(RefusedWhy.NOT_FOUND, f"{path}: no such script; {where}") from None
     if not is_script(text):
         raise RequestRefusedError(RefusedWhy.FORBIDDEN, f"{path}: is no script of silo, it has no `log_elements:`")
     return text
+
+
+def read_bounded(path: Path, real: Path, most_bytes: int) -> str:
+    """Return the text of a file, which is opened as `real`. Raises RequestRefusedError, FileNotFoundError for none."""
+    try:
+        descriptor = _opened(real)
+        with os.fdopen(descriptor, "rb") as file:
+            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+                raise RequestRefusedError(RefusedWhy.INVALID, f"{path}: is not a file")
+            data = file.read(most_bytes + 1)
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise RequestRefusedError(RefusedWhy.FAILED, f"{path}: can't be read: {reason(error)}") from error
+    if len(data) > most_bytes:
+        most = f"{most_bytes // 1024} kB" if most_bytes < 2**20 else f"{most_bytes // 2**20} MB"
+        raise RequestRefusedError(RefusedWhy.INVALID, f"{path}: larger than {most}")
+    return data.decode(errors="replace")
 
 
 @paths_refused("nothing was changed")

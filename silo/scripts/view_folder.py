@@ -5,12 +5,12 @@ No link is followed; what stands in a view is for the terminal to judge.
 
 import os
 import re
-import stat
 from pathlib import Path
 
 from silo.errors import SaveError, reason
 from silo.files.atomic import atomic_file
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.scripts.script_folder import read_bounded
 
 FOLDER, ENDING = "views", ".yaml"
 MOST_VIEWS = 500
@@ -37,20 +37,11 @@ def read(own_script: Path, name: str) -> tuple[Path, str]:
     """Return path and text of a view. Raises RequestRefusedError where there is none that can be read."""
     path = _path(own_script, name)
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
-        with os.fdopen(descriptor, "rb") as file:
-            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-                raise RequestRefusedError(RefusedWhy.INVALID, f"{path}: is not a file")
-            data = file.read(MOST_BYTES + 1)
+        return path, read_bounded(path, path, MOST_BYTES)
     except FileNotFoundError:
         there = ", ".join(names(own_script)[:20]) or "none yet"
         text = f"there is no view '{name}' on the robot (there: {there})"
         raise RequestRefusedError(RefusedWhy.NOT_FOUND, text) from None
-    except OSError as error:
-        raise RequestRefusedError(RefusedWhy.FAILED, f"{path}: can't be read: {reason(error)}") from error
-    if len(data) > MOST_BYTES:
-        raise RequestRefusedError(RefusedWhy.INVALID, f"{path}: larger than {MOST_BYTES // 1024} kB")
-    return path, data.decode(errors="replace")
 
 
 def keep(own_script: Path, name: str, text: str, *, overwrite: bool) -> Path:
