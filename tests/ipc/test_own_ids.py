@@ -78,7 +78,8 @@ def test_what_a_client_says_of_itself_by_no_key_of_its_own_is_called_so() -> Non
     told: list[tuple[str, str]] = []
     replica = SimpleNamespace(status=lambda: None, user="")
     outside = Outside(lambda *one: told.append(one), lambda: None, lambda: "")
-    StateServer(replica, None, None, outside).hello(Hello(id="x1", client="root@robot (proven) silo 1"))
+    events = SimpleNamespace(log=SimpleNamespace(newest=0))
+    StateServer(replica, events, None, outside).hello(Hello(id="x1", client="root@robot (proven) silo 1"))
     assert told == [("x1", "root@robot [proven] silo 1 (says so)")]
 
 
