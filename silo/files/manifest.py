@@ -384,8 +384,9 @@ class Ledger:
         """Take the name; waits until a predecessor has finished. `parent` started this process. Raises SaveError."""
         self.folder, self.name = folder, name
         self.expected: dict[str, dict[int, int]] = {}  # rows of runs that parts seem to have which are not closed yet
-        self._path = written_path(folder, name)
-        self._lock = _locked(folder / f".{name}.recorder.lock", wait_s, parent)
+        self._path, self._parent = written_path(folder, name), parent
+        self._lock_path = folder / f".{name}.recorder.lock"
+        self._lock = _locked(self._lock_path, wait_s, parent)
         self.written = self._read()
 
     def _read(self) -> Written:
@@ -403,6 +404,15 @@ class Ledger:
     def close(self) -> None:
         """Let go of the name."""
         os.close(self._lock)
+
+    def take_again(self) -> None:
+        """Have the name in a folder that was made anew, too. Raises SaveError where somebody took it there."""
+        with contextlib.suppress(FileNotFoundError):
+            if os.path.samestat(os.fstat(self._lock), self._lock_path.stat(follow_symlinks=False)):
+                return
+        taken_anew = _locked(self._lock_path, 0.0, self._parent)
+        os.close(self._lock)
+        self._lock = taken_anew
 
     def _store(self) -> None:
         with atomic_file(self._path) as file:

@@ -403,6 +403,7 @@ class Writing:
                 f"{self._folder} was on another disk, which is not there any more: mount it, and record again"
             )
         self._folder.mkdir(parents=True, exist_ok=True)
+        self._ledger.take_again()
         if part is None:
             return
         self._part = None

@@ -875,6 +875,8 @@ def test_a_recording_whose_files_somebody_deletes_goes_on_in_another_part(robot,
                 path.unlink()
     robot.ticks(200)
     direct.step()
+    with pytest.raises(SaveError, match="another recorder writes"):
+        truth.direct(robot, order(tmp_path))
     totals = direct.finish()
     assert totals.state is not RecorderState.FAILED
     (path,) = parts(tmp_path)
@@ -886,6 +888,23 @@ def test_a_recording_whose_files_somebody_deletes_goes_on_in_another_part(robot,
         totals.lost == sum(int(one.split()[0]) for one in told) == sum(element.lost for element in found.elements) > 0
     )
     assert f"{totals.lost} lost" in read_written(folder, direct.ledger.name).sums().text
+
+
+def test_a_recording_ends_where_another_one_took_its_name_in_the_folder_made_anew(robot, tmp_path, truth) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(300)
+    direct.step()
+    shutil.rmtree(tmp_path / "rec")
+    (tmp_path / "rec").mkdir()
+    other = Ledger(tmp_path / "rec", "bot", 0.0, os.getpid())
+    robot.ticks(200)
+    direct.step()
+    totals = direct.finish()
+    other.close()
+    assert totals.state is RecorderState.FAILED
+    assert "another recorder writes" in totals.text
+    assert parts(tmp_path) == []
 
 
 def test_a_recording_whose_disk_is_gone_does_not_go_on_on_the_one_beneath(robot, tmp_path, truth) -> None:
