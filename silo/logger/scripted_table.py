@@ -47,7 +47,7 @@ BLOCK_BYTES = 1 << 18  # pages that are never used are never touched
 log = logging.getLogger("silo")
 
 MOST_TOLD_NAMES = 100  # that `log.q` tells of: each changes the class, 15 us, and who has more looks them up
-MOST_AT_A_CUT_BYTES = 256_000_000  # which are touched within a second
+MORE_AT_A_CUT_BYTES = 256_000_000  # which are touched within a second, while others wait for what they want
 MOST_TOLD_CHANGES = 3  # of options, in the words of a cut
 DEFAULT_SCRIPT = "logger.yaml"  # that nobody asked for by name
 
@@ -435,9 +435,9 @@ class ScriptedTable:
         """Say why a client may not have the buffers take what they do now: memory is touched when a stretch begins."""
         total, most = total_bytes(self._table.infos), self._life.memory_bytes() + available_memory_bytes() // 2
         why = "what they have, and half of the memory that is free here): make them smaller, or set them in the program"
-        if self._life.running and most > MOST_AT_A_CUT_BYTES:
-            most = MOST_AT_A_CUT_BYTES
-            why = "while the logger runs, as a cut to more holds up what others want): stop, change, start"
+        if self._life.running and most > before + MORE_AT_A_CUT_BYTES:
+            most = before + MORE_AT_A_CUT_BYTES
+            why = f"{size_text(MORE_AT_A_CUT_BYTES)} more while the logger runs): stop, change, start"
         if total <= max(before, most) or self._options.storage is Storage.FILE:
             return ""
         return f"the buffers would take {size_text(total)}, from a client {size_text(most)} at most ({why}"

@@ -369,16 +369,22 @@ def test_a_client_has_the_buffers_take_half_of_the_free_memory_beside_what_they_
     assert logger._scripted.apply(looping(most), cut=running, who="alice@laptop") == 1
 
 
-def test_a_client_has_a_cut_touch_as_much_as_can_be_waited_for(new_logger, monkeypatch):
+def test_a_client_has_a_cut_add_as_much_as_can_be_waited_for(new_logger, monkeypatch):
     logger = new_logger()
     loop = Loop(logger)
     loop.turn()
-    monkeypatch.setattr("silo.logger.scripted_table.MOST_AT_A_CUT_BYTES", 40_000)
-    edits = [Edit("/log/x", silo.ElementOptions(buffer=BufferType.LOOPING, size=4001))]  # beside 1000 of n, of 8 bytes
-    with pytest.raises(ElementError, match=r"from a client 40 kB at most \(while .*: stop, change, start; nothing "):
-        logger._scripted.apply(edits, cut=True, who="alice@laptop")
+    monkeypatch.setattr("silo.logger.scripted_table.MORE_AT_A_CUT_BYTES", 8_000)
+
+    def looping(samples):
+        return [Edit("/log/x", silo.ElementOptions(buffer=BufferType.LOOPING, size=samples))]
+
+    with pytest.raises(ElementError, match=r"from a client 24 kB at most \(8 kB more while .*: stop, change, start; "):
+        logger._scripted.apply(looping(2001), cut=True, who="alice@laptop")  # 1000 before, as those of n, of 8 bytes
+    for samples in (2000, 3000):  # one after the other
+        assert logger._scripted.apply(looping(samples), cut=True, who="alice@laptop") == 1
+        loop.turn()
     logger.stop()
-    assert logger._scripted.apply(edits, who="alice@laptop") == 1
+    assert logger._scripted.apply(looping(5000), who="alice@laptop") == 1
 
 
 def test_an_edit_by_a_client_says_who_asked(new_logger, tmp_path):

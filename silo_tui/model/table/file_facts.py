@@ -120,7 +120,8 @@ class FileFacts:
         stand = self._stand[place]
         if stand not in self._timing:
             stamps, gaps = stand.stamps(0, stand.count), stand.holes
-            jitter = float(np.std(steps_of(stamps, gaps) / 1e9)) if len(stamps) > 2 else math.nan
+            steps = steps_of(stamps, gaps)
+            jitter = float(np.std(steps / 1e9)) if len(steps) > 1 else math.nan
             self._timing[stand] = rate_of(stamps, gaps) or math.nan, jitter
         return self._timing[stand]
 
