@@ -32,9 +32,10 @@ from silo.logger.arguments.other_names import tell_of_element
 from silo.logger.conditions import LoggerConditions
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
-from silo.loop.plan import Element
+from silo.loop.plan import Element, time_buffer
 from silo.loop.sources import OwnMemory, VariableSet
 from silo.loop.types import as_numbers, describe, kind_of, label_map
+from silo.segment.layout import STAMP_WORDS
 from silo.segment.retention import large_text, total_bytes
 from silo.settings.options import refusal
 from silo.settings.typed import ElementSettings, apply_settings, diff_options, rate_words, read_options
@@ -431,9 +432,14 @@ class ScriptedTable:
                 raise
             self._life.tell()
 
+    def _buffers_take(self) -> int:
+        infos, options = self._table.infos, self._options
+        stamps = time_buffer([info.options for info in infos], options.frequency_hz, options.max_time_s)
+        return total_bytes(infos) + 8 * STAMP_WORDS * stamps.size
+
     def _no_room(self, before: int) -> str:
         """Say why a client may not have the buffers take what they do now: memory is touched when a stretch begins."""
-        total, most = total_bytes(self._table.infos), self._life.memory_bytes() + available_memory_bytes() // 2
+        total, most = self._buffers_take(), self._life.memory_bytes() + available_memory_bytes() // 2
         why = "what they have, and half of the memory that is free here): make them smaller, or set them in the program"
         if self._life.running and most > before + MORE_AT_A_CUT_BYTES:
             most = before + MORE_AT_A_CUT_BYTES
@@ -486,7 +492,7 @@ class ScriptedTable:
             problems = self._table.problems(edits)
             if problems:
                 raise ElementError(refusal(problems))
-            size, state = total_bytes(self._table.infos), self._table.state
+            size, state = self._buffers_take(), self._table.state
             changed = self._table.apply(edits)
             if who and (why := self._no_room(size)):
                 self._table.state = state

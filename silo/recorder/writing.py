@@ -396,6 +396,7 @@ class Writing:
         """
         part = self._part
         if self._folder.exists() and (part is None or part.is_there):
+            self._ledger.take_again()  # somebody else may have made it anew
             return
         place = next(one for one in (self._folder, *self._folder.parents) if one.exists())
         if self._device not in (None, place.stat().st_dev):  # a mount that went: beneath it is somebody else's disk

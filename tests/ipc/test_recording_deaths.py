@@ -461,6 +461,7 @@ def test_whoever_cleans_up_after_a_killed_program_leaves_the_same_event_log_and_
     end_helper(robot.helper_pid)
     shutil.rmtree(folder)
     robot, parts = began(robots)
+    wait_until(lambda: any(one.kind == "recording" for one in read_events(folder, "bot")))
     freeze(robot.helper_pid)
     robot.kill()
     os.kill(robot.helper_pid, signal.SIGKILL)

@@ -13,6 +13,7 @@ from silo_tui.commands import opening
 from silo_tui.commands.opening import Opener
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout
+from silo_tui.sessions import kept
 from silo_tui.settings.options import Settings
 from tests.stand_ins.desk import Desk
 
@@ -30,7 +31,7 @@ def screen(monkeypatch):
 
     monkeypatch.setattr(views, "capture", lambda _: found.layout)
     monkeypatch.setattr(views, "show", show)
-    monkeypatch.setattr(files, "lives", lambda pid: pid == 1)
+    monkeypatch.setattr(kept, "lives", lambda pid: pid == 1)
     return found
 
 

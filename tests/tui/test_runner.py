@@ -245,16 +245,14 @@ def test_a_picture_that_can_t_be_written_says_why(fake, monkeypatch):
 
 # ------------------------------------------------------------------------------------------------------------ themes
 
-KEEPS = "g s w keeps"
-
 
 @pytest.mark.parametrize(
     ("line", "answers", "theme", "said"),
     [
-        ("theme light", (), "silo-light", f"theme: light; {KEEPS} it"),
+        ("theme light", (), "silo-light", "theme: light; g s w writes it to the file"),
         ("theme nord", (), "nord",
-         f"theme: nord, until silo-tui ends; {KEEPS} none but dark, light, contrast, 16"),
-        ("theme", ("c",), "silo-contrast", f"theme: contrast; {KEEPS} it"),
+         "theme: nord, until silo-tui ends; g s w keeps none but dark, light, contrast, 16"),
+        ("theme", ("c",), "silo-contrast", "theme: contrast; g s w writes it to the file"),
     ],
 )  # fmt: skip
 def test_a_theme_is_chosen_by_its_word_or_its_letter(line, answers, theme, said, fake):

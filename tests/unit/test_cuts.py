@@ -346,6 +346,10 @@ def test_what_comes_between_a_cut_and_the_next_tick_stands_there(new_logger, tmp
     }  # fmt: skip
 
 
+def asked_for(samples, divider=1):
+    return [Edit("/log/x", silo.ElementOptions(buffer=BufferType.LOOPING, size=samples, divider=divider))]
+
+
 @pytest.mark.parametrize("running", [False, True])
 def test_a_client_has_the_buffers_take_half_of_the_free_memory_beside_what_they_have(new_logger, monkeypatch, running):
     logger = new_logger()
@@ -357,18 +361,14 @@ def test_a_client_has_the_buffers_take_half_of_the_free_memory_beside_what_they_
     assert logger._life.memory_bytes() >= have > 0
     monkeypatch.setattr(logger._life, "memory_bytes", lambda: have)  # one that grows may do so just now
     monkeypatch.setattr("silo.logger.scripted_table.available_memory_bytes", lambda: 100_000)
-
-    def looping(samples):
-        return [Edit("/log/x", silo.ElementOptions(buffer=BufferType.LOOPING, size=samples))]
-
-    most = (have + 50_000) // 8 - 1000  # n has 1000
+    most = 1000 + (have + 50_000 - logger._scripted._buffers_take()) // 8
     before = held(logger)
     with pytest.raises(ElementError, match=r"from a client .* at most .* nothing was changed"):
-        logger._scripted.apply(looping(most + 1), cut=running, who="alice@laptop")
+        logger._scripted.apply(asked_for(most + 1), cut=running, who="alice@laptop")
     assert held(logger) == before
-    assert logger._scripted.apply(looping(most + 1), cut=running) == 1  # the program may
+    assert logger._scripted.apply(asked_for(most + 1), cut=running) == 1  # the program may
     loop.turn(running)
-    assert logger._scripted.apply(looping(most), cut=running, who="alice@laptop") == 1
+    assert logger._scripted.apply(asked_for(most), cut=running, who="alice@laptop") == 1
 
 
 def test_a_client_has_a_cut_add_as_much_as_can_be_waited_for(new_logger, monkeypatch):
@@ -376,17 +376,23 @@ def test_a_client_has_a_cut_add_as_much_as_can_be_waited_for(new_logger, monkeyp
     loop = Loop(logger)
     loop.turn()
     monkeypatch.setattr("silo.logger.scripted_table.MORE_AT_A_CUT_BYTES", 8_000)
-
-    def looping(samples):
-        return [Edit("/log/x", silo.ElementOptions(buffer=BufferType.LOOPING, size=samples))]
-
-    with pytest.raises(ElementError, match=r"from a client 24 kB at most \(8 kB more while .*: stop, change, start; "):
-        logger._scripted.apply(looping(2001), cut=True, who="alice@laptop")  # 1000 before, as those of n, of 8 bytes
+    with pytest.raises(ElementError, match=r"at most \(8 kB more while the logger runs\): stop, change, start; noth"):
+        logger._scripted.apply(asked_for(2001), cut=True, who="alice@laptop")
     for samples in (2000, 3000):  # one after the other
-        assert logger._scripted.apply(looping(samples), cut=True, who="alice@laptop") == 1
+        assert logger._scripted.apply(asked_for(samples), cut=True, who="alice@laptop") == 1
         loop.turn()
     logger.stop()
-    assert logger._scripted.apply(looping(5000), who="alice@laptop") == 1
+    assert logger._scripted.apply(asked_for(5000), who="alice@laptop") == 1
+
+
+def test_stamps_of_slow_elements_count_among_what_a_client_asks_for(new_logger, monkeypatch):
+    logger = new_logger()
+    logger.array("x", buffer="looping")
+    logger.update()
+    monkeypatch.setattr("silo.logger.scripted_table.available_memory_bytes", lambda: 100_000_000)
+    assert logger._scripted.apply(asked_for(1_000_000), who="alice@laptop") == 1  # 24 MB
+    with pytest.raises(ElementError, match=r"would take 1\d GB, from a client 50 MB at most"):
+        logger._scripted.apply(asked_for(1_000_000, 1000), who="alice@laptop")
 
 
 def test_an_edit_by_a_client_says_who_asked(new_logger, tmp_path):
