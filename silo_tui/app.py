@@ -306,6 +306,7 @@ class SiloApp(Guarded, App[None]):
         own = is_by(event.by, self._finder.own_name)  # whoever asked tells how it went
         if event.kind is EventKind.CRASHED:
             context.forget_news()
+            context.tell(lambda screen: screen.show_said(""))  # answers from before, as "nothing was saved"
             context.note(session.table.shown(event.text), is_news=True)  # the banner tells it meanwhile
         if event.kind is EventKind.SAVE_FAILED and not own and not self.screen.is_modal:
             context.fail(event.text)

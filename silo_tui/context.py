@@ -21,8 +21,9 @@ from silo.core.quantities.writing import wall_clock
 from silo.errors import RefusedError, SiloError
 from silo.net.access.senders import READ_ONLY_WORDS
 from silo.rpc.frames import Frame
-from silo_tui.actions import BY_ID, Command, key_of, key_that_retries, typed_on, why_no_use
+from silo_tui.actions import BY_ID, Command, key_of, key_that_retries, typed_on, why_no_use, with_keys
 from silo_tui.gate import Holding
+from silo_tui.keymap import where
 from silo_tui.modal import Dialog, Leaving, run_alone
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.model.words.text import saved_words
@@ -416,8 +417,12 @@ class SiloScreen(Leaving[None]):
         self.update_keys()
 
     def _as_typed(self, command: Command) -> None:
-        """Do by a menu what has no key here, as if its word were typed; go on in the line where it needs more."""
+        """Do by a menu what has no key here, as if its word were typed; go on in the line where it needs more.
+
+        Of what has no word either it is said where it has a use.
+        """
         if command.typed is None or not typed_on(self.scope, command):
+            self.say(f"{command.label} ({with_keys(command).key_text}): {where([command], self.scope)[1]}")
             return
         word = command.typed.words[0]
         if command.typed.completes or (command.typed.usage and not command.scopes):

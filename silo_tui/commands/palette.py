@@ -82,8 +82,8 @@ class CommandProvider(Provider):
             return
         for command in commands_like(screen.scope):
             if not (counts(command, screen.scope) or command.hidden or command.group in ("Move", "Detail plot")):
-                place, sentence = where([command], screen.scope)
-                say = partial(screen.context.say, f"{command.label} ({command.key_text}): {sentence}")
+                place, _ = where([command], screen.scope)
+                say = partial(screen.action_command, command.id)
                 yield f"{command.label}  ({place}, {command.key_text})", command.help, say
 
     def _lead(self, screen: SiloScreen, way: str, note: str, then: str) -> None:

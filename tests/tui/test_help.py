@@ -164,8 +164,9 @@ async def test_what_is_not_on_this_screen_is_found_on_the_others(fake, opened):
         await screen.press("slash")
         await screen.type("hold the y scale")
         await screen.shows("silo help of all screens  1 of")
-        await screen.press("escape", "escape")
+        await screen.press("enter")
         await screen.until(lambda: not screen.app.screen.is_modal)
+        await screen.shows("it is a key of plots (m)")
 
 
 async def test_tab_shows_all_screens_and_this_one_again(fake, opened):

@@ -227,8 +227,11 @@ async def test_pending_edits_survive_a_lost_link_and_are_rebased(fake, opened):
 
 async def test_a_dead_robot_is_told_with_where_the_data_is(fake, opened):
     async with opened(fake.run()) as screen:
+        screen.app.screen.say("nothing was saved")
+        await screen.shows("nothing was saved")
         fake.state, fake.reason = State.DEAD, "Its data was saved to /home/ann/logs/x.silo."
         fake.publish(EventKind.CRASHED, "the robot program died")
+        await screen.until(lambda: "nothing was saved" not in screen.text, "an answer from before")
         await screen.until(lambda: "the robot program died" in [one.words for one in screen.app.context.told])
         await screen.shows("robot died:")
         await screen.shows("/home/ann/logs/x.silo")

@@ -93,7 +93,7 @@ WORDS = (
 
 @dataclass(frozen=True)
 class HelpLine:
-    """A line of help; `command` is what Enter does, if the screen below has it, `label` its word in menus."""
+    """A line of help; `command` is what Enter does, or tells where it has a use, `label` its word in menus."""
 
     left: str
     right: str
@@ -118,11 +118,7 @@ def entries(scope: str, *, everywhere: bool) -> list[HelpLine]:
     # what every screen has comes last
     for group in sorted(dict.fromkeys(command.group for command in commands), key=LAST_GROUPS.count):
         members = [command for command in commands if command.group == group and command.keys]
-        there = {command.id for command in here}
-        found += [
-            HelpLine(each.key_text, each.help, group, each.id if each.id in there else "", each.label)
-            for each in members
-        ]
+        found += [HelpLine(each.key_text, each.help, group, each.id, each.label) for each in members]
     on_file = scope in FILE_SCOPES
     of_table, of_plots = (everywhere or scope in scopes for scopes in (("table", "file"), PLOT_SCOPES))
     signs = FILE_SIGNS if on_file else (*SIGNS, *MEANINGS.items())
