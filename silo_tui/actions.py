@@ -408,7 +408,7 @@ COMMANDS: tuple[Command, ...] = (
     _acts("turn_far_up", "shift+right", "Far up", "ten steps up", "Parameters", _PARAMETERS, does="turn", given=FAR),
     _acts("type_parameter", "e,enter", "Edit", "type its value", "Parameters", _PARAMETERS, 3),
     _acts("default_parameter", "x", "Default",
-            "back to the default, or those of all that are marked, after a " "question", "Parameters", _PARAMETERS, 4),
+            "back to the default, or those of all that are marked, after a question", "Parameters", _PARAMETERS, 4),
     _acts("excite", "U", "Excite", "move it around its value for a while, to measure; any key ends it", "Parameters",
             _PARAMETERS, 12,
             typed=_read(("excite",), "", ":excite kp step amplitude 2 for 3s", "excite a parameter", 9)),

@@ -186,6 +186,8 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
     def on_event(self, callback: Callable[[Event], None]) -> None:
         """Call back for every event, in a thread of its own; for what comes without a link, when it is back.
 
+        Of that for the newest 256; `events()` has all.
+
         Args:
             callback: must not wait long.
         """

@@ -1,4 +1,7 @@
-"""Which events of a logger a client has handed out, over all its sessions: each once, and none is left out."""
+"""Which events of a logger a client has handed out, over all its sessions: each once.
+
+Of what was told without a link it is the newest 256; `client.events()` has all.
+"""
 
 from collections import deque
 from collections.abc import Callable

@@ -33,7 +33,7 @@ log = logging.getLogger("silo.helper")
 Mark = tuple[int, int]  # a descriptor and its inode: a number is given again
 
 
-class Watched(Protocol):
+class Entrance(Protocol):
     """Where others come in: `silo.net.knocking.Door`."""
 
     def look(self, there: set[Mark]) -> None:
@@ -88,11 +88,11 @@ class Releasing:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._sessions: dict[int, Watched | None] = {}
+        self._sessions: dict[int, Entrance | None] = {}
         self._ended = threading.Event()
         self._failed = False
 
-    def begin(self, session: zenoh.Session, door: Watched | None = None) -> None:
+    def begin(self, session: zenoh.Session, door: Entrance | None = None) -> None:
         """A session was opened; where others come in by it, its door is watched."""
         with self._lock:
             self._sessions[id(session)] = door
