@@ -31,6 +31,7 @@ _FAR = {ParameterKind.FLOAT: np.finfo(float).max, ParameterKind.INT: 2.0**62}  #
 CLOSED = "the program has closed it for now (log.parameters.lock())"
 STANDS_STILL = "the logger stands still: nothing is recorded"
 SET = "somebody set it"
+BEFORE_BEGIN = "just before this began"
 OVERTAKEN = "the program changed what belongs to it meanwhile: look at it and ask again"
 
 log = logging.getLogger("silo")
@@ -143,8 +144,15 @@ class Landing:
         ]
 
     def begin_run(self, record: ChangeRecord | None, next_row: Callable[[], int]) -> None:
-        """Record changes there from now on."""
+        """Record changes there from now on; first, what landed since the record was made, while the loop turned."""
         self.record, self.next_row = record, next_row
+        late = [] if record is None else record.moved(self._words[: self.used_words].tobytes())
+        if late:
+            infos = [self.infos[place] for place, _ in late]
+            change = self.change({info.name: self.value(info) for info in infos}, "", BEFORE_BEGIN)
+            self._open(change)
+            if change.slot is not None:
+                change.slot.land(0, b"".join(was for _, was in late))
 
     def end_run(self, record: ChangeRecord | None) -> None:
         """Record there no more, unless another run began."""
@@ -212,6 +220,8 @@ class Landing:
         What can't be done ends itself and not the loop: it may come from anywhere.
         """
         waiting, place, landed = self.waiting, 0, 0
+        if 0 <= (row := self.next_row()) < n:
+            n = row  # of the tick that was under way at a cut the next stretch has no row
         while place < len(waiting) and landed < MOST_AT_ONCE:
             change = waiting[place]
             landed += not change.landed

@@ -1,5 +1,6 @@
 """Changes of clients land whole at the end of a tick, and are recorded with the tick from which they held."""
 
+import threading
 import time
 
 import numpy as np
@@ -594,6 +595,31 @@ def test_a_ramp_goes_on_over_a_cut(new_logger, ticks):
     whole = silo.open_log(ramps.logger.save("silo")[0].path)
     held = [whole.parameters.at(time_s)["/log/leg/slow"] for time_s in whole.times]
     assert held == pytest.approx([one[0] for one in ramps.saw], abs=1e-9)
+
+
+def test_what_lands_in_the_tick_that_was_under_way_at_a_cut_holds_from_the_next_stretch_on(new_logger):
+    clock, asked = Clock(), []
+
+    def cut_at_fifth():
+        if clock.now_ns == 50_000_000 and not asked:
+            asked.append(threading.Thread(target=lambda: logger.set("x", size=7, cut=True)))
+            asked[0].start()
+            asked[0].join()
+        return clock()
+
+    logger = new_logger(frequency=100, clock=cut_at_fifth)
+    logger.array("x")
+    kp, saw = logger.parameter("kp", 1.0), []
+    logger.start()
+    clock.now_ns = 0
+    for tick in range(12):
+        if tick == 5:
+            ask(logger, {"kp": 2.0})
+        saw.append(kp.value)
+        logger.collect()
+    assert [run.segment.ticks for run in logger._present.stretches] == [6, 6]
+    log = silo.open_log(logger.save("silo")[0].path)
+    assert [log.parameters.at(time_s)["/log/kp"] for time_s in log.times] == saw == [1.0] * 6 + [2.0] * 6
 
 
 def test_a_ramp_that_a_lock_ends_stays_where_it_came_to(new_logger):
