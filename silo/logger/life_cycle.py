@@ -3,28 +3,61 @@
 import os
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
+from silo.core.conditions import Conditions
 from silo.core.elements import State
 from silo.errors import SaveError, StateError
+from silo.loop.plan import Element
 
 if TYPE_CHECKING:
     from silo.logger.serving.serving import Serving
 
 
+class WantedStretch(NamedTuple):
+    """What a run is to go on as: what changed, who asked for it, and what all is to be."""
+
+    what: str
+    who: str
+    elements: tuple[Element, ...]
+    conditions: Conditions
+    check: Callable[[], None]  # raises StateError where others changed the same meanwhile
+    take: Callable[[], None]  # has all be so
+
+
 class LifeCycle:
-    """The state of one logger. Changes take `lock`, which `collect()` never does."""
+    """The state of one logger. Changes take `lock`, which `collect()` never does.
+
+    While a thread is `cutting`, which prepares a stretch without the lock, no other cut, start or end of the logger
+    begins.
+    """
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self.lock = threading.RLock()
+        self._unlocked()
         self.running = False
         self.closed = False
         self._whose = "is closed"
         self.reason = ""  # of the last stop
         self.serving: Serving | None = None
-        self.cut: Callable[[str, str], None] = _never_started  # what changed, who asked: go on with another stretch
+        self.cut: Callable[[WantedStretch], None] = _never_started  # go on with another stretch
         self.memory_bytes: Callable[[], int] = int  # that its buffers have
+
+    def _unlocked(self) -> None:
+        self.lock = threading.RLock()
+        self._cut_over = threading.Condition(self.lock)
+        self.cutting = 0  # its number
+
+    def wait_for_cut(self) -> None:
+        """Wait, without the lock, until no stretch is being prepared. For who has the lock."""
+        self._cut_over.wait_for(lambda: not self.cutting)
+
+    def cut_is_over(self) -> None:
+        """Have those go on who wait for the end of this thread's cut, if it has one."""
+        with self.lock:
+            if self.cutting == threading.get_ident():
+                self.cutting = 0
+                self._cut_over.notify_all()
 
     @property
     def state(self) -> State:
@@ -63,12 +96,12 @@ class LifeCycle:
 
     def forget(self) -> None:
         """Be closed, in a forked child: all of it belongs to the parent, which may hold the lock."""
-        self.lock = threading.RLock()
+        self._unlocked()
         if self.serving is not None:
             self.serving.forget()
         self.running, self.closed, self.serving = False, True, None
         self._whose = f"is that of the process that process {os.getpid()} was forked from"
 
 
-def _never_started(_what: str, _who: str) -> None:
+def _never_started(_: WantedStretch) -> None:
     raise StateError("there is nothing to cut: the logger was never started")

@@ -30,7 +30,7 @@ from silo.logger.arguments.options import (
 from silo.logger.arguments.other_names import LoggerNames, no_attribute_of
 from silo.logger.conditions import LoggerConditions
 from silo.logger.current_run import CurrentRun, check_cut, is_to_be_saved
-from silo.logger.life_cycle import LifeCycle
+from silo.logger.life_cycle import LifeCycle, WantedStretch
 from silo.logger.registrations import Registrations
 from silo.logger.results import Elements, LoggedElement, as_html
 from silo.logger.run_data import RunData, types_in_one_list
@@ -280,7 +280,7 @@ class Logger(LoggerNames):
             SaveError: what had to be saved could not be: the last run is then kept as it was.
         """
         with self._life.lock:
-            self._life.check_open()
+            self._life.wait_for_cut()  # which gives up, as the logger stopped
             self._life.check_stopped("start")
             if not self._scripted.is_updated:
                 self.update()
@@ -306,14 +306,14 @@ class Logger(LoggerNames):
             self._set_collect(self._collect_of(run))
             self._life.tell()
 
-    def _make_run(self, cut: Cut | None = None) -> Run:
+    def _make_run(self, wanted: WantedStretch | None = None, cut: Cut | None = None) -> Run:
         return Run(
             self.options,
-            self._table.elements,
+            wanted.elements if wanted else self._table.elements,
             self._clock,
             self._stop_by_itself,
             self._collect_now,
-            self._conditions.now,
+            wanted.conditions if wanted else self._conditions.now,
             self._present.run,
             number=self._present.runs + 1,
             served=self._life.serving is not None,
@@ -324,31 +324,55 @@ class Logger(LoggerNames):
     def _collect_of(self, run: Run) -> Callable[[], None]:
         return timed(run.collect, self._times, self.options.frequency_hz) if self._times else run.collect
 
-    def _cut(self, what: str, who: str) -> None:
-        """Go on with another stretch, of the table as it is now: the loop's next tick is its first. `what` changed.
+    def _cut(self, wanted: WantedStretch) -> None:
+        """Go on with another stretch, as it is wanted: the loop's next tick is its first.
 
+        It is prepared without the lock, which takes long where it is large: others look, save and stop meanwhile.
         Raises StateError, SegmentError: the run goes on as it was.
         """
         present, run = self._present, self._present.run
-        assert run is not None
-        check_cut(present, run, self._table.infos, exciting=self.parameters.excitations.running is not None)
-        chain, part = run.segment.schema.stretch
-        made = present.prepare(functools.partial(self._make_run, Cut(chain, part + 1, what, who)))
+        with self._life.lock:
+            self._check_cut(run, wanted)
+            assert run is not None
+            chain, part = run.segment.schema.stretch
+            cut = Cut(chain, part + 1, wanted.what, wanted.who)
+        made = present.prepare(functools.partial(self._make_run, wanted, cut))
+        try:
+            with self._life.lock:
+                self._go_on(run, made, wanted)
+        except BaseException:
+            if present.run is not made:
+                present.let_go(made)
+            raise
+        self._data.save_cut_off()
+
+    def _go_on(self, run: Run, made: Run, wanted: WantedStretch) -> None:
+        self._check_cut(run, wanted)
         # who comes by the one before goes on here, from its next tick on
         self._collect = collect = self._collect_of(made)
         if not run.end_by_cut():
             self._set_collect(None)
-            present.let_go(made)
-            raise StateError(
-                f"logger '{self.options.name}' {self._life.reason or 'stopped by itself'}, just when it was to be cut: "
-                "nothing was changed"
-            )
-        present.go_on(made)
+            raise self._ended_before_cut()
+        wanted.take()
+        self._present.go_on(made)
         self._mark_in(made.segment.marks)
         self._set_collect(collect)
         self._hand_over()
         self._life.tell()
-        self._data.save_cut_off()
+
+    def _check_cut(self, run: Run | None, wanted: WantedStretch) -> None:
+        """Raise StateError where a run can't be cut (any more)."""
+        if not self._life.running or run is not self._present.run or run is None:
+            raise self._ended_before_cut()
+        wanted.check()
+        infos = [element.info for element in wanted.elements]
+        check_cut(self._present, run, infos, exciting=self.parameters.excitations.running is not None)
+
+    def _ended_before_cut(self) -> StateError:
+        return StateError(
+            f"logger '{self.options.name}' {self._life.reason or 'stopped by itself'}, just when it was to be cut: "
+            "nothing was changed"
+        )
 
     def _hand_over(self) -> None:
         if self._life.serving is not None:
@@ -523,6 +547,7 @@ class Logger(LoggerNames):
     def _drop(self) -> None:
         """Free the buffers, or leave them to those who come after a helper process that did not come to its end."""
         with self._life.lock:  # another thread may be copying what was logged before a cut
+            self._life.wait_for_cut()
             is_held = self._present.drop()
         if is_held:
             say_what_is_held(self.options)

@@ -9,7 +9,7 @@ import logging
 import math
 import os
 import threading
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, SupportsIndex
 
@@ -21,16 +21,25 @@ from silo.core.arguments import line, switch, text
 from silo.core.arguments import path as file_path
 from silo.core.calls import present_words, told_class, unknown_argument
 from silo.core.conditions import Conditions
-from silo.core.elements import DEFAULT_OPTIONS, Edit, ElementInfo, LoggerOptions, Problem, Storage, join_name
+from silo.core.elements import (
+    DEFAULT_OPTIONS,
+    Edit,
+    ElementInfo,
+    FieldChange,
+    LoggerOptions,
+    Problem,
+    Storage,
+    join_name,
+)
 from silo.core.kinds import STRUCT, struct_text
 from silo.core.quantities.writing import size_text
 from silo.core.runtime import available_memory_bytes
-from silo.errors import ArgumentError, ElementError, SourceError
+from silo.errors import ArgumentError, ElementError, SourceError, StateError
 from silo.logger.arguments.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
 from silo.logger.arguments.options import array_layout, edits_given, element_name, new_options, string_room
 from silo.logger.arguments.other_names import tell_of_element
 from silo.logger.conditions import LoggerConditions
-from silo.logger.life_cycle import LifeCycle
+from silo.logger.life_cycle import LifeCycle, WantedStretch
 from silo.logger.registrations import Registrations
 from silo.loop.plan import Element, time_buffer
 from silo.loop.sources import OwnMemory, VariableSet
@@ -43,12 +52,14 @@ from silo.settings.typed import ElementSettings, apply_settings, diff_options, r
 if TYPE_CHECKING:
     from typing_extensions import Unpack  # known to type checkers without being installed
 
+_State = tuple[tuple[tuple[Element, ...], int], Conditions]  # elements and revision of the table, and conditions
+
 BLOCK_BYTES = 1 << 18  # pages that are never used are never touched
 
 log = logging.getLogger("silo")
 
 MOST_TOLD_NAMES = 100  # that `log.q` tells of: each changes the class, 15 us, and who has more looks them up
-MORE_AT_A_CUT_BYTES = 256_000_000  # which are touched within a second, while others wait for what they want
+MORE_AT_A_CUT_BYTES = 256_000_000  # which are touched within a second, while what other clients want waits
 MOST_TOLD_CHANGES = 3  # of options, in the words of a cut
 DEFAULT_SCRIPT = "logger.yaml"  # that nobody asked for by name
 
@@ -414,23 +425,60 @@ class ScriptedTable:
         """Have table and conditions changed by what is done within: of a logger that stands still, or else (`cut`)
         while it runs, at a cut where elements change. `what` can't be done otherwise.
         """
-        with self._life.lock:
-            runs, before, conditions = cut and self._life.running, self._table.state, self._conditions.now
-            if not runs:
-                self._life.check_stopped(what)
-            infos = self._table.infos
-            try:
-                yield
-                changes = diff_options(infos, [info.options for info in self._table.infos]) if runs else []
-                if changes:
-                    told = [f"{one.name} {one.field} {one.old} -> {one.new}" for one in changes]
-                    more = [f"and {len(told) - MOST_TOLD_CHANGES} more"] if len(told) > MOST_TOLD_CHANGES else []
-                    self._life.cut("; ".join(told[:MOST_TOLD_CHANGES] + more), who or self._options.name)
-            except BaseException:
-                if runs:
-                    self._table.state, self._conditions.now = before, conditions
-                raise
-            self._life.tell()
+        try:
+            with self._life.lock:
+                if cut:
+                    self._life.wait_for_cut()
+                runs, before = cut and self._life.running, self._state
+                if not runs:
+                    self._life.check_stopped(what)
+                infos = self._table.infos
+                try:
+                    yield
+                    changes = diff_options(infos, [info.options for info in self._table.infos]) if runs else []
+                except BaseException:
+                    if runs:
+                        self._state = before
+                    raise
+                if not changes:
+                    self._life.tell()
+                    return
+                wanted = self._wanted(changes, who, before)
+                self._state, self._life.cutting = before, threading.get_ident()
+            self._life.cut(wanted)  # without the lock: others look, and stop the logger, while it is prepared
+        finally:
+            self._life.cut_is_over()
+
+    @property
+    def _state(self) -> _State:
+        return self._table.state, self._conditions.now
+
+    @_state.setter
+    def _state(self, state: _State) -> None:
+        self._table.state, self._conditions.now = state
+
+    def _wanted(self, changes: Sequence[FieldChange], who: str, before: _State) -> WantedStretch:
+        """Return what a cut is to bring: table and conditions as they are now, which were others `before`."""
+        (elements, revision), conditions = self._state
+        (elements_before, revision_before), conditions_before = before
+        told = [f"{one.name} {one.field} {one.old} -> {one.new}" for one in changes]
+        more = [f"and {len(told) - MOST_TOLD_CHANGES} more"] if len(told) > MOST_TOLD_CHANGES else []
+
+        def check() -> None:
+            others = conditions is not conditions_before and self._conditions.now is not conditions_before
+            if others or self._table.elements is not elements_before:
+                raise StateError(
+                    f"limits, triggers or derived signals of logger '{self._options.name}' were changed by others just "
+                    "when it was to be cut: nothing was changed, try again"
+                )
+
+        def take() -> None:
+            self._table.state = elements, self._table.revision + revision - revision_before
+            if conditions is not conditions_before:
+                self._conditions.now = conditions
+
+        what = "; ".join(told[:MOST_TOLD_CHANGES] + more)
+        return WantedStretch(what, who or self._options.name, elements, conditions, check, take)
 
     def _buffers_take(self) -> int:
         infos, options = self._table.infos, self._options
@@ -477,9 +525,17 @@ class ScriptedTable:
             return gone
 
     def apply(
-        self, edits: Sequence[Edit], conditions: Conditions | None = None, *, cut: bool = False, who: str = ""
+        self,
+        edits: Sequence[Edit],
+        conditions: Conditions | None = None,
+        *,
+        cut: bool = False,
+        who: str = "",
+        check: Callable[[], None] = lambda: None,
     ) -> int:
         """Apply edits as one transaction, all or none, with `conditions` in the place of all; how many changed.
+
+        `check` may refuse it first, by what the table is then.
 
         These fit the table as it is then (`silo.state.server.fitting`): to find that out takes longer than a loop may
         wait, and is done elsewhere.
@@ -488,6 +544,7 @@ class ScriptedTable:
         with a line for each reason: nothing was changed.
         """
         with self._changing(who, cut=cut):
+            check()
             edits = edits_given(edits, self._table.infos, self._options.frequency_hz)
             problems = self._table.problems(edits)
             if problems:

@@ -31,7 +31,14 @@ class TableOfLogger(Protocol):
 
     def problems(self, edits: list[Edit], /) -> list[Problem]: ...
     def apply(
-        self, edits: list[Edit], conditions: Conditions | None = ..., /, *, cut: bool = ..., who: str = ...
+        self,
+        edits: list[Edit],
+        conditions: Conditions | None = ...,
+        /,
+        *,
+        cut: bool = ...,
+        who: str = ...,
+        check: Callable[[], None] = ...,
     ) -> int: ...
 
 
@@ -56,14 +63,17 @@ class StateRobot(Server, does=[requests], robot=True):
 
     def apply_edits(self, request: ApplyEdits) -> EditsApplied:
         table = self.table
-        with table.lock:
-            if self.logger.is_running and not request.cut:
-                raise refused_running()
+
+        def check() -> None:
             check_revision(request, table.revision)
             check_none(table.problems(request.edits))
-            changed = table.apply(request.edits, request.conditions, cut=request.cut, who=request.client or "a client")
-            large = large_text(table.elements) if changed else ""
-            return EditsApplied(table.revision, changed, warnings=[large] if large else [])
+
+        if self.logger.is_running and not request.cut:
+            raise refused_running()
+        who = request.client or "a client"
+        changed = table.apply(request.edits, request.conditions, cut=request.cut, who=who, check=check)
+        large = large_text(table.elements) if changed else ""
+        return EditsApplied(table.revision, changed, warnings=[large] if large else [])
 
     def start(self, unsaved: Unsaved) -> str:
         with self.table.lock:

@@ -3,7 +3,7 @@
 import errno
 import itertools
 import threading
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
@@ -22,7 +22,7 @@ from silo.logger.current_run import MOST_CUT_OFF, MOST_ELEMENTS, CurrentRun
 from silo.rpc.published import EventKind
 from tests.stand_ins.saved import element
 from tests.stand_ins.ticking import turning
-from tests.waiting import wait_until
+from tests.waiting import DEADLINE_S, wait_until
 
 
 class Loop:
@@ -147,6 +147,154 @@ def test_a_run_that_stops_by_itself_just_before_the_cut_stays_stopped_and_whole(
     logger.save()
     (file,) = tmp_path.glob("*.silo")
     assert len(silo.open_log(file)["y"].values) == 4
+
+
+@contextmanager
+def while_prepared(monkeypatch, do):
+    """Have another thread do something while the next stretch is prepared, which takes no longer for that."""
+    prepare, errors = CurrentRun.prepare, []
+
+    def caught():
+        try:
+            do()
+        except Exception as error:  # noqa: BLE001 the test raises it
+            errors.append(error)
+
+    def prepare_meanwhile(present, make):
+        made = prepare(present, make)
+        thread = threading.Thread(target=caught)
+        thread.start()
+        thread.join(DEADLINE_S)
+        assert not thread.is_alive(), "it waited for the stretch"
+        return made
+
+    with monkeypatch.context() as patch:
+        patch.setattr(CurrentRun, "prepare", prepare_meanwhile)
+        yield
+    if errors:
+        raise errors[0]
+
+
+def test_nobody_waits_for_a_stretch_that_is_prepared_and_what_others_changed_meanwhile_stays(
+    new_logger, tmp_path, monkeypatch
+):
+    logger = new_logger(threads="serialized")
+    logger.parameter("kp", 1.0)
+    loop = Loop(logger)
+    loop.turn(3)
+
+    def look_and_change():
+        assert logger["x"].newest == 2.0
+        assert (logger["x"].options.divider, logger.is_running) == (1, True), "it is changed at the cut"
+        logger.save(folder=tmp_path / "meanwhile")
+        logger.limit("x", (-1, 0, 1, 2))
+        logger.derive("twice", "2 * x")
+        logger.parameters.set({"kp": 2.0})
+        loop.turn(2)
+
+    revision = logger._table.revision
+    with while_prepared(monkeypatch, look_and_change):
+        assert logger.set("x", divider=2, cut=True) == 1
+    assert logger._table.revision == revision + 2, "of the derived signal, and of the element"
+    assert [one.name for one in logger._conditions.now.limits] == ["x"]
+    loop.turn(3)
+    logger.save()
+    log = loop.whole(tmp_path)
+    kp = [list(log.parameters.at(time_s).values()) for time_s in log.times]
+    assert kp == [[1.0]] * 3 + [[2.0]] * 5
+    part = silo.open_log(next(tmp_path.glob("*_part2.silo")), alone=True)
+    assert [list(part.parameters.at(time_s).values()) for time_s in part.times] == [[2.0]] * 3
+
+
+def test_what_others_changed_meanwhile_is_not_replaced_by_a_script(new_logger, tmp_path, monkeypatch):
+    logger = new_logger()
+    loop = Loop(logger)
+    loop.turn()
+    (script := tmp_path / "walk.yaml").write_text(
+        "log_elements: [{name: /log/x, divider: 3}]\ntriggers: [{name: late, when: n > 300}]\n"
+    )
+    before = held(logger)
+    with (
+        while_prepared(monkeypatch, partial(logger.trigger, "early", "n > 1")),
+        pytest.raises(StateError, match=r"triggers .* were changed by others .* nothing was changed, try again"),
+    ):
+        logger.load_script(script, cut=True)
+    assert held(logger) == before
+    assert [one.name for one in logger._conditions.now.triggers] == ["early"]
+    assert logger.load_script(script, cut=True) == []
+    assert [one.name for one in logger._conditions.now.triggers] == ["late"]
+
+
+def test_a_logger_is_stopped_while_a_stretch_is_prepared_and_the_next_start_has_no_more_of_it(
+    new_logger, runtime_folder, monkeypatch
+):
+    logger = new_logger()
+    loop = Loop(logger)
+    loop.turn(2)
+    state = logger._table.state
+    began = []
+
+    def stop_and_start():
+        logger.stop()
+        assert not logger.is_running
+        starting = threading.Thread(target=lambda: began.append(logger.start(unsaved="save")))
+        starting.start()
+        began.append(starting)
+
+    with (
+        while_prepared(monkeypatch, stop_and_start),
+        pytest.raises(StateError, match=r"just when it was to be cut: nothing was changed"),
+    ):
+        logger.set("x", divider=2, cut=True)
+    began[0].join()
+    assert (began[1:], logger._table.state, logger.is_running, logger.ticks) == ([None], state, True, 0)
+    loop.turn()
+    assert [path.name for path in runtime_folder.glob("*.segment")] == [logger._present.run.segment.path.name]
+
+
+def test_of_two_who_cut_at_once_the_second_waits_for_the_first(new_logger, tmp_path, monkeypatch):
+    logger = new_logger()
+    loop = Loop(logger)
+    loop.turn(2)
+    refused = []
+
+    def cut_too():
+        with pytest.raises(StateError, match=r"no tick yet, or none since its last cut") as error:
+            logger.set("n", size=77, cut=True)
+        refused.append(error)
+
+    other = threading.Thread(target=cut_too)
+
+    def begin():
+        other.start()
+        wait_until(lambda: logger._life._cut_over._waiters)
+
+    with while_prepared(monkeypatch, begin):
+        logger.set("x", divider=2, cut=True)
+    other.join()
+    assert refused, "it came second, and had no tick to cut at"
+    loop.turn(2)
+    logger.set("n", size=77, cut=True)
+    assert (logger["x"].options.divider, logger["n"].options.size, len(logger._present.stretches)) == (2, 77, 3)
+    loop.turn(2)
+    logger.save()
+    loop.whole(tmp_path)
+
+
+def test_a_logger_that_is_closed_while_a_stretch_is_prepared_leaves_nothing(new_logger, runtime_folder, monkeypatch):
+    logger = new_logger()
+    loop = Loop(logger)
+    loop.turn(2)
+    closing = threading.Thread(target=lambda: logger.close(discard=True))
+
+    def close():
+        closing.start()
+        wait_until(lambda: logger._life._cut_over._waiters)
+
+    with while_prepared(monkeypatch, close), pytest.raises(StateError, match=r"is closed|stop"):
+        logger.set("x", divider=2, cut=True)
+    closing.join()
+    assert (list(runtime_folder.glob("*.segment")), logger._present._own) == ([], [])
 
 
 def full(*_):
