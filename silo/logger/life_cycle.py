@@ -42,6 +42,8 @@ class LifeCycle:
         self.serving: Serving | None = None
         self.cut: Callable[[WantedStretch], None] = _never_started  # go on with another stretch
         self.memory_bytes: Callable[[], int] = int  # that its buffers have
+        self.begun_by = ""  # the client that had the present run begin; empty: the program
+        self.give_way: Callable[[], None] = lambda: None  # of a run that a client began, where no tick came since
 
     def _unlocked(self) -> None:
         self.lock = threading.RLock()
@@ -72,6 +74,8 @@ class LifeCycle:
     def check_stopped(self, what: str) -> None:
         """Raise StateError while it runs, or once it is closed; `what` can't be done then."""
         self.check_open()
+        if self.running and self.begun_by:
+            self.give_way()
         if self.running:
             raise StateError(f"can't {what} while logger '{self.name}' runs: stop() it first; nothing was changed")
 

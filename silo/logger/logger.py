@@ -269,6 +269,8 @@ class Logger(LoggerNames):
         helper process of a served logger saves that, beside its work, and says where, on the console and as an event;
         without one, a warning names the `silo recover` command that does.
 
+        A run that a client began meanwhile is saved, where ticks came, and this start begins another.
+
         Args:
             unsaved: what becomes of data of the last run that is in no file: `"clear"` drops it, `"save"` saves it
                 first, `"refuse"` raises a StateError that tells how much it is. Where two runs don't fit into the
@@ -281,6 +283,14 @@ class Logger(LoggerNames):
         """
         with self._life.lock:
             self._life.wait_for_cut()  # which gives up, as the logger stopped
+            if self._life.running and self._life.begun_by and self.ticks:
+                unsaved = "save"
+                log.warning(
+                    "%s: %s had started it: what was logged since is saved, and this start begins anew",
+                    self.options.name,
+                    self._life.begun_by,
+                )
+                self.stop()
             self._life.check_stopped("start")
             if not self._scripted.is_updated:
                 self.update()
@@ -294,6 +304,7 @@ class Logger(LoggerNames):
                 look_back(self.options, served=self._life.helper_is_up)
             self._present.number += 1
             self._life.cut, self._life.memory_bytes = self._cut, self._present.memory_bytes
+            self._life.begun_by, self._life.give_way = "", self._give_way
             run = self._present.replace(
                 self._make_run, self.options, self._conditions.now, self._let_go, self._hand_over, self._is_wanted
             )
@@ -305,6 +316,19 @@ class Logger(LoggerNames):
             self._mark_in(run.segment.marks)
             self._set_collect(self._collect_of(run))
             self._life.tell()
+
+    def _begun_by(self, client: str) -> None:
+        """Note whose start the present run has: none of the program's own calls fails for it."""
+        self._life.begun_by = client
+
+    def _give_way(self) -> None:
+        if not self.ticks:
+            log.warning(
+                "%s: %s had started it while the program still sets it up: that run, without a tick, gives way",
+                self.options.name,
+                self._life.begun_by,
+            )
+            self.stop()
 
     def _make_run(self, wanted: WantedStretch | None = None, cut: Cut | None = None) -> Run:
         return Run(

@@ -8,7 +8,7 @@ from typing import Literal, Protocol
 from silo.core.conditions import Conditions
 from silo.core.elements import Edit, ElementInfo, Problem
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
-from silo.rpc.serving import Server
+from silo.rpc.serving import Server, Turn
 from silo.segment.retention import large_text
 from silo.state import requests
 from silo.state.requests import ApplyEdits, EditsApplied, Unsaved, check_none, check_revision, refused_running
@@ -51,6 +51,7 @@ class StateOfLogger(Protocol):
     def start(self, *, unsaved: UnsavedWord = "clear") -> None: ...
     def stop(self) -> None: ...
     def restart(self, *, unsaved: UnsavedWord = "clear") -> None: ...
+    def _begun_by(self, client: str, /) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -75,19 +76,21 @@ class StateRobot(Server, does=[requests], robot=True):
         large = large_text(table.elements) if changed else ""
         return EditsApplied(table.revision, changed, warnings=[large] if large else [])
 
-    def start(self, unsaved: Unsaved) -> str:
+    def start(self, turn: Turn, unsaved: Unsaved) -> str:
         with self.table.lock:
             if self.logger.is_running:
                 text = "the logger runs already: restart it, or stop it first"
                 raise RequestRefusedError(RefusedWhy.RUNNING, text)
             self.logger.start(unsaved=_UNSAVED[unsaved])
+            self.logger._begun_by(turn.by or "a client")
             return self.saved_before_start()
 
     def stop(self) -> str:
         self.logger.stop()
         return ""
 
-    def restart(self, unsaved: Unsaved) -> str:
+    def restart(self, turn: Turn, unsaved: Unsaved) -> str:
         with self.table.lock:
             self.logger.restart(unsaved=_UNSAVED[unsaved])
+            self.logger._begun_by(turn.by or "a client")
             return self.saved_before_start()

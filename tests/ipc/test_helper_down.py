@@ -200,11 +200,19 @@ def test_a_helper_process_that_is_slow_to_start_is_waited_for_while_it_works(new
 
 
 @pytest.mark.slow
-def test_a_helper_process_that_does_nothing_is_given_up(new_logger, monkeypatch, tmp_path) -> None:
-    (tmp_path / "sitecustomize.py").write_text("import signal\nsignal.pause()\n")
+@pytest.mark.parametrize(
+    ("does", "told"),
+    [
+        ("import signal\nsignal.pause()\n", r"no answer within \d+ s"),
+        ("import os\nos._exit(3)\n", r"it ended at once \(exit code 3\); see"),
+        ("import os\nos.kill(os.getpid(), 9)\n", r"it ended at once \(exit code -9\); see"),
+    ],
+)
+def test_a_helper_process_that_does_nothing_or_ends_is_given_up(new_logger, monkeypatch, tmp_path, does, told) -> None:
+    (tmp_path / "sitecustomize.py").write_text(does)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     monkeypatch.setattr(process, "READY_TIMEOUT_S", 1.0)
-    with pytest.raises(ConnectionLostError, match=r"didn't start: no answer within \d+ s"):
+    with pytest.raises(ConnectionLostError, match=f"didn't start: {told}"):
         new_logger("bot").serve()
 
 

@@ -1,6 +1,7 @@
 """What a client's start does with data that is in no file, what takes long, and what is too large."""
 
 import os
+import re
 import signal
 import threading
 from pathlib import Path
@@ -12,7 +13,7 @@ from silo.cli.codes import EXIT_FAILED, EXIT_USAGE
 from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import Edit, ElementOptions, State
-from silo.errors import GoesOnError, RefusedError
+from silo.errors import GoesOnError, RefusedError, StateError
 from silo.files.event_log import read_events
 from silo.fleet.exchange import encoded
 from silo.journal.holdings import segment_holdings
@@ -29,6 +30,47 @@ from tests.waiting import DEADLINE_S, freeze, wait_until
 def with_unsaved(bench, client: Client, ticks: int = 20) -> None:
     client.start()
     bench.ticks(ticks)
+
+
+# -------------------------------------------------------------------- a client's start beside what its program does
+
+
+@pytest.mark.parametrize("again", [False, True])
+@pytest.mark.parametrize("does", ["start", "set", "update", "remove", "load_script"])
+def test_what_a_program_does_while_it_is_set_up_never_fails_for_the_start_of_a_client(
+    bench, client, tmp_path, caplog, does, again
+) -> None:
+    client.start()
+    if again:
+        client.restart()
+    logger, run = bench.logger, bench.logger._present.run
+    logger.array("late")
+    (script := tmp_path / "other.yaml").write_text("log_elements: []\n")
+    given = {"set": ["slow"], "remove": ["kept"], "load_script": [script]}
+    getattr(logger, does)(*given.get(does, []), **({"divider": 7} if does == "set" else {}))
+    assert re.search(
+        r"bot: \w+@.* had started it while the program .* that run, without a tick, gives way", caplog.text
+    )
+    assert (logger.is_running, logger._present.run is not run) == (does == "start", does == "start")
+    if does != "start":
+        logger.start()
+    bench.ticks(3)
+    assert (logger.ticks, logger["late"].newest) == (3, 0.0)
+    with pytest.raises(StateError, match="runs: stop"):
+        logger.start()  # one of its own is a mistake of its own
+
+
+def test_a_start_of_the_program_saves_what_it_logged_since_a_client_started_it(bench, client, tmp_path, caplog) -> None:
+    client.start()
+    bench.ticks(4)
+    with pytest.raises(StateError, match="runs: stop"):
+        bench.logger.set("slow", divider=2)
+    bench.logger.start()
+    assert re.search(r"\w+@.* had started it: what was logged since is saved, and this start begins anew", caplog.text)
+    bench.ticks(2)
+    assert (bench.logger.ticks, bench.logger.is_running) == (2, True)
+    (saved,) = tmp_path.glob("**/*.silo")
+    assert len(silo.open_log(saved).time_ns) == 4
 
 
 # ---------------------------------------------------------------------------------------------- data in no file

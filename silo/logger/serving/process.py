@@ -73,13 +73,17 @@ class HelperProcess(ChildProcess):
         Where it is wanted no more it has a little time left, as any that ends.
         """
         began_s = time.monotonic()
-        message = self.channel.receive() if self._answers(is_wanted) else None
+        speaks = self._answers(is_wanted)
+        message = self.channel.receive() if speaks else None
         reply = message.reply if isinstance(message, LinkReply) and message.number == 0 else None
         if isinstance(reply, Done):
             return reply.text
-        self.kill()
+        gone = speaks and message is None
+        code = self.end() if gone else self.kill()
         if isinstance(reply, Refused):
             raise ConnectionLostError(reply.text)
+        if gone:
+            raise ConnectionLostError(f"it ended at once (exit code {code}); see its output above")
         raise ConnectionLostError(f"no answer within {time.monotonic() - began_s:.0f} s; see its output above")
 
     def _answers(self, is_wanted: Callable[[], bool]) -> bool:
