@@ -369,12 +369,17 @@ def _removed_if_dead(path: Path) -> bool:
     return False
 
 
+def nearest(folder: Path) -> Path:
+    """Return a folder, or the nearest one above it that is there."""
+    return next(place for place in (folder, *folder.parents) if place.exists())
+
+
 def disk_room(place: Path | int) -> tuple[int, int]:
     """Return how many bytes this user may still write where a path or an open file is, and the size of that disk.
 
-    Raises OSError.
+    Of a path that isn't there yet those of where it would be made. Raises OSError.
     """
-    found = os.statvfs(place)
+    found = os.statvfs(nearest(place) if isinstance(place, Path) else place)
     return found.f_bavail * found.f_frsize, found.f_blocks * found.f_frsize
 
 

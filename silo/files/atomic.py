@@ -23,7 +23,7 @@ from silo.errors import SaveError, reason
 
 PART_ENDING = ".part"
 SWAP_ENDING = ".swap"  # a folder in which a new one is made that takes the name of an old one
-ROOM_SHARE = 0.02  # of a disk is left free by what is written without end, or
+ROOM_SHARE = 0.02  # of a disk is left free by what is written without end, or for clients, or
 ROOM_BYTES = 1_000_000_000  # that many, whichever is less
 _OLD_ENDING = ".old"  # what silo up to 0.1 called an old bag while the new one was written
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
@@ -354,7 +354,7 @@ def _free(folder: Path) -> str:
 
 
 class NearlyFullError(SaveError):
-    """The disk is as full as it may become by what nobody asked for one by one."""
+    """The disk is as full as clients may have it written, or what is written without end."""
 
 
 def check_room(
@@ -364,9 +364,10 @@ def check_room(
     free, size = room(folder)
     left = left_free(size)
     if free - coming_bytes < left:
+        much = f": {size_text(coming_bytes)} more are too much" if free >= left else ""
         raise NearlyFullError(
             f"the disk of {folder} is nearly full: {size_text(free)} are free, and {size_text(left)} of it are left to "
-            f"others; {advice}"
+            f"others{much}; {advice}"
         )
 
 

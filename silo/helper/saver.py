@@ -146,6 +146,7 @@ class Saver:
             job.request.name,
             why=_why(job.request),
             awaited=job.for_robot,
+            leaves_room=not job.for_robot,
             events=events,
             conditions=job.conditions,
         )

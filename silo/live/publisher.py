@@ -141,7 +141,7 @@ class DiskWatch:
 def room_of(folder: Path) -> tuple[int, int]:
     """Return how many bytes are free where a folder is, or will be, and how many there are; 0 where nobody tells."""
     with contextlib.suppress(OSError):
-        return disk_room(next(place for place in (folder, *folder.parents) if place.exists()))
+        return disk_room(folder)
     return 0, 0
 
 

@@ -294,6 +294,12 @@ class CurrentRun:
         """How many ticks of the stretches before the present one stand in no file."""
         return sum(map(unsaved_of, self.cut_off))
 
+    def check_room(self, folder: str) -> None:
+        """Raise SaveError where what is in no file yet would leave others of the disk no room, OSError."""
+        from silo.files.atomic import check_room  # the control program loads nothing of files until it saves
+
+        check_room(Path(folder), sum(run.reader.held_bytes for run in filter(is_to_be_saved, self.stretches)))
+
     def mark_saved(self, run: Run, ticks: int) -> None:
         """Remember that the first `ticks` of a run stand in files, unless it is none of those that are there."""
         if run in self.stretches and (ticks > run.saved_ticks or run.unmarked):

@@ -26,7 +26,7 @@ from silo.core.conditions import Conditions
 from silo.core.elements import LoggedEvent, RecorderState
 from silo.core.quantities.writing import and_more, duration, size_text
 from silo.core.recording import RecordedElement
-from silo.core.runtime import disk_room, is_at, sync
+from silo.core.runtime import disk_room, is_at, nearest, sync
 from silo.errors import SaveError, SiloError, reason
 from silo.files.atomic import check_room, open_part
 from silo.files.bags.message_groups import group_samples
@@ -398,8 +398,10 @@ class Writing:
         if self._folder.exists() and (part is None or part.is_there):
             self._ledger.take_again()  # somebody else may have made it anew
             return
-        place = next(one for one in (self._folder, *self._folder.parents) if one.exists())
-        if self._device not in (None, place.stat().st_dev):  # a mount that went: beneath it is somebody else's disk
+        if self._device not in (
+            None,
+            nearest(self._folder).stat().st_dev,
+        ):  # a mount that went: beneath it is somebody else's disk
             raise SaveError(
                 f"{self._folder} was on another disk, which is not there any more: mount it, and record again"
             )

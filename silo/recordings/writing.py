@@ -20,6 +20,7 @@ from silo.core.elements import FileType, LoggedEvent, SavedFile
 from silo.decoding import json_decoder
 from silo.errors import SaveError, SiloError
 from silo.files import LogOfRun, PartlySavedError, write, write_run
+from silo.files.atomic import check_room
 from silo.journal.holdings import Holdings, segment_holdings
 from silo.journal.reader import JournalReader
 from silo.recovery.left import DIED, RunReader, missing
@@ -36,6 +37,7 @@ class WriteOrder(msgspec.Struct, frozen=True, rename={"conditions": "extras"}):
     `journal`: write what this journal proves instead of a segment; `log`: write this file again in other formats.
     `why` it is saved, in a few words.
     `awaited`: the robot program itself waits for it, so that there is nobody to be nice to.
+    `leaves_room`: to others of the disk, as clients may save without end.
     `events` are what happened in that run; `conditions` its derived signals and limits as they are now, None: as
     they were when it began.
     """
@@ -49,6 +51,7 @@ class WriteOrder(msgspec.Struct, frozen=True, rename={"conditions": "extras"}):
     why: str = ""
     log: str = ""
     awaited: bool = False
+    leaves_room: bool = False
     events: list[LoggedEvent] = []
     conditions: Conditions | None = None
 
@@ -65,19 +68,26 @@ class WriteReport(msgspec.Struct, frozen=True):
 
 
 def write_log(reader: SegmentReader, order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
-    """Save what a segment holds now; the report's `error` is empty when all of it worked."""
+    """Save what a segment holds now; the report's `error` is empty when all of it worked. Raises OSError, SaveError."""
+    if order.leaves_room:
+        check_room(Path(order.folder), reader.held_bytes)
     if order.types == [FileType.SILO]:
         return _write(reader, order, progress)
     return write_apart(reader, order, progress)
 
 
 def _write(reader: RunReader, order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
+    def told(fraction: float) -> None:
+        if order.leaves_room:  # as text it may be many times what it takes in memory
+            check_room(Path(order.folder), 0)
+        progress(fraction)
+
     try:
         recording = reader.snapshot()
         damaged = missing(reader) if order.of_dead else ()
         events = LogOfRun(reader.schema.folder, reader.schema.run) if order.of_dead else order.events
         files = write_run(
-            recording, order.folder, order.logger, order.types, order.name or None, progress, order.why,
+            recording, order.folder, order.logger, order.types, order.name or None, told, order.why,
             events=events, conditions=order.conditions, damage=damaged,
         )  # fmt: skip
     except PartlySavedError as error:

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from silo.errors import reason
+from silo.files.atomic import NearlyFullError, check_room
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, paths_refused
 
 SUFFIXES = (".yaml", ".yml")
@@ -197,6 +198,10 @@ def check_target(path: Path, own_script: Path, *, overwrite: bool) -> None:
         raise RequestRefusedError(
             RefusedWhy.FAILED, f"{path.parent}: can't make this folder: {reason(error)}"
         ) from error
+    try:
+        check_room(path.parent, 0)
+    except NearlyFullError as error:
+        raise RequestRefusedError(RefusedWhy.FAILED, f"{error}; nothing was changed") from error
     if path.exists():
         if not path.is_file():
             raise RequestRefusedError(RefusedWhy.INVALID, f"{path}: is not a file")

@@ -288,6 +288,15 @@ class SegmentReader:
         """The size of the file."""
         return self._size_bytes if self._file.closed else os.fstat(self._file.fileno()).st_size
 
+    @property
+    def held_bytes(self) -> int:
+        """Bytes of the rows that it holds: about what a `.silo` file of them takes."""
+        return sum(self._held_rows(ring) * ring.row_words * 8 for ring in self.schema.rings if not ring.live)
+
+    def _held_rows(self, ring: RingSchema) -> int:
+        head = self.head(ring.ring)
+        return head if ring.buffer_type is BufferType.GROWING else min(head, ring.capacity)
+
     def alive(self) -> bool:
         """Whether the writing process still exists."""
         schema = self.schema

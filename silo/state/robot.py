@@ -61,6 +61,7 @@ class StateRobot(Server, does=[requests], robot=True):
     logger: StateOfLogger
     table: TableOfLogger
     saved_before_start: Callable[[], str]
+    check_room: Callable[[], None]  # raises SaveError where what is in no file yet would fill the disk
 
     def apply_edits(self, request: ApplyEdits) -> EditsApplied:
         table = self.table
@@ -68,6 +69,8 @@ class StateRobot(Server, does=[requests], robot=True):
         def check() -> None:
             check_revision(request, table.revision)
             check_none(table.problems(request.edits))
+            if self.logger.is_running:
+                self.check_room()  # a cut saves what was logged before it
 
         if self.logger.is_running and not request.cut:
             raise refused_running()
@@ -81,9 +84,7 @@ class StateRobot(Server, does=[requests], robot=True):
             if self.logger.is_running:
                 text = "the logger runs already: restart it, or stop it first"
                 raise RequestRefusedError(RefusedWhy.RUNNING, text)
-            self.logger.start(unsaved=_UNSAVED[unsaved])
-            self.logger._begun_by(turn.by or "a client")
-            return self.saved_before_start()
+            return self._begun(self.logger.start, turn, unsaved)
 
     def stop(self) -> str:
         self.logger.stop()
@@ -91,6 +92,11 @@ class StateRobot(Server, does=[requests], robot=True):
 
     def restart(self, turn: Turn, unsaved: Unsaved) -> str:
         with self.table.lock:
-            self.logger.restart(unsaved=_UNSAVED[unsaved])
-            self.logger._begun_by(turn.by or "a client")
-            return self.saved_before_start()
+            return self._begun(self.logger.restart, turn, unsaved)
+
+    def _begun(self, begin: Callable[..., None], turn: Turn, unsaved: Unsaved) -> str:
+        if unsaved is Unsaved.SAVE:
+            self.check_room()
+        begin(unsaved=_UNSAVED[unsaved])
+        self.logger._begun_by(turn.by or "a client")
+        return self.saved_before_start()

@@ -4,13 +4,15 @@ import io
 import os
 import subprocess
 import sys
-from contextlib import nullcontext
+from contextlib import closing, nullcontext
 from types import SimpleNamespace
 
 import msgspec
+import numpy as np
 import pytest
 
 import silo
+from silo.client.client import Client
 from silo.core.elements import FileType
 from silo.errors import SaveError
 from silo.helper.saver import Saver
@@ -18,10 +20,11 @@ from silo.logger.serving.answers import robot_state
 from silo.recordings import writing
 from silo.recordings.requests import Save
 from silo.recordings.writing import WriteOrder, WriteReport, write_log
+from silo.rpc.published import EventKind
 from silo.rpc.refusals import RequestRefusedError
 from silo.segment.reader import SegmentReader
 from silo.state.replica import Replica
-from tests.waiting import DEADLINE_S
+from tests.waiting import DEADLINE_S, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -120,3 +123,60 @@ def test_a_writing_process_whose_helper_was_killed_before_it_said_all_ends_witho
     command = [sys.executable, "-m", "silo.recordings.writing", "--hold", str(os.getpid())]
     done = subprocess.run(command, input=said, capture_output=True, timeout=DEADLINE_S, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (1, b"", b"")
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A log folder on a disk of 8 MB, of which 168 kB are left to others."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=8m", "none", str(folder)], check=False, capture_output=True
+    )
+    if mounted.returncode:
+        pytest.skip("needs the right to mount")
+    yield folder
+    subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+def _told_of_save(client, *types):
+    told = []
+    client.on_event(told.append)
+    client.save(types)
+    ends = (EventKind.SAVED, EventKind.SAVE_FAILED)
+    return wait_until(lambda: next((one.text for one in told if one.kind in ends), None))
+
+
+def _refused(change, *arguments, **options):
+    with pytest.raises(silo.RefusedError) as refused:
+        change(*arguments, **options)
+    return str(refused.value)
+
+
+# what leaves fewer than 168 kB free: 8.2 MB of rows, or of the text of 450 rows
+@pytest.mark.parametrize(
+    ("ticks", "write"),
+    [
+        (1032, lambda client: _told_of_save(client, FileType.SILO)),
+        (455, lambda client: _told_of_save(client, FileType.CSV)),
+        (1032, lambda client: _refused((client.stop(), client.start)[1], unsaved="save")),
+        (1032, lambda client: _refused(client.restart, unsaved="save")),
+        (1032, lambda client: _refused(client.apply, [silo.Edit("/log/x", size=2000)], -1, cut=True)),
+    ],
+    ids=["silo", "csv", "start", "restart", "cut"],
+)
+def test_what_clients_have_written_leaves_others_room_on_the_disk(runtime_folder, small_disk, ticks, write):
+    log = silo.Logger("bot", folder=small_disk / "logs", script=small_disk.parent / "bot.yaml", max_time=0)
+    x = log.array("x", 1000, buffer=silo.BufferType.GROWING, size=10)
+    with closing(log):
+        log.serve()
+        log.start()
+        x[:] = np.pi
+        for _ in range(ticks):
+            log.collect()
+        with Client.connect("bot") as client:
+            assert "are free, and 168 kB of it are left to others" in write(client)
+        assert log.ticks == ticks
+        assert list((small_disk / "logs").glob("bot*.silo")) == []
+        (file,) = log.save()  # the program may
+        assert len(silo.open_log(file.path)["/log/x_0"]) == ticks

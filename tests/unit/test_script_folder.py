@@ -1,9 +1,11 @@
 """Which files clients may read and write as scripts: silo's own, in a folder for them, and none that is hidden."""
 
+import functools
 from pathlib import Path
 
 import pytest
 
+from silo.files.atomic import check_room
 from silo.rpc.refusals import RequestRefusedError
 from silo.scripts import script_folder
 from silo.scripts.script_folder import check_target, folder_of, list_scripts, read_text, resolve
@@ -72,6 +74,13 @@ def test_new_scripts_go_into_a_folder_of_their_own_where_the_program_has_none(st
     path.write_text(SCRIPT)
     assert list_scripts(started_in) == ["walk.yaml"]
     assert use("walk.yaml", started_in) == SCRIPT
+
+
+def test_scripts_of_clients_leave_others_room_on_the_disk(tmp_path, monkeypatch) -> None:
+    full = functools.partial(check_room, room=lambda _: (19_999_999, 10**9))
+    monkeypatch.setattr("silo.scripts.script_folder.check_room", full)
+    with pytest.raises(RequestRefusedError, match=r"nearly full: 20 MB are free.*left to others.*nothing was changed"):
+        check_target(tmp_path / "new.yaml", tmp_path / "robot.yaml", overwrite=False)
 
 
 def test_scripts_in_the_old_place_are_read_for_one_release_and_told(started_in, caplog) -> None:
