@@ -20,6 +20,7 @@ from silo.conditions.requests import ConditionRequests
 from silo.control.requests import LONGEST_LEASE_S, ControlRequests, TakeControl
 from silo.core.arguments import path, real, shown, switch, text, texts, whole
 from silo.core.calls import told_class, told_names
+from silo.core.conditions import CLIENTS_KEEP
 from silo.core.elements import SavedFile
 from silo.core.quantities.writing import html_table
 from silo.errors import ArgumentError, ConnectionLostError, ElementError, RefusedError, SiloError
@@ -78,6 +79,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
     """A connection to one logger. A context manager."""
 
     _held: ControlLease | None = None
+    _kept = CLIENTS_KEEP
 
     def __init__(self, found: LoggerAddress, timeout_s: float = Ask.timeout_s, *, read_only: bool = False) -> None:
         """Connect to a logger that was found; `connect` looks for it.

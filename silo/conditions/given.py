@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 from silo.core.arguments import line, switch, text, whole
 from silo.core.conditions import SignalLimits, TriggerOptions
@@ -16,6 +16,8 @@ DoneT = TypeVar("DoneT")  # what they return: a client what was done, in words, 
 
 class TakesConditions(ABC, Generic[DoneT]):
     """Takes limits and triggers by what is written in a call; which ones there are is known to who sets them."""
+
+    _kept: ClassVar[int] = 0  # captures of a trigger of which nothing is said, 0 for all
 
     @abstractmethod
     def _set_limits(self, limits: SignalLimits) -> DoneT: ...
@@ -85,7 +87,7 @@ class TakesConditions(ABC, Generic[DoneT]):
         holdoff: float | str = 0.0,
         mode: str = "normal",
         save: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
-        keep: int = 0,
+        keep: int | None = None,
         armed: bool = True,
     ) -> DoneT:
         """Capture what all saved elements did around the moments at which a condition turns true.
@@ -108,8 +110,9 @@ class TakesConditions(ABC, Generic[DoneT]):
             holdoff: it ignores what follows for so long.
             mode: `"normal"`, or `"single"`: the first of each run only.
             save: file types; without any it captures nothing: `client.triggers()` tells when it fired.
-            keep: of its captures on the disk, of this run and earlier ones, the newest so many stay, 0 for all; removed
-                is only what the logger's own list says that it wrote.
+            keep: of its captures on the disk, of this run and earlier ones, the newest so many stay, 0 for all; without
+                it all that the program's own triggers wrote, 100 of a client's. Removed is only what the logger's own
+                list says that it wrote.
             armed: False: it waits until it is armed (`silo trigger arm`, silo-tui).
 
         Returns:
@@ -140,7 +143,7 @@ class TakesConditions(ABC, Generic[DoneT]):
                 rearm=text("rearm", rearm, 'rearm="abs(base/roll) < 0.3"'),
                 mode=text("mode", mode, 'mode="single"'),
                 save=tuple(file_types(save)),
-                keep=whole("keep", keep, 0, MOST_KEPT),
+                keep=self._kept if keep is None else whole("keep", keep, 0, MOST_KEPT),
                 armed=switch("armed", armed),
             )
         )

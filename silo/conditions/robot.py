@@ -44,7 +44,8 @@ class ConditionRobot(Server, does=[requests], robot=True):
         logger._set_trigger(trigger)
         running = "" if logger.is_running else "; it is judged when the logger is started"
         off = off_problem(trigger, logger.elements, logger.options.prefix, logger.now.derived)
-        notes = "".join(f"; {note}" for note in (off and f"it {off}", fixed_text(logger.elements)) if note)
+        kept = f"of its captures the newest {trigger.keep} stay" if trigger.keep and trigger.save else ""
+        notes = "".join(f"; {note}" for note in (kept, off and f"it {off}", fixed_text(logger.elements)) if note)
         return f"trigger '{trigger.name}' is {'replaced' if known else 'set'}{running}{notes}"
 
     def remove_trigger(self, name: str) -> str:

@@ -32,6 +32,9 @@ class SignalLimits(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 AROUND_S = 1.0  # captured before and after each fire, where who makes a trigger at a terminal says nothing of it
+CLIENTS_KEEP = (
+    100  # captures of a trigger of which a client doesn't say how many: one that fires all the time has no end
+)
 
 
 class TriggerOptions(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -55,6 +58,11 @@ class TriggerOptions(msgspec.Struct, frozen=True, omit_defaults=True):
     keep: int = 0
     armed: bool = True
     patience_s: float = 0.0
+
+
+def new_trigger(name: str = "", when: str = "", pre_s: float = AROUND_S, post_s: float = AROUND_S) -> TriggerOptions:
+    """Return a trigger as one begins that is made at a terminal."""
+    return TriggerOptions(name, when, pre_s, post_s, keep=CLIENTS_KEEP)
 
 
 class TriggerWord(Word):

@@ -11,7 +11,7 @@ from textual.app import ComposeResult
 from textual.geometry import Region
 
 from silo.core.arrays.columns import ColumnStore
-from silo.core.conditions import AROUND_S, TriggerOptions
+from silo.core.conditions import TriggerOptions, new_trigger
 from silo.core.quantities.writing import and_more, many, wall_clock
 from silo.errors import RefusedError, SiloError
 from silo.rpc.frames import Frame
@@ -393,7 +393,7 @@ class TableScreen(ElementsScreen):
 
     def command_new_of_row(self) -> None:
         if self.session.rows.row is None:  # a name space, or nothing: a trigger is of any signals
-            self._make("trigger", TriggerOptions("", "", AROUND_S, AROUND_S), "")
+            self._make("trigger", new_trigger(), "")
             return
         if (here := self._entry_here()) is None:
             return
@@ -402,7 +402,7 @@ class TableScreen(ElementsScreen):
         reading = self.session.live.readings.get(self.session.table.names[row])
         value = reading.newest[entry] if reading is not None and entry < len(reading.newest) else 0.0
         level = text.short(value, 3) if math.isfinite(value) else "0"
-        made = TriggerOptions(short.rpartition("/")[2], f"{short} > {level}", AROUND_S, AROUND_S)
+        made = new_trigger(short.rpartition("/")[2], f"{short} > {level}")
         choices = [
             Choice("trigger", f"A trigger: {made.when}", "t"), Choice("limits", "Limits", "l"),
             Choice("derived", "A signal derived from it", "d"),

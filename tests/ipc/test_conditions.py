@@ -468,12 +468,23 @@ class TestCuts:
         assert not [event.text for event in heard.events if "tick -1" in event.text]
 
 
+def test_of_a_trigger_that_a_client_sets_the_newest_captures_stay_of_a_programs_all(bench, client):
+    bench.logger.trigger("own", "x > 1e9")
+    client.trigger("asked", "x > 1e9")
+    run(["trigger", "add", "bot", "typed", "x > 1e9"])
+    kept = {one.options.name: one.options.keep for one in client.triggers().triggers}
+    assert kept == {"own": 0, "asked": 100, "typed": 100}
+
+
 def test_a_client_says_limits_triggers_and_signals_as_a_program_does(client, caplog):
     given = client.limit("x", (None, None, 40, 100), stale="0.5s")
     assert client._set_limits(SignalLimits("x", (None, None, 40, 100), stale_s=0.5)) == given
-    assert client.trigger("far", "x > 1e9", pre="50ms", save="csv").startswith("trigger 'far' is set")
+    told = client.trigger("far", "x > 1e9", pre="50ms", save="csv")
+    assert told.startswith("trigger 'far' is set; it is judged when")
+    assert "; of its captures the newest 100 stay" in told
     (one,) = client.triggers().triggers
     assert (one.options.pre_s, one.options.save) == (0.05, (FileType.CSV,))
+    assert "stay" not in client.trigger("far", "x > 1e9", keep=0)
     client.derive("twice", "x * 2")
     for name, forget in {"x": client.limit, "far": client.trigger, "twice": client.derive}.items():
         forget(name, None)

@@ -4,7 +4,7 @@ import pytest
 from msgspec.structs import replace
 
 from silo.conditions.standing import CapturedSpan, LimitStatus, LimitWord, TriggerStatus
-from silo.core.conditions import SignalLimits, TriggerOptions, TriggerWord
+from silo.core.conditions import SignalLimits, TriggerOptions, TriggerWord, new_trigger
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo_tui.model.lists.conditions import (
     alarms_words,
@@ -73,6 +73,11 @@ class TestWords:
         assert head_words([], []) == (("", ""), False, ("", ""))
         assert head_words([BLIND], []) == (("", ""), False, ("", ""))  # none is armed: nothing to tell
         assert head_words([replace(FALL, state=TriggerWord.FIRING)], [])[2][0] == "trigger fall fires"
+
+    def test_a_new_trigger_keeps_its_newest_captures(self):
+        new = new_trigger()
+        assert (fields_of(new)["pre"], fields_of(new)["keep"]) == ("1 s", "100")
+        assert options_of_fields({**fields_of(new), "name": "a"}, new).keep == 100
 
     def test_the_editor_gives_back_the_trigger_that_it_shows(self):
         options = TriggerOptions("a", "x > 3", 5.0, 0.05, "falling", "x < 1", 0.02, 10.0, "single", keep=20)

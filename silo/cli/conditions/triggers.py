@@ -7,7 +7,7 @@ import click
 
 from silo.cli.common import together
 from silo.cli.verbs import Listing, LoggerFirst, verb
-from silo.core.conditions import AROUND_S
+from silo.core.conditions import AROUND_S, CLIENTS_KEEP
 from silo.core.quantities.writing import duration_text, many, share_words
 from silo.files.formats import SAVED_NAMES, file_types
 
@@ -68,7 +68,11 @@ def _made(name: str, when: str, pre: str, post: str, edge: str, rearm: str, pers
 @click.option("--save", "types", multiple=True, type=click.Choice(SAVED_NAMES), default=["silo"], show_default=True,
               help="What to write; may be repeated.")  # fmt: skip
 @click.option(
-    "--keep", type=click.IntRange(0), default=0, help="Of its captures on the disk the newest so many, 0 for all."
+    "--keep",
+    type=click.IntRange(0),
+    default=CLIENTS_KEEP,
+    show_default=True,
+    help="Of its captures on the disk the newest so many, 0 for all.",
 )
 def add(client: "Client", name: str, when: str, **given: Any) -> str:
     """Set a trigger, or replace the one of its name; judged from now on, and kept until the program ends.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from silo.conditions.standing import TriggerStatus
-from silo.core.conditions import AROUND_S, TriggerOptions, TriggerWord
+from silo.core.conditions import TriggerOptions, TriggerWord, new_trigger
 from silo.core.quantities.writing import many
 from silo.judging.checks import long_capture_s
 from silo_tui.actions import key_of
@@ -151,7 +151,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         await taken(self.context, form, self._set)
 
     def command_trigger_new(self) -> None:
-        new = TriggerOptions("", "", AROUND_S, AROUND_S)
+        new = new_trigger()
         self.context.run_flow(ask_trigger(self.context, new, self._set_new))
 
     async def _set_new(self, made: TriggerOptions) -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from silo.core.conditions import AROUND_S, TriggerOptions
+from silo.core.conditions import new_trigger
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.drawing.plots import Plotted, plots_of
@@ -212,7 +212,7 @@ class MonitorScreen(PlotScreen):
 
         name = self.session.short_name(self.stack.chosen_plot.name).lstrip("/")
         level = value_here(self.stack.chosen_plot, await self.readings_here()) or "0"
-        made = TriggerOptions(name.rpartition("/")[2], f"{name} > {level}", AROUND_S, AROUND_S)
+        made = new_trigger(name.rpartition("/")[2], f"{name} > {level}")
         await ask_trigger(self.context, made)
 
     def command_zero(self) -> None:

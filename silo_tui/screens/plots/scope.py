@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from textual.app import ComposeResult
 
-from silo.core.conditions import TriggerOptions
+from silo.core.conditions import new_trigger
 from silo.core.elements import LoggedEvent
 from silo.errors import RefusedError, SiloError
 from silo.rpc.frames import Frame
@@ -296,7 +296,7 @@ class ScopeScreen(SiloScreen):
         name = self.session.short_name(self.stack.plots[0].name).lstrip("/")
         when = f"{name} {'>' if self.settings.direction > 0 else '<'} {text.short(self.settings.level, 6)}"
         around_s = self.settings.pre_ns / 1e9, self.settings.post_ns / 1e9
-        made = TriggerOptions(name.rpartition("/")[2], when, *around_s)
+        made = new_trigger(name.rpartition("/")[2], when, *around_s)
         self.context.run_flow(ask_trigger(self.context, made))
 
     def command_back(self) -> None:
