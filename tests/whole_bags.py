@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 from silo.core.recording import keep_quiet, read_whole
-from silo.errors import FileFormatError
 from silo.files.bag_reader import _mapped, _opened
 from silo.files.mcap.damage import damage_told
 
@@ -14,7 +13,7 @@ def read_bag(path):
     with damage_told(file):
         found = _opened(file, data)
         if found is None:
-            raise FileFormatError("this bag was not written by silo, or was cut off before its table")
+            raise ValueError("this bag was not written by silo, or was cut off before its table")
     keep_quiet(found)
     read_whole(found)
     return replace(found, warnings=tuple(found.warnings))

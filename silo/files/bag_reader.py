@@ -111,7 +111,7 @@ def _storage_file(path: Path) -> Path:
 def _opened(file: Path, data: memoryview, check: bool = False) -> Recording | None:
     """What silo wrote; None of others."""
     if bytes(data[: len(MAGIC)]) != MAGIC:
-        raise FileFormatError("not an MCAP file: it doesn't start with the MCAP mark")
+        raise ValueError("not an MCAP file: it doesn't start with the MCAP mark")
     index = read_index(data) or _walked(data)
     if PART_ATTACHMENT in index.attachments:
         return open_part(file, data, index, _attached(data, index, PART_ATTACHMENT, unpack_part), check)

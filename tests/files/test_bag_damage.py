@@ -383,7 +383,8 @@ class TestSizes:
         path.write_bytes(data)
         tried = []
         monkeypatch.setattr(mcap_chunks, "_of_zstd", lambda content, size: tried.append(size) or b"")
-        with pytest.raises(silo.errors.FileFormatError, match=r"x\.mcap: damaged, nothing in it can be read"):
+        whole = r"/good \(my_msgs/msg/Number: 300 messages, of which none can be read: .*(hold|checksum)\)"
+        with pytest.raises(silo.errors.FileFormatError, match=f"^{path}: damaged, nothing in it can be read: {whole}$"):
             silo.open_log(path)
         assert all(size <= mcap_chunks.MOST_ROOM for size in tried)
 
@@ -397,8 +398,12 @@ class TestSizes:
         body = struct.pack("<QQQII", START, START, 60 << 20, 0, 4) + b"zstd" + struct.pack("<Q", len(packed)) + packed
         chunk = struct.pack("<BQ", 6, len(body)) + body
         path.write_bytes(whole[:place] + 30 * chunk)
-        with pytest.raises(silo.errors.FileFormatError, match="holds no message"):
+        with pytest.raises(
+            silo.errors.FileFormatError, match=f"^'{path}' is no log of silo, and holds no message "
+        ) as told:
             silo.open_log(path)
+        why = "lost (the chunks of 59,802 bytes announce more than so few can hold)"
+        assert str(told.value).endswith(f"'x.mcap': the messages of the chunk at byte 15,978 are {why})")
 
     def test_what_silo_wrote_beside_messages_may_not_announce_more_than_it_can_hold(self):
         import zstandard

@@ -428,7 +428,7 @@ class TestOtherFiles:
             writer = McapWriter(file)
             writer.start()
             writer.finish()
-        with pytest.raises(silo.errors.FileFormatError, match="holds no message"):
+        with pytest.raises(silo.errors.FileFormatError, match=f"^'{path}' is no log of silo, and holds no message$"):
             silo.open_log(path)
 
     def test_a_folder_finds_bags_of_others_too(self, tmp_path):

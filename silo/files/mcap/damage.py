@@ -22,6 +22,8 @@ def damage_told(file: Path) -> Iterator[None]:
     """Turn what a damaged file leads to, whose fields may hold anything, into FileFormatError."""
     try:
         yield
+    except FileFormatError:
+        raise  # which names the file already
     except DAMAGE as error:
         raise FileFormatError(f"{file}: {told_damage(error)}") from error
     except MemoryError as error:
