@@ -81,13 +81,16 @@ def _show(found: "Alarms", *, all_limits: bool, as_json: bool) -> None:
 
 
 def _row(one: "LimitStatus") -> tuple[str, ...]:
-    count = one.count + one.stale_count
     return (
         one.word.value, one.name, _number(one.value), _number(one.limit),
         f"{one.worst_word.value} {_number(one.worst)}" if one.worst is not None else "",
-        duration_text(time.time() - one.since_ns / 1e9) if one.since_ns else "", str(count) if count else "",
+        duration_text(time.time() - one.since_ns / 1e9) if one.since_ns else "", str(_count(one) or ""),
         one.seen,
     )  # fmt: skip
+
+
+def _count(one: "LimitStatus") -> int:
+    return one.count + one.stale_count
 
 
 def _number(value: float | None) -> str:
@@ -121,8 +124,10 @@ def _show_changes(found: "Alarms", known: "dict[str, LimitStatus]", *, as_json: 
             show_json(one)
         else:
             unit = "" if one.unit in ("", "-") else f" {one.unit}"
+            value = f" {_number(one.value)}{unit}" if one.value is not None else ""
             worst = f", worst {_number(one.worst)}{unit}" if one.worst is not None else ""
-            why = f" {one.why}" if one.why else ""
-            click.echo(f"{one.word.value} {one.name} {_number(one.value)}{unit}{worst}, {one.count}x{why}")
+            count = f", {_count(one)}x" if _count(one) else ""
+            why = f": {one.why}" if one.why else ""
+            click.echo(f"{one.word.value} {one.name}{value}{worst}{count}{why}")
     sys.stdout.flush()
     return {one.name: one for one in found.limits}
