@@ -32,14 +32,17 @@ def run(*words: str, text: str | None = None):
 
 
 def test_the_list_names_files_types_span_and_why(bench, saved):
-    lines = run("ls", "bot").output.splitlines()
-    assert len(lines) == 4
-    assert saved[0].stem in lines[1]
-    assert "silo, csv" in lines[1]
-    assert "3.0 s" in lines[1]
-    assert "saved by the robot program" in lines[1]
-    assert "walk" in lines[2]
-    assert "2 recordings" in lines[3]
+    begun, free = "2023-11-14 [0-2][0-9]:[0-5][0-9]:20", r"[0-9]+\.[0-9] GB free"
+    walk = rf"walk +bag +{begun}  3\.0 s +[0-9.]+ kB  saved by the robot program\n"
+    both = rf"{saved[0].stem}  silo, csv  {begun}  3\.0 s +[0-9.]+ kB  saved by the robot program\n{walk}"
+    head, folder = " +".join(["NAME", "TYPES", "BEGUN", "SPAN", "SIZE", "WHY\n"]), saved[0].parent
+    assert re.fullmatch(f"{head}{both}{folder}: 2 recordings, {free}\n", run("ls", "bot").output)
+    assert re.fullmatch(
+        f"{head}{walk}{folder}: 1 recording, the newest 1 of 2, {free}\n", run("ls", "bot", "-n1").output
+    )
+    assert "deleted" in run("rm", "bot", "walk", "1", "--yes").output
+    assert not list(folder.glob("*00001*"))
+    assert re.fullmatch(f"{folder}: 0 recordings, {free}; `silo save` makes one\n", run("ls", "bot").output)
 
 
 def test_the_list_is_there_for_machines(bench, saved):
@@ -59,16 +62,20 @@ def test_a_run_is_fetched_by_its_number_with_all_its_files(bench, saved, tmp_pat
 def test_deleting_asks_first(bench, saved):
     asked = run("rm", "bot", "walk")  # of nobody: there is no terminal
     assert asked.exit_code == EXIT_USAGE
-    assert re.search(r"delete walk.rosbag2 on bot.*Say --yes to delete .*nothing was deleted", asked.output)
+    label = f"bot.{os.getpid()}"
+    told = f"delete walk.rosbag2 on {label} for good? Say --yes to delete without being asked; nothing was deleted"
+    assert asked.output.endswith(f"Error: {told}\n")
     assert saved[1].exists()
-    assert "deleted walk.rosbag2" in run("rm", "bot", "walk", "--yes").output
+    assert run("rm", "bot", "walk", "--yes").output.startswith("deleted walk.rosbag2 (")
     assert not saved[1].exists()
 
 
 def test_a_name_that_means_nothing_is_told(bench, saved):
-    refused = run("fetch", "bot", "none")
-    assert refused.exit_code == EXIT_FAILED
-    assert "silo files ls" in refused.output
+    for word in ("fetch", "rm"):
+        refused = run(word, "bot", "none")
+        assert refused.exit_code == EXIT_FAILED
+        folder = f"the folder of bot.{os.getpid()}"
+        assert refused.output == f"Error: no recording is called 'none' in {folder}: see `silo files ls`\n"
 
 
 def test_a_fetch_goes_on_where_it_was_when_the_helper_process_died_and_came_again(bench, client, tmp_path):

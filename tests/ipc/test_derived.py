@@ -70,10 +70,12 @@ class TestTable:
     def test_what_makes_no_sense_is_refused_with_words(self, bench, client):
         client.derive("a", "x + 1")
         client.derive("b", "a + 1")
+        client.derive("of/d", "x")
         for name, expression, words in (
             ("a", "b + 1", "would be computed from itself: /log/a = b .* 1, /log/b = a .* 1"),
             ("c", "c + x", "would be computed from itself"),
             ("c", "nope + 1", "no signal is named 'nope'"),
+            ("c", "of + 1", "no signal is named 'of'"),
             ("x", "q", "is an element already"),
             ("", "x", "needs a name"),
         ):
@@ -81,9 +83,10 @@ class TestTable:
                 client.derive(name, expression)
         with pytest.raises(RefusedError, match="used by '/log/b': remove that first"):
             client._remove_derived("a")
-        with pytest.raises(RefusedError, match="no derived signal is called 'z', there are /log/a, /log/b"):
-            client._remove_derived("z")
-        assert [one.name for one in bench.logger._conditions.now.derived] == ["/log/a", "/log/b"]
+        for name in ("z", "of"):
+            with pytest.raises(RefusedError, match=f"no derived signal is called '{name}', there are /log/a, /log/b"):
+                client._remove_derived(name)
+        assert [one.name for one in bench.logger._conditions.now.derived] == ["/log/a", "/log/b", "/log/of/d"]
 
     def test_what_limits_and_triggers_use_stays(self, bench, client):
         bench.logger.derive("twice", "2 * x")

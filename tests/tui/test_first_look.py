@@ -122,7 +122,8 @@ async def test_the_tour_goes_on_as_its_steps_are_done(fake, opened):
         await screen.do("go_home")
         await screen.shows("tour 6 of 6 (:tour ends it): e d")
         await screen.do("edit_divider", "5", "enter")
-        await screen.shows("that was the tour")
+        await screen.shows("that was the tour: ? shows all keys, u takes the edit back, g goes")
+        await screen.shows("anywhere")
         await screen.press("question_mark", "t")
         await screen.until(lambda: "tour" not in screen.text)
 

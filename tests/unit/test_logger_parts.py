@@ -59,10 +59,24 @@ def test_what_a_life_cycle_forbids_no_part_does(parts):
     life.running = True
     with pytest.raises(StateError, match="can't change elements while logger 'arm' runs"):
         scripted.set("q", divider=2)
-    life.closed = True
-    for call in (lambda: scripted.array("x"), lambda: conditions.derive("d", "q_0")):
+    life.running = False
+    conditions.derive("d", "q_z")
+    conditions.trigger("t", "q_z > 1")
+    conditions.limit("q_z", (None, None, 1, 2))
+    life.closed, before = True, conditions.now
+    for call in (
+        lambda: scripted.array("x"),
+        scripted.save_script,
+        lambda: conditions.derive("e", "q_z"),
+        lambda: conditions.derive("d", None),
+        lambda: conditions.trigger("u", "q_z > 1"),
+        lambda: conditions._remove_trigger("t"),
+        lambda: conditions.limit("q_y", (None, None, 1, 2)),
+        lambda: conditions._remove_limits("/log/q_z"),
+    ):
         with pytest.raises(StateError, match="logger 'arm' is closed"):
             call()
+    assert conditions.now is before
 
 
 @pytest.mark.parametrize("attribute", PARTS)
