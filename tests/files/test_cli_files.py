@@ -164,14 +164,6 @@ def test_what_is_in_a_silo_file_is_told_without_what_reads_bags(folder):
     subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
 
 
-@pytest.mark.slow
-def test_the_commands_load_no_heavy_library_until_they_run():
-    heavy = "{'numpy', 'plotext', 'matplotlib', 'pyarrow', 'zstandard', 'textual'}"
-    code = f"import sys, silo.cli.logs.files; sys.exit(sorted({heavy} & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.stderr.strip() in ("", "[]")
-
-
 class TestConvert:
     def test_it_says_what_it_wrote(self, folder):
         result = run(convert_command, "run.silo", "run.mcap")

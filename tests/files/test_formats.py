@@ -1,8 +1,6 @@
 """The table of formats: whoever needs to know one asks there."""
 
 import inspect
-import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -15,16 +13,6 @@ from silo.files.formats import FORMATS, SAVED, SAVED_NAMES, Format, file_type, f
 from silo.files.silo.writer import write_silo
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
-@pytest.mark.slow
-def test_the_table_of_formats_loads_no_format_and_no_numpy():
-    program = "import sys, silo.files.formats; print(*sys.modules)"
-    environment = dict(os.environ, PYTHONPATH=str(ROOT))
-    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment, check=True)
-    loaded = run.stdout.split()
-    assert "numpy" not in loaded
-    assert [name for name in loaded if name.startswith("silo.files.") and name != "silo.files.formats"] == []
 
 
 def test_no_ending_belongs_to_two_formats():

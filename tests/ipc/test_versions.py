@@ -1,8 +1,6 @@
 """Two silos of different protocols say which one is older. `tests/data/protocol_1.json` holds messages of the first."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import msgspec
@@ -208,16 +206,6 @@ def test_a_logger_that_comes_back_with_another_silo_is_told_as_such(bench, clien
         return ""
 
     assert "runs an older silo" in wait_until(told)
-
-
-@pytest.mark.usefixtures("cold")
-def test_checking_versions_needs_no_numpy(bench) -> None:
-    code = (
-        "import sys; from silo.client.connect import Client; "
-        "Client.connect('bot').close(); print('numpy' in sys.modules)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=DEADLINE_S, check=True)
-    assert done.stdout.strip() == "False"
 
 
 def test_other_replies_than_a_refusal_or_the_one_asked_for_are_told() -> None:
