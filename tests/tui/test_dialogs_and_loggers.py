@@ -28,15 +28,12 @@ FIRST = "/log/base/orientation"
 EATEN = {"ctrl+h", "ctrl+i", "ctrl+j", "ctrl+m", "ctrl+enter"}
 
 
-async def test_without_a_logger_the_screen_says_what_to_start(opened):
+async def test_without_a_logger_it_is_said_what_to_start_and_whom_to_ask_and_the_first_is_opened(fake, opened):
     async with opened(ready=False) as screen:
-        await screen.shows("silo demo")
-        await screen.shows("log.serve()")
-
-
-async def test_the_only_logger_that_appears_is_opened(fake, opened):
-    async with opened(ready=False) as screen:
-        await screen.shows("No logger is running")
+        for words in ("silo demo", "log.serve()", "No logger is running"):
+            await screen.shows(words)
+        screen.app._finder.advice = ("root has a logger here: ask for group access (serve(group=...))",)
+        await screen.shows("ask for group access")
         screen.app._finder.clients.append(fake)
         await screen.shows("/base/position")
 
@@ -54,12 +51,6 @@ async def test_a_name_that_nobody_has_is_told_beside_those_that_run(fake, opened
     async with opened(fake, name="arm", ready=False) as screen:
         await screen.shows("There is no logger called 'arm'")
         await screen.shows("pid 4711")
-
-
-async def test_a_logger_of_somebody_else_is_told_with_advice(opened):
-    async with opened(ready=False) as screen:
-        screen.app._finder.advice = ("root has a logger here: ask for group access (serve(group=...))",)
-        await screen.shows("ask for group access")
 
 
 async def test_edits_are_kept_when_the_robot_program_was_started_again(fake, opened):
@@ -192,35 +183,26 @@ async def test_what_was_saved_takes_the_place_of_what_was_to_be_done_before(fake
         assert "w saves the data" not in screen.text
 
 
-async def test_the_end_of_a_save_whose_dialog_was_left_is_told(fake, opened):
+@pytest.mark.parametrize(
+    ("typed", "types", "name", "error", "told"),
+    [
+        ("csv abc", [FileType.CSV], "abc", "", "saved: /home/ann/logs/abc.csv (1.23 MB)"),
+        ("silo bag walk3", [FileType.SILO, FileType.BAG], "walk3", "no space left", "not saved: no space left"),
+    ],
+)
+async def test_data_is_saved_by_a_name_that_is_typed_and_its_end_told_whose_dialog_was_left(
+    fake, opened, typed, types, name, error, told
+):
     fake.run()
-    fake.save_takes_long = True
+    fake.save_takes_long, fake.save_error = True, error
     async with opened(fake, size=(100, 30)) as screen:
-        await screen.enter(":data csv abc")
+        await screen.enter(f":data {typed}")
         await screen.until(lambda: fake.calls)
+        assert fake.calls == [("save", types, name)]
         await screen.press("escape")
         await screen.shows("its end will be told")
-        fake.end_save([FileType.CSV], "abc")
-        await screen.shows("saved: /home/ann/logs/abc.csv (1.23 MB)")
-
-
-async def test_the_failure_of_a_save_whose_dialog_was_left_is_told(fake, opened):
-    fake.run()
-    fake.save_takes_long, fake.save_error = True, "no space left on /home/ann/logs"
-    async with opened(fake, size=(100, 30)) as screen:
-        await screen.enter(":data csv abc")
-        await screen.until(lambda: fake.calls)
-        await screen.press("escape")
-        await screen.shows("its end will be told")
-        fake.end_save([FileType.CSV], "abc")
-        await screen.shows("not saved: no space left on /home/ann/logs")
-
-
-async def test_data_command_saves_with_a_name(fake, opened):
-    async with opened(fake, size=(100, 30)) as screen:
-        await screen.enter(":data silo bag walk3")
-        await screen.until(lambda: fake.calls)
-        assert fake.calls[0] == ("save", [FileType.SILO, FileType.BAG], "walk3")
+        fake.end_save(types, name)
+        await screen.shows(told)
 
 
 async def test_a_script_is_previewed_before_it_is_loaded(fake, opened):
@@ -244,8 +226,10 @@ async def test_what_a_script_has_that_nobody_knows_is_shown_before_and_after_it_
         await screen.until(lambda: any("colour" in told.message for told in screen.app._notifications), "the warning")
 
 
-async def test_a_script_saved_without_an_ending_gets_it_and_says_so(fake, opened):
+async def test_a_script_is_there_as_it_is_saved_and_another_overwritten_only_when_asked(fake, opened):
     async with opened(fake, size=(100, 30)) as screen:
+        await screen.enter(":load abc")
+        await screen.shows("there is no script")
         await screen.press("W")
         await screen.shows("Save the configuration")
         for _ in range(12):
@@ -255,12 +239,10 @@ async def test_a_script_saved_without_an_ending_gets_it_and_says_so(fake, opened
         await screen.shows("abc.yaml: scripts end in .yaml")
         await screen.enter(":load abc")
         await screen.shows("abc.yaml says what the logger has already")
-
-
-async def test_loading_an_unknown_script_says_so(fake, opened):
-    async with opened(fake, size=(100, 30)) as screen:
-        await screen.enter(":load nothing.yaml")
-        await screen.shows("there is no script")
+        await screen.enter(":save robot.yaml")
+        await screen.shows("Overwrite robot.yaml?")
+        await screen.press("y")
+        await screen.until(lambda: ("save_script", "robot.yaml", True) in fake.calls)
 
 
 @pytest.mark.parametrize(
@@ -281,51 +263,32 @@ async def test_a_running_logger_takes_a_script_and_goes_on_or_around_a_stop(fake
         assert [call[0] for call in fake.calls] == calls
 
 
-async def test_an_existing_script_is_overwritten_only_when_asked(fake, opened):
-    async with opened(fake, size=(100, 30)) as screen:
-        await screen.enter(":save robot.yaml")
-        await screen.shows("Overwrite robot.yaml?")
-        await screen.press("y")
-        await screen.until(lambda: ("save_script", "robot.yaml", True) in fake.calls)
-
-
-async def test_the_set_command_edits_what_is_marked(fake, opened):
+async def test_the_set_command_edits_what_is_marked_and_an_unknown_one_offers_what_is_near(fake, opened):
     async with opened(fake) as screen:
         await screen.press("space", "space")
         await screen.enter(":set div=4 size=10s buf=grow")
         assert [screen.value(FIRST, field) for field in (Field.DIVIDER, Field.SIZE)] == ["4", "1000"]
         assert screen.session.table.pending_count[1] == 2
-
-
-async def test_an_unknown_command_offers_what_is_near(fake, opened):
-    async with opened(fake) as screen:
         await screen.enter(":lod")
         await screen.shows("did you")
 
 
-async def test_the_palette_finds_a_command_by_what_it_does(fake, opened):
-    async with opened(fake, size=(100, 40)) as screen:
-        await screen.press("ctrl+p")
-        await screen.type("take the last")
-        await screen.shows("Undo")
-
-
-async def test_the_palette_shows_words_in_brackets_as_they_are_typed(fake, opened):
-    async with opened(fake, size=(100, 40)) as screen:
-        await screen.press("ctrl+p")
-        await screen.type(":view")
-        await screen.shows(":view [save] NAME")
-        await screen.shows("put a view on the screen, or keep it")
-
-
 async def test_the_palette_finds_by_words_of_a_sentence_and_not_by_letters_that_are_in_any(fake, opened):
     async with opened(fake, size=(100, 40)) as screen:
-        await screen.press("ctrl+p")
-        await screen.type("beyond its")
-        await screen.shows("Alarms  (A)")
-        assert screen.app.screen.query_one("CommandList").option_count == 1
-        await screen.type(" shores")
-        await screen.shows("No matches found")
+        for typed, *shown in (
+            ("take the last", "Undo"),
+            (":view", ":view [save] NAME", "put a view on the screen, or keep it"),  # brackets as they are typed
+            ("beyond its", "Alarms  (A)"),
+        ):
+            await screen.press("ctrl+p")
+            await screen.type(typed)
+            for words in shown:
+                await screen.shows(words)
+            options = screen.app.screen.query_one("CommandList").option_count
+            await screen.type(" shores")
+            await screen.shows("No matches found")
+            await screen.press("escape", "escape")
+        assert options == 1
 
 
 async def test_the_palette_finds_a_spectrum_from_the_table_and_from_the_plots_and_leads_there(fake, opened):
@@ -445,16 +408,6 @@ async def test_a_logger_that_doesn_t_answer_is_told_with_what_to_do(fake, opened
         await screen.shows("no answer from robot")
 
 
-async def test_another_logger_is_opened_from_the_list(new_fake, opened):
-    one, two = new_fake(name="arm"), new_fake(name="legs")
-    async with opened(one, two, name="arm") as screen:
-        await screen.press("ctrl+l")
-        await screen.shows("legs")
-        await screen.press("down", "enter")
-        await screen.until(lambda: screen.app.context.has_session and screen.session.name == "legs")
-        await screen.until(lambda: screen.session.connected)
-
-
 async def test_another_logger_is_opened_from_the_plots_and_esc_comes_back(new_fake, opened):
     one, two = new_fake(name="arm"), new_fake(name="legs")
     async with opened(one, two, name="arm") as screen:
@@ -471,7 +424,7 @@ async def test_another_logger_is_opened_from_the_plots_and_esc_comes_back(new_fa
         await screen.until(lambda: screen.app.context.has_session and screen.session.name == "legs")
 
 
-async def test_leaving_a_logger_with_pending_edits_asks(new_fake, opened):
+async def test_another_logger_is_opened_from_the_list_after_a_question_where_edits_are_pending(new_fake, opened):
     one, two = new_fake(name="arm"), new_fake(name="legs")
     async with opened(one, two, name="arm") as screen:
         await screen.press("t", "ctrl+l")
@@ -480,6 +433,11 @@ async def test_leaving_a_logger_with_pending_edits_asks(new_fake, opened):
         await screen.shows("Leave arm?")
         await screen.press("escape", "escape")
         assert (screen.session.name, screen.session.table.pending_count) == ("arm", (1, 1))
+        await screen.press("t", "ctrl+l")
+        await screen.shows("legs")
+        await screen.press("down", "enter")
+        await screen.until(lambda: screen.app.context.has_session and screen.session.name == "legs")
+        await screen.until(lambda: screen.session.connected)
 
 
 async def test_news_of_others_is_shown_and_our_own_is_not(fake, opened):
@@ -489,26 +447,18 @@ async def test_news_of_others_is_shown_and_our_own_is_not(fake, opened):
         await screen.shows("configuration saved (bob@lab silo-tui 9)")
 
 
-async def test_a_picture_of_the_screen_is_an_svg(fake, opened, tmp_path):
-    async with opened(fake) as screen:
-        await screen.type(":picture ")
-        screen.app.screen.query_one("#command-over").value = f"picture {tmp_path / 'x.svg'}"
-        await screen.press("enter")
-        await screen.shows("picture of the screen")
-        assert "<svg" in (tmp_path / "x.svg").read_text()
-
-
-async def test_a_picture_that_is_called_png_is_written_as_svg_and_the_large_plot_says_where(fake, opened, tmp_path):
+async def test_a_picture_is_an_svg_also_where_it_is_called_png_and_each_screen_says_where(fake, opened, tmp_path):
     async with opened(fake.run(20)) as screen:
-        await screen.press("m", "enter")
-        await screen.until(
-            lambda: screen.app.screen.scope == "detail" and not screen.app.screen.stack.store.empty, "the large plot"
-        )
-        await screen.press(":")
-        screen.app.screen.query_one("#command-over").value = f"picture {tmp_path / 'p2.png'}"
-        await screen.press("enter")
-        await screen.until((tmp_path / "p2.svg").exists, "the picture")
-        await screen.shows("picture of the screen")
+        for name, keys in (("x.svg", ()), ("p2.png", ("m", "enter"))):
+            await screen.plot(*keys) if keys else None
+            await screen.press(":")
+            screen.app.screen.query_one("#command-over").value = f"picture {tmp_path / name}"
+            await screen.press("enter")
+            path = (tmp_path / name).with_suffix(".svg")
+            await screen.until(path.exists, "the picture")
+            await screen.shows("picture of the screen")
+            assert "<svg" in path.read_text()
+        assert screen.app.screen.scope == "detail"
         assert not (tmp_path / "p2.png").exists()
 
 
@@ -536,15 +486,17 @@ async def test_what_was_said_last_is_read_whole_on_a_small_screen(fake, opened):
         await screen.shows("2147483647")
 
 
-@pytest.mark.parametrize(("key", "choices"), [("e", ("divider", "size", "buffer", "action")),
-                                              ("N", ("A trigger", "Limits", "A signal derived from it"))])  # fmt: skip
-async def test_every_choice_is_on_the_screen_however_few_words_stand_above(fake, opened, key, choices):
+async def test_every_choice_is_on_the_screen_however_few_words_stand_above(fake, opened):
     async with opened(fake.run()) as screen:
-        await screen.press(key)
-        await screen.until(lambda: screen.app.screen.is_modal)
-        await screen.press("pagedown")
-        for choice in choices:
-            assert choice in screen.text
+        for key, *choices in (
+            ("e", "divider", "size", "buffer", "action"), ("N", "A trigger", "Limits", "A signal derived from it"),
+        ):  # fmt: skip
+            await screen.press(key)
+            await screen.until(lambda: screen.app.screen.is_modal)
+            await screen.press("pagedown")
+            for choice in choices:
+                assert choice in screen.text
+            await screen.press("escape")
 
 
 async def test_a_question_that_hears_of_its_size_before_its_choices_do_is_drawn_whole(fake, opened, monkeypatch):
