@@ -194,15 +194,19 @@ async def test_lines_whose_news_got_lost_are_asked_for_with_the_next_one(running
         assert numbers == list(range(1, 5 + lost))
 
 
-async def test_signals_have_one_name_in_events_messages_and_plots(running, opened):
+async def test_signals_and_files_have_one_name_in_events_and_messages(running, opened):
     running.happen("limit", "/log/legs/LF/HAA/torque H 12 Nm at tick 3, limit 10", running.now_ns)
+    running.happen("captured", "capture 3 of 'fall': /home/ann/logs/robot_fall_3.silo", running.now_ns)
     async with opened(running) as screen:
         running.publish(running.kinds.BLIND, "fall sees nothing: /log/legs/LF/HAA/torque is off")
         await screen.shows("fall sees nothing: /legs/LF/HAA/torque is off")
+        running.publish(running.kinds.CAPTURED, "capture 4 of 'fall': /home/ann/logs/robot_fall_4.silo")
+        await screen.shows("capture 4 of 'fall': robot_fall_4.silo")
         await screen.do("events")
         await screen.shows("H /legs/LF/HAA/torque H 12 Nm")
+        await screen.shows("capture 3 of 'fall': robot_fall_3.silo")
         await screen.press("/", *"/log/legs", "enter")
-        await screen.shows("1 of 4")
+        await screen.shows("1 of 5")
 
 
 @pytest.mark.parametrize("words", ["1:20:3", "4 000", "4000"])
@@ -212,15 +216,6 @@ def test_a_filter_finds_a_moment_and_a_tick_as_they_are_read_and_typed(words):
     assert matches(one, words, "")
     assert not matches(one, "1:21", "")
     assert line(one, "push", 80, "robot").startswith("  01:20:35.000       4 000 M push")
-
-
-async def test_files_in_the_folder_of_the_robot_are_told_by_their_names(running, opened):
-    running.happen("captured", "capture 3 of 'fall': /home/ann/logs/robot_fall_3.silo", running.now_ns)
-    async with opened(running) as screen:
-        running.publish(running.kinds.CAPTURED, "capture 4 of 'fall': /home/ann/logs/robot_fall_4.silo")
-        await screen.shows("capture 4 of 'fall': robot_fall_4.silo")
-        await screen.do("events")
-        await screen.shows("capture 3 of 'fall': robot_fall_3.silo")
 
 
 async def test_enter_goes_there_in_the_plots(running, opened):
@@ -301,12 +296,6 @@ async def test_a_marker_left_by_esc_is_none(running, opened):
         assert [call for call in running.calls if call[0] == "mark"] == []
 
 
-async def test_plots_have_a_line_and_a_letter_where_something_happened(running, opened):
-    async with opened(running) as screen:
-        await screen.plot("m")
-        await screen.until(lambda: "╎" in screen.text and "M" in screen.text.splitlines()[-3], "a line and its letter")
-
-
 @pytest.fixture
 def flickering(fake):
     fake.run(20.0)
@@ -325,9 +314,10 @@ async def test_limits_of_other_signals_hide_neither_plots_nor_marks(flickering, 
         await screen.shows('event, 1 of 1: "push 3"')
 
 
-async def test_next_event_and_find_go_to_markers(running, opened):
+async def test_plots_have_a_line_and_a_letter_where_something_happened_and_keys_go_there(running, opened):
     async with opened(running) as screen:
         await screen.plot("m")
+        await screen.until(lambda: "╎" in screen.text and "M" in screen.text.splitlines()[-3], "a line and its letter")
         await screen.do("space", "find", "m")
         await screen.shows("marker, 1 of 1")
         assert screen.app.screen.window.at_ns == running.happened[1].at_ns

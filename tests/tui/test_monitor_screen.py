@@ -27,27 +27,22 @@ async def open_torque(screen):
     await screen.curves()
 
 
-async def test_plots_are_full_the_moment_they_open(fake, opened):
+async def test_plots_are_full_the_moment_they_open_show_a_spike_of_one_sample_and_move_until_the_link_is_lost(
+    fake, opened
+):
     async with opened(fake.run(20)) as screen:
         await open_torque(screen)
-        low, _ = monitor(screen).stack.store.window(TORQUE, monitor(screen).stack.store.end, 100)
-        assert not np.isnan(low).any()
-
-
-async def test_a_spike_of_one_sample_shows(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_torque(screen)
+        stack = monitor(screen).stack
+        assert not np.isnan(stack.store.window(TORQUE, stack.store.end, 100)[0]).any()
         await screen.shows("max 40")
         top = screen.text.splitlines()[2]
         assert any(char not in f"{BLANK}0123456789.- │" for char in top), top
-
-
-async def test_new_values_move_the_plot(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_torque(screen)
-        before = monitor(screen).stack.store.end
+        before = stack.store.end
         fake.advance(2.0)
-        await screen.until(lambda: monitor(screen).stack.store.end > before)
+        await screen.until(lambda: stack.store.end > before)
+        fake.cut()
+        await screen.shows("No link to robot")
+        assert not stack.fresh
 
 
 async def test_a_curve_goes_on_by_whole_cells_so_that_its_cells_stay_as_they_are(fake, opened):
@@ -102,13 +97,26 @@ async def test_a_pause_holds_the_picture_while_the_logger_goes_on(fake, opened):
         assert monitor(screen).stack.store.end == before
 
 
-async def test_zoom_shows_another_span(fake, opened):
+async def test_zoom_shows_another_span_at_a_held_scale_the_cursor_reads_and_the_detail_plot_has_axes(fake, opened):
     async with opened(fake.run(20)) as screen:
         await open_torque(screen)
         await screen.press("plus")
         await screen.shows("5 s shown")
         await screen.press("minus", "minus")
         await screen.shows("20 s shown")
+        await screen.press("y")
+        await screen.shows("y held")
+        scale = monitor(screen).window.scales[TORQUE]
+        await screen.press(*["plus"] * 4)
+        await screen.shows("1 s shown")
+        assert monitor(screen).window.scales[TORQUE] == scale
+        await screen.press("left")
+        await screen.shows("at cursor")
+        await screen.shows("cursor at -")
+        await screen.press("enter")
+        await screen.shows("TIME")
+        await screen.press("tab", "tab")
+        await screen.shows("SPECTRUM")
 
 
 async def test_frames_that_got_lost_are_fetched_from_the_history(fake, opened):
@@ -174,14 +182,6 @@ async def test_what_was_overwritten_is_said_under_the_plots(fake, opened):
         await screen.shows("5.9 s overwritten")
 
 
-async def test_the_cursor_reads_values(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_torque(screen)
-        await screen.press("left")
-        await screen.shows("at cursor")
-        await screen.shows("cursor at -")
-
-
 async def test_of_a_vector_whose_entry_is_looked_at_alone_that_one_is_plotted(fake, opened):
     async with opened(fake.run(20)) as screen:
         await screen.enter("/base/position")
@@ -223,17 +223,6 @@ async def test_a_paused_window_walks_back_with_its_cursor(fake, opened):
         assert monitor(screen).window.paused_end_ns < end
 
 
-async def test_a_held_scale_stays(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_torque(screen)
-        await screen.press("y")
-        await screen.shows("y held")
-        scale = monitor(screen).window.scales[TORQUE]
-        await screen.press("plus", "plus", "plus")
-        await screen.shows("1 s shown")
-        assert monitor(screen).window.scales[TORQUE] == scale
-
-
 async def test_every_marked_element_has_its_plots(fake, opened):
     async with opened(fake.run(20), size=(120, 40)) as screen:
         await screen.press("space", "space", "m")
@@ -255,15 +244,6 @@ async def test_escape_leaves_the_monitor_and_the_table_has_its_view_again(fake, 
         await screen.until(lambda: fake.views[-1].values == (TORQUE,) and not fake.views[-1].plots)
 
 
-async def test_the_detail_plot_has_axes(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_torque(screen)
-        await screen.press("enter")
-        await screen.shows("TIME")
-        await screen.press("tab", "tab")
-        await screen.shows("SPECTRUM")
-
-
 async def test_a_short_span_of_a_pause_zooms_on_in_the_large_plot(fake, opened):
     async with opened(fake.run(20)) as screen:
         await open_torque(screen)
@@ -280,14 +260,6 @@ async def test_two_signals_can_be_plotted_against_one_another(fake, opened):
         await screen.enter("/LF torque", "asterisk", "m", "enter", "tab")
         await screen.shows("X-Y")
         await screen.shows("r = ")
-
-
-async def test_a_lost_link_is_told_over_the_plots(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_torque(screen)
-        fake.cut()
-        await screen.shows("No link to robot")
-        assert not monitor(screen).stack.fresh
 
 
 async def test_the_line_of_the_plots_says_that_the_logger_is_dead(fake, opened):
