@@ -169,18 +169,20 @@ class Comparison:
         notes = []
         if self.shift_s:
             notes.append(f"the second run is moved by {self.shift_s:.6g} s")
+        reasons: dict[str, dict[str, str]] = {}
+        for name, why in self.not_compared.items():
+            reasons.setdefault(why.partition(";")[0], {})[name] = why
+        for of in reasons.values():  # the reason first, as of the names there may be no room for all
+            first, why = next(iter(of)), next(iter(of.values())).removeprefix("can't compare them: ")
+            alike = len(set(of.values())) == 1
+            which = and_more(list(of), 3) if alike else f"{first}, the like of {len(of) - 1} more"
+            notes.append(f"not compared: {why}: {which}")
         for which, names in (("first", self.only_a), ("second", self.only_b)):
             if names:
                 notes.append(f"only in the {which}: {and_more(names, 5)}")
         for words, count in Counter(self.partly.values()).most_common(5):
             which = next(name for name, each in self.partly.items() if each == words)
             notes.append(f"{words}: {which}{f' and {count - 1} more' if count > 1 else ''}")
-        reasons: dict[str, dict[str, str]] = {}
-        for name, why in self.not_compared.items():
-            reasons.setdefault(why.partition(";")[0], {})[name] = why
-        for short, of in reasons.items():
-            whole = set(of.values())
-            notes.append(f"not compared: {and_more(list(of), 3)}: {whole.pop() if len(whole) == 1 else short}")
         return notes
 
     def plot(self, name: str = "", **options: Any) -> Any:
