@@ -66,7 +66,7 @@ class CommandProvider(Provider):
         if not way or screen.scope == large:
             return
         for command in commands_for(large):
-            if command.group != "Detail plot" or command.id in here or command.hidden:
+            if command.group != "Large plot" or command.id in here or command.hidden:
                 continue
             steps = f"large plot, {command.key_text}"
             note = f"{command.label}: {command.key_text}, once one plot is large"
@@ -81,7 +81,7 @@ class CommandProvider(Provider):
         if not isinstance(screen, SiloScreen):
             return
         for command in commands_like(screen.scope):
-            if not (counts(command, screen.scope) or command.hidden or command.group in ("Move", "Detail plot")):
+            if not (counts(command, screen.scope) or command.hidden or command.group in ("Move", "Large plot")):
                 place, _ = where([command], screen.scope)
                 say = partial(screen.action_command, command.id)
                 yield f"{command.label}  ({place}, {command.key_text})", command.help, say

@@ -1,4 +1,4 @@
-"""The monitor and the detail plot, driven by keys."""
+"""The monitor and the large plot, driven by keys."""
 
 import re
 import threading

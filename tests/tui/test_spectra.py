@@ -1,4 +1,4 @@
-"""Spectra with their peaks, one signal over another, histograms: what the detail plot computes and draws."""
+"""Spectra with their peaks, one signal over another, histograms: what the large plot computes and draws."""
 
 import math
 
