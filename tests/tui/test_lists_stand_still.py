@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
 from silo.core.conditions import TriggerOptions
@@ -108,3 +109,35 @@ async def test_keys_typed_before_a_list_is_there_move_in_it_and_not_below(fake, 
             assert screen.session.rows.position == 0, kind
             await screen.do("go_home")
             await screen.until(lambda: screen.app.screen.scope == "table", "the table")
+
+
+async def test_lines_stand_as_they_were_seen_whatever_becomes_of_them(fake, opened, monkeypatch):
+    """The next line is the one that a person saw below the cursor, until that person has them ordered anew."""
+    over = {at: limit(at) for at in (1, 2, 3)}
+    quiet = replace(limit(4), word=LimitWord.OK, count=0)
+    there = [*over.values(), quiet]
+    monkeypatch.setattr(AlarmsScreen, "all", property(lambda self: there))
+    async with opened(fake) as screen:
+        shown = AlarmsScreen(screen.session)
+        screen.app.push_screen(shown)
+        await screen.until(lambda: shown.is_there and len(shown.shown) == 4, "the lines")
+        there[:] = [over[3], over[1], over[2], quiet]  # the worst first, which is another one now
+        shown.show()
+        assert shown.shown_keys == ["/log/x1", "/log/x2", "/log/x3", "/log/x4"]
+        await screen.shows("^l orders anew")
+        there[:] = [
+            limit(4),
+            limit(5),
+            over[3],
+            over[1],
+            over[2],
+        ]  # one that was always within its limits, and a new one
+        shown.show()
+        assert shown.shown_keys == ["/log/x4", "/log/x5", "/log/x1", "/log/x2", "/log/x3"]
+        await screen.press("ctrl+l")
+        await screen.until(lambda: shown.shown_keys[2] == "/log/x3", "the list, read again")
+        there[:] = there[::-1]
+        shown.show()
+        assert shown.shown_keys[0] == "/log/x4"
+        shown.filter_by("x")
+        assert shown.shown_keys[0] == "/log/x2"

@@ -27,6 +27,20 @@ def arranged(found: Iterable[Line], order: Order[Line], *, turned: bool) -> list
     return lines[::-1] if order.backwards != turned else lines  # lines that are alike turn round too
 
 
+def standing(found: Iterable[Line], key_of: Callable[[Line], str], before: Sequence[str]) -> list[Line]:
+    """Return lines in order so that those which stood there `before`, by their keys, stand as they did.
+
+    A new one comes below the line that it belongs below: `before` is the order in which a person saw them.
+    """
+    below: dict[str, list[Line]] = {key: [] for key in ("", *before)}
+    above = ""
+    for one in found:
+        if (key := key_of(one)) in below:
+            above = key
+        below[above].append(one)
+    return [one for lines in below.values() for one in lines]
+
+
 def passes(told: str, asked: str) -> bool:
     """Return whether a line that says `told` has all the words asked for; `a|b` either, `-a` not."""
     whole = told.casefold()

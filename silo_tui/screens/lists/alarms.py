@@ -66,6 +66,10 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
     def key_of(self, one: LimitStatus) -> str:
         return one.name
 
+    def stands_by(self, one: LimitStatus) -> str:
+        """Return its name, and whether it was always within its limits: it comes up as it is over them at first."""
+        return f"{one.name} {_is_quiet(one)}"
+
     def signals_of(self, one: LimitStatus) -> Sequence[str]:
         element = self._element_of(one)
         return [element] if element is not None else []

@@ -9,11 +9,11 @@ from textual import events
 from textual.app import ComposeResult
 from textual.widgets import Static
 
-from silo_tui.actions import Command, key_of
+from silo_tui.actions import Command, key_of, key_that_retries
 from silo_tui.context import SiloScreen
 from silo_tui.keymap import DESTROYS, TWO_LAYERS
 from silo_tui.modal import ask, run_alone
-from silo_tui.model.lists.ordering import Marks, Order, arranged, passes
+from silo_tui.model.lists.ordering import Marks, Order, arranged, passes, standing
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.questions import OrderDialog
 from silo_tui.sessions.live import Session
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 Opener: TypeAlias = "tuple[str, Callable[[], Log]]"  # a log by its name, and what opens it
 
 OF_A_LINE = ("enter", "space", "o", "m", "r k", "r t", DESTROYS)
+READ_AGAIN = ("list_read", "look_again")
 FILTER_KEYS = "Enter keeps the filter  Esc clears it"
 
 LineT = TypeVar("LineT")
@@ -36,7 +37,8 @@ LineT = TypeVar("LineT")
 class ListScreen(SiloScreen, Generic[LineT]):
     """A list; its children say what there is, how a line reads, and what its keys do.
 
-    A line is known by its key, wherever it stands: the cursor and the marks go with it.
+    A line is known by its key, wherever it stands: the cursor and the marks go with it. Lines stand as a person saw
+    them, whatever becomes of them, until that person orders, filters or reads the list again: new ones come between.
     """
 
     orders: Sequence[Order[Any]]  # the first is the usual one
@@ -48,6 +50,8 @@ class ListScreen(SiloScreen, Generic[LineT]):
         self.marks = Marks()
         self.shown: list[LineT] = []  # what passes the filter, in order
         self.shown_keys: list[str] = []
+        self._stood: list[str] = []  # all lines, as they were ordered last
+        self._stands_otherwise = False  # than the order would have them now
         self.asked = ""  # the filter
         self.message = ListLine(self.words_share)
         self._order, self._turned = self.orders[0], False
@@ -80,6 +84,10 @@ class ListScreen(SiloScreen, Generic[LineT]):
     @abstractmethod
     def key_of(self, one: LineT) -> str:
         """Return what tells a line from others."""
+
+    def stands_by(self, one: LineT) -> str:
+        """Return what a line keeps its place by: one for which that changes is put where it belongs."""
+        return self.key_of(one)
 
     @abstractmethod
     def row_of(self, one: LineT, width: int) -> Text:
@@ -162,8 +170,10 @@ class ListScreen(SiloScreen, Generic[LineT]):
         known, place = self.chosen_key, lines.highlighted
         self.prepare(found, width)
         self.marks.keep(map(self.key_of, found))
-        passing = [one for one in found if self.passes(one)] if self.asked else found
-        self.shown = arranged(passing, self._order, turned=self._turned)
+        due = arranged(found, self._order, turned=self._turned)
+        stand = standing(due, self.stands_by, self._stood)
+        self._stood, self._stands_otherwise = list(map(self.stands_by, stand)), stand != due
+        self.shown = [one for one in stand if self.passes(one)] if self.asked else stand
         self.shown_keys = list(map(self.key_of, self.shown))
         lines.show(len(self.shown), self._row, self.follow(known, place))
         advice = self.advice()
@@ -198,6 +208,7 @@ class ListScreen(SiloScreen, Generic[LineT]):
         parts = [f"{len(self.marks.keys)} marked"] if self.marks.keys else []
         parts += [f"/{self.asked}: {len(self.shown)} of {len(self.all)}"] if self.asked else []
         parts += [f"by {self._order.name}"] if self._order is not self.orders[0] or self._turned else []
+        parts += [f"{key_that_retries(self.scope)} orders anew"] if self._stands_otherwise else []
         going_on = self.going_on()
         told = [*parts, *(going_on if going_on or self.message.said else [self.words()])]
         self.message.told = [self.context.shown(words) for words in told]
@@ -246,6 +257,8 @@ class ListScreen(SiloScreen, Generic[LineT]):
     def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:
         """Let what was said go, and do what a key asks for."""
         self.message.say("")
+        if command_id in READ_AGAIN:
+            self._stood = []
         super().action_command(command_id, typed)
         self.show_words()
 
@@ -302,6 +315,7 @@ class ListScreen(SiloScreen, Generic[LineT]):
     def _by(self, name: str) -> None:
         self._turned = not self._turned if name == self._order.name else False
         self._order = next(order for order in self.orders if order.name == name)
+        self._stood = []
         self.show()
 
     def command_list_filter(self) -> None:
@@ -330,7 +344,8 @@ class ListScreen(SiloScreen, Generic[LineT]):
 
     def filter_by(self, words: str) -> None:
         """Show what has these words."""
-        self.asked = words.strip()
+        if words.strip() != self.asked:
+            self.asked, self._stood = words.strip(), []
         self.message.say("")
         self.show()
         self.marks.settle()

@@ -95,6 +95,10 @@ class LoggersScreen(ListScreen[FoundLogger]):
     def key_of(self, one: FoundLogger) -> str:
         return one.key
 
+    def stands_by(self, one: FoundLogger) -> str:
+        """Return its key, and whether it is there: one that is lost comes up."""
+        return f"{one.key} {one.member.here}"
+
     def prepare(self, found: Sequence[FoundLogger], width: int) -> None:
         self._names = fleet.name_width(found, width)
         self._addresses = tuple(one.address for one in found)
