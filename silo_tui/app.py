@@ -6,6 +6,7 @@ import gc
 import os
 import shlex
 from collections.abc import Callable, Coroutine, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from textual import events
@@ -252,7 +253,13 @@ class SiloApp(Guarded, App[None]):
     def _ask_for_conditions(self) -> None:
         session = self._live_session
         if session is not None and session.conditions_due and session.fresh:
-            run_alone(self, "conditions", self._follow, session.refresh_conditions)
+            run_alone(self, "conditions", self._follow, partial(self._learn_conditions, session))
+
+    async def _learn_conditions(self, session: Session) -> None:
+        await session.refresh_conditions()
+        with self.context.telling("limits and triggers can't be kept for the next start"):
+            if told := session.keep_conditions():
+                self.context.hear(told)
 
     async def _follow(self, ask: Callable[[], Coroutine[Any, Any, None]]) -> None:
         with self.context.quiet():

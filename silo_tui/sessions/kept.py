@@ -1,7 +1,8 @@
-"""Edits that were not applied, kept on this machine: a terminal that is lost, or a kill, doesn't take them along.
+"""What is kept on this machine of a logger: a terminal that is lost, or a kill, doesn't take it along.
 
-One small file per logger and process in `$XDG_STATE_HOME/silo/edits/`, written anew after each edit, gone when nothing
-is pending: two terminals on one logger keep theirs apart. What processes left that are no more is offered at a start.
+Edits that were not applied: one small file per logger and process in `$XDG_STATE_HOME/silo/edits/`, written anew after
+each edit, gone when nothing is pending: two terminals on one logger keep theirs apart. What processes left that are no
+more is offered at a start. What the robot program judges and derives: one file per logger, of the newest program.
 """
 
 import os
@@ -9,12 +10,16 @@ import re
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import msgspec
 
+from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.runtime import state_folder
 from silo.decoding import json_decoder
 from silo_tui.model.table.state import KeptEdit
+
+Kept = TypeVar("Kept")
 
 
 class KeptEdits(msgspec.Struct, frozen=True):
@@ -22,6 +27,14 @@ class KeptEdits(msgspec.Struct, frozen=True):
 
     time_s: float
     edits: list[KeptEdit]
+
+
+class KeptConditions(msgspec.Struct, frozen=True):
+    """What the robot program of a process has, and what that before it had alone."""
+
+    pid: int
+    there: Conditions
+    gone: Conditions = NO_CONDITIONS
 
 
 def path_of(host: str, logger: str) -> Path:
@@ -67,15 +80,37 @@ def keep(path: Path, edits: Sequence[KeptEdit]) -> None:
     if not edits:
         path.unlink(missing_ok=True)
         return
-    path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-    beside = path.with_suffix(".new")
-    beside.write_bytes(msgspec.json.encode(KeptEdits(time.time(), list(edits))))
-    beside.replace(path)
+    _write(path, KeptEdits(time.time(), list(edits)))
 
 
 def read(path: Path) -> KeptEdits | None:
     """Return what was kept; None for nothing, or what can't be read."""
+    return _read(path, KeptEdits)
+
+
+def conditions_of(host: str, logger: str) -> KeptConditions | None:
+    """Return what was kept of what a logger judges and derives."""
+    return _read(_path_of_conditions(host, logger), KeptConditions)
+
+
+def keep_conditions(host: str, logger: str, found: KeptConditions) -> None:
+    """Write what a logger judges and derives. Raises OSError."""
+    _write(_path_of_conditions(host, logger), found)
+
+
+def _path_of_conditions(host: str, logger: str) -> Path:
+    return state_folder() / "conditions" / f"{_stem(host, logger)}.json"
+
+
+def _write(path: Path, what: msgspec.Struct) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    beside = path.with_suffix(f".{os.getpid()}.new")
+    beside.write_bytes(msgspec.json.encode(what))
+    beside.replace(path)
+
+
+def _read(path: Path, kind: type[Kept]) -> Kept | None:
     try:
-        return json_decoder(KeptEdits).decode(path.read_bytes())
+        return json_decoder(kind).decode(path.read_bytes())
     except (OSError, msgspec.MsgspecError, UnicodeDecodeError):
         return None

@@ -10,13 +10,13 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import numpy as np
 
 from silo.conditions.standing import LimitStatus, TriggerStatus
 from silo.core.arrays.columns import MAX_COLUMNS, ColumnStore, HistoryColumns
-from silo.core.conditions import Derived, SignalLimits, TriggerOptions
+from silo.core.conditions import Conditions, Derived, SignalLimits, TriggerOptions
 from silo.core.elements import ElementInfo, LoggedEvent, SavedFile, State, Status
 from silo.core.episodes.words import next_marks
 from silo.core.quantities.writing import and_more
@@ -41,6 +41,8 @@ from silo_tui.model.table.fields import options_of, rows_of
 from silo_tui.model.table.rows import RowList
 from silo_tui.model.table.state import TableState
 from silo_tui.model.words.names import below
+from silo_tui.sessions import kept
+from silo_tui.sessions.kept import KeptConditions
 from silo_tui.sessions.link import Link, ViewRequest, refusal
 from silo_tui.sessions.parameters import Knobs
 from silo_tui.sessions.recordings import Fetching
@@ -52,6 +54,7 @@ if TYPE_CHECKING:
     from silo_tui.model.plots.overlay import Overlay
 
 Condition: TypeAlias = Derived | SignalLimits | TriggerOptions
+_Kind = TypeVar("_Kind", Derived, SignalLimits, TriggerOptions)
 
 AHEAD_NS = 2_000_000_000
 FIRST_EVENTS = 300  # lines of the event log at first, 30 kB on a thin link
@@ -155,6 +158,7 @@ class Session:
         self.overlay: Overlay | None = None  # a saved run over the plots
         self._said_closed = False  # the program that is connected, since it is
         self.gone: dict[str, Condition] = {}  # what went with the program before, by words
+        self._kept: KeptConditions | None = None  # of what it judges and derives, for the next start
         self.refused_trigger: TriggerOptions | None = None  # and left, to mend why
         self.made_trigger = ""  # the one that was made last
         self.left_files: list[SavedFile] = []  # of a robot program that died
@@ -378,7 +382,7 @@ class Session:
         RefusedError says why not; when somebody else changed the table meanwhile it was read again and the edits are
         rebased, so that the caller can show the conflicts or try again.
         """
-        edits, kept, revision = self.table.edits(), self.table.kept(), self.table.revision
+        edits, pending, revision = self.table.edits(), self.table.kept(), self.table.revision
         try:
             applied = await self.connection.call(lambda client: client.apply(edits, revision, cut=cut))
         except RefusedError as refused:
@@ -386,7 +390,7 @@ class Session:
                 await self.reload()
             raise
         await self.reload()
-        self.table.note_applied(kept)
+        self.table.note_applied(pending)
         self.connection.watch_again()
         return applied
 
@@ -579,21 +583,54 @@ class Session:
         self.knobs.forget()
         with suppress(RefusedError):  # an older silo has none
             await self.refresh_conditions()
+        self._note_gone(had)
+        told = f"; gone with it, as no script of it has them: {self.gone_words()}" if self.gone else ""
+        return f"started again; before, {before.reason or 'nothing is known of how it ended'}{told}"
+
+    def _note_gone(self, had: "dict[str, Condition]") -> None:
         there = self._conditions()
         self.gone = {words: one for words, one in had.items() if words not in there}
-        way = "; :restore sets them again" if self.gone else ""
-        gone = f"; gone with it, as no script of it has them: {and_more(list(self.gone), 3)}{way}" if way else ""
-        return f"started again; before, {before.reason or 'nothing is known of how it ended'}{gone}"
 
-    def _conditions(self) -> "dict[str, Condition]":
-        """What is derived and judged, by words: a new program begins with what its script says."""
+    def gone_words(self, *kinds: type) -> str:
+        """Return what went with the program before, and what brings it back; of some kinds alone. Empty for nothing."""
+        names = [words for words, one in self.gone.items() if not kinds or isinstance(one, kinds)]
+        return f"{and_more(names, 3)}; :restore sets them again" if names else ""
+
+    def keep_conditions(self) -> str:
+        """Keep what is judged and derived for the next start; return what went since the last one. Raises OSError."""
+        before, host, told = self._kept, self.status.host, ""
+        if before is None:
+            before = kept.conditions_of(host, self.name)
+        if self._kept is None and before is not None:
+            is_new = before.pid != self.status.pid
+            self._note_gone({**self._by_words(before.there if is_new else before.gone), **self.gone})
+            told = f"gone with the program before: {self.gone_words()}" if is_new and self.gone else ""
+        there = Conditions(*self._judged())
+        gone = Conditions(self._gone(Derived), self._gone(SignalLimits), self._gone(TriggerOptions))
+        self._kept = KeptConditions(self.status.pid, there, gone)
+        if self._kept != before:
+            kept.keep_conditions(host, self.name, self._kept)
+        return told
+
+    def _gone(self, kind: type[_Kind]) -> tuple[_Kind, ...]:
+        return tuple(one for one in self.gone.values() if isinstance(one, kind))
+
+    def _judged(self) -> tuple[tuple[Derived, ...], tuple[SignalLimits, ...], tuple[TriggerOptions, ...]]:
+        """Return what is derived and judged: a new program begins with what its script says."""
         from silo_tui.model.table.derived import present  # which loads expressions: a first screen waits for none
 
         limits = {one.limits: one.options for one in self.limits}
+        triggers = tuple(one.options for one in self.triggers if not one.owner)
+        return present(self.table), tuple(limits.values()), triggers
+
+    def _conditions(self) -> "dict[str, Condition]":
+        return self._by_words(Conditions(*self._judged()))
+
+    def _by_words(self, found: Conditions) -> "dict[str, Condition]":
         return {
-            **{f"derived {self.short_name(one.name)}": one for one in present(self.table)},
-            **{f"limits of {self.short_name(name)}": one for name, one in limits.items()},
-            **{f"trigger {one.options.name}": one.options for one in self.triggers if not one.owner},
+            **{f"derived {self.short_name(one.name)}": one for one in found.derived},
+            **{f"limits of {self.short_name(one.name)}": one for one in found.limits},
+            **{f"trigger {one.name}": one for one in found.triggers},
         }
 
     async def restore(self) -> tuple[list[str], list[str]]:

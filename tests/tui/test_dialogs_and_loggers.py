@@ -21,6 +21,7 @@ from silo_tui.modal import Choices
 from silo_tui.model.table.fields import Field
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.screens.table import TableScreen
+from silo_tui.sessions import kept
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -76,13 +77,32 @@ async def test_conditions_that_a_new_program_knows_nothing_of_are_named(fake, op
         await screen.shows("No link")
         fake.pid, fake.trigger_statuses = 5000, fake.trigger_statuses[:1]
         fake.mend()
-        await screen.shows("as no script of it has them: trigger slip; :restore sets them again")
+        await screen.shows("as no script of it has them: trigger slip; :restore sets them")
         assert "fall" not in screen.text
         await screen.enter(":restore")
         await screen.shows("set again: trigger slip")
         assert [one.options.name for one in fake.trigger_statuses] == ["fall", "slip"]
         await screen.enter(":restore")
         await screen.shows("nothing is gone")
+
+
+async def test_conditions_that_went_with_the_program_are_named_at_the_next_start_too(fake, opened):
+    made = [TriggerOptions(name, "legs/LF/HAA/torque > 3", 5.0, 1.0) for name in ("fall", "slip")]
+    fake.trigger_statuses = [TriggerStatus(one, TriggerWord.ARMED) for one in made]
+    async with opened(fake) as screen:
+        await screen.until(lambda: kept.conditions_of("anymal", "robot"), "what is kept")
+    fake.pid, fake.trigger_statuses, fake.connected = 5000, fake.trigger_statuses[:1], True
+    async with opened(fake) as screen:
+        await screen.shows("gone with the program before: trigger slip; :restore sets them")
+    fake.connected = True
+    async with opened(fake) as screen:  # told once, and there to be looked up
+        await screen.until(lambda: screen.session.gone, "what is kept")
+        assert "gone with" not in screen.text
+        await screen.do("triggers")
+        await screen.shows("Gone with the program before: trigger slip; :restore")
+        await screen.enter(":restore")
+        await screen.shows("set again: trigger slip")
+        await screen.until(lambda: "Gone with" not in screen.text, "the triggers")
 
 
 async def test_what_can_not_be_set_again_is_told_and_stays_to_be_tried(fake, opened, monkeypatch):

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from silo.conditions.standing import LimitStatus, LimitWord
+from silo.core.conditions import SignalLimits
 from silo.core.quantities.writing import and_more
 from silo.errors import RefusedError
 from silo_tui.actions import key_of
@@ -42,6 +43,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
     """A line for each scalar with limits: what is or was over, what is blind, then what was always within them."""
 
     scope = "alarms"
+    kinds = (SignalLimits,)
     orders = (
         Order("!", "!", "worst first, what nobody has seen before what was", lambda one: 0),
         Order("signal", "n", "name", lambda one: one.name.casefold()),

@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from silo_tui.modal import run_alone
 from silo_tui.model.lists.conditions import MOST_PLOTS
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 class ConditionsScreen(LoggerList[Status]):
     """A list of how conditions stand, asked for anew each second while it is shown."""
+
+    kinds: ClassVar[tuple[type, ...]] = ()  # of conditions, of which it tells what went with the program before
 
     def begin(self) -> None:
         self.ask()
@@ -56,6 +58,10 @@ class ConditionsScreen(LoggerList[Status]):
         keys = list(map(self.key_of, found))
         fitted = fitting_names([self.named(key) for key in keys], room)
         self._room, self._names = room, {key: f"{fits:<{room}}" for key, fits in zip(keys, fitted, strict=True)}
+
+    def advice(self) -> str:
+        gone = self.session.gone_words(*self.kinds) if self.kinds else ""
+        return "\n".join(filter(None, [super().advice(), gone and f"Gone with the program before: {gone}"]))
 
     def show(self) -> None:
         super().show()

@@ -36,6 +36,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
     """A line for each trigger."""
 
     scope = "triggers"
+    kinds = (TriggerOptions,)
     orders = (
         Order("made", "g", "as they were made", lambda one: 0),
         Order("name", "n", "name", lambda one: one.options.name.casefold()),
