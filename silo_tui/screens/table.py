@@ -1,6 +1,5 @@
 """The table of a logger: its elements with their live columns, and everything that edits them."""
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -11,7 +10,7 @@ from textual.app import ComposeResult
 from textual.geometry import Region
 
 from silo.core.arrays.columns import ColumnStore
-from silo.core.conditions import TriggerOptions, new_trigger
+from silo.core.conditions import new_trigger
 from silo.core.quantities.writing import and_more, many, wall_clock
 from silo.errors import RefusedError, SiloError
 from silo.rpc.frames import Frame
@@ -23,7 +22,6 @@ from silo_tui.model.table.columns import LIVE_COLUMNS, STEADY
 from silo_tui.model.table.facts import STATISTICS
 from silo_tui.model.table.fields import Field, next_value, parse_change, phrase_for
 from silo_tui.model.table.state import APPLIED
-from silo_tui.model.words import text
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.screens.elements import WIDE, ElementsScreen
@@ -393,29 +391,28 @@ class TableScreen(ElementsScreen):
 
     def command_new_of_row(self) -> None:
         if self.session.rows.row is None:  # a name space, or nothing: a trigger is of any signals
-            self._make("trigger", new_trigger(), "")
+            self.context.run_flow(self._make_trigger(""))
             return
         if (here := self._entry_here()) is None:
             return
-        row, entry, name = here
-        short = self.session.short_name(name).lstrip("/")
-        reading = self.session.live.readings.get(self.session.table.names[row])
-        value = reading.newest[entry] if reading is not None and entry < len(reading.newest) else 0.0
-        level = text.short(value, 3) if math.isfinite(value) else "0"
-        made = new_trigger(short.rpartition("/")[2], f"{short} > {level}")
+        _, _, name = here
         choices = [
-            Choice("trigger", f"A trigger: {made.when}", "t"), Choice("limits", "Limits", "l"),
+            Choice("trigger", "A trigger", "t"), Choice("limits", "Limits", "l"),
             Choice("derived", "A signal derived from it", "d"),
         ]  # fmt: skip
         question = Question(f"New for {self.session.short_name(name)}?", "", choices)
-        ask(self, question, lambda answer: self._make(answer, made, name))
+        ask(self, question, lambda answer: self._make(answer, name))
 
-    def _make(self, answer: str, made: TriggerOptions, name: str) -> None:
+    async def _make_trigger(self, name: str) -> None:
+        from silo_tui.screens.dialogs.trigger_editor import ask_trigger
+
+        made = await self.session.new_trigger(name) if name else new_trigger()
+        await ask_trigger(self.context, made)
+
+    def _make(self, answer: str, name: str) -> None:
         """Ask for a trigger, limits or a derived signal, over the table."""
         if answer == "trigger":
-            from silo_tui.screens.dialogs.trigger_editor import ask_trigger
-
-            self.context.run_flow(ask_trigger(self.context, made))
+            self.context.run_flow(self._make_trigger(name))
         elif answer == "derived":
             self.derive("", self.session.short_name(name).lstrip("/"))
         elif answer == "limits":

@@ -16,7 +16,7 @@ import numpy as np
 
 from silo.conditions.standing import LimitStatus, TriggerStatus
 from silo.core.arrays.columns import MAX_COLUMNS, ColumnStore, HistoryColumns
-from silo.core.conditions import Conditions, Derived, SignalLimits, TriggerOptions
+from silo.core.conditions import Conditions, Derived, SignalLimits, TriggerOptions, new_trigger
 from silo.core.elements import ElementInfo, LoggedEvent, SavedFile, State, Status
 from silo.core.episodes.words import next_marks
 from silo.core.quantities.writing import and_more
@@ -30,6 +30,7 @@ from silo.rpc.refusals import RefusedWhy
 from silo.settings.typed import ElementSettings, apply_settings
 from silo.state.requests import EditsApplied, Unsaved
 from silo_tui.model.drawing.plots import trends
+from silo_tui.model.lists.conditions import beyond_all
 from silo_tui.model.lists.happened import newest, of_last_run
 from silo_tui.model.lists.recorders import WritingPace
 from silo_tui.model.plots.limits import Bounds4
@@ -57,6 +58,7 @@ Condition: TypeAlias = Derived | SignalLimits | TriggerOptions
 _Kind = TypeVar("_Kind", Derived, SignalLimits, TriggerOptions)
 
 AHEAD_NS = 2_000_000_000
+QUIET_NS, QUIET_COLUMNS = 60_000_000_000, 60  # for how long a new trigger should not have fired
 FIRST_EVENTS = 300  # lines of the event log at first, 30 kB on a thin link
 NO_STATUS = Status(
     logger="", host="", user="", pid=0, helper_pid=0, state=State.STOPPED, revision=-1, frequency_hz=0.0,
@@ -301,6 +303,21 @@ class Session:
     async def tried(self, trigger: TriggerOptions) -> "TriggerTried":
         """Return what a trigger would have done in all that is held. Raises a SiloError where that can't be told."""
         return await self.connection.read(lambda client: client.try_trigger(trigger))
+
+    async def new_trigger(self, name: str, level: str = "") -> TriggerOptions:
+        """Return a new trigger on a scalar, at a level, or at one beyond all of the last minute: it would not fire."""
+        short = self.short_name(name).lstrip("/")
+        when = f"{short} > {level}" if level else await self._beyond_all(name, short)
+        return new_trigger(short.rpartition("/")[2], when)
+
+    async def _beyond_all(self, name: str, short: str) -> str:
+        entries = (entry for info in self.table.elements for entry in info.entries if info.name + entry.suffix == name)
+        entry, end_ns = next(entries, None), self.source.end_ns
+        if entry is None or entry.dtype[1:2] in "SU":
+            return ""
+        past = await self.source.history([name], end_ns - QUIET_NS, end_ns, QUIET_NS // QUIET_COLUMNS)
+        low, high = (edges[np.isfinite(edges)] + past.bases.get(0, 0) for edges in (past.low, past.high))
+        return beyond_all(short, entry, float(low.min()), float(high.max())) if low.size else ""
 
     async def mark(self, words: str, at_ns: int) -> LoggedEvent:
         """Mark the tick of a moment; of a logger that has no tick yet, the moment is now."""

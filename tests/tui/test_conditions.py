@@ -1,13 +1,16 @@
 """Triggers and alarms on the screen: how they stand, what is done with them, what a condition would have done."""
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
 from silo.conditions.standing import CapturedSpan, LimitStatus, LimitWord, TriggerStatus
 from silo.core.conditions import SignalLimits, TriggerOptions, TriggerWord, new_trigger
+from silo.core.elements import Entry
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo_tui.model.lists.conditions import (
     alarms_words,
+    beyond_all,
     capture_words,
     fields_of,
     head_words,
@@ -32,6 +35,17 @@ HOT = LimitStatus(
 )  # fmt: skip
 
 JOINTS = ("HAA", "HFE", "KFE")
+
+
+@pytest.mark.parametrize(
+    ("dtype", "low", "high", "when"),
+    [("<f8", -2.0, 3.0, "x > 3.6"), ("<f8", 48.9, 49.4871, "x > 49.55"), ("<f4", 5.0, 5.0, "x > 5.6"),
+     ("<f8", 0.0, 0.0, "x > 0.2"), ("<i8", 0, 121000, "x > 140000"), ("<f8", 0.001, 0.0011, "x > 0.00112"),
+     ("|b1", 0, 0, "x"), ("|b1", 1, 1, "not x"), ("|b1", 0, 1, ""), ("<f8", -1.0, np.inf, "")],
+)  # fmt: skip
+def test_a_new_trigger_lies_beyond_all_that_was(dtype, low, high, when):
+    assert beyond_all("x", Entry("", dtype), low, high) == when
+    assert beyond_all("x", Entry("", "<i8", {0: "STAND"}), low, high) == ""
 
 
 class TestWords:
@@ -241,7 +255,7 @@ class TestScreens:
         fake.trigger_statuses = [
             TriggerStatus(TriggerOptions(name, "x > 1", 1, 1), TriggerWord.ARMED) for name in ("slip", "tilt")
         ]
-        async with opened(fake) as screen:
+        async with opened(fake.run(20)) as screen:
             await screen.press("T")
             await screen.shows("slip")
             await screen.press("N")
@@ -480,7 +494,7 @@ class TestScreens:
             await screen.shows("1 alarm HH")
 
     async def test_a_plot_makes_a_trigger_at_its_level(self, fake, opened):
-        async with opened(fake) as screen:
+        async with opened(fake.run(20)) as screen:
             await screen.press("m")
             await screen.until(lambda: screen.app.screen.scope == "monitor")
             await screen.press("N")
@@ -603,6 +617,9 @@ class TestLists:
         async with opened(fake) as screen:
             await screen.press("N", "t")
             await screen.shows("New trigger on robot")
+            name, _, level = screen.app.screen.fields["when"].partition(" > ")
+            past = await screen.session.source.history([f"/log/{name}"], fake.now_ns - 10**10, fake.now_ns, 10**9)
+            assert np.nanmax(past.high) < float(level) < np.nanmax(past.high) + 1, "it would not have fired"
             await screen.press("escape")
             await screen.until(lambda: screen.app.screen.scope == "table")
             await screen.press("N", "l")

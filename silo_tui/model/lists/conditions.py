@@ -1,5 +1,6 @@
 """How triggers and limits stand, in the words of their screens: rows of plain text, and what the head says. Pure."""
 
+import math
 import time
 from collections.abc import Sequence
 from itertools import pairwise
@@ -7,7 +8,7 @@ from itertools import pairwise
 from silo.conditions.requests import TriggerTried
 from silo.conditions.standing import SIDES, LimitStatus, LimitWord, TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
-from silo.core.elements import ElementInfo, FileType
+from silo.core.elements import ElementInfo, Entry, FileType
 from silo.core.names import Names
 from silo.core.quantities.writing import duration_text, many, share_words, size_text
 from silo.errors import ExpressionError
@@ -158,6 +159,17 @@ def head_words(
 
 
 # --------------------------------------------------------------------------------------------------------- the editor
+
+
+def beyond_all(name: str, entry: Entry, low: float, high: float) -> str:
+    """Return a condition on a scalar that never held while it was between these; empty where there is none to guess."""
+    if entry.dtype[1:2] == "b":
+        return name if not high else f"not {name}" if low else ""
+    if entry.labels or not math.isfinite(high - low):
+        return ""
+    tenth = (high - low or abs(high) or 1.0) / 10
+    step = 10.0 ** math.floor(math.log10(tenth))
+    return f"{name} > {(math.floor((high + tenth) / step) + 1) * step:.15g}"
 
 
 MODES, SLOPES = ("normal", "single"), ("rising", "falling", "level", "enter", "leave")

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 
-from silo.core.conditions import new_trigger
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.drawing.plots import Plotted, plots_of
@@ -210,10 +209,9 @@ class MonitorScreen(PlotScreen):
     async def _ask_trigger(self) -> None:
         from silo_tui.screens.dialogs.trigger_editor import ask_trigger
 
-        name = self.session.short_name(self.stack.chosen_plot.name).lstrip("/")
-        level = value_here(self.stack.chosen_plot, await self.readings_here()) or "0"
-        made = new_trigger(name.rpartition("/")[2], f"{name} > {level}")
-        await ask_trigger(self.context, made)
+        chosen, at_cursor = self.stack.chosen_plot, self.window.paused and self.window.cursor is not None
+        level = value_here(chosen, await self.readings_here()) if at_cursor else ""
+        await ask_trigger(self.context, await self.session.new_trigger(chosen.name, level))
 
     def command_zero(self) -> None:
         run_aside(self, "zero", self._zero)
