@@ -186,6 +186,15 @@ async def test_where_the_buffers_hold_no_more_than_the_picture_scrolling_back_sa
         assert "PAUSED" in screen.text
 
 
+async def test_scrolling_back_by_less_than_half_a_window_says_how_far_it_went_and_why(new_fake, opened):
+    fake = new_fake([scalar(TORQUE, "Nm", buffer=BufferType.LOOPING, size=4800)])
+    async with opened(fake.run(60)) as screen:
+        await screen.press("m")
+        await screen.until(lambda: not store_of(screen).empty, "history in the plot")
+        await screen.press("pageup")
+        await screen.shows(" s back: that is the oldest that is held")
+
+
 async def test_buffers_that_hold_more_than_they_were_asked_to_are_looked_back_in(fake, opened, monkeypatch):
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)

@@ -7,6 +7,7 @@ from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.drawing.plots import Plotted, plots_of
 from silo_tui.model.plots.panels import Panel, gathered, has_curves, isolate, join, sides, stacked
 from silo_tui.model.plots.scope import Scope, fitting_span, halfway
+from silo_tui.model.words import text
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.exporting import ask_export
 from silo_tui.screens.plots.plot_screen import PlotScreen
@@ -93,11 +94,15 @@ class MonitorScreen(PlotScreen):
         if self._looking_back and self.end_ns + direction * span_ns // 2 >= newest_ns:
             self.go_on()
             return
+        end_ns = self.end_ns
         moved = self.window.pan(direction, (oldest_ns, newest_ns), self.stack.columns)
+        by_ns = abs(self.end_ns - end_ns)
         self.moved()
         whole = newest_ns - oldest_ns <= span_ns  # then there is nothing to go back in
         zooms = f", all of it is shown; {key_of('closer')} goes closer" if whole else ""
-        self.say("" if moved else f"that is {self._edge(direction)}{zooms}")
+        short = f"{text.span(by_ns / 1e9, 2)} {'on' if direction > 0 else 'back'}: " if moved else ""
+        at_edge = not moved or by_ns < span_ns // 2 - column_ns
+        self.say(f"{short}that is {self._edge(direction)}{zooms}" if at_edge else "")
 
     async def _look_behind(self) -> None:
         """Hold all that the buffers have, which tells how much that is, and go back in it."""
