@@ -2,30 +2,35 @@
 
 The one place that plots, searches and jumps ask. A moment that no pin has is pinned when one goes there, as long as the
 buffers have it; only what these have lost as well is gone. Whatever becomes of the link, what was fetched stays.
+`Pause` holds and lets go: the screen has its keys, calls `hold`, awaits `fill` in a worker, and `release`s.
 """
 
 import asyncio
+import time
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import TypeVar
+from typing import TypeVar, cast
 
-from silo.core.arrays.columns import ColumnStore, HistoryColumns
-from silo.core.elements import LoggedEvent, Sought
+import numpy as np
+
+from silo.core.arrays.columns import ColumnGrid, ColumnStore, HistoryColumns, grid_of
+from silo.core.elements import BufferType, ElementInfo, LoggedEvent, Sought
 from silo.errors import RefusedError, SiloError
 from silo.expressions.search import FoundMoments, Looking
 from silo.expressions.span import NAN, Between, between
 from silo_tui.model.drawing.plots import Plotted
-from silo_tui.model.drawing.window import SECOND_NS
+from silo_tui.model.drawing.window import SECOND_NS, SPANS_S
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.samples.searching import found_in, joined, reading_of
-from silo_tui.model.samples.source import PlotSource, Samples
+from silo_tui.model.samples.source import HeldRows, PlotSource, Samples
 from silo_tui.model.words import text
+from silo_tui.sessions.live import Session
 from silo_tui.sessions.pinned import Buffers, LinkPin, PinnedSource
 
 MOST_PIECES = 12  # a helper process has 64 pins for all its clients
 NAMES_AT_ONCE = 64  # that a helper process looks through
-
+PINNED_BYTES = 16 * 2**20  # of what was before the picture: all clients of a helper process share 64 MB
 
 Asked = TypeVar("Asked")
 
@@ -43,14 +48,23 @@ class HeldSource:
         newest_ns: int,
         shown: ColumnStore,
         buffers: Buffers | None,
+        deep_ns: int = 0,
+        changed: Callable[[], None] = lambda: None,
     ) -> None:
         """`pinned_ns` is pinned at once, `newest_ns` the moment at which it stands still (0: the end of that).
 
-        `shown` are the columns that were drawn.
+        `shown` are the columns that were drawn, `deep_ns` is how much before them is pinned by `fill`; `changed` is
+        called when more is here.
         """
         self._live = live
         self._plots = tuple(plots)
         self._buffers = buffers
+        self._deep_ns = deep_ns
+        self._changed = changed
+        self._since_s = time.monotonic()
+        self.note = ""  # what could not be had
+        self.settled = asyncio.Event()  # it is known what is pinned, or that nothing is
+        self._unreached = False  # nothing could be pinned, because nobody answered
         self._pins: list[LinkPin] = []
         self._oldest_ns = 0  # in the buffers, as they said last
         self._held_from_ns = 0  # and as they said when it was held
@@ -61,12 +75,23 @@ class HeldSource:
         self._wish_ns = pinned_ns
         self.main = PinnedSource(live, plots, *pinned_ns, shown)
         self._pieces = [self.main]  # by time; no two have a moment in common
-        # as they were, of what is held
-        self.names, self.element = self.main.names, self.main.element
-        self.period_ns, self.is_live = self.main.period_ns, self.main.is_live
-        self._period_ns = min((self.period_ns(plotted.element.name) for plotted in plots), default=0)
+        self.names = self.main.names
+        self._elements = {plotted.element.name: plotted.element for plotted in plots}  # as they were
+        self._periods = {name: live.period_ns(name) for name in self._elements}
 
     # ------------------------------------------------------------------------------------------ what is, and how much
+
+    def element(self, name: str) -> ElementInfo | None:
+        """Return the element of that name, as it was."""
+        return self._elements.get(name) or self._live.element(name)
+
+    def period_ns(self, element: str) -> int:
+        """Return the time between two samples of an element, as it was."""
+        return self._periods.get(element) or self._live.period_ns(element)
+
+    def is_live(self, element: str) -> bool:
+        """Return whether the element is held."""
+        return element in self._elements
 
     @property
     def happened(self) -> Sequence[LoggedEvent]:
@@ -122,6 +147,12 @@ class HeldSource:
         return self.main.held_text if len(self._pieces) == 1 else text.span(self.held_s, 2)
 
     @property
+    def head(self) -> str:
+        """For the head of the screen: `PAUSED 12 s ago, 41 s held`."""
+        ago, held = text.span(max(1, round(time.monotonic() - self._since_s))), self.held_text
+        return f"PAUSED {ago} ago, {held} held" if held else f"PAUSED {ago} ago"
+
+    @property
     def text(self) -> str:
         """How much is pinned and how much of it is here: `41 s held, 5.0 s of it fetched`; and what was lost of it."""
         others = self._pieces if len(self._pieces) > 1 else ()
@@ -143,16 +174,20 @@ class HeldSource:
 
     def _inside(self, start_ns: int, end_ns: int) -> list[tuple[PinnedSource, int, int]]:
         """What is pinned of a stretch, by time: each pin with the begin and the end of what it has of it."""
-        found = [(piece, max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns)) for piece in self._pieces]
+        last = self._pieces[-1]  # whose newest value holds for a while
+        found = [
+            (one, max(start_ns, one.begin_ns), end_ns if one is last else min(end_ns, one.end_ns))
+            for one in self._pieces
+        ]
         return [(piece, begin, end) for piece, begin, end in found if begin <= end]
 
     def _gaps(self, start_ns: int, end_ns: int) -> list[tuple[int, int]]:
         """What of a stretch is in no pin, but for what is too short for a sample: pins begin and end with one."""
-        found, begin = [], start_ns
+        found, begin, least_ns = [], start_ns, 2 * min(self._periods.values(), default=0)
         for piece in self._pieces:
             found.append((begin, min(end_ns, piece.begin_ns - 1)))
             begin = max(begin, piece.end_ns + 1)
-        return [gap for gap in (*found, (begin, end_ns)) if gap[1] - gap[0] > 2 * self._period_ns]
+        return [gap for gap in (*found, (begin, end_ns)) if gap[1] - gap[0] > least_ns]
 
     # ------------------------------------------------------------------------------------------------------- pinning
 
@@ -170,6 +205,63 @@ class HeldSource:
         self._held_from_ns = self._held_from_ns or pin.oldest_ns
         self.main.opened(pin, pin.begin_ns, pin.end_ns)
         return pin.text
+
+    async def fill(self, column_ns: int, span_ns: int) -> None:
+        """Have the logger pin it; then fetch columns of all, samples of the picture, and the rest if quick."""
+        try:
+            opened = await self._opened()
+        finally:
+            self.settled.set()
+        if not opened:
+            return
+        main = self.main
+        await main.fetch_columns(column_ns)
+        self._changed()
+        await main.fetch(main.end_ns - span_ns, main.end_ns)
+        self._changed()
+        while not self._closed and await main.fetch_rest():
+            self._changed()
+        for piece in self.pieces:
+            if piece is not main:
+                await piece.fetch_columns(column_ns)
+                if main.complete and piece.held_s <= main.held_s:  # it comes as quickly
+                    await piece.fetch(piece.begin_ns, piece.end_ns)
+                self._changed()
+
+    async def _opened(self) -> bool:
+        """Have the logger pin it; False where there is nothing to fetch."""
+        if self._buffers is None or not self.names:
+            return False
+        try:
+            note = await self.open()
+            # at once: a window that is wider later asks for what is overwritten by then
+            self.note = await self.cover(self.end_ns - self._deep_ns, self.end_ns) or note
+        except SiloError as error:
+            self._unreached = not isinstance(error, RefusedError)
+            self.main.unpinned("nothing is pinned: " + ("no link" if self._unreached else str(error)))
+            self._changed()
+            return False
+        self._unreached = False
+        self._changed()
+        return not (self.main.problem or self._closed)
+
+    async def look(self, start_ns: int, end_ns: int, column_ns: int) -> None:
+        """Pin and fetch what is looked at now, as far as the logger has it still; after a link that was lost too."""
+        await self.settled.wait()
+        if self._buffers is not None and self._buffers.reachable:
+            self.mended()
+            if self._unreached or not (self._pins or self.main.problem):
+                await self._opened()
+        before = self.pieces
+        if not (self.covers(start_ns) and self.covers(end_ns)):
+            # a window more: who goes back mostly goes on
+            self.note = await self.cover(2 * start_ns - end_ns, min(end_ns, self.end_ns)) or self.note
+        for piece in self.pieces:
+            if piece not in before:
+                await piece.fetch_columns(column_ns)
+        self._changed()
+        await self.fetch(start_ns, end_ns)
+        self._changed()
 
     async def cover(self, start_ns: int, end_ns: int) -> str:
         """Pin what of a stretch is in no pin yet and in the buffers still; return what could not be had, and why."""
@@ -219,7 +311,7 @@ class HeldSource:
 
     async def bring(self, time_ns: int, around_ns: int) -> bool:
         """Pin a moment with what is around it; False where it is held nowhere any more."""
-        slack = 2 * max((self.period_ns(plotted.element.name) for plotted in self._plots), default=0)
+        slack = 2 * max(self._periods.values(), default=0)
         if not self.covers(time_ns):
             # what came after the picture was held is pinned only where one goes there
             end_ns = time_ns + around_ns
@@ -241,6 +333,7 @@ class HeldSource:
     def close(self) -> None:
         """Let go of all pins."""
         self._closed = True
+        self.settled.set()
         pins, self._pins = self._pins, []
         for pin in pins:
             pin.close()
@@ -272,34 +365,36 @@ class HeldSource:
 
     async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
         """Columns of a stretch of time: of the pins, of the buffers where these have it alone, of what was drawn."""
-        gaps = self._buffered(start_ns, end_ns)
-        inside = self._inside(start_ns, end_ns)
-        if len(inside) == 1 and not gaps:
-            found = await inside[0][0].history(names, start_ns, end_ns, column_ns)
-        else:
-            store = _room(names, start_ns, end_ns, column_ns)
-            for begin, end in gaps:
-                with suppress(SiloError):
-                    store.take(await self._live.history(names, begin, end, column_ns))
-            for piece, begin, end in inside:
-                store.take(await piece.history(names, begin, max(end, begin + 1), column_ns))
-            found = store.stretch(None)
-        return self._with_drawn(found, start_ns)
+        parts = []
+        for begin, end in self._buffered(start_ns, end_ns):
+            with suppress(SiloError):
+                parts.append(await self._live.history(names, begin, end, column_ns))
+        for piece, begin, end in self._inside(start_ns, end_ns):
+            parts.append(await piece.history(names, begin, max(end, begin + 1), column_ns))
+        return self._together(names, start_ns, end_ns, column_ns, parts)
 
     def columns(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
         """Columns from what is here."""
-        if len(self._pieces) == 1:
-            found = self.main.columns(names, start_ns, end_ns, column_ns)
-        else:
-            store = _room(names, start_ns, end_ns, column_ns)
-            for piece, begin, end in self._inside(start_ns, end_ns):
-                store.take(piece.columns(names, begin, end, column_ns))
-            found = store.stretch(None)
-        return self._with_drawn(found, start_ns)
+        parts = [one.columns(names, begin, end, column_ns) for one, begin, end in self._inside(start_ns, end_ns)]
+        return self._together(names, start_ns, end_ns, column_ns, parts)
 
-    def _with_drawn(self, found: HistoryColumns, start_ns: int) -> HistoryColumns:
-        is_drawn = start_ns < self.begin_ns and self.drawn_ns < self.begin_ns
-        return self.main.with_drawn(found, self._pieces) if is_drawn else found
+    def _together(
+        self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int, parts: Sequence[HistoryColumns]
+    ) -> HistoryColumns:
+        """Return parts as one, and where none of them is what stood on the screen."""
+        first = start_ns // column_ns
+        grid = ColumnGrid(len(names), first, end_ns // column_ns + 1 - first)
+        if start_ns < self.begin_ns and self.drawn_ns < self.begin_ns:
+            self.main.lay_drawn(grid, names, column_ns)
+            begins = (first + np.arange(grid.count)) * column_ns
+            for piece in self._pieces:
+                inside = (begins + column_ns > piece.begin_ns) & (begins <= piece.end_ns)
+                grid.low[:, inside] = grid.high[:, inside] = np.nan
+                grid.marks[:, inside] = 0
+        for part in parts:
+            rows = range(len(part.names))
+            grid.merge(rows, grid_of(part.first, part.low, part.high, part.marks, part.bases), rows)
+        return grid.columns(names, column_ns)
 
     async def readings(self, names: Sequence[str], time_ns: int) -> dict[str, Reading]:
         """What held at a time, of elements: the newest sample up to then, as far as it is pinned."""
@@ -308,12 +403,8 @@ class HeldSource:
             piece = self._pieces[-1]
         if piece is None:
             return {}
-        found = {}
-        for name in names:
-            element = self.element(name)
-            if element is not None and self.is_live(name):
-                found[name] = await reading_of(piece, element, time_ns)
-        return found
+        held = [self._elements[name] for name in names if name in self._elements]
+        return {one.name: await reading_of(piece.samples, self._periods[one.name], one, time_ns) for one in held}
 
     # ------------------------------------------------------------------------------------------------------ searching
 
@@ -331,31 +422,74 @@ class HeldSource:
         self, looking: Mapping[str, Looking], around_ns: int, most: int
     ) -> tuple[dict[str, FoundMoments], str]:
         """Look for moments in all that is held of entries, and return why some of it could not be looked through."""
-        why = "" if self._all_here else self._out_of_reach
-        if not self._all_here and self._in_buffers and (buffers := self._buffers) is not None:
-            _, pins = self._of_one_run
+        _, pins = self._of_one_run
 
-            async def ask(names: Sequence[str]) -> dict[str, FoundMoments]:
-                return await buffers.find({name: looking[name] for name in names}, around_ns, most, self.end_ns, pins)
+        async def ask(buffers: Buffers, some: Sequence[str]) -> dict[str, FoundMoments]:
+            return await buffers.find({name: looking[name] for name in some}, around_ns, most, self.end_ns, pins)
 
-            found, why = await _asked(list(looking), ask)
-            if not why:
-                return found, ""
-        return await _find_here(self._pieces, looking, around_ns, most, why, pinned=self.pinned)
+        async def look(name: str) -> tuple[FoundMoments, int]:
+            one = looking[name]
+            if one.what is Sought.EDGE:  # a step from sample to sample: columns have none
+                samples, wide_ns = joined([each.held(name, each.begin_ns, each.end_ns) for each in self._pieces]), 0
+            else:
+                samples, wide_ns = self._with_columns(name)
+            sought = replace(one, period_ns=max(one.period_ns, wide_ns))
+            return await asyncio.to_thread(found_in, sought, samples, around_ns, most), wide_ns
+
+        return await self._asked_or_here(tuple(looking), self._all_here, ask, look, fetch=True)
 
     async def measure(self, names: Sequence[str], a_ns: int, b_ns: int) -> tuple[dict[str, Between], str]:
         """Measure entries between two moments, and return of what the facts are where these aren't all samples.
 
-        What isn't fetched is added up in the helper process; where that can't be asked, columns have what they have.
+        What isn't fetched is added up in the helper process; where that can't be asked, columns have what they have:
+        the ends, the smallest, the largest.
         """
+        run, pins = self._of_one_run
+
+        async def measure(name: str) -> tuple[Between, int]:
+            samples, wide_ns = self._with_columns(name)
+            facts = await asyncio.to_thread(between, *samples, a_ns, b_ns)
+            return facts if not wide_ns else replace(facts, mean=NAN, std=NAN, rms=NAN, not_finite=0), wide_ns
+
         is_here = self._has(min(a_ns, b_ns), max(a_ns, b_ns))
-        why = "" if is_here else self._out_of_reach
-        if not is_here and self._in_buffers and (buffers := self._buffers) is not None:
-            run, pins = self._of_one_run
-            found, why = await _asked(names, lambda some: buffers.measure(some, a_ns, b_ns, pins, run))
-            if not why:
+        return await self._asked_or_here(
+            names, is_here, lambda buffers, some: buffers.measure(some, a_ns, b_ns, pins, run), measure
+        )
+
+    async def _asked_or_here(
+        self,
+        names: Sequence[str],
+        is_here: bool,
+        ask: Callable[[Buffers, Sequence[str]], Awaitable[dict[str, Asked]]],
+        here: Callable[[str], Awaitable[tuple[Asked, int]]],
+        *,
+        fetch: bool = False,
+    ) -> tuple[dict[str, Asked], str]:
+        """Have the helper process do what can't be done with what `is_here`, so many names at a time; else do it here.
+
+        `here` tells how wide the columns were that it had to take for samples, too. Returns why that isn't all: nobody
+        answers, or how wide these columns are.
+        """
+        why, found = "" if is_here else self._out_of_reach, dict[str, Asked]()
+        if not is_here and self._in_buffers and self._buffers is not None:
+            try:
+                for begin in range(0, len(names), NAMES_AT_ONCE):
+                    found.update(await ask(self._buffers, names[begin : begin + NAMES_AT_ONCE]))
+            except SiloError as error:
+                why = _why(error)
+            else:
                 return found, ""
-        return await _measure_here(self._pieces, names, a_ns, b_ns, why, pinned=self.pinned)
+        for piece in self._pieces if fetch else ():
+            await piece.fetch(piece.begin_ns, piece.end_ns)
+        told = {name: await here(name) for name in names}
+        widest_ns = max((wide_ns for _, wide_ns in told.values()), default=0)
+        only = f"{'columns' if self.pinned else 'picture'} only, to {text.span(widest_ns / 1e9, 2)}"
+        return {name: found for name, (found, _) in told.items()}, only if widest_ns else why
+
+    def _with_columns(self, name: str) -> tuple[Samples, int]:
+        """All that is here of an entry: samples, and for those that can't come the ends of columns, and their width."""
+        parts = [piece.with_columns(name) for piece in self._pieces]
+        return joined([some for some, _ in parts]), max(wide for _, wide in parts)
 
     @property
     def _out_of_reach(self) -> str:
@@ -369,67 +503,96 @@ class HeldSource:
         return fetched and not self._gaps(start_ns, end_ns)
 
 
-async def _asked(
-    names: Sequence[str], ask: Callable[[Sequence[str]], Awaitable[dict[str, Asked]]]
-) -> tuple[dict[str, Asked], str]:
-    """Ask for as many at a time as a helper process looks through; return what came, and why that is not all."""
-    found: dict[str, Asked] = {}
-    try:
-        for begin in range(0, len(names), NAMES_AT_ONCE):
-            found.update(await ask(names[begin : begin + NAMES_AT_ONCE]))
-    except SiloError as error:
-        return found, _why(error)
-    return found, ""
-
-
 def _why(error: SiloError) -> str:
     return str(error) if isinstance(error, RefusedError) else "no link"
 
 
-def _room(names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> ColumnStore:
-    first, stop = start_ns // column_ns, end_ns // column_ns + 1
-    store = ColumnStore(names, stop - first, column_ns)
-    store.advance_to(stop)
-    return store
+class Pause:
+    """What the plots of a screen hold: one thing at a time. A large plot borrows it. Lives in the event loop."""
 
+    def __init__(self, session: Session, changed: Callable[[], None]) -> None:
+        """`changed` is called when more is here."""
+        self._session = session
+        self._live = session.source
+        self.changed = changed
+        self.source: HeldSource | None = None
 
-async def _find_here(
-    pieces: Sequence[PinnedSource], looking: Mapping[str, Looking], around_ns: int, most: int, why: str, *, pinned: bool
-) -> tuple[dict[str, FoundMoments], str]:
-    """Look through what is here of some pieces: samples, and columns for those that can't come.
+    async def settled(self) -> None:
+        """Wait until it is known what is pinned, or that nothing is."""
+        if self.source is not None:
+            await self.source.settled.wait()
 
-    Returns why some could not be looked through, too: `why`, or how wide these columns are.
-    """
-    for piece in pieces:
-        await piece.fetch(piece.begin_ns, piece.end_ns)
-    found, widest_ns = {}, 0
-    for name, one in looking.items():
-        if one.what is Sought.EDGE:  # a step from sample to sample: columns have none
-            parts = [(piece.held(name, piece.begin_ns, piece.end_ns), 0) for piece in pieces]
-        else:
-            parts = [piece.with_columns(name) for piece in pieces]
-        wide_ns = max(wide for _, wide in parts)
-        here = joined([some for some, _ in parts])
-        sought = replace(one, period_ns=max(one.period_ns, wide_ns))
-        found[name] = await asyncio.to_thread(found_in, sought, here, around_ns, most)
-        widest_ns = max(widest_ns, wide_ns)
-    return found, _only(widest_ns, pinned=pinned) if widest_ns else why
+    @property
+    def possible(self) -> bool:
+        """Whether there is anything that goes on by itself."""
+        return self._live.live
 
+    @property
+    def held(self) -> HeldRows:
+        """What is held, and the logger's buffers behind it; of a file all."""
+        held = self.source or self._live
+        if held.live:
+            raise RefusedError("nothing is held: space holds the picture")
+        return cast(HeldRows, held)
 
-async def _measure_here(
-    pieces: Sequence[PinnedSource], names: Sequence[str], a_ns: int, b_ns: int, why: str, *, pinned: bool
-) -> tuple[dict[str, Between], str]:
-    """Measure what is here; where only columns are, what these tell: the ends, the smallest, the largest."""
-    found, widest_ns = {}, 0
-    for name in names:
-        parts = [piece.with_columns(name) for piece in pieces]
-        wide_ns = max(wide for _, wide in parts)
-        time_ns, values = joined([some for some, _ in parts])
-        facts = await asyncio.to_thread(between, time_ns, values, a_ns, b_ns)
-        found[name] = facts if not wide_ns else replace(facts, mean=NAN, std=NAN, rms=NAN, not_finite=0)
-        widest_ns = max(widest_ns, wide_ns)
-    return found, _only(widest_ns, pinned=pinned) if widest_ns else why
+    @property
+    def text(self) -> str:
+        """How much is held; empty while nothing is."""
+        return "; ".join(filter(None, [self.source.text, self.source.note])) if self.source is not None else ""
 
+    @property
+    def head(self) -> str:
+        """That for the head of the screen."""
+        return self.source.head if self.source is not None else ""
 
-def _only(widest_ns: int, *, pinned: bool) -> str:
-    return f"{'columns' if pinned else 'picture'} only, to {text.span(widest_ns / 1e9, 2)}"
+    def held_ns(self, plots: Sequence[Plotted]) -> tuple[int, int]:
+        """The oldest and the newest moment that can be looked at: held or drawn, in a file, or surely in the buffers.
+
+        These have room for more than they were asked to hold.
+        """
+        if self.source is not None:
+            return self.source.drawn_ns, self.source.end_ns
+        if not self.possible:
+            return self._live.begin_ns, self._live.end_ns
+        newest_ns, started_ns = self._live.end_ns, self._session.status.started_ns
+        spans = [0]
+        for element in {plotted.element.name: plotted.element for plotted in plots}.values():
+            loops = element.options.buffer is BufferType.LOOPING
+            period_ns = self._live.period_ns(element.name)
+            spans.append(element.options.size * period_ns if loops else newest_ns - started_ns)
+        return max(started_ns, newest_ns - max(spans)), newest_ns
+
+    def hold(
+        self, plots: Sequence[Plotted], end_ns: int, span_ns: int, shown: ColumnStore, newest_ns: int = 0
+    ) -> HeldSource:
+        """Hold the picture that ends there, and what was before it: for at least as long, and as the buffers have it.
+
+        `newest_ns` is now, where the picture is an earlier one.
+        """
+        self.release()
+        plots = [plotted for plotted in plots if self._live.is_live(plotted.element.name)]
+        buffers = Buffers(self._session) if self._session.link is not None else None
+        elements = {plotted.element.name: plotted.element for plotted in plots}
+        bytes_s = sum(
+            (16 + 8 * len(one.entries)) * SECOND_NS / self._live.period_ns(name) for name, one in elements.items()
+        )
+        deep_ns = round(min(SPANS_S[-1], PINNED_BYTES / max(1, bytes_s)) * SECOND_NS)
+        wish_ns = end_ns - 2 * span_ns, end_ns
+        self.source = HeldSource(self._live, plots, wish_ns, newest_ns, shown, buffers, deep_ns, self._tell)
+        return self.source
+
+    def _tell(self) -> None:
+        self.changed()  # whoever has it by now
+
+    async def bring(self, time_ns: int, around_ns: int) -> bool:
+        """Have a moment pinned; False where neither pins nor the logger's buffers hold it any more."""
+        await self.settled()
+        if not self.possible:
+            return self._live.begin_ns <= time_ns <= self._live.end_ns
+        return self.source is not None and await self.source.bring(time_ns, around_ns)
+
+    def release(self) -> None:
+        """Let go of what is held."""
+        source, self.source = self.source, None
+        if source is not None:
+            source.close()

@@ -9,6 +9,7 @@ import asyncio
 import math
 import time
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -26,7 +27,6 @@ from silo.core.arrays.columns import (
     coarser,
     grid_of,
 )
-from silo.core.elements import ElementInfo, LoggedEvent
 from silo.errors import SiloError
 from silo.expressions.search import FoundMoments, Looking
 from silo.expressions.span import Between
@@ -125,9 +125,7 @@ def _let_go(pinned: "asyncio.Future[Pin]") -> None:
 
 
 class PinnedSource:
-    """A source of plots that stands still. Lives in the event loop."""
-
-    live = False
+    """What one pin holds of some signals, and the picture before it came. Lives in the event loop."""
 
     def __init__(
         self, live: PlotSource, plots: Sequence[Plotted], start_ns: int, end_ns: int, shown: ColumnStore
@@ -136,40 +134,20 @@ class PinnedSource:
         self.names = tuple(dict.fromkeys(plotted.name for plotted in plots))
         self.begin_ns, self.end_ns = start_ns, max(start_ns + 1, end_ns)
         self.problem = ""  # why no more is fetched
-        self._live = live
-        self._element_of = {plotted.name: plotted.element.name for plotted in plots}
-        self._elements = {plotted.element.name: plotted.element for plotted in plots}
-        self._periods = {name: live.period_ns(name) for name in self._elements}
+        self._periods = {plotted.name: live.period_ns(plotted.element.name) for plotted in plots}
         self._reader: LinkPin | None = None
-        self._shown = _copy_of(shown)
+        self._shown = deepcopy(shown).stretch(None)
         self._coarse: HistoryColumns | None = None
-        self._slice_ns = max(1, -(-(self.end_ns - self.begin_ns) // SLICES))
+        self._slice_ns = self._slice_of()
         self._slices: dict[int, dict[str, Samples]] = {}
         self._fetching = asyncio.Lock()
         self._slice_s = math.inf  # how long a slice took at last
 
     # -------------------------------------------------------------------------------------------- what is, and how much
 
-    def element(self, name: str) -> ElementInfo | None:
-        """Return the element of that name, as it was."""
-        return self._elements.get(name) or self._live.element(name)
-
     def reads(self, reader: LinkPin) -> bool:
         """Return whether it is fetched from there."""
         return self._reader is reader
-
-    def period_ns(self, element: str) -> int:
-        """Return the time between two samples of an element, as it was."""
-        return self._periods.get(element) or self._live.period_ns(element)
-
-    @property
-    def happened(self) -> Sequence[LoggedEvent]:
-        """What happened, also since the picture was held."""
-        return self._live.happened
-
-    def is_live(self, element: str) -> bool:
-        """Return whether the element is pinned."""
-        return element in self._elements
 
     @property
     def held_s(self) -> float:
@@ -212,14 +190,17 @@ class PinnedSource:
         self._reader, self.problem = reader, ""
         if not self._slices:
             self.begin_ns, self.end_ns = begin_ns, max(begin_ns + 1, end_ns)
-            self._slice_ns = max(1, -(-(self.end_ns - self.begin_ns + 1) // SLICES))
+            self._slice_ns = self._slice_of()
 
     def unpinned(self, problem: str) -> None:
         """Nothing of it could be pinned: the picture that stood on the screen is all that there is."""
         self.problem = problem
         if self._reader is None:
             self.begin_ns = min(self.drawn_ns, self.end_ns - 1)
-            self._slice_ns = max(1, -(-(self.end_ns - self.begin_ns + 1) // SLICES))
+            self._slice_ns = self._slice_of()
+
+    def _slice_of(self) -> int:
+        return max(1, -(-(self.end_ns - self.begin_ns + 1) // SLICES))
 
     async def fetch_columns(self, column_ns: int) -> None:
         """Fetch columns of the whole span. Errors are noted in `problem`."""
@@ -328,12 +309,12 @@ class PinnedSource:
                 for wide in (self._coarse, self._shown):
                     _spread(grid, row, name, wide, column_ns)
             self._lay_samples(grid, row, name, column_ns)
-        return _columns_of(grid, names, column_ns)
+        return grid.columns(names, column_ns)
 
     def _lay_samples(self, grid: ColumnGrid, row: int, name: str, column_ns: int) -> None:
         """Lay samples over a grid; a column without one shows the value that held, until two more would be due."""
         begin_ns, end_ns = grid.first * column_ns, (grid.first + grid.count) * column_ns
-        holds_ns = 2 * self._periods.get(self._element_of.get(name, ""), 0)
+        holds_ns = 2 * self._periods.get(name, 0)
         time_ns, values = self.held(name, begin_ns - holds_ns, end_ns - 1)
         if not len(time_ns):
             return
@@ -359,20 +340,10 @@ class PinnedSource:
         """That moment where it was columns before a time, else this time."""
         return self.drawn_ns if self.drawn_ns + self._shown.column_ns <= time_ns else time_ns
 
-    def with_drawn(self, found: HistoryColumns, pieces: Sequence["PinnedSource"]) -> HistoryColumns:
-        """Return columns with those that stood on the screen, where none of the pieces is."""
-        count, column_ns = found.low.shape[1], found.column_ns
-        grid = ColumnGrid(len(found.names), found.first, count)
-        for row, name in enumerate(found.names):
+    def lay_drawn(self, grid: ColumnGrid, names: Sequence[str], column_ns: int) -> None:
+        """Lay what stood on the screen over a grid."""
+        for row, name in enumerate(names):
             _spread(grid, row, name, self._shown, column_ns)
-        begins = (found.first + np.arange(count)) * column_ns
-        for piece in pieces:
-            inside = (begins + column_ns > piece.begin_ns) & (begins <= piece.end_ns)
-            grid.low[:, inside] = grid.high[:, inside] = np.nan
-            grid.marks[:, inside] = 0
-        rows = range(len(found.names))
-        grid.merge(rows, grid_of(found.first, found.low, found.high, found.marks, found.bases), rows)
-        return _columns_of(grid, found.names, column_ns)
 
 
 def _ends_of(columns: HistoryColumns, row: int) -> Samples:
@@ -398,18 +369,6 @@ def _ends_of(columns: HistoryColumns, row: int) -> Samples:
     order = np.argsort(time_ns, kind="stable")
     exact = 0 < abs(base) < 2**62 and bool(np.isfinite(values).all())
     return time_ns[order].astype(np.int64), (values.astype(np.int64) + base if exact else values + base)[order]
-
-
-def _copy_of(shown: ColumnStore) -> HistoryColumns:
-    rows = range(len(shown.names))
-    bases = {row: shown.base(row) for row in rows if shown.base(row)}
-    low, high, marks = shown.low.copy(), shown.high.copy(), shown.marks.copy()
-    return HistoryColumns(shown.names, shown.first, shown.column_ns, low, high, marks, bases)
-
-
-def _columns_of(grid: ColumnGrid, names: Sequence[str], column_ns: int) -> HistoryColumns:
-    bases = {row: base for row, base in enumerate(grid.bases) if base}
-    return HistoryColumns(tuple(names), grid.first, column_ns, grid.low, grid.high, grid.marks, bases)
 
 
 def _spread(grid: ColumnGrid, row: int, name: str, other: HistoryColumns | None, column_ns: int) -> None:

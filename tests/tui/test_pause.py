@@ -9,7 +9,6 @@ from textual.widgets import Input
 from silo.core.elements import BufferType
 from silo.history.requests import PinOpened
 from silo_tui.screens.dialogs.questions import Prompt
-from silo_tui.sessions import pause
 from tests.stand_ins.fake_signals import HZ, START_NS, scalar, signal
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
@@ -49,7 +48,7 @@ def logged(time_ns):
 @pytest.fixture(autouse=True)
 def shallow(monkeypatch):
     """No room for more than the picture and as much before it: there is something that no pin has."""
-    monkeypatch.setattr(pause, "PINNED_BYTES", 0)
+    monkeypatch.setattr("silo_tui.sessions.held.PINNED_BYTES", 0)
 
 
 @pytest.fixture
@@ -86,7 +85,7 @@ async def test_what_is_pinned_stays_when_the_buffers_overwrite_it(new_fake, open
 
 
 async def test_a_window_that_is_wider_later_shows_what_the_buffers_held_at_the_pause(new_fake, opened, monkeypatch):
-    monkeypatch.setattr(pause, "PINNED_BYTES", 2**24)
+    monkeypatch.setattr("silo_tui.sessions.held.PINNED_BYTES", 2**24)
     fake = new_fake([scalar(TORQUE, "Nm", buffer=BufferType.LOOPING, size=4000)])
     async with opened(fake.run(25)) as screen:
         await screen.press("m")

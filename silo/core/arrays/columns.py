@@ -210,6 +210,11 @@ class ColumnGrid:
             holes = np.maximum(marks & HOLES, others & HOLES)
             self.marks[mine, here] = _with_holes(self.low[mine, here], (marks | others) & FLAGS, holes)
 
+    def columns(self, names: Sequence[str], column_ns: int, until_ns: int | None = None) -> "HistoryColumns":
+        """Return all that is here, as if it had come as one history."""
+        bases = {row: base for row, base in enumerate(self.bases) if base}
+        return HistoryColumns(tuple(names), self.first, column_ns, self.low, self.high, self.marks, bases, until_ns)
+
     def _on_base(self, row: int, base: int, low: Floats, high: Floats) -> tuple[Floats, Floats]:
         """Offsets from the row's base, which becomes that of the newcomers where these have a larger one."""
         old = self.bases[row]
@@ -348,8 +353,7 @@ class ColumnStore:
 
     def stretch(self, until_ns: int | None) -> HistoryColumns:
         """Return all that is here, as if it had come as one history."""
-        bases = {row: base for row, base in enumerate(self._grid.bases) if base}
-        return HistoryColumns(self.names, self.first, self.column_ns, self.low, self.high, self.marks, bases, until_ns)
+        return self._grid.columns(self.names, self.column_ns, until_ns)
 
     def piece(self, name: str, end: int, width: int) -> ColumnPiece:
         """Return `width` columns up to `end` (absolute, exclusive), empty where there is nothing."""

@@ -121,8 +121,7 @@ def picture_of(samples: Mapping[str, Samples], scope: Scope, at_ns: int, columns
             grid.add(row, bins_of(time_ns[inside] - at_ns, column_ns), values[inside])
     store = ColumnStore(list(samples), columns, column_ns)
     store.advance_to(end)
-    bases = {row: base for row, base in enumerate(grid.bases) if base}
-    store.merge(list(samples), grid.first, grid.low, grid.high, grid.marks, bases)
+    store.take(grid.columns(list(samples), column_ns))
     return store
 
 

@@ -167,8 +167,7 @@ class RecordingSource:
                 if column_ns < signal.places.period_ns:
                     self._hold(signal, column_ns, grid, row)
                 self._say_why_empty(signal, column_ns, grid, row)
-        bases = {row: base for row, base in enumerate(grid.bases) if base}
-        return HistoryColumns(tuple(names), first, column_ns, grid.low, grid.high, grid.marks, bases)
+        return grid.columns(names, column_ns)
 
     def facts(self, name: str, first: int, stop: int, column_ns: int) -> StretchFacts:
         """Minimum, maximum and mean of the samples in columns `first ... stop - 1`."""

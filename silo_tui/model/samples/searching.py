@@ -1,6 +1,6 @@
 """Looking through samples that are here, and adding them up; where only columns are, through these."""
 
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Sequence
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from silo.core.elements import ElementInfo
 from silo.expressions.search import Finder, FoundMoments, Looking
 from silo.expressions.span import HELD_PERIODS
 from silo_tui.model.samples.live import Reading
-from silo_tui.model.samples.source import PlotSource, Samples
+from silo_tui.model.samples.source import Samples
 
 
 def found_in(looking: Looking, samples: Samples, around_ns: int, most: int) -> FoundMoments:
@@ -21,14 +21,16 @@ def found_in(looking: Looking, samples: Samples, around_ns: int, most: int) -> F
     return finder.found
 
 
-async def reading_of(source: PlotSource, element: ElementInfo, time_ns: int) -> Reading:
+async def reading_of(
+    samples: Callable[[str, int, int], Awaitable[Samples]], period_ns: int, element: ElementInfo, time_ns: int
+) -> Reading:
     """Return what held at a time: the newest sample up to then. Raises a SiloError where a logger doesn't answer."""
     newest = np.full(len(element.entries), np.nan)
     texts: dict[int, str] = {}
     held = 0
-    begin_ns = time_ns - HELD_PERIODS * source.period_ns(element.name)
+    begin_ns = time_ns - HELD_PERIODS * period_ns
     for position, entry in enumerate(element.entries):
-        stamps, values = await source.samples(element.name + entry.suffix, begin_ns, time_ns)
+        stamps, values = await samples(element.name + entry.suffix, begin_ns, time_ns)
         held = max(held, len(stamps))
         if len(stamps):
             floats, words = newest_values(values[-1:])

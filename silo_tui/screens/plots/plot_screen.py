@@ -27,9 +27,9 @@ from silo_tui.model.samples.live import Reading, value_words
 from silo_tui.model.samples.recorded import SHORT_SPANS_S
 from silo_tui.model.samples.searching import reading_of
 from silo_tui.model.words import text
+from silo_tui.sessions.held import Pause
 from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
-from silo_tui.sessions.pause import Pause
 from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.between import BetweenTable
@@ -403,7 +403,7 @@ class PlotScreen(SiloScreen):
 
     def take_back(self) -> None:
         """Show what the pause holds by now, or what comes: another screen used it meanwhile."""
-        self.pause.tell(self.more_is_here)
+        self.pause.changed = self.more_is_here
         self.source = self.stack.source = self.pause.source or self.session.source
         if self.is_mounted:
             self.more_is_here()
@@ -451,7 +451,7 @@ class PlotScreen(SiloScreen):
         held = self.pause.hold(self.pinned_plots, self.end_ns, span_ns, store, newest_ns)
         self.source = self.stack.source = held
         self.window.spans = (*SHORT_SPANS_S, *SPANS_S)
-        run_alone(self.screen, "pause", self.pause.fetch, store.column_ns, span_ns)
+        run_alone(self.screen, "pause", held.fill, store.column_ns, span_ns)
         self.more_is_here()
         self.request_view()
 
@@ -468,9 +468,9 @@ class PlotScreen(SiloScreen):
         """Pin and fetch what is on the screen; where its rows are gone by now, show the oldest that there are."""
         window, columns = self.window, self.stack.columns
         start_ns, end_ns = self.shown_ns
-        await self.pause.look(start_ns, end_ns, window.column_ns(columns))
-        source = self.pause.source
-        if source is None:
+        if (source := self.pause.source) is not None:
+            await source.look(start_ns, end_ns, window.column_ns(columns))
+        if source is None or source is not self.pause.source:
             return
         oldest_ns = self.held_ns[0]
         if window.at_ns is not None and window.at_ns < oldest_ns:
@@ -505,6 +505,10 @@ class PlotScreen(SiloScreen):
         try:
             if self.pause.source is not None:
                 return await self.pause.source.readings(list(shown), at_ns)
-            return {name: await reading_of(self.session.source, element, at_ns) for name, element in shown.items()}
+            live = self.session.source
+            return {
+                name: await reading_of(live.samples, live.period_ns(name), element, at_ns)
+                for name, element in shown.items()
+            }
         except SiloError:
             return {}
