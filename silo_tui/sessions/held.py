@@ -65,7 +65,6 @@ class HeldSource:
         self.note = ""  # what could not be had
         self.settled = asyncio.Event()  # it is known what is pinned, or that nothing is
         self._unreached = False  # nothing could be pinned, because nobody answered
-        self._pins: list[LinkPin] = []
         self._oldest_ns = 0  # in the buffers, as they said last
         self._held_from_ns = 0  # and as they said when it was held
         self._closed = False
@@ -117,7 +116,7 @@ class HeldSource:
     @property
     def _in_buffers(self) -> bool:
         """Whether there may be more in the buffers than in the pins."""
-        return self._buffers is not None and self._buffers.reachable and bool(self._pins) and not self._lost
+        return self._buffers is not None and self._buffers.reachable and self.pinned and not self._lost
 
     @property
     def pieces(self) -> Sequence[PinnedSource]:
@@ -128,6 +127,10 @@ class HeldSource:
     def pinned(self) -> bool:
         """Whether anything is pinned."""
         return bool(self._pins)
+
+    @property
+    def _pins(self) -> list[LinkPin]:
+        return [piece.pin for piece in self._pieces if piece.pin is not None]
 
     @property
     def held_s(self) -> float:
@@ -142,7 +145,7 @@ class HeldSource:
     @property
     def held_text(self) -> str:
         """How much is pinned; empty while that isn't known."""
-        if not self._pins:
+        if not self.pinned:
             return "only the picture" if self.main.problem else ""
         return self.main.held_text if len(self._pieces) == 1 else text.span(self.held_s, 2)
 
@@ -156,7 +159,7 @@ class HeldSource:
     def text(self) -> str:
         """How much is pinned and how much of it is here: `41 s held, 5.0 s of it fetched`; and what was lost of it."""
         others = self._pieces if len(self._pieces) > 1 else ()
-        if self.main.problem or not self._pins:
+        if self.main.problem or not self.pinned:
             return self.main.text
         share = "all" if all(piece.complete for piece in others) else f"{text.span(self.fetched_s, 2)} of it"
         words = f"{self.held_text} held, {share} fetched" if others else self.main.text
@@ -200,11 +203,8 @@ class HeldSource:
             pin.close()
             self.main.unpinned("the logger holds nothing of it any more")
             return pin.text
-        self._take(pin)
-        self._oldest_ns = pin.oldest_ns
         self._held_from_ns = self._held_from_ns or pin.oldest_ns
-        self.main.opened(pin, pin.begin_ns, pin.end_ns)
-        return pin.text
+        return self._take(self.main, pin, pin.begin_ns, pin.end_ns)
 
     async def fill(self, column_ns: int, span_ns: int) -> None:
         """Have the logger pin it; then fetch columns of all, samples of the picture, and the rest if quick."""
@@ -250,7 +250,7 @@ class HeldSource:
         await self.settled.wait()
         if self._buffers is not None and self._buffers.reachable:
             self.mended()
-            if self._unreached or not (self._pins or self.main.problem):
+            if self._unreached or not (self.pinned or self.main.problem):
                 await self._opened()
         before = self.pieces
         if not (self.covers(start_ns) and self.covers(end_ns)):
@@ -278,36 +278,35 @@ class HeldSource:
             pin = await self._buffers.pin(self.names, begin_ns, end_ns)
         except SiloError as error:
             return _why(error)
-        run, _ = self._of_one_run
-        if not pin.run or not pin.begin_ns or pin.run != run:
+        is_of_it = pin.run == self._run
+        if not is_of_it or not pin.begin_ns:
             pin.close()
-            self._lost = self._lost or bool(pin.run and pin.run != run)
-            self._oldest_ns = pin.oldest_ns if pin.run == run else self._oldest_ns
+            self._lost = self._lost or bool(pin.run and not is_of_it)
+            self._oldest_ns = pin.oldest_ns if is_of_it else self._oldest_ns
             return pin.text
-        self._take(pin)
-        self._oldest_ns = pin.oldest_ns
         piece = PinnedSource(self._live, self._plots, begin_ns, end_ns, ColumnStore((), 1, 1))
-        whole = pin.oldest_ns < begin_ns and not pin.text
-        piece.opened(pin, begin_ns if whole else pin.begin_ns, end_ns if end_ns <= newest_ns else pin.end_ns)
         self._pieces = sorted([*self._pieces, piece], key=lambda each: each.begin_ns)
+        whole = pin.oldest_ns < begin_ns and not pin.text
+        begin_ns, end_ns = begin_ns if whole else pin.begin_ns, end_ns if end_ns <= newest_ns else pin.end_ns
+        told = self._take(piece, pin, begin_ns, end_ns)
         self._forget_farthest(piece)
-        return pin.text
+        return told
 
-    def _take(self, pin: LinkPin) -> None:
-        self._pins.append(pin)
+    def _take(self, piece: PinnedSource, pin: LinkPin, begin_ns: int, end_ns: int) -> str:
+        """Have a piece read what is pinned; return what could not be had."""
+        piece.opened(pin, begin_ns, end_ns)
+        self._oldest_ns = pin.oldest_ns
         if self._closed:
             self.close()  # it came when nobody looks any more
+        return pin.text
 
     def _forget_farthest(self, here: PinnedSource) -> None:
         """Let go of the pin that is farthest from where one looks, never of the picture that was held."""
-        if len(self._pieces) <= MOST_PIECES:
-            return
-        others = [piece for piece in self._pieces if piece is not self.main]
-        farthest = max(others, key=lambda piece: abs(piece.begin_ns - here.begin_ns))
-        self._pieces.remove(farthest)
-        for pin in [pin for pin in self._pins if farthest.reads(pin)]:
-            self._pins.remove(pin)
-            pin.close()
+        if len(self._pieces) > MOST_PIECES:
+            others = [piece for piece in self._pieces if piece is not self.main]
+            farthest = max(others, key=lambda piece: abs(piece.begin_ns - here.begin_ns))
+            self._pieces.remove(farthest)
+            farthest.let_go()
 
     async def bring(self, time_ns: int, around_ns: int) -> bool:
         """Pin a moment with what is around it; False where it is held nowhere any more."""
@@ -327,16 +326,15 @@ class HeldSource:
     def mended(self) -> None:
         """Try again what failed: the link is there."""
         for piece in self._pieces:
-            if any(piece.reads(pin) and not pin.refused for pin in self._pins):
+            if piece.pin is not None and not piece.pin.refused:
                 piece.problem = ""
 
     def close(self) -> None:
         """Let go of all pins."""
         self._closed = True
         self.settled.set()
-        pins, self._pins = self._pins, []
-        for pin in pins:
-            pin.close()
+        for piece in self._pieces:
+            piece.let_go()
 
     # ---------------------------------------------------------------------------------------------------- what it shows
 
@@ -409,10 +407,9 @@ class HeldSource:
     # ------------------------------------------------------------------------------------------------------ searching
 
     @property
-    def _of_one_run(self) -> tuple[str, list[LinkPin]]:
-        """The run that was held, and the pins of it."""
-        run = next((pin.run for pin in self._pins if pin.run), "")
-        return run, [pin for pin in self._pins if pin.run == run]
+    def _run(self) -> str:
+        """The run that was held."""
+        return self.main.pin.run if self.main.pin is not None else ""
 
     @property
     def _all_here(self) -> bool:
@@ -422,7 +419,7 @@ class HeldSource:
         self, looking: Mapping[str, Looking], around_ns: int, most: int
     ) -> tuple[dict[str, FoundMoments], str]:
         """Look for moments in all that is held of entries, and return why some of it could not be looked through."""
-        _, pins = self._of_one_run
+        pins = self._pins
 
         async def ask(buffers: Buffers, some: Sequence[str]) -> dict[str, FoundMoments]:
             return await buffers.find({name: looking[name] for name in some}, around_ns, most, self.end_ns, pins)
@@ -444,7 +441,7 @@ class HeldSource:
         What isn't fetched is added up in the helper process; where that can't be asked, columns have what they have:
         the ends, the smallest, the largest.
         """
-        run, pins = self._of_one_run
+        run, pins = self._run, self._pins
 
         async def measure(name: str) -> tuple[Between, int]:
             samples, wide_ns = self._with_columns(name)
@@ -495,7 +492,7 @@ class HeldSource:
     def _out_of_reach(self) -> str:
         """Why nothing but what is here can be had."""
         reached = self._buffers is not None and self._buffers.reachable
-        return "nothing is pinned" if not self._pins and reached and self.main.problem else "no link"
+        return "nothing is pinned" if not self.pinned and reached and self.main.problem else "no link"
 
     def _has(self, start_ns: int, end_ns: int) -> bool:
         """Whether all samples of a stretch are here."""

@@ -135,7 +135,7 @@ class PinnedSource:
         self.begin_ns, self.end_ns = start_ns, max(start_ns + 1, end_ns)
         self.problem = ""  # why no more is fetched
         self._periods = {plotted.name: live.period_ns(plotted.element.name) for plotted in plots}
-        self._reader: LinkPin | None = None
+        self.pin: LinkPin | None = None
         self._shown = deepcopy(shown).stretch(None)
         self._coarse: HistoryColumns | None = None
         self._slice_ns = self._slice_of()
@@ -144,10 +144,6 @@ class PinnedSource:
         self._slice_s = math.inf  # how long a slice took at last
 
     # -------------------------------------------------------------------------------------------- what is, and how much
-
-    def reads(self, reader: LinkPin) -> bool:
-        """Return whether it is fetched from there."""
-        return self._reader is reader
 
     @property
     def held_s(self) -> float:
@@ -174,9 +170,9 @@ class PinnedSource:
     def text(self) -> str:
         """How much is held and how much of it is here: `41 s held, 5.0 s of it fetched`."""
         held = self.held_text
-        if self._reader is None and not self.problem:
+        if self.pin is None and not self.problem:
             return "pinning …"
-        if self._reader is not None and self.complete:
+        if self.pin is not None and self.complete:
             return f"{held} held, all fetched"
         here = "only columns fetched" if self._coarse is not None else "only the picture fetched"
         if self._slices:
@@ -185,9 +181,9 @@ class PinnedSource:
 
     # --------------------------------------------------------------------------------------------------- fetching
 
-    def opened(self, reader: LinkPin, begin_ns: int, end_ns: int) -> None:
+    def opened(self, pin: LinkPin, begin_ns: int, end_ns: int) -> None:
         """The logger holds this much of it, to be read from there."""
-        self._reader, self.problem = reader, ""
+        self.pin, self.problem = pin, ""
         if not self._slices:
             self.begin_ns, self.end_ns = begin_ns, max(begin_ns + 1, end_ns)
             self._slice_ns = self._slice_of()
@@ -195,20 +191,26 @@ class PinnedSource:
     def unpinned(self, problem: str) -> None:
         """Nothing of it could be pinned: the picture that stood on the screen is all that there is."""
         self.problem = problem
-        if self._reader is None:
+        if self.pin is None:
             self.begin_ns = min(self.drawn_ns, self.end_ns - 1)
             self._slice_ns = self._slice_of()
 
     def _slice_of(self) -> int:
         return max(1, -(-(self.end_ns - self.begin_ns + 1) // SLICES))
 
+    def let_go(self) -> None:
+        """Let go of the pin; what was fetched stays."""
+        pin, self.pin = self.pin, None
+        if pin is not None:
+            pin.close()
+
     async def fetch_columns(self, column_ns: int) -> None:
         """Fetch columns of the whole span. Errors are noted in `problem`."""
-        if self._reader is None:
+        if self.pin is None:
             return
         wide = max(column_ns, -(-(self.end_ns - self.begin_ns) // (MAX_COLUMNS - 2)))
         try:
-            self._coarse = await self._reader.columns(self.names, self.begin_ns, self.end_ns + 1, wide)
+            self._coarse = await self.pin.columns(self.names, self.begin_ns, self.end_ns + 1, wide)
         except SiloError as error:
             self.problem = str(error)
 
@@ -220,7 +222,7 @@ class PinnedSource:
     async def fetch_rest(self) -> bool:
         """Fetch one slice that nobody looks at yet; False where there is none, or the link is too thin for that."""
         missing = [number for number in range(self._count) if number not in self._slices]
-        if not missing or self._reader is None or self.problem or len(missing) * self._slice_s > QUICK_S:
+        if not missing or self.pin is None or self.problem or len(missing) * self._slice_s > QUICK_S:
             return False
         return await self._fetch_slice(missing[-1])
 
@@ -234,12 +236,12 @@ class PinnedSource:
 
     async def _fetch_slice(self, number: int) -> bool:
         async with self._fetching:
-            if number in self._slices or self._reader is None:
+            if number in self._slices or self.pin is None:
                 return number in self._slices
             start_ns = self.begin_ns + number * self._slice_ns
             began_s = time.monotonic()
             try:
-                found = await self._reader.samples(self.names, start_ns, start_ns + self._slice_ns)
+                found = await self.pin.samples(self.names, start_ns, start_ns + self._slice_ns)
             except SiloError as error:
                 self.problem = str(error)
                 return False
@@ -291,9 +293,9 @@ class PinnedSource:
     async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
         """Columns of a stretch of time: of the samples that are here, else asked for, else of wider columns."""
         inside = max(start_ns, self.begin_ns), min(end_ns, self.end_ns)
-        if not self.has(*inside) and self._reader is not None and not self.problem:
+        if not self.has(*inside) and self.pin is not None and not self.problem:
             try:
-                return await self._reader.columns(names, start_ns, end_ns, column_ns)
+                return await self.pin.columns(names, start_ns, end_ns, column_ns)
             except SiloError as error:
                 self.problem = str(error)
         return self.columns(names, start_ns, end_ns, column_ns)

@@ -117,11 +117,10 @@ def test_the_piece_that_is_farthest_is_let_go_never_the_picture_that_was_held():
     held = object.__new__(HeldSource)
 
     def piece(begin_ns):
-        pin = SimpleNamespace(close=lambda: closed.append(begin_ns))
-        return SimpleNamespace(begin_ns=begin_ns, pin=pin, reads=lambda one: one is pin)
+        return SimpleNamespace(begin_ns=begin_ns, pin=begin_ns, let_go=lambda: closed.append(begin_ns))
 
     held._pieces = [piece(begin_ns) for begin_ns in (0, *range(100, 100 + MOST_PIECES))]
-    held._pins, held.main = [each.pin for each in held._pieces], held._pieces[0]
+    held.main = held._pieces[0]
     held._forget_farthest(held._pieces[-1])
     assert closed == [100]
     assert [each.begin_ns for each in held._pieces] == [0, *range(101, 100 + MOST_PIECES)]
