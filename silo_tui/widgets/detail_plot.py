@@ -58,9 +58,9 @@ class DetailPlot(Guarded, Styled):
         if 0 <= cell < self.plot_size[0] and event.y < self.plot_size[1]:
             self.post_message(self.CellPointed(cell))
 
-    def show(self, plot: BigPlot, notes: Sequence[str]) -> None:
+    def show(self, plot: BigPlot | None, notes: Sequence[str]) -> None:
         """Show a plot and what is said of it."""
-        self.plot, self.notes = plot, [*plot.notes, *notes]
+        self.plot, self.notes = plot, [*(plot.notes if plot is not None else ()), *notes]
         self.refresh()
 
     def say(self, message: str) -> None:

@@ -167,7 +167,7 @@ async def test_find_in_a_spectrum_finds_peaks_by_their_height(fake, opened):
     async with opened(fake.run(20)) as screen:
         await open_large(screen)
         await screen.press("tab", "tab")
-        await screen.until(lambda: large(screen)._peaks)
+        await screen.until(lambda: large(screen)._found.peaks)
         await screen.press("f")
         await screen.shows("Find in the spectrum")
         await screen.press("h")
@@ -180,7 +180,7 @@ async def test_the_head_of_a_spectrum_has_units_whole_and_its_cursor_is_the_only
     names = [f"/log/legs/LF/KFE/{end}" for end in ("position_of_the_joint", "position_of_the_joint_command")]
     async with opened(new_fake([scalar(name, "rad") for name in names]).run(20)) as screen:
         await screen.press("asterisk", "m", "left", "J", "enter", "tab", "tab")
-        await screen.until(lambda: large(screen)._peaks)
+        await screen.until(lambda: large(screen)._found.peaks)
         await screen.until(lambda: "Hann" in screen.text.splitlines()[1])
         title = screen.text.splitlines()[1]
         assert title.count(" [rad] ") == 2
@@ -207,7 +207,7 @@ async def test_what_the_cursor_reads_has_room_on_a_small_screen(fake, opened):
     async with opened(fake.run(20), size=(80, 24)) as screen:
         await open_large(screen)
         await screen.press("tab", "tab")
-        await screen.until(lambda: large(screen)._peaks)
+        await screen.until(lambda: large(screen)._found.peaks)
         await screen.press("right")
         await screen.until(lambda: re.search(r"^ *A \d", screen.text, re.MULTILINE), "its reading")
         await screen.press("plus")
@@ -218,7 +218,7 @@ async def test_the_cursor_reads_the_peak_that_one_goes_to_and_the_lines_beside_i
     async with opened(fake.run(20)) as screen:
         await open_large(screen)
         await screen.press("tab", "tab")
-        await screen.until(lambda: large(screen)._peaks)
+        await screen.until(lambda: large(screen)._found.peaks)
         await screen.press("f", "h")
         await screen.shows("peak 1: ")
         told = re.search(r"peak 1: (\S+ Hz, \S+)", screen.text)[1]
@@ -237,25 +237,25 @@ async def test_a_spectrum_is_zoomed_by_its_frequencies_down_to_its_lines_and_bac
     async with opened(fake.run(20)) as screen:
         await open_large(screen)
         await screen.press("tab", "tab")
-        await screen.until(lambda: large(screen)._peaks)
-        whole_hz, step_hz = large(screen)._top_hz, large(screen)._first.step_hz
+        await screen.until(lambda: large(screen)._found.peaks)
+        whole_hz, step_hz = large(screen)._found.top_hz, large(screen)._found.spectrum.step_hz
         assert whole_hz == pytest.approx(200, rel=0.01)
-        span_s, peak = large(screen).window.span_s, large(screen)._peaks[0]
+        span_s, peak = large(screen).window.span_s, large(screen)._found.peaks[0]
         for halved in range(1, 8):
             await screen.press("plus")
-            await screen.until(lambda: large(screen)._top_hz == whole_hz / 2**halved)  # noqa: B023
-            assert large(screen)._peaks[0] == peak
-        assert large(screen)._first.step_hz == step_hz
+            await screen.until(lambda: large(screen)._found.top_hz == whole_hz / 2**halved)  # noqa: B023
+            assert large(screen)._found.peaks[0] == peak
+        assert large(screen)._found.spectrum.step_hz == step_hz
         assert large(screen).window.span_s == span_s
         await screen.press("right")
         await screen.shows(f"A {peak.frequency_hz:.1f} Hz")
         await screen.press("plus")
         await screen.shows("Hz apart: a longer time has finer ones")
         await screen.press("minus")
-        await screen.until(lambda: large(screen)._top_hz == whole_hz / 2**6)
+        await screen.until(lambda: large(screen)._found.top_hz == whole_hz / 2**6)
         await screen.shows(f"A {peak.frequency_hz:.1f} Hz")  # the cursor stays on its frequency
         await screen.do("all_held")
-        await screen.until(lambda: large(screen)._top_hz == whole_hz)
+        await screen.until(lambda: large(screen)._found.top_hz == whole_hz)
         await screen.press("minus")
         await screen.shows("that is the whole spectrum")
 

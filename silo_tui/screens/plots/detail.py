@@ -62,12 +62,15 @@ OF_SPECTRA = {"closer": "Closer", "wider": "Wider"}  # what is zoomed there is t
 class Analysed:
     """A plot, and what is said of it."""
 
-    plot: BigPlot
-    notes: Sequence[str]
+    plot: BigPlot | None = None
+    notes: Sequence[str] = ()
     kind: str = ""  # what stands in the title
     peaks: Sequence[Peak] = ()
     top_hz: float = 0.0
     spectrum: Spectrum | None = None  # of the first signal: a cursor reads it
+
+
+NOTHING = Analysed()
 
 
 class DetailScreen(MonitorScreen):
@@ -86,15 +89,11 @@ class DetailScreen(MonitorScreen):
         self.count = min(count, MAX_SERIES)
         self.mode = mode
         self.level = LEVELS[0]
-        self._kind = ""
-        self._peaks: Sequence[Peak] = ()
-        self._peak: int | None = None
-        self._top_hz = 0.0
+        self._found = NOTHING
+        self._peak: int | None = None  # of those found
         self._due_s = 0.0  # when what goes on is drawn again
         self._cursor_hz: float | None = None  # where the cursor goes in the spectrum that comes
-        self._notes: Sequence[str] = ()
         self._halved = 0  # how often the upper half of the frequencies was left out
-        self._first: Spectrum | None = None
         self.window, self.pause = monitor.window, monitor.pause
         self.stack = stack = self.new_stack(plots[:1])
         stack.show_panels([tuple(self.plots[: self.count])])
@@ -154,7 +153,7 @@ class DetailScreen(MonitorScreen):
     def _title(self) -> None:
         shown = self.plots[: self.count if self.mode in {"time", "spectrum"} else 2 if self.mode == "x-y" else 1]
         level = f" {self.level}" if self.mode == "spectrum" else ""
-        parts = [f"{self.mode.upper()}{level}", *([self._kind] if self._kind else []), self._place()]
+        parts = [f"{self.mode.upper()}{level}", *([self._found.kind] if self._found.kind else []), self._place()]
         room = self.size.width - len("  ".join(parts)) - 6
         names = tuple(self.session.short_name(plotted.name) for plotted in shown)
         units = list(map(_unit, shown))
@@ -203,13 +202,12 @@ class DetailScreen(MonitorScreen):
             self.plot.say(f"{self.mode} of {self._label(self.plots[0])}: {short}")
             return
         told = self._peak_words()
-        self._kind, self._peaks, self._top_hz, self._first = found.kind, found.peaks, found.top_hz, found.spectrum
+        self._found = found
         if told and self.line.said == told:  # it is told of the spectrum that stands there
             self._say_peak()
         hz, self._cursor_hz = self._cursor_hz, None
-        if hz is not None and hz <= self._top_hz:  # it stays on its frequency, where that is drawn still
-            self.plot.cursor = big_plot.cell_of(hz, self._top_hz, self.plot.plot_size[0])
-        self._notes = found.notes
+        if hz is not None and hz <= self._found.top_hz:  # it stays on its frequency, where that is drawn still
+            self.plot.cursor = big_plot.cell_of(hz, self._found.top_hz, self.plot.plot_size[0])
         self.plot.show(found.plot, [*self._at_cursor(), *found.notes])
         self._title()
         self.update_keys()
@@ -328,9 +326,8 @@ class DetailScreen(MonitorScreen):
     def command_show_as(self, mode: str) -> None:
         self.mode = mode
         self.line.say("")
-        self._kind = ""
+        self._found, self._halved = NOTHING, 0
         self._peak = self.plot.cursor = self._cursor_hz = None
-        self._peaks, self._first, self._halved = (), None, 0
         over_time = self.mode == MODES[0]
         self.stack.display, self.plot.display = over_time, not over_time
         self.show_between()
@@ -350,18 +347,18 @@ class DetailScreen(MonitorScreen):
         """Find in what is drawn: moments over time, peaks in a spectrum."""
         if self.mode == MODES[0]:
             self.search.command_find()
-        elif not self._peaks:
+        elif not self._found.peaks:
             self._go_to_peak(1)  # says why there is none
         else:
-            words = ["highest peak", *(f"peak {number}" for number in range(2, len(self._peaks) + 1))]
+            words = ["highest peak", *(f"peak {number}" for number in range(2, len(self._found.peaks) + 1))]
             choices = [
                 Choice(str(at), f"{word}, {self._hz(peak)} Hz", "h" if at == 0 else str(at + 1))
-                for at, (word, peak) in enumerate(zip(words, self._peaks, strict=True))
+                for at, (word, peak) in enumerate(zip(words, self._found.peaks, strict=True))
             ]
             ask(self, Question("Find in the spectrum", "", choices), self._peak_chosen)
 
     def _peak_chosen(self, answer: str) -> None:
-        if int(answer) < len(self._peaks):
+        if int(answer) < len(self._found.peaks):
             self._peak = int(answer)
             self._tell_peak()
 
@@ -372,11 +369,11 @@ class DetailScreen(MonitorScreen):
             self._go_to_peak(step)
 
     def _go_to_peak(self, step: int) -> None:
-        if not self._peaks:
+        if not self._found.peaks:
             self.say("no peaks" if self.mode == "spectrum" else "peaks are in spectra: Tab leads there")
             return
-        before = self._peak if self._peak is not None else (-1 if step > 0 else len(self._peaks))
-        self._peak = (before + step) % len(self._peaks)
+        before = self._peak if self._peak is not None else (-1 if step > 0 else len(self._found.peaks))
+        self._peak = (before + step) % len(self._found.peaks)
         self._tell_peak()
 
     def _tell_peak(self) -> None:
@@ -385,26 +382,28 @@ class DetailScreen(MonitorScreen):
 
     def _say_peak(self) -> None:
         if words := self._peak_words():
-            frequency_hz = self._peaks[self._peak or 0].frequency_hz
-            self.plot.cursor = big_plot.cell_of(frequency_hz, self._top_hz, self.plot.plot_size[0])
+            frequency_hz = self._found.peaks[self._peak or 0].frequency_hz
+            self.plot.cursor = big_plot.cell_of(frequency_hz, self._found.top_hz, self.plot.plot_size[0])
         self.say(words)
 
     def _peak_words(self) -> str:
         """Return what is said of the peak that one went to; empty without one, or where it is none any more."""
-        if self._peak is None or self._peak >= len(self._peaks):
+        if self._peak is None or self._peak >= len(self._found.peaks):
             return ""
-        peak = self._peaks[self._peak]
+        peak = self._found.peaks[self._peak]
         level = big_plot.level_words(peak.amplitude, self.level, self.plots[0].element.unit)
         return f"{self._letter(0)}peak {self._peak + 1}: {self._hz(peak)} Hz, {level}"
 
     def command_zoom(self, closer: bool) -> None:
         """Zoom over time; in a spectrum its frequencies, of which the lower half is looked at."""
-        if self.mode != "spectrum" or self._first is None:
+        if self.mode != "spectrum" or self._found.spectrum is None:
             super().command_zoom(closer)
         elif not closer and not self._halved:
             self.say("that is the whole spectrum")
-        elif closer and self._top_hz / 2 < LEAST_LINES * self._first.step_hz:
-            self.say(f"its lines are {text.compact(self._first.step_hz)} Hz apart: a longer time has finer ones")
+        elif closer and self._found.top_hz / 2 < LEAST_LINES * self._found.spectrum.step_hz:
+            self.say(
+                f"its lines are {text.compact(self._found.spectrum.step_hz)} Hz apart: a longer time has finer ones"
+            )
         else:
             self._look_at(self._halved + (1 if closer else -1))
 
@@ -425,8 +424,8 @@ class DetailScreen(MonitorScreen):
             super().command_move_cursor(cells)
         elif self.mode == "spectrum":
             width, before = self.plot.plot_size[0], self.plot.cursor
-            if before is None and self._peaks:
-                self._put_cursor(big_plot.cell_of(self._peaks[0].frequency_hz, self._top_hz, width))
+            if before is None and self._found.peaks:
+                self._put_cursor(big_plot.cell_of(self._found.peaks[0].frequency_hz, self._found.top_hz, width))
             else:
                 self._put_cursor(width // 2 if before is None else max(0, min(width - 1, before + cells)))
         else:
@@ -444,14 +443,16 @@ class DetailScreen(MonitorScreen):
         """Tell of the cursor beside the plot, where it follows what comes, and nowhere else."""
         self.line.say("")
         if self.plot.plot is not None:
-            self.plot.show(self.plot.plot, [*self._at_cursor(), *self._notes])
+            self.plot.show(self.plot.plot, [*self._at_cursor(), *self._found.notes])
 
     def _read_at_cursor(self) -> Peak | None:
         """What a cursor in the spectrum reads; None where none is, or it is still being read."""
-        if self.plot.cursor is None or self._first is None:
+        if self.plot.cursor is None or self._found.spectrum is None:
             return None
         width = self.plot.plot_size[0]
-        return big_plot.line_in(self._first, self._peaks, min(self.plot.cursor, width - 1), self._top_hz, width)
+        return big_plot.line_in(
+            self._found.spectrum, self._found.peaks, min(self.plot.cursor, width - 1), self._found.top_hz, width
+        )
 
     def _at_cursor(self) -> list[str]:
         """Where the cursor is in the spectrum."""
@@ -461,7 +462,7 @@ class DetailScreen(MonitorScreen):
         return [f"A {self._hz(read)} Hz, {level}"]
 
     def _hz(self, peak: Peak) -> str:
-        return _hz_words(peak, self._first.step_hz if self._first is not None else 1.0)
+        return _hz_words(peak, self._found.spectrum.step_hz if self._found.spectrum is not None else 1.0)
 
     def command_detail_swap(self) -> None:
         if len(self.plots) > 1:
