@@ -140,7 +140,7 @@ def standing(monkeypatch):
             importlib.import_module(module.name)
     for name, module in list(sys.modules.items()):
         if name.startswith("silo_tui.") and getattr(module, "time", None) is time:
-            stands = name.rpartition(".")[2] in ("pause", "scope", "messages", "loggers", "fleet", "holding")
+            stands = name.rpartition(".")[2] in ("held", "scope", "messages", "loggers", "fleet", "holding")
             clock = SimpleNamespace(**wall, **kept, monotonic=(lambda: 1000.0) if stands else time.monotonic)
             monkeypatch.setattr(module, "time", clock)
     monkeypatch.setattr("silo_tui.model.lists.recorders.RATE_S", 1e9)
