@@ -25,6 +25,7 @@ PART_ENDING = ".part"
 SWAP_ENDING = ".swap"  # a folder in which a new one is made that takes the name of an old one
 ROOM_SHARE = 0.02  # of a disk is left free by what is written without end, or for clients, or
 ROOM_BYTES = 1_000_000_000  # that many, whichever is less
+ASKED_SHARE = 0.1  # of what is free may be taken by one write that somebody asked for, also where that is less
 _OLD_ENDING = ".old"  # what silo up to 0.1 called an old bag while the new one was written
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 
@@ -358,17 +359,33 @@ class NearlyFullError(SaveError):
 
 
 def check_room(
-    folder: Path, coming_bytes: int, room: Callable[[Path], tuple[int, int]] = disk_room, advice: str = "make room"
+    folder: Path,
+    coming_bytes: int,
+    room: Callable[[Path], tuple[int, int]] = disk_room,
+    advice: str = "make room",
+    *,
+    most_left: int | None = None,
 ) -> None:
-    """Raise NearlyFullError where so much more would leave others of the disk no room, OSError."""
+    """Raise NearlyFullError where so much more would leave others of the disk no room, OSError.
+
+    `most_left` is what they are left at most, see `asked_left`.
+    """
     free, size = room(folder)
-    left = left_free(size)
+    left = left_free(size) if most_left is None else min(left_free(size), most_left)
     if free - coming_bytes < left:
         much = f": {size_text(coming_bytes)} more are too much" if free >= left else ""
         raise NearlyFullError(
             f"the disk of {folder} is nearly full: {size_text(free)} are free, and {size_text(left)} of it are left to "
             f"others{much}; {advice}"
         )
+
+
+def asked_left(folder: Path) -> int:
+    """Return what one write that somebody asked for leaves to others at most: of a full disk it may take its share.
+
+    So what is small is saved, also at the end of a long day. Raises OSError.
+    """
+    return int((1 - ASKED_SHARE) * disk_room(folder)[0])
 
 
 def left_free(size_bytes: int) -> int:

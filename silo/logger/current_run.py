@@ -296,9 +296,11 @@ class CurrentRun:
 
     def check_room(self, folder: str) -> None:
         """Raise SaveError where what is in no file yet would leave others of the disk no room, OSError."""
-        from silo.files.atomic import check_room  # the control program loads nothing of files until it saves
+        # the control program loads nothing of files until it saves
+        from silo.files.atomic import asked_left, check_room
 
-        check_room(Path(folder), sum(run.reader.held_bytes for run in filter(is_to_be_saved, self.stretches)))
+        unsaved = sum(run.reader.held_bytes for run in filter(is_to_be_saved, self.stretches))
+        check_room(where := Path(folder), unsaved, most_left=asked_left(where))
 
     def mark_saved(self, run: Run, ticks: int) -> None:
         """Remember that the first `ticks` of a run stand in files, unless it is none of those that are there."""

@@ -20,7 +20,7 @@ from silo.core.elements import FileType, LoggedEvent, SavedFile
 from silo.decoding import json_decoder
 from silo.errors import SaveError, SiloError
 from silo.files import LogOfRun, PartlySavedError, write, write_run
-from silo.files.atomic import check_room
+from silo.files.atomic import asked_left, check_room
 from silo.journal.holdings import Holdings, segment_holdings
 from silo.journal.reader import JournalReader
 from silo.recovery.left import DIED, RunReader, missing
@@ -70,16 +70,19 @@ class WriteReport(msgspec.Struct, frozen=True):
 def write_log(reader: SegmentReader, order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
     """Save what a segment holds now; the report's `error` is empty when all of it worked. Raises OSError, SaveError."""
     if order.leaves_room:
-        check_room(Path(order.folder), reader.held_bytes)
+        check_room(folder := Path(order.folder), reader.held_bytes, most_left=asked_left(folder))
     if order.types == [FileType.SILO]:
         return _write(reader, order, progress)
     return write_apart(reader, order, progress)
 
 
 def _write(reader: RunReader, order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
+    folder = Path(order.folder)
+    most_left = asked_left(folder) if order.leaves_room else 0
+
     def told(fraction: float) -> None:
         if order.leaves_room:  # as text it may be many times what it takes in memory
-            check_room(Path(order.folder), 0)
+            check_room(folder, 0, most_left=most_left)
         progress(fraction)
 
     try:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from silo.errors import reason
-from silo.files.atomic import NearlyFullError, check_room
+from silo.files.atomic import NearlyFullError, asked_left, check_room
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, paths_refused
 
 SUFFIXES = (".yaml", ".yml")
@@ -199,7 +199,7 @@ def check_target(path: Path, own_script: Path, *, overwrite: bool) -> None:
             RefusedWhy.FAILED, f"{path.parent}: can't make this folder: {reason(error)}"
         ) from error
     try:
-        check_room(path.parent, 0)
+        check_room(path.parent, MAX_TEXT_BYTES, most_left=asked_left(path.parent))
     except NearlyFullError as error:
         raise RequestRefusedError(RefusedWhy.FAILED, f"{error}; nothing was changed") from error
     if path.exists():

@@ -2,6 +2,7 @@
 
 import io
 import os
+import re
 import subprocess
 import sys
 from contextlib import closing, nullcontext
@@ -151,6 +152,18 @@ def _refused(change, *arguments, **options):
     with pytest.raises(silo.RefusedError) as refused:
         change(*arguments, **options)
     return str(refused.value)
+
+
+def test_what_is_small_is_saved_for_clients_on_a_disk_that_has_no_more_to_leave(runtime_folder, small_disk):
+    log = silo.Logger("bot", folder=small_disk / "logs", script=small_disk.parent / "bot.yaml")
+    log.array("x")
+    with closing(log):
+        log.serve()
+        log.start()
+        log.collect()
+        (small_disk / "full").write_bytes(bytes(8 * 2**20 - 120_000))
+        with Client.connect("bot") as client:
+            assert re.match(r"saved .*/bot_\S+\.silo", _told_of_save(client, FileType.SILO))
 
 
 # what leaves fewer than 168 kB free: 8.2 MB of rows, or of the text of 450 rows
