@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from silo.errors import reason
 from silo.printing import print_printable
 from silo_tui.settings.themes import THEMES
 
@@ -132,16 +131,16 @@ def _address(target: str) -> str:
 
 
 def _serve(arguments: list[str], port: int, *, control: bool) -> None:
+    from silo.errors import SiloError
+
     try:
         from silo_tui.web.serving import serve
     except ImportError as error:
         raise click.ClickException(f"--serve needs more: pip install 'silo-logger[web]' ({error})") from error
     try:
         serve(arguments, port, control=control, tell=click.echo)
-    except OSError as error:
-        raise click.ClickException(
-            f"can't serve on port {port}: {reason(error)}; take another, or leave out --port"
-        ) from error
+    except SiloError as error:
+        raise click.ClickException(str(error)) from error
 
 
 def _file(target: str, running: Callable[[], set[str]]) -> "FileSession | None":

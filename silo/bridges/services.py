@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING
 from silo.core.tuning.parameters import ParameterInfo, ParameterValue
 from silo.errors import ConnectionLostError
 from silo.files.bags.ros_types import ENCAPSULATION, add_text
+from silo.printing import printable
 
 if TYPE_CHECKING:
     from silo.client.client import Client
+
+MOST_TOLD = 300  # letters of what was called, and of what came of it
 
 Connect = Callable[[], "Client"]
 Call = Callable[[str], str]  # takes who calls, in words; says what came of it
@@ -47,6 +50,13 @@ def setting(connect: Connect) -> Tune:
             return text, client.parameters.described()
 
     return tune
+
+
+def audit(what: str, how: str, caller: str, text: str) -> str:
+    """Return the one line by which a bridge tells what came of a call, whatever its caller called it."""
+    what = what if len(what) <= MOST_TOLD else f"{what[:MOST_TOLD]}... ({len(what)} letters)"
+    text = text if len(text) <= MOST_TOLD else f"{text[:MOST_TOLD]}..."
+    return printable(f"{what}, {how} by {caller}: {text}")
 
 
 def pinned(connect: "Callable[[str], Client]", wanted: str) -> tuple[str, Connect]:

@@ -1,18 +1,23 @@
 """Serves silo-tui to browsers of this computer: each page has a silo-tui of its own, which ends with the page."""
 
+import asyncio
+import json
 import logging
 import shlex
-import socket
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-from aiohttp import web
+from aiohttp import WSMsgType, web
+from textual_serve.app_service import AppService
 from textual_serve.server import Server
 
-from silo.core.child import own_program
+from silo.bridges.listening import bound
+from silo.core.child import ENDING_S, own_program
 from silo_tui.web import guard
 
 MOST_PAGES = 4  # each is a process that watches the robot
+SIZES = {"width": (80, 20, 1000), "height": (24, 5, 400)}  # of a page, in cells: as it is not told, at least, at most
 HOST = "127.0.0.1"
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -62,26 +67,71 @@ class PageServer(Server):  # type: ignore[misc]  # textual-serve is an extra
         if self._pages >= MOST_PAGES:
             return web.Response(status=503, text=f"silo-tui: {MOST_PAGES} pages are open already; close one\n")
         self._pages += 1
+        asked = request.clone(rel_url=request.rel_url.update_query(_sizes(request.query)))
         try:
-            answer: web.StreamResponse = await super().handle_websocket(request)
+            answer: web.StreamResponse = await super().handle_websocket(asked)
             return answer
         finally:
             self._pages -= 1
+
+    async def _process_messages(self, websocket: web.WebSocketResponse, app_service: AppService) -> None:
+        """Hand on what a page sends, until it sends what none of ours does; see to it that its silo-tui ends then."""
+        try:
+            async for message in websocket:
+                if message.type is not WSMsgType.TEXT or not await _handed_on(message.data, websocket, app_service):
+                    return
+        finally:
+            asyncio.get_running_loop().call_later(ENDING_S, _end, app_service)
 
     def initialize_logging(self) -> None:
         """Tell mistakes alone."""
         logging.basicConfig(level=logging.WARNING, format="silo-tui: %(message)s")
 
 
+def _sizes(given: Mapping[str, Any]) -> dict[str, int]:
+    """Return width and height as a screen may have them: a page may say anything, and its silo-tui draws all of it."""
+    return {name: _size(given.get(name), *sizes) for name, sizes in SIZES.items()}
+
+
+def _size(given: Any, usual: int, least: int, most: int) -> int:
+    try:
+        return min(max(int(given), least), most)
+    except (TypeError, ValueError, OverflowError):
+        return usual
+
+
+async def _handed_on(text: str, websocket: web.WebSocketResponse, app_service: AppService) -> bool:
+    """Do what a page wants; False for what none of ours wants."""
+    try:
+        kind, *given = json.loads(text)
+        if kind == "stdin":
+            await app_service.send_bytes(given[0].encode())
+        elif kind == "resize":
+            await app_service.set_terminal_size(**_sizes(dict(given[0])))
+        elif kind == "ping":
+            await websocket.send_json(["pong", given[0]])
+        elif kind in ("blur", "focus"):
+            await getattr(app_service, kind)()
+        else:
+            return False
+    except (ValueError, TypeError, IndexError, AttributeError, RecursionError):
+        return False
+    return True
+
+
+def _end(app_service: AppService) -> None:
+    """Kill a silo-tui that has not ended, though its page is gone."""
+    process = app_service._process
+    if process is not None and process.returncode is None:
+        process.kill()
+
+
 def serve(arguments: Sequence[str], port: int, *, control: bool, tell: Callable[[str], None]) -> None:
-    """Serve `silo-tui ARGUMENTS` until Ctrl-C; `tell` gets the address. OSError when the port is taken."""
-    listening = socket.socket()
-    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    with listening:
-        listening.bind((HOST, port))
+    """Serve `silo-tui ARGUMENTS` until Ctrl-C; `tell` gets the address. SiloError when the port is taken."""
+    with bound(HOST, port) as listening:
         # the child finds the robot as we do; over SSH it would leave the mouse alone, which a browser needn't
         command = [*own_program("silo_tui"), "--mouse", *([] if control else ["--read-only"]), *arguments]
-        server = PageServer(shlex.join(command), "silo-tui", guard.new_token())
+        server = PageServer(f"exec {shlex.join(command)}", "silo-tui", guard.new_token())
         server.port = listening.getsockname()[1]
         what = "anybody who has this address can change and stop the logger" if control else "read-only"
         tell(f"http://{HOST}:{server.port}/{server.token}/\n{what}; Ctrl-C ends it")

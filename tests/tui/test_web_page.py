@@ -11,7 +11,7 @@ import time
 import pytest
 
 from tests import chromium
-from tests.waiting import DEADLINE_S, wait_until
+from tests.waiting import DEADLINE_S
 
 pytestmark = [
     pytest.mark.slow,
@@ -40,7 +40,7 @@ def served(tmp_path, monkeypatch):
         running.append(program)
         url = program.stdout.readline().strip()
         host, _, port = url.split("/")[2].partition(":")
-        wait_until(lambda: accepts(host, int(port)))  # it says where before it is there
+        assert accepts(host, int(port)), "it says where once it is there"
         return url
 
     yield serve
@@ -136,3 +136,55 @@ async def test_a_fifth_page_is_refused_and_processes_end_with_their_pages(served
             return True
 
         await until(again, "a place is free again")
+
+
+async def test_sizes_that_no_screen_has_are_cut_and_what_no_page_of_ours_sends_ends_it(served):
+    import aiohttp
+
+    url = served()
+    origin = {"Origin": "/".join(url.split("/")[:3])}
+    async with aiohttp.ClientSession() as web:
+        page = await web.ws_connect(f"{url}ws?width=1000000&height=1000000", headers=origin)
+        for _ in range(2):  # it draws; and goes on doing so
+            assert (await page.receive(DEADLINE_S)).type is aiohttp.WSMsgType.BINARY
+            await page.send_str('["resize", {"width": 9999999, "height": 9999999}]')
+        await page.send_str("no JSON")
+        while (await page.receive(DEADLINE_S)).type is aiohttp.WSMsgType.BINARY:
+            pass
+        assert page.closed
+
+
+@pytest.mark.parametrize(
+    ("sent", "does"),
+    [
+        ('["stdin", "é"]', ("send_bytes", "é".encode())),
+        ('["resize", {"width": 100, "height": 30}]', ("set_terminal_size", {"width": 100, "height": 30})),
+        (
+            '["resize", {"width": 1001, "height": 401, "depth": 1}]',
+            ("set_terminal_size", {"width": 1000, "height": 400}),
+        ),
+        ('["resize", {"width": -1, "height": "x"}]', ("set_terminal_size", {"width": 20, "height": 24})),
+        ('["resize", {"width": 1e999, "height": 4}]', ("set_terminal_size", {"width": 80, "height": 5})),
+        ('["ping", 7]', ("send_json", ["pong", 7])),
+        ('["blur"]', ("blur",)),
+        ('["focus"]', ("focus",)),
+        *[(sent, None) for sent in ("", "{}", "null", "[]", '["x"]', '["stdin"]', '["stdin", 5]', "[" * 99_999)],
+        ('["resize", 5]', None),
+        ('["stdin", "\\ud800"]', None),
+        ('["stop"]', None),
+    ],
+    ids=lambda given: str(given)[:30],
+)
+async def test_what_a_page_sends_is_done_or_ends_it(sent, does):
+    from silo_tui.web import serving
+
+    class Told:
+        def __getattr__(self, name):
+            async def tell(*given, **named):
+                told.append((name, *given, *([named] if named else [])))
+
+            return tell
+
+    told = []
+    assert await serving._handed_on(sent, Told(), Told()) is (does is not None)
+    assert told == ([does] if does else [])

@@ -4,8 +4,10 @@ import threading
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from silo.bridges.feed import PERIOD_S, LoggerFollower
+from silo.bridges.services import audit
 from silo.core.elements import State
 from silo.errors import ConnectionLostError, RefusedError
 from silo.history.arrays import SampleArrays
@@ -124,3 +126,15 @@ def test_once_a_robot_is_gone_nothing_of_it_is_left_and_why_is_told_once_until_i
     there = [("arm", 2), ["gain"], "it died", ("", 0), []]
     assert told == [*there, "gone", "refused", *there]
     assert (robot.asked, robot.closed, feed.missed) == ([["/log/x"]] * 2, 2, 4)
+
+
+@pytest.mark.parametrize(
+    ("what", "text", "told"),
+    [
+        ("/bot/kp", "done", "/bot/kp, set by somebody: done"),
+        ("a\n/bot/kp, set by others", "no\x1b[2J", "a\\x0a/bot/kp, set by others, set by somebody: no\\x1b[2J"),
+        ("n" * 301, "t" * 301, f"{'n' * 300}... (301 letters), set by somebody: {'t' * 300}..."),
+    ],
+)
+def test_who_calls_a_bridge_has_one_line_in_what_it_tells(what, text, told):
+    assert audit(what, "set", "somebody", text) == told

@@ -21,7 +21,7 @@ from silo.bridges.foxglove import guard, protocol
 from silo.bridges.foxglove.protocol import Frames, Offer, ServiceCall, StatusLevel, status, text_frame
 from silo.bridges.listening import LOOPBACK
 from silo.bridges.messages import live_topics
-from silo.bridges.services import Call, Connect, Tune
+from silo.bridges.services import Call, Connect, Tune, audit
 from silo.core.elements import ElementInfo
 from silo.core.names import grouped
 from silo.core.tuning.parameters import ParameterInfo
@@ -243,7 +243,7 @@ class ViewerServer:
             text, success = await asyncio.to_thread(self._terms.services[name], caller), True
         except SiloError as error:
             text, success = str(error), False
-        self._tell(f"{name}, called by {caller}: {text}")
+        self._tell(audit(name, "called", caller, text))
         viewer.write(protocol.binary_frame(protocol.service_response(call, success=success, message=text)))
 
     async def _tune(self, viewer: Viewer, request: Mapping[str, Any]) -> None:
@@ -260,7 +260,7 @@ class ViewerServer:
                 self._turn(known)
         except SiloError as error:
             text = str(error)
-        self._tell(f"{', '.join(values)}, set by {caller}: {text}")
+        self._tell(audit(", ".join(values), "set", caller, text))
         if level is StatusLevel.ERROR:
             viewer.tell(level, text)
         if "id" in request:

@@ -19,7 +19,7 @@ from silo.bridges.ros2.names import TRIGGER, TRIGGER_HASH, Attachment, Distribut
 from silo.bridges.ros2.pairing import Pairing
 from silo.bridges.ros2.parameters import EVENT, EVENT_HASH, EVENTS, NodeParameters
 from silo.bridges.ros2.standard import Outlet, outlets_of
-from silo.bridges.services import Call, Tune, trigger_response
+from silo.bridges.services import Call, Tune, audit, trigger_response
 from silo.core.elements import ElementInfo
 from silo.core.tuning.parameters import ParameterInfo
 from silo.errors import ConnectionLostError, SiloError
@@ -254,5 +254,5 @@ class Graph:
             text, success = call(CALLER), True
         except SiloError as error:
             text, success = str(error), False
-        self._tell(f"{name}, called by {CALLER}: {text}")
+        self._tell(audit(name, "called", CALLER, text))
         return trigger_response(text, success=success)

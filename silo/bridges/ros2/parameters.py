@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from silo.bridges.services import Tune
+from silo.bridges.services import Tune, audit
 from silo.core.tuning.parameters import ParameterInfo, ParameterKind, ParameterValue, Writable, range_text
 from silo.errors import SiloError
 from silo.files.bags.ros_types import ENCAPSULATION, CdrReader, add_numbers, add_text
@@ -160,7 +160,7 @@ class NodeParameters:
                 self.known, done = _by_name(known), True
             except SiloError as error:
                 text = str(error)
-        self.tell(f"{', '.join(values)}, set by {self.caller}: {text}")
+        self.tell(audit(", ".join(values), "set", self.caller, text))
         return done, text
 
 
