@@ -230,7 +230,7 @@ class HeldSource:
 
     async def _opened(self) -> bool:
         """Have the logger pin it; False where there is nothing to fetch."""
-        if self._buffers is None or not self.names:
+        if self._closed or self._buffers is None or not self.names:
             return False
         try:
             note = await self.open()
@@ -248,6 +248,8 @@ class HeldSource:
     async def look(self, start_ns: int, end_ns: int, column_ns: int) -> None:
         """Pin and fetch what is looked at now, as far as the logger has it still; after a link that was lost too."""
         await self.settled.wait()
+        if self._closed:
+            return
         if self._buffers is not None and self._buffers.reachable:
             self.mended()
             if self._unreached or not (self.pinned or self.main.problem):
@@ -372,17 +374,25 @@ class HeldSource:
         return self._together(names, start_ns, end_ns, column_ns, parts)
 
     def columns(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
-        """Columns from what is here."""
+        """Columns from what is here; until more is, those that stood on the screen."""
         parts = [one.columns(names, begin, end, column_ns) for one, begin, end in self._inside(start_ns, end_ns)]
-        return self._together(names, start_ns, end_ns, column_ns, parts)
+        waits = len(self._pieces) == 1 and not self.main.has(start_ns, end_ns)
+        return self._together(names, start_ns, end_ns, column_ns, parts, waits=waits)
 
     def _together(
-        self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int, parts: Sequence[HistoryColumns]
+        self,
+        names: Sequence[str],
+        start_ns: int,
+        end_ns: int,
+        column_ns: int,
+        parts: Sequence[HistoryColumns],
+        *,
+        waits: bool = False,
     ) -> HistoryColumns:
-        """Return parts as one, and where none of them is what stood on the screen."""
+        """Return parts as one, and what stood on the screen where nothing is held, or more `waits` to be fetched."""
         first = start_ns // column_ns
         grid = ColumnGrid(len(names), first, end_ns // column_ns + 1 - first)
-        if start_ns < self.begin_ns and self.drawn_ns < self.begin_ns:
+        if waits or (start_ns < self.begin_ns and self.drawn_ns < self.begin_ns):
             self.main.lay_drawn(grid, names, column_ns)
             begins = (first + np.arange(grid.count)) * column_ns
             for piece in self._pieces:

@@ -335,6 +335,16 @@ async def test_who_leaves_lets_go_of_all_pins_also_of_one_that_comes_late(robot)
     assert robot.open == []
 
 
+async def test_who_left_before_it_was_pinned_asks_for_nothing(robot):
+    held = held_of(robot)
+    looking = asyncio.ensure_future(held.look(91 * SECOND, 99 * SECOND, SECOND))
+    await asyncio.sleep(0)
+    held.close()
+    await held.fill(SECOND, 5 * SECOND)
+    await looking
+    assert (robot.asked, robot.open) == ([], [])
+
+
 async def test_a_link_that_is_there_again_mends_what_is_pinned_still(robot):
     held = await opened_of(robot, (60, 70))
     for piece in held.pieces:
@@ -474,6 +484,20 @@ async def test_what_was_drawn_and_is_in_no_buffer_any_more_stays_drawn_and_is_to
     assert await held.bring(75 * SECOND, SECOND)
     assert not await held.bring(65 * SECOND, SECOND)
     assert (held.drawn_ns, held.begin_ns) == (70 * SECOND, 90 * SECOND)
+
+
+async def test_what_was_drawn_before_the_pin_stays_drawn_until_it_is_fetched_from_the_buffers(robot):
+    shown = ColumnStore((X,), 40, SECOND)
+    shown.take(columns(70 * SECOND, 99 * SECOND, SECOND))
+    plots = [SimpleNamespace(name=X, element=ELEMENT)]
+    held = HeldSource(robot, plots, (90 * SECOND, 100 * SECOND), 100 * SECOND, shown, robot)
+    await held.open()
+    assert held.begin_ns == 50 * SECOND  # the buffers have it
+    drawn = held.columns([X], 80 * SECOND, 94 * SECOND, SECOND)
+    np.testing.assert_array_equal(drawn.low[0], np.arange(80.0, 95.0))
+    await held.fetch(90 * SECOND, 100 * SECOND)
+    fetched = held.columns([X], 80 * SECOND, 94 * SECOND, SECOND)
+    np.testing.assert_array_equal(fetched.low[0], [*[np.nan] * 10, *np.arange(90.0, 95.0)])
 
 
 async def test_between_two_samples_the_value_holds_but_not_for_longer_than_two_periods(robot):
