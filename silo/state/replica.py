@@ -16,7 +16,17 @@ from pathlib import Path
 
 import msgspec
 
-from silo.core.elements import Control, ElementInfo, LoggerOptions, Present, State, Status, Storage, Table
+from silo.core.elements import (
+    Control,
+    ElementInfo,
+    ElementOptions,
+    LoggerOptions,
+    Present,
+    State,
+    Status,
+    Storage,
+    Table,
+)
 from silo.core.names import Names
 from silo.core.recording import alike
 from silo.core.runtime import disk_room, runtime_dir, user_name
@@ -164,6 +174,7 @@ class Replica:
         self._known: set[str] = set()  # paths of all runs that were handed over
         self.segment = ""  # path of the present run's segment, empty before the first start and while it is let go of
         self.run = ""  # its id
+        self._given: dict[str, ElementOptions] = {}  # of each element, as it was seen first
         self.now = self._made_of(first, None)
         self._follow(first)
 
@@ -200,7 +211,7 @@ class Replica:
         table = robot.table or (before.table if before else Table(robot.revision, []))
         if robot.table is not None or before is None or robot.conditions.derived != before.robot.conditions.derived:
             derived = derived_infos(table.elements, _options(robot).prefix, robot.conditions.derived)
-            table = Table(robot.revision, table.elements, derived)
+            table = Table(robot.revision, table.elements, derived, self._given_otherwise(table.elements))
         unchanged = before is not None and table is before.table
         if not unchanged or (before is not None and robot.segment != before.robot.segment):
             self._generation += 1
@@ -215,6 +226,11 @@ class Replica:
             table_reply=msgspec.msgpack.encode(TableReply(table)),
             generation=self._generation,
         )
+
+    def _given_otherwise(self, elements: Iterable[ElementInfo]) -> dict[str, ElementOptions]:
+        """Return what elements were given as they came, of those that are logged otherwise now."""
+        begun = ((info, self._given.setdefault(info.name, info.options)) for info in elements)
+        return {info.name: given for info, given in begun if given != info.options}
 
     def _follow(self, robot: RobotState) -> None:
         """Open a segment by its path, where the run could not be handed over."""
@@ -455,7 +471,7 @@ def sharing(table: Table, schema: SegmentSchema) -> Table:
     """The same table, made of the schema's own rows where these say the same: 7 MB less with 10,000 elements."""
     rows = {element.info.name: element.info for element in schema.elements}
     shared = [row if (row := rows.get(info.name)) == info else info for info in table.elements]
-    return Table(table.revision, shared, table.derived)
+    return Table(table.revision, shared, table.derived, table.given)
 
 
 def _places(table: Table) -> dict[str, int]:

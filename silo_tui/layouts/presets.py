@@ -31,6 +31,7 @@ PRESETS = (
         KeptLayout(sort="std", filter="type:f", set="statistics"),
     ),
     Preset("stuck", "s", "Stuck: values that change no more", KeptLayout(filter="frozen")),
+    Preset("edited", "e", "Edited: other settings than the program began with", KeptLayout(filter="edited")),
     Preset(NEAR, "l", "Near a limit: within a tenth of one, or beyond", KeptLayout()),  # as they are now: `near_limit`
 )
 BY_NAME = {preset.name: preset for preset in PRESETS}

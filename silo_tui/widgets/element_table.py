@@ -49,6 +49,7 @@ TREND = 10
 IN_TREE = 8  # cells that a tree draws beside a name at most, which has fewer levels there
 IN_SPACE = f"{NAME} in "  # what stands before the namespace in the head
 DERIVED = "="  # the sign of what is computed from others
+EDITED = "E"  # and of what is logged otherwise than its program began with, as events tell edits
 MAX_STRIPS = 4000
 
 Shown = list[tuple[TableColumn, int]]  # columns with their widths
@@ -458,6 +459,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
             return
         table = self.session.table
         self._values, self._pending, self._conflicts = table.values, table.pending, table.conflicts
+        self._edited = table.edited
         self._range = np.zeros(len(table), np.bool_)
         self._range[self.rows.range_rows()] = True
         self._masks_of = (table.version, anchor)
@@ -514,6 +516,8 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
             flag, flag_style = "!", "table--conflict"
         elif pending.any():
             flag, flag_style = "*", "table--pending"
+        elif self._edited[row]:
+            flag, flag_style = EDITED, "table--quiet"
         yield Segment(flag, self._style(*base, flag_style))
         marked = "table--marked" if self.rows.marked[row] or self._range[row] else ""
         yield Segment(_sign(is_cursor=is_cursor, marked=bool(marked)), self._style(*base, marked))

@@ -197,6 +197,8 @@ class Inspector(Guarded, Widget):
                 pane.append(" ! changed by somebody else" if conflicts[field, row] else "")
             else:
                 pane.append(phrase_for(field, int(values[field, row])))
+            if (given := int(table.given[field, row])) != server[field, row]:
+                pane.append(f"  (began as {phrase_for(field, given)})", style=quiet)
             pane.append("\n")
         frequency = self.session.status.frequency_hz
         if frequency and not element.expression:

@@ -53,6 +53,16 @@ def test_its_process_version_table_and_last_tick_are_told_and_who_changed_it(ben
     assert edited.by.endswith(str(os.getpid()))
 
 
+def test_the_table_has_what_elements_were_given_that_are_logged_otherwise_now(bench, client):
+    begun = options(client, "/log/x")
+    assert client.table().given == {}
+    client.apply([edit(client, "/log/x", divider=5)], -1)
+    client.apply([edit(client, "/log/x", divider=7)], -1)
+    assert client.table().given == {"/log/x": begun}
+    client.apply([Edit("/log/x", begun)], -1)
+    assert client.table().given == {}
+
+
 def test_an_edit_of_some_options_leaves_the_others_of_the_table_as_they_are(bench, client):
     client.apply([Edit("/log/x", divider=4, buffer="fixed", size=50)], -1)
     before = client.table().revision

@@ -73,6 +73,7 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions, FakeParameters):
         self.controlled: Control | None = None
         self.clients: list[Present] = []
         self.derived: tuple[Derived, ...] = ()
+        self.given: dict[str, ElementOptions] = {}
         self._infos: tuple[Any, list[ElementInfo]] | None = None  # the derived signals, and of what they were made
         self.refuse_derived = ""  # why nothing is derived
         self.limit_options: tuple[SignalLimits, ...] = ()
@@ -248,7 +249,7 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions, FakeParameters):
 
     def table(self) -> Table:
         self._ask()
-        return Table(self.revision, list(self.elements), self.infos[len(self.elements) :])
+        return Table(self.revision, list(self.elements), self.infos[len(self.elements) :], self.given)
 
     def view(self, values: Sequence[str], plots: Sequence[str], rate_hz: float, column_ns: int) -> FakeView:
         self._ask()

@@ -1,6 +1,7 @@
 """What helps somebody who has never seen it: the tour, and what one looks for first."""
 
 import pytest
+from msgspec.structs import replace
 
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo_tui.layouts.presets import BY_NAME, is_near, near_limit, within
@@ -41,6 +42,21 @@ async def test_a_view_that_is_there_without_being_kept(fake, opened, letter):
         await screen.until(lambda: screen.session.rows.sort == preset.layout.sort)
         await screen.until(lambda: screen.session.rows.filter.text == preset.layout.filter)
         await screen.shows(f"view {preset.name}")
+
+
+async def test_what_is_logged_otherwise_than_the_program_began_with_is_told_and_looked_at(fake, opened):
+    one = fake.elements[3]
+    fake.given = {one.name: replace(one.options, divider=7 * one.options.divider)}
+    async with opened(fake) as screen:
+        await screen.shows("1 edited since the program began (v v e)")
+        (line,) = [each for each in screen.text.splitlines() if each.startswith("E")]
+        assert screen.session.short_name(one.name).rpartition("/")[2] in line
+        await screen.do("view")
+        await screen.press("e")
+        await screen.until(lambda: len(screen.session.rows.shown) == 1, "what was edited")
+        await screen.shows("view edited")
+        await screen.do("inspector")
+        await screen.shows("(began as 7)")
 
 
 async def test_what_only_counts_is_no_noise(fake, opened):

@@ -8,7 +8,7 @@
     ~HA+$                  a regular expression, somewhere in the name
     unit:Nm on:no div>1 size>=1k act:publish buf:loop kind:vector type:f4   unit:Nm|rad
     value>60 |value|>60 std>1 rate<95% fill>=50% changed<1s    what was measured, judged twice a second
-    marked pending conflict live derived alarm nan frozen slow off
+    marked pending edited conflict live derived alarm nan frozen slow off
 
 `parse` never raises: a term that can't be understood is reported, with its place, and left out.
 """
@@ -32,7 +32,7 @@ _TOKEN = re.compile(r'-?~\S+|(?:"[^"]*"?|[^\s"])+')
 _PART = re.compile(r'\|[A-Za-z]+\|(?:>=|<=|!=|>|<|=|:)[^\s|"]*|(?:"[^"]*"?|[^|"])+')
 _TERM = re.compile(r"(\|?[A-Za-z]+\|?)(>=|<=|!=|>|<|=|:)(.*)", re.DOTALL)
 _MEASURED_WORDS = ("alarm", *WORDS)
-_FLAGS = ("dirty", "pending", "marked", "conflict", "live", "derived", "off", *_MEASURED_WORDS)
+_FLAGS = ("dirty", "pending", "marked", "edited", "conflict", "live", "derived", "off", *_MEASURED_WORDS)
 TERMS = (*(term for column in LIVE_COLUMNS for term in column.terms), *OTHER_TERMS)
 
 
@@ -199,6 +199,8 @@ def _flag(word: str) -> Test:
         return lambda table, marked: marked.copy()
     if word == "conflict":
         return lambda table, marked: np.asarray(table.conflicts.any(axis=0))
+    if word == "edited":
+        return lambda table, marked: table.edited
     if word == "derived":
         return lambda table, marked: table.derived
     if word == "live":

@@ -78,6 +78,7 @@ class TableState:
         self.own = 0  # how many of the elements are the logger's own: the rows after them are derived
         self._row_of: dict[str, int] = {}
         self.server: Ints = np.zeros((FIELDS, 0), np.int64)  # what the logger has; not to be written to
+        self.given: Ints = self.server  # what its program began with
         self._edited = np.zeros((FIELDS, 0), np.bool_)
         self._wanted = np.zeros((FIELDS, 0), np.int64)
         self._based_on = np.zeros((FIELDS, 0), np.int64)
@@ -108,6 +109,11 @@ class TableState:
     def conflicts(self) -> Mask:
         """Shape `(5, n)`: pending edits whose ground was changed by somebody else since."""
         return np.asarray(self.pending & (self.server != self._based_on), np.bool_)
+
+    @property
+    def edited(self) -> Mask:
+        """Shape `(n,)`: rows that the logger has with other options than its program began with, whoever changed it."""
+        return np.asarray((self.given != self.server).any(axis=0), np.bool_)
 
     @property
     def pending_count(self) -> tuple[int, int]:
@@ -303,6 +309,8 @@ class TableState:
         self.labelled = np.array([any(one.labels for one in each.entries) for each in elements], np.bool_)
         self.mixed = np.array([len(each.entries) > 1 and not has_norm(each) for each in elements], np.bool_)
         self.revision, self.server = table.revision, server
+        given = table.given
+        self.given = rows_of([given.get(one.name, one.options) for one in elements]) if given else server
         self._edited &= self._wanted != server
         self.take_beyond(self._beyond)
         self.version += 1

@@ -59,6 +59,7 @@ COLUMNS = (
     ("fill", "how much of it is full"), ("value", "the newest; a number in a file: at that time"),
     ("min max mean std", "of each sample so long: mean 12m; of a vector the ends of any entry, of one unit"),
     ("rate", "samples a second, as measured"),
+    ("!", "the worst that is the matter: its signs stand below"),
     ("%", "of the samples that it should have"), ("jitter", "how far samples are off their time"),
     ("changed", "how long ago the value did"),
     ("trend", f"its newest curve; {NAN} nan, {POS_INF} {NEG_INF} inf, {SHADE} a hole"),
@@ -66,6 +67,7 @@ COLUMNS = (
 )  # fmt: skip
 SIGNS = (
     ("*", "pending: prepared here, not applied yet (underlined)"), ("!", "conflict: somebody else changed it too"),
+    ("E", "edited: it has other settings than its program began with; /edited shows all, the inspector both"),
     (MARKED, f"marked: edits and plots are about all that is marked; {ON_MARKED} with the cursor on it"),
     ("…", "there is more than has room: the inspector has all of it"),
     ("↓ ↑", "before a title: ordered by it, falling or rising"),
