@@ -111,7 +111,10 @@ class Summary(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
         taken |= {"started_ns": status.run_began_ns, "ticks": status.run_ticks}
         taken["clients"] = [one.who for one in status.clients[:MOST_NAMES]]
         control = status.control.who if status.control is not None else ""
-        return cls(**{**taken, "reason": status.reason[:MOST_REASON], "control": control})
+        reason = status.reason  # its end stays whole: there stands which file has what was logged
+        if len(reason) > MOST_REASON:
+            reason = f"{reason[: MOST_REASON // 2 - 3].rstrip()} … {reason[-MOST_REASON // 2 :].lstrip()}"
+        return cls(**{**taken, "reason": reason, "control": control})
 
 
 class EventKind(Word):

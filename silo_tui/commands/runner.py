@@ -15,7 +15,17 @@ from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
 from silo.net.access.senders import name_of
 from silo.settings.typed import completions
-from silo_tui.actions import BY_ID, BY_WORD, FILE_SCOPES, NOT_EDITED, Command, key_of, typed_on_file
+from silo_tui.actions import (
+    BY_ID,
+    BY_WORD,
+    COMMANDS,
+    FILE_SCOPES,
+    NOT_EDITED,
+    Command,
+    key_of,
+    typed_on_file,
+    with_keys,
+)
 from silo_tui.commands import flows
 from silo_tui.context import Context, SiloScreen
 from silo_tui.layouts import files, views
@@ -53,9 +63,11 @@ class CommandRunner:
 
     def usage(self, line: str) -> str:
         """Return what a command line does, once its word is typed."""
-        command = BY_WORD.get(line.lstrip(":").partition(" ")[0])
+        word = line.lstrip(":").partition(" ")[0]
+        command = BY_WORD.get(word)
         if command is None or command.typed is None:
-            return ""
+            begun = any(known.startswith(word) for known in BY_WORD)  # Tab goes on with it
+            return "" if begun else self._no_command(word)
         typed = command.typed
         return f"{typed.usage}: {typed.help}" if typed.usage else f"{command.label}: {command.help}"
 
@@ -70,7 +82,7 @@ class CommandRunner:
             "derived": lambda: [one.name for one in context.session.table.elements[context.session.table.own :]],
             "types": lambda: SAVED_NAMES,
             "views": lambda: ["save", *([LAST] if context.left_view else []), *BY_NAME, *files.names()],
-            "logs": lambda: command_line.logs(begun),
+            "logs": lambda: command_line.logs(begun, context.session.status.folder if context.has_session else ""),
             "control": lambda: self._control_words(typed[:-1]),
             "themes": lambda: (*THEMES, *sorted(context.app.available_themes)),
         }
@@ -95,11 +107,18 @@ class CommandRunner:
     def _run(self, spelled: Spelled) -> None:
         command = BY_WORD.get(spelled.word)
         if command is None:
-            near = [known for known in sorted(BY_WORD) if known.startswith(spelled.word[:2])]
-            raise ValueError(f"there is no command {spelled.word!r}{did_you_mean(near, '`:help` shows what there is')}")
+            raise ValueError(self._no_command(spelled.word))
         if self._on_file and not typed_on_file(command):
             raise RefusedError(f":{spelled.word}: {NOT_EDITED}, no logger to command")
         self._screen_for(command).action_command(command.id, spelled)
+
+    def _no_command(self, word: str) -> str:
+        """Return that there is none of that word, and what may be meant: another word, or what has a key."""
+        near = [known for known in sorted(BY_WORD) if known.startswith(word[:2])]
+        keyed = [with_keys(each) for each in COMMANDS if each.label.casefold().startswith(word.casefold())]
+        keys = [f"{each.label} is {each.footer_key}" for each in keyed if each.keys]
+        known = f"; {keys[0]}" if keys else did_you_mean(near, "`:help` shows what there is")
+        return f"there is no command {word!r}{known}"
 
     @property
     def _on_file(self) -> bool:

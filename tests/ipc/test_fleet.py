@@ -27,6 +27,7 @@ from silo.net.access.senders import network_words
 from silo.net.session import close, open_router
 from silo.net.sessions import open_configurations
 from silo.rpc.published import MOST_REASON, Summary
+from silo_tui.sessions.live import NO_STATUS
 from tests.stand_ins.simulated_robots import SimulatedRobot, SimulatedRobots
 from tests.thin_net import free_port
 from tests.waiting import answered, freeze, wait_until
@@ -61,6 +62,14 @@ def test_a_summary_takes_a_few_hundred_bytes_at_most() -> None:
     )  # fmt: skip
     assert len(msgspec.msgpack.encode(RUNNING)) < 80
     assert len(msgspec.msgpack.encode(full)) < 500
+
+
+def test_a_summary_keeps_the_end_of_why_a_program_died_where_the_file_stands() -> None:
+    reason = f"the robot program (process 3833) ended without close(); {'words ' * 40}: /home/ann/logs/arm.silo (9 MB)"
+    told = Summary.of(msgspec.structs.replace(NO_STATUS, reason=reason)).reason
+    assert len(told) <= MOST_REASON
+    assert told.startswith("the robot program (process 3833) ended without close()")
+    assert told.endswith("words : /home/ann/logs/arm.silo (9 MB)")
 
 
 def test_a_summary_of_a_newer_silo_with_more_fields_is_read() -> None:

@@ -59,6 +59,14 @@ async def test_what_is_logged_otherwise_than_the_program_began_with_is_told_and_
         await screen.shows("(began as 7)")
 
 
+async def test_a_word_that_is_no_command_is_told_as_it_is_typed_with_the_key_of_what_is_called_so(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press(":", *"hist")
+        await screen.shows("there is no command 'hist'; Histogram is p h")
+        await screen.press("backspace", "backspace", "backspace")
+        await screen.until(lambda: "there is no command" not in screen.text, "a word that goes on")
+
+
 async def test_what_only_counts_is_no_noise(fake, opened):
     async with opened(fake.run()) as screen:
         await screen.do("view")

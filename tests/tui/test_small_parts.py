@@ -1,5 +1,6 @@
 """Small parts of screens, each by itself."""
 
+import os
 import subprocess
 import sys
 
@@ -81,8 +82,10 @@ def test_a_path_of_a_log_is_completed_by_logs_and_folders(tmp_path, monkeypatch)
     for name in ("week", "bag.silo.d", ".git"):
         (tmp_path / name).mkdir()
     monkeypatch.chdir(tmp_path)
-    assert command_line.logs("") == ["walk.silo", "wave.csv", "bag.silo.d/", "week/"]
-    assert command_line.logs("wa") == ["walk.silo", "wave.csv"]
+    os.utime(tmp_path / "walk.silo", (1, 1))
+    assert command_line.logs("") == ["wave.csv", "walk.silo", "bag.silo.d/", "week/"]
+    assert command_line.logs("", f"{tmp_path}/week")[0] == "week/", "where the logger saves"
+    assert command_line.logs("wa", f"{tmp_path}/week") == ["wave.csv", "walk.silo"]
     assert command_line.logs(".") == [".hidden.silo", ".git/"]
     assert command_line.logs(f"{tmp_path}/we") == [f"{tmp_path}/week/"]
     assert command_line.logs("none/x") == []

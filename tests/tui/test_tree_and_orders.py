@@ -305,3 +305,11 @@ async def test_a_mark_on_a_name_space_says_how_many_it_marked_and_stays(fake, op
         assert (screen.session.rows.marked_count, screen.session.rows.branch.path) == (3, "/base")
         await screen.do("mark")
         await screen.shows("3 elements of /base no longer marked")
+
+
+async def test_what_orders_nothing_leaves_the_choice_of_an_order_open(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("o", "question_mark")
+        await screen.shows("? is no letter of an order")
+        await screen.press("v")
+        await screen.until(lambda: screen.session.rows.sort == "value")

@@ -1,7 +1,9 @@
 """The command line of the screen (`:load x.yaml`): reading and completing it. What words do: `commands/runner.py`."""
 
+import os
 import shlex
 from collections.abc import Sequence
+from pathlib import Path
 
 import msgspec
 
@@ -57,17 +59,29 @@ def read_save(arguments: Sequence[str]) -> tuple[list[FileType], str]:
     return types or [FileType.SILO], name
 
 
-def logs(begun: str) -> list[str]:
-    """Return paths of logs and folders that what is typed of one may become, as it is typed."""
+def logs(begun: str, near: str = "") -> list[str]:
+    """Return paths of logs, the newest first, and folders that what is typed of one may become, as it is typed.
+
+    Where nothing is typed, the folder `near` is the first, where the logger saves.
+    """
     typed, _, last = begun.rpartition("/")
     before = f"{typed}/" if "/" in begun else ""
     try:
-        found = sorted(typed_path("the log", before or ".").iterdir())
+        found = sorted(typed_path("the log", before or ".").iterdir(), key=_newest_first)
     except (ElementError, OSError):
         return []
     shown = [path for path in found if path.name.startswith(last) and (last or not path.name.startswith("."))]
     folders = [f"{before}{path.name}/" for path in shown if path.is_dir() and not path.name.endswith(LOG_ENDINGS)]
-    return [f"{before}{path.name}" for path in shown if path.name.endswith(LOG_ENDINGS)] + folders
+    below = os.path.relpath(near) if near else ""
+    first = [f"{near if below.startswith('..') else below}/"] if near and not begun and Path(near).is_dir() else []
+    found_logs = [f"{before}{path.name}" for path in shown if path.name.endswith(LOG_ENDINGS)]
+    return list(dict.fromkeys([*first, *found_logs, *folders]))
+
+
+def _newest_first(path: Path) -> tuple[float, str]:
+    """Return what logs are ordered by, and folders by their names."""
+    is_log = path.name.endswith(LOG_ENDINGS)
+    return (-path.lstat().st_mtime if is_log else 0.0, path.name)
 
 
 def complete(line: str, words: Sequence[str], choices: Sequence[str]) -> list[str]:

@@ -24,6 +24,7 @@ from textual.widgets.option_list import Option
 from silo.core.elements import FieldChange
 from silo.core.quantities.writing import duration, size_text
 from silo.errors import SiloError
+from silo_tui.actions import key_of, key_text
 from silo_tui.modal import Choices, Dialog, ask, run_alone
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.table.changes import Cost, groups_of
@@ -355,7 +356,9 @@ COLUMN = 32
 
 
 class OrderDialog(Dialog[str | None]):
-    """Answers with the order whose letter was pressed, also that of the present one; None on any other key."""
+    """Answers with the order whose letter was pressed, also that of the present one; None on Esc."""
+
+    KEYS_HERE = "a letter Orders by it  Esc Back"
 
     def __init__(self, orders: Sequence[Order[Any] | TableOrder], now: str, arrow: str) -> None:
         super().__init__()
@@ -388,7 +391,11 @@ class OrderDialog(Dialog[str | None]):
     def on_key(self, event: events.Key) -> None:
         event.stop()
         event.prevent_default()
-        self.dismiss(next((order.name for order in self._orders if order.letter == event.character), None))
+        found = next((order.name for order in self._orders if order.letter == event.character), None)
+        if found is not None or event.key in ("escape", "q"):
+            self.dismiss(found)
+        else:
+            cast(Any, self.app).context.say(f"{key_text(event.key)} is no letter of an order; {key_of('back')} leaves")
 
 
 class CommandLine(Dialog[str | None]):
