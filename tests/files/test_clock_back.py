@@ -8,6 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 import silo
+from silo.analysis.compute.samples import unfolded_ticks
 from silo.cli.group import cli
 
 STEP = 10**7
@@ -68,6 +69,21 @@ def test_the_same_at_a_rate_is_in_the_order_of_ticks_at_other_times_in_that_of_t
     assert log["x"].resample(100.0).values.tolist() == list(range(COUNT))
     assert log.resample([0.0, 0.1, 0.19])["x"].values.tolist() == [20, 30, 39]
     assert log["x"].resample([0.1, 0.19], "linear").values.tolist() == [30, 39]
+
+
+@pytest.mark.parametrize(
+    ("stamps", "even", "risen"),
+    [
+        ([5, 7, 9, 6, 8], True, [5, 7, 9, 11, 13]),
+        ([5, 5, 3], False, [5, 5, 6]),
+        ([0, 0, 10, 10], False, [0, 0, 10, 10]),
+        ([9, 9, 29, 29], True, [9, 14, 19, 24]),
+        ([9, 9, 10, 10], True, [9, 10, 11, 12]),
+        ([9, 9], True, [9, 10]),
+    ],
+)
+def test_ticks_rise_by_a_usual_step_where_their_stamps_do_not(stamps, even, risen):
+    assert unfolded_ticks(np.array(stamps, np.int64), even=even).risen_ns.tolist() == risen
 
 
 def test_a_table_has_each_sample_in_its_row(log):

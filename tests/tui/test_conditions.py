@@ -288,6 +288,7 @@ class TestScreens:
         async with opened(fake.run()) as screen:
             await screen.shows("1 alarm HH")
             assert len(asked) == 2
+            assert not screen.app.screen.session.conditions_due
 
     async def test_alarms_are_listed_and_acknowledged(self, fake, opened):
         fake.limit_statuses = [HOT, LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0)]

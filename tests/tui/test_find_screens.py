@@ -113,6 +113,14 @@ async def test_of_a_condition_that_nothing_tells_a_file_says_that_it_was_blind()
     assert (tried.fires, tried.judged, tried.blind) == (0, TICKS, TICKS)
 
 
+@pytest.mark.parametrize("batch", [1, 7, 40, TICKS])
+async def test_where_a_condition_turns_true_does_not_depend_on_how_much_is_judged_at_once(monkeypatch, batch):
+    monkeypatch.setattr("silo.expressions.over_recordings.BATCH_TICKS", batch)
+    tried = await FileSession(Log(recording(), "robot.silo")).turns_true("LF/torque > 0.5")
+    assert tried.ticks == [34, 434, 834, 1234, 1634, 2034, 2345, 2434, 2834, 3234, 3634]
+    assert tried.time_ns == recording().time_ns[tried.ticks].tolist()
+
+
 @pytest.mark.parametrize(
     ("fires", "times_s", "begin_s", "says"),
     [
