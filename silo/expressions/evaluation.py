@@ -7,7 +7,6 @@ it is compared. `prev`, `diff` and `rate` step per sample of their own signals, 
 that are missing both begin anew. However the rows are cut into batches, the results are the same, to the last bit.
 """
 
-import functools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.arrays.values import EXACT, fitting
+from silo.core.arrays.values import EXACT
+from silo.core.arrays.wholes import compared, fitting, nearest, told
 from silo.expressions.binding import (
     OFF,
     BoundExpression,
@@ -29,7 +29,6 @@ from silo.expressions.binding import (
     columns_of,
 )
 from silo.expressions.operations import (
-    ADDING,
     COMPARING,
     OPERATIONS,
     REDUCING,
@@ -38,6 +37,7 @@ from silo.expressions.operations import (
     as_numbers,
     as_truth,
     columned,
+    computed_whole,
     raw,
     spread,
 )
@@ -376,7 +376,7 @@ class Evaluator:
     def _result(self, part: Part, grid: _Grid) -> Value:
         """The value of an expression; where whole ones are asked for, and it is one, int64 or uint64."""
         made = self._value(part, grid)
-        if not self._gives_whole or isinstance(made, Truth) or _remembers(part):  # before the first sample is none
+        if not self._gives_whole or isinstance(made, Truth) or _may_be_none(part):
             return made
         if (whole := self._whole(part, grid)) is None:
             return made
@@ -384,30 +384,29 @@ class Evaluator:
 
     def _exactly(self, part: Computed, grid: _Grid, values: Sequence[Value], made: Value) -> Value:
         """What was made of float64 to the last digit, as far as it is made of integers."""
-        if isinstance(made, Truth):
-            sides = _all_of(self._whole(one, grid) for one in part.parts) if part.operator in COMPARING else None
-            if sides is None:
-                return made
-            true = OPERATIONS[part.operator](_meeting(sides)).true
-            fits = functools.reduce(np.logical_and, [np.abs(as_numbers(value)) < _LARGEST for value in values])
-            return Truth(np.where(fits, true, made.true), made.unknown)
-        if part.operator == "%":
-            return self._whole_rest(part, grid, values, made)
-        whole = self._whole(part, grid)
-        # modulo 2^64 what is added up is right where the result fits; a NaN is none
-        return made if whole is None else np.where(np.abs(made) < _LARGEST, whole, made)
-
-    def _whole_rest(self, part: Computed, grid: _Grid, values: Sequence[Value], made: Value) -> Value:
-        """What is left of a division, to the last digit where both are integers."""
         sides = _all_of(self._whole(one, grid) for one in part.parts)
         if sides is None:
             return made
-        over, by = (np.asarray(side, np.int64) for side in _meeting(sides))
-        fits = functools.reduce(np.logical_and, [np.abs(as_numbers(value)) < _LARGEST for value in values])
-        return np.where(fits & (by != 0), np.mod(over, np.where(by == 0, 1, by)), as_numbers(made))
+        bits: list[Any] = [*_meeting(sides)]
+        numbers = [as_numbers(value) for value in values]
+        if part.operator in COMPARING:
+            one, other = (told(*side) for side in zip(bits, numbers, strict=True))
+            true = compared(COMPARING[part.operator], one, other)
+            return Truth(np.where(one.known & other.known, true, made.true), made.unknown)
+        if part.operator == "**":
+            whole = _power(*part.parts)
+        else:
+            whole, made = computed_whole(part.operator, bits, numbers, made)
+        if whole is None:
+            return made
+        self._wholes[id(part), id(grid)] = whole
+        return nearest(whole, as_numbers(made))
 
     def _whole(self, part: Part, grid: _Grid) -> Ints | None:
-        """A sum or product of integers modulo 2^64, None of anything else; any number where samples are missing."""
+        """What is made of integers, modulo 2^64; None of anything else. Any number where samples are missing.
+
+        Of what is computed `_value` comes first, which notes it.
+        """
         key = id(part), id(grid)
         if key not in self._wholes:
             self._wholes[key] = self._as_whole(part, grid)
@@ -422,12 +421,7 @@ class Evaluator:
         if isinstance(part, BoundSignal):
             columns = _all_of(self._whole_column(column, grid) for column in part.columns)
             return None if columns is None else np.stack(columns, axis=1) if part.vector else columns[0]
-        if isinstance(part, Remembered):
-            return self._whole_recalled(part, grid)
-        if part.operator == "**":
-            return _power(*part.parts)
-        parts = _all_of(self._whole(one, grid) for one in part.parts) if part.operator in ADDING else None
-        return None if parts is None else np.asarray(OPERATIONS[part.operator](_meeting(parts)), np.int64)
+        return self._whole_recalled(part, grid) if isinstance(part, Remembered) else None
 
     def _whole_recalled(self, part: Remembered, grid: _Grid) -> Ints | None:
         made, own, memory = self._made_whole.get(part), self._grid_of(part), self._memories[part]
@@ -535,12 +529,11 @@ class Evaluator:
         found = np.diff(every, axis=0)
         if part.function == "diff":
             self._made_whole[part] = found
-        return np.where(np.abs(made) < _LARGEST, found, made)
+        return nearest(found, made)
 
 
 _NO_VALUES = np.zeros(0)
 _NO_WHOLE = np.zeros(0, np.int64)
-_LARGEST = 2.0**62
 
 
 def _all_of(values: Iterable[Ints | None]) -> list[Ints] | None:
@@ -569,8 +562,13 @@ def _kept(whole: Ints | None) -> Ints | None:
     return None if whole is None else np.asarray(whole, np.int64)
 
 
-def _remembers(part: Part) -> bool:
-    return isinstance(part, Remembered) or (isinstance(part, Computed) and any(map(_remembers, part.parts)))
+def _may_be_none(part: Part) -> bool:
+    """Whether it may be no number though all its signals have one: before the first sample, or a rest by 0."""
+    if not isinstance(part, Computed):
+        return isinstance(part, Remembered)
+    by = part.parts[-1]
+    by_any = part.operator == "%" and not (isinstance(by, Constant) and by.value)
+    return by_any or any(map(_may_be_none, part.parts))
 
 
 def _power(base: Part, exponent: Part) -> Ints | None:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from silo.core.arrays.function_units import KEPT, PER_SECOND, PLAIN, UNIT_RULES, UnitRule
+from silo.core.arrays.wholes import Bits, divided, outermost, stacked, told
 
 
 @dataclass(frozen=True)
@@ -218,7 +219,7 @@ REDUCING = ("any", "all", "norm_of", "sum_of", "min_of", "max_of", "known any", 
 
 COMPARING = {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal, "==": np.equal,
              "!=": np.not_equal}  # fmt: skip
-ADDING = {"+": np.add, "-": np.subtract, "*": np.multiply, "neg": np.negative}  # modulo 2^64 exact of integers
+ADDING = {"+": np.add, "-": np.subtract, "*": np.multiply, "neg": np.negative}
 
 OPERATIONS: dict[str, Any] = {
     "and": _and, "or": _or, "not": _not, "any": _any, "all": _all,
@@ -235,3 +236,27 @@ OPERATIONS: dict[str, Any] = {
     "min_of": _reduced(lambda vector: np.min(vector, axis=1)),
     "max_of": _reduced(lambda vector: np.max(vector, axis=1)),
 }  # fmt: skip
+
+
+def computed_whole(sign: str, bits: list[Bits], numbers: list[Any], made: Any) -> tuple[Bits | None, Any]:
+    """Return what an operation makes of integers as `silo.core.arrays.wholes` tells them, of their bits and float64s.
+
+    `made` is what it made of the float64s. None for the bits of what isn't whole.
+    """
+    if sign in ADDING or sign == "sum_of":
+        return np.asarray(OPERATIONS[sign](bits), np.int64), made  # modulo 2^64 that is right
+    if sign == "abs":
+        return np.where(numbers[0] < 0, -bits[0], bits[0]), made
+    if sign == "%":
+        over, by = map(told, bits, numbers)
+        _, (rest, nearly) = divided(over, by._replace(bits=np.where(by.bits == 0, 1, by.bits)))
+        known = over.known & by.known & (by.bits != 0)
+        return np.where(known, rest, np.asarray(made).astype(np.int64)), np.where(known, nearly, made)
+    if sign in ("min", "max"):
+        return outermost(_OUTER[sign], stacked([told(*each) for each in zip(bits, numbers, strict=True)])), made
+    if sign in ("min_of", "max_of"):
+        return outermost(_OUTER[sign[:3]], told(_side_by_side(bits), _side_by_side(numbers))), made
+    return None, made
+
+
+_OUTER = {"min": np.minimum, "max": np.maximum}

@@ -212,6 +212,8 @@ OF_INTEGERS = (
     "mode - c + a", "(a - b) / 2 + (b - a) * (c - a)", "w_1 * (a - b) - v_2", "a - b + slow/y", "c - slow/x",
     "slow/x < b - a", "mode + slow/y", "slow/y < mode + 1", "mode * slow/x - slow/y", "diff(mode + slow/y)",
     "slow/y - (a - b) <= mode",
+    "abs(a) - b", "max(a, b) - c", "min(v) == b", "sum(v) - 2 * b - a", "max(w) - min(v) + a", "a % b % 1000 - a % 7",
+    "a % (b - c)", "max(a - b, w_1) + prev(c)", "abs(diff(a)) % 3",
     "a - prev(a)", "prev(a) - c", "c - prev(b)", "prev(a) == b", "prev(prev(a)) - a", "any(prev(v) == w)",
     "diff(c) - prev(diff(c))",
     "prev(a - b) * 2 - prev(c) + a", "prev(slow/x) < prev(b) - a", "prev(gone) - a", "prev(mode) + slow/y",

@@ -17,7 +17,9 @@ from silo.analysis.compute.samples import Samples, UntoldError, in_order, risen_
 from silo.core import units
 from silo.core.arguments import shown
 from silo.core.arrays.enumerations import to_compare
-from silo.core.arrays.values import fitting, missing_in
+from silo.core.arrays.values import missing_in
+from silo.core.arrays.wholes import compared as numbers_compared
+from silo.core.arrays.wholes import divided, fitting, outermost, stacked, wholes
 from silo.core.recording import falls
 from silo.errors import ElementError, LogWarning
 
@@ -62,9 +64,22 @@ def compared(
         return _texts_compared(one, other, function, sign)
     numbers = _words_numbered(one, other) if isinstance(other, Samples) and sign in ("==", "!=") else None
     numbers = numbers or (lambda signal: signal._numbers("compare"))
-    values, made, name = _both(one, other, function, sign, swapped, numbers, "compare")
+    values, made, name = _both(one, other, _to_the_last_digit(function), sign, swapped, numbers, "compare")
     truths = np.asarray(np.ma.filled(values, sign == "!="), bool)  # what is missing is, as a NaN, only unequal
     return replace(made, name=name, values=truths, unit="-", labels={}, component_labels={})
+
+
+def _to_the_last_digit(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """Return what compares integers of which one has no sign as they are: NumPy before 2 makes both floats."""
+
+    def holds(one: Any, other: Any) -> Any:
+        sides = np.asanyarray(one), np.asanyarray(other)
+        mixed = {(side.dtype.kind, side.dtype.itemsize) for side in sides} == {("i", 8), ("u", 8)}
+        if mixed and not any(map(np.ma.isMaskedArray, sides)):
+            return numbers_compared(function, *map(wholes, sides))
+        return function(one, other)
+
+    return holds
 
 
 def _words_numbered(one: Samples, other: Samples) -> Callable[[Samples], NDArray[Any]] | None:
@@ -160,33 +175,76 @@ def _is_unsigned(values: NDArray[Any]) -> bool:
 
 
 def wholly(function: Callable[..., Any], sign: str) -> Callable[..., Any]:
-    """Return what computes of numbers of which some are uint64: whole ones where 64 bits hold the result, with a sign
-    or without, and else float64.
+    """Return what computes of whole numbers whole ones where 64 bits hold the result, with a sign or without, and else
+    float64; uint64 beside other numbers is float64, too.
     """
 
     def made(*given: Any) -> Any:
         sides = [side if np.ma.isMaskedArray(side) else np.asarray(side) for side in given]
-        if not any(map(_is_unsigned, sides)):
+        unsigned = any(map(_is_unsigned, sides))
+        if all(side.dtype.kind in "iu" for side in sides):
+            of = _of_unsigned if unsigned else _of_signed
+            found = of(function, sign, sides)
+            if found is not None:
+                return found
+        elif not unsigned:
             return function(*given)
-        whole = not any(side.dtype.kind not in "iu" or np.ma.isMaskedArray(side) for side in sides)
-        if whole and sign not in _ADDING and _is_unsigned_still(sides, sign):
-            return function(*(side.astype(np.uint64) for side in sides))
-        floats = function(*(side.astype(np.float64) for side in sides))
-        if not (whole and sign in _ADDING):
-            return floats
-        return fitting(function(*(side.astype(np.int64) for side in sides)), floats)
+        return function(*_floats(sides))
 
     return made
 
 
-_ADDING = ("+", "-", "*")  # modulo 2^64 they are right where the result fits
+_ADDING = ("+", "-", "*", "**", "<<")  # modulo 2^64 they are right where the result fits
 _DIVIDING = ("//", "%")
 _WITHIN = ("max", "min", "&", "|", "^", ">>", "abs")  # the result is no larger than what it is made of
 
 
-def _is_unsigned_still(sides: Sequence[NDArray[Any]], sign: str) -> bool:
-    fits = sign in _WITHIN or (sign in _DIVIDING and not (sides[1] == 0).any())
-    return fits and all(_is_unsigned(side) or not (side < 0).any() for side in sides)
+def _of_signed(function: Callable[..., Any], sign: str, sides: Sequence[NDArray[Any]]) -> NDArray[Any] | None:
+    """Return what a function makes of int64; None of what is no whole number."""
+    if sign in _ADDING or sign == "abs":
+        return _added(function, sign, sides)
+    if sign in _DIVIDING and (sides[1] == 0).any():
+        return None
+    if sign == "//" and (sides[1] == -1).any():
+        return fitting(function(*sides), function(*_floats(sides)))
+    return function(*sides)  # type: ignore[no-any-return]
+
+
+def _added(function: Callable[..., Any], sign: str, sides: Sequence[NDArray[Any]]) -> NDArray[Any] | None:
+    if sign == "**" and (sides[1] < 0).any():
+        return None
+    bits = function(*(side.astype(np.int64) for side in sides))
+    if bits.dtype.kind != "i":  # np.float_power
+        return bits  # type: ignore[no-any-return]
+    floats = _floats(sides)
+    return fitting(bits, floats[0] * 2.0 ** floats[1] if sign == "<<" else function(*floats))
+
+
+def _of_unsigned(function: Callable[..., Any], sign: str, sides: Sequence[NDArray[Any]]) -> NDArray[Any] | None:
+    """The same of uint64, maybe beside int64."""
+    if sign in _ADDING:
+        return _added(function, sign, sides)
+    if any(map(np.ma.isMaskedArray, sides)) or (sign in _DIVIDING and (sides[1] == 0).any()):
+        return None
+    if sign == ">>":
+        return function(sides[0], sides[1].astype(sides[0].dtype))  # type: ignore[no-any-return]
+    if sign in (*_WITHIN, *_DIVIDING) and all(_is_unsigned(side) or not (side < 0).any() for side in sides):
+        return function(*(side.astype(np.uint64) for side in sides))  # type: ignore[no-any-return]
+    if sign in _DIVIDING and function is not np.fmod:
+        quotient, rest = divided(*map(wholes, sides))
+        return fitting(*(quotient if sign == "//" else rest))
+    if sign in ("max", "min"):
+        outer = np.maximum if sign == "max" else np.minimum
+        return fitting(outermost(outer, stacked([wholes(side) for side in sides])), function(*_floats(sides)))
+    if sign in ("&", "|", "^"):  # an integer below 0 begins with ones without end
+        bits = function(*(side.astype(np.int64) for side in sides))
+        below = function(*(~np.asarray(_is_unsigned(side)) & (side < 0) for side in sides))
+        return fitting(bits, bits.astype(np.uint64) - 2.0**64 * below)
+    return None
+
+
+def _floats(sides: Sequence[NDArray[Any]]) -> list[NDArray[np.float64]]:
+    return [side.astype(np.float64) for side in sides]
 
 
 def aligned(one: One, other: Other, what: str, two_clocks: bool = False) -> tuple[One, Other]:

@@ -105,16 +105,6 @@ def as_exact(column: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(column, np.int64)
 
 
-def fitting(wholes: NDArray[np.int64], made: Floats) -> NDArray[Any]:
-    """Return the whole numbers that `wholes` are modulo 2^64 and `made` nearly: int64 or uint64, whichever holds all,
-    else `made`. Where that is NaN they are any number.
-    """
-    if not (np.abs(made) >= 2.0**63).any():
-        return wholes
-    unsigned = wholes.astype(np.uint64)  # far off where it doesn't fit
-    return made if (np.abs(unsigned - made) >= 2.0**63).any() else unsigned
-
-
 def difference(first: NDArray[Any], second: NDArray[Any]) -> Floats:
     """Return `second - first` as float64, of integers to the last digit; NaN where one of them is no number."""
     made = as_floats(second) - as_floats(first)
