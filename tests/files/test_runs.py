@@ -270,6 +270,22 @@ def test_a_log_begins_with_its_first_stamp_or_with_its_run_where_stamps_are_no_t
     assert facts.parameters == {"/log/kp": 2.0, "/log/kd": 0.2}
 
 
+def test_a_run_is_known_by_its_file_though_nothing_was_told_of_it_yet(tmp_path, new_logger):
+    log = new_logger()
+    log.array("x")
+    log.start()
+    log.collect()
+    run = log._present.run.id
+    files = [Path(saved.path) for saved in log.save(("silo", "csv", "bag"))]
+    for ending in ("npz", "parquet"):
+        silo.open_log(files[0]).save(tmp_path / f"table.{ending}")
+        files.append(tmp_path / f"table.{ending}")
+    facts = [read_facts(file.parent, file.name, 1).run for file in files]
+    assert {one.path: one.run for one in facts} == {file.name: run for file in files}
+    recorded = msgspec.structs.replace(facts[0], path="r.mcap", recorder="r", part=1)
+    assert len(by_run([facts[0], recorded])) == 1
+
+
 def test_texts_and_signals_without_a_number_have_no_statistics(tmp_path, new_logger):
     log = new_logger()
     log.add(np.array("abc", "U5"), "word")

@@ -76,6 +76,7 @@ class RecordingFacts(msgspec.Struct, frozen=True, omit_defaults=True, rename={"c
     events: tuple[LoggedEvent, ...] = ()
     about: dict[str, str] = {}
     stretch: Stretch | None = None
+    run: str = ""
 
 
 def pack_facts(facts: RecordingFacts) -> bytes:

@@ -181,6 +181,7 @@ class LogFacts(msgspec.Struct, frozen=True, omit_defaults=True, rename={"conditi
     about: dict[str, str] = {}
     stretch: Stretch | None = None
     gaps: tuple[tuple[int, int], ...] = ()
+    run: str = ""
 
 
 def file_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
