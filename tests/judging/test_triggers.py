@@ -117,39 +117,31 @@ def test_any_cut_fires_as_row_by_row(rule, condition, rearm, data):
     assert trigger.fires == len(slow.fires)
 
 
-def test_it_fires_at_the_tick_at_which_the_condition_turns_true():
-    assert fires(TriggerRule(0, 0), [F, F, T, T, F, T]) == [2, 5]
+AT_ONCE = TriggerRule(0, 0)
 
 
-def test_what_is_true_from_the_start_has_not_turned():
-    assert fires(TriggerRule(0, 0), [T, T, F, T]) == [3]
-    assert fires(TriggerRule(0, 0, Slope.LEVEL, holdoff=9), [T, T, F, T]) == [0]
-
-
-def test_what_turned_while_nobody_could_see_it_fires_when_it_is_seen():
-    assert fires(TriggerRule(0, 0), [F, U, T]) == [2]
-
-
-def test_what_was_never_known_fires_when_it_is_seen_to_be_true():
-    assert fires(TriggerRule(0, 0), [U, T, U, T]) == [1]
-    assert fires(TriggerRule(0, 0), [T, U, T]) == []
-
-
-def test_leave_is_falling_and_enter_is_rising():
-    assert fires(TriggerRule(0, 0, Slope("leave")), [F, T, T, F]) == [3]
+@pytest.mark.parametrize(
+    ("rule", "condition", "ticks"),
+    [
+        (AT_ONCE, [F, F, T, T, F, T], [2, 5]),  # at the tick at which it turns true
+        (AT_ONCE, [T, T, F, T], [3]),  # what is true from the start has not turned
+        (TriggerRule(0, 0, Slope.LEVEL, holdoff=9), [T, T, F, T], [0]),  # and a level need not
+        (AT_ONCE, [F, U, T], [2]),  # what turned while nobody could see it fires when it is seen
+        (AT_ONCE, [U, T, U, T], [1]),  # as does what was never known
+        (AT_ONCE, [T, U, T], []),
+        (TriggerRule(0, 0, Slope("leave")), [F, T, T, F], [3]),  # as falling
+        (TriggerRule(0, 0, persist=2), [F, T, T, F, T, T, T, T], [6]),  # of a pulse that is as long
+        (TriggerRule(0, 0, holdoff=3), [F, T, F, T, F, T], [1, 5]),  # turns within it are ignored
+        (TriggerRule(0, 1, mode=TriggerMode.AUTO, patience=3), [F] * 10, [3, 8]),  # where no fire comes
+    ],
+)
+def test_it_fires_where_its_rule_says(rule, condition, ticks):
+    assert fires(rule, condition) == ticks
     assert Slope("enter") is Slope.RISING
-
-
-def test_a_pulse_must_be_as_long_as_persist():
-    assert fires(TriggerRule(0, 0, persist=2), [F, T, T, F, T, T, T, T]) == [6]
 
 
 def test_after_a_fire_hysteresis_waits_for_rearm():
     assert fires(TriggerRule(0, 0), [F, T, F, T, F, T], [F, F, F, F, T, F]) == [1, 5]
-
-
-def test_turns_within_holdoff_are_ignored():
-    assert fires(TriggerRule(0, 0, holdoff=3), [F, T, F, T, F, T]) == [1, 5]
 
 
 def test_a_fire_within_post_extends_the_capture():
@@ -167,10 +159,6 @@ def test_single_fires_once_until_it_is_armed_again():
     assert trigger.state(3) is TriggerWord.OFF
     trigger.arm(4)
     assert trigger.feed(np.array([4, 5]), np.zeros(2, np.int64), np.array([F, T], np.int8))[0].fires[0].tick == 5
-
-
-def test_auto_captures_when_no_fire_comes():
-    assert fires(TriggerRule(0, 1, mode=TriggerMode.AUTO, patience=3), [F] * 10) == [3, 8]
 
 
 def test_force_fires_whatever_the_condition_says():
