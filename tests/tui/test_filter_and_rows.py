@@ -47,8 +47,20 @@ def test_filter_terms_are_total_on_a_table(text):
     assert filters.parse(text).mask(state, np.zeros(1, bool)).shape == (1,)
 
 
-def test_words_must_all_be_in_the_name(rows):
-    assert shown(rows, "lf TORQUE") == [f"/log/legs/LF/{joint}/torque" for joint in ("HAA", "HFE", "KFE")]
+JOINTS, LEGS = ("HAA", "HFE", "KFE"), ("LF", "LH", "RF", "RH")
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("lf TORQUE", [f"LF/{joint}" for joint in JOINTS]),  # words must all be in the name
+        ("torque LF -HAA -HFE", ["LF/KFE"]),
+        ("/log/*/H?A/torque", [f"{leg}/HAA" for leg in LEGS]),  # a glob with a slash in front: the whole name
+        ("LF/*/torq*e", [f"LF/{joint}" for joint in JOINTS]),  # without one: its end
+    ],
+)
+def test_words_and_globs_are_about_names(rows, text, names):
+    assert shown(rows, text) == [f"/log/legs/{name}/torque" for name in names]
 
 
 @pytest.mark.parametrize(
@@ -68,18 +80,6 @@ def test_what_passes_by_the_name_of_a_component_alone_is_known(text, passes, by_
     found = filters.parse(text)
     assert found.mask(state, none).tolist() == passes
     assert found.by_component(state, none, np.flatnonzero(passes).tolist()) == by_component
-
-
-def test_a_minus_excludes(rows):
-    assert shown(rows, "torque LF -HAA -HFE") == ["/log/legs/LF/KFE/torque"]
-
-
-def test_a_glob_that_begins_with_a_slash_is_about_the_whole_name(rows):
-    assert shown(rows, "/log/*/H?A/torque") == [f"/log/legs/{leg}/HAA/torque" for leg in ("LF", "LH", "RF", "RH")]
-
-
-def test_a_glob_without_slash_is_about_the_end_of_the_name(rows):
-    assert shown(rows, "LF/*/torq*e") == [f"/log/legs/LF/{joint}/torque" for joint in ("HAA", "HFE", "KFE")]
 
 
 @pytest.mark.parametrize(
