@@ -50,19 +50,19 @@ def test_an_attribute_is_followed_when_it_is_assigned_anew(logged, first, second
         assert found == [list(pair) for pair in zip(*expected, strict=True)]
 
 
-def test_a_string_attribute_is_logged_as_utf8(logged):
-    robot = Robot(x="stand")
-    assert logged(robot, lambda: setattr(robot, "x", "läuft"), attr="x") == [[b"stand", "läuft".encode()]]
-
-
-def test_a_string_attribute_that_was_empty_has_room(logged):
-    robot = Robot(x="")
-    assert logged(robot, lambda: setattr(robot, "x", "walking"), attr="x") == [[b"", b"walking"]]
-
-
-def test_a_numpy_string_attribute_has_room_too(logged):
-    robot = Robot(x=np.str_("a"))
-    assert logged(robot, lambda: setattr(robot, "x", np.str_("walking")), attr="x") == [[b"a", b"walking"]]
+@pytest.mark.parametrize(
+    ("first", "second", "found"),
+    [
+        ("stand", "läuft", [b"stand", "läuft".encode()]),
+        ("", "walking", [b"", b"walking"]),  # one that was empty has room
+        (np.str_("a"), np.str_("walking"), [b"a", b"walking"]),
+        (Mode.IDLE, Mode.WALK, [0, 1]),
+        (Fault.HOT, Fault.HOT | Fault.STALL, [1, 3]),
+    ],
+)
+def test_texts_are_logged_as_utf8_and_enumerations_and_flags_as_numbers(logged, first, second, found):
+    robot = Robot(x=first)
+    assert logged(robot, lambda: setattr(robot, "x", second), attr="x") == [found]
 
 
 def test_a_string_is_cut_at_its_room_and_that_is_told(logged, caplog):
@@ -101,16 +101,6 @@ def test_a_string_that_fills_its_room_is_not_cut(logged, caplog):
     robot = Robot(x="")
     assert logged(robot, lambda: setattr(robot, "x", "walk"), attr="x", string_bytes=4) == [[b"", b"walk"]]
     assert caplog.messages == []
-
-
-def test_an_enumeration_attribute_is_logged_as_its_number(logged):
-    robot = Robot(x=Mode.IDLE)
-    assert logged(robot, lambda: setattr(robot, "x", Mode.WALK), attr="x") == [[0, 1]]
-
-
-def test_combined_flags_are_logged_as_their_bits(logged):
-    robot = Robot(x=Fault.HOT)
-    assert logged(robot, lambda: setattr(robot, "x", Fault.HOT | Fault.STALL), attr="x") == [[1, 3]]
 
 
 def test_a_time_with_a_zone_is_logged_in_utc(logged):
@@ -213,7 +203,7 @@ def test_the_others_are_logged_when_one_can_not_be_read(new_logger):
     assert [e.entries[0].values[-1] for e in logger.snapshot().elements if e.name != "/log/b"] == [2.0, 2.0]
 
 
-def test_failures_are_counted_per_element(new_logger):
+def test_failures_are_counted_per_element_and_said_once(new_logger, caplog):
     robot = Robot(x=1.0)
     logger = new_logger()
     logger.add(robot, attr="x")
@@ -222,16 +212,6 @@ def test_failures_are_counted_per_element(new_logger):
     for _ in range(3):
         logger.collect()
     assert logger._present.failures == {"/log/x": 3}
-
-
-def test_a_failure_is_said_once(new_logger, caplog):
-    robot = Robot(x=1.0)
-    logger = new_logger()
-    logger.add(robot, attr="x")
-    logger.start()
-    del robot.x
-    for _ in range(3):
-        logger.collect()
     (warning,) = warnings_of(caplog)
     assert "/log/x: reading Robot.x failed (AttributeError" in warning
 
@@ -249,15 +229,10 @@ def test_an_integer_array_that_becomes_floats_is_not_cut_silently(logged):
     assert logged.logger._present.failures == {"/log/x": 1}
 
 
-def test_a_number_too_large_for_its_type_is_a_failure(logged):
-    robot = Robot(x=5)
-    logged(robot, lambda: setattr(robot, "x", 2**80), attr="x")
-    assert logged.logger._present.failures == {"/log/x": 1}
-
-
-def test_an_array_that_changes_its_shape_is_a_failure(logged):
-    robot = Robot(x=np.zeros(3))
-    logged(robot, lambda: setattr(robot, "x", np.zeros(4)), attr="x")
+@pytest.mark.parametrize(("first", "second"), [(5, 2**80), (np.zeros(3), np.zeros(4))])
+def test_a_number_too_large_for_its_type_and_another_shape_is_a_failure(logged, first, second):
+    robot = Robot(x=first)
+    logged(robot, lambda: setattr(robot, "x", second), attr="x")
     assert logged.logger._present.failures == {"/log/x": 1}
 
 
