@@ -18,59 +18,41 @@ from tests.stand_ins.ticking import collect, values
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_nothing_is_logged_before_start(counting):
-    logger = counting()
-    logger.stop()
-    collect(logger, 3)
-    assert logger.ticks == 0
-
-
-def test_each_collect_is_one_tick(counting):
-    logger = counting()
-    collect(logger, 3)
-    assert logger.ticks == 3
-
-
-def test_start_clears_buffers_and_ticks(counting):
-    logger = counting()
-    collect(logger, 3)
-    logger.stop()
-    logger.start()
-    logger.collect()
-    assert (logger.ticks, values(logger)) == (1, [4])
-
-
-def test_restart_clears_buffers_too(counting):
-    logger = counting()
-    collect(logger, 3)
-    logger.restart()
-    assert (logger.ticks, logger.is_running) == (0, True)
-
-
-def test_restart_of_a_stopped_logger_starts_it(counting):
-    logger = counting()
-    logger.stop()
-    logger.restart()
-    assert logger.is_running
-
-
-def test_stop_keeps_the_data(counting):
-    logger = counting()
-    collect(logger, 3)
-    logger.stop()
-    assert values(logger) == [0, 1, 2]
-
-
-def test_stopping_a_stopped_logger_succeeds(counting):
+def test_nothing_is_logged_before_start_and_a_stop_or_restart_of_what_is_stopped_succeeds(counting):
     logger = counting()
     logger.stop()
     logger.stop()
     assert not logger.is_running
+    collect(logger, 3)
+    assert logger.ticks == 0
+    logger.restart()
+    assert logger.is_running
 
 
-def test_starting_a_running_logger_is_refused(counting):
-    with pytest.raises(StateError, match="can't start while logger 'test' runs: stop"):
-        counting().start()
+def test_each_collect_is_one_tick_a_stop_keeps_the_data_and_a_start_or_restart_clears_it(counting):
+    logger = counting()
+    collect(logger, 3)
+    assert logger.ticks == 3
+    logger.stop()
+    assert values(logger) == [0, 1, 2]
+    logger.start()
+    logger.collect()
+    assert (logger.ticks, values(logger)) == (1, [4])
+    logger.restart()
+    assert (logger.ticks, logger.is_running) == (0, True)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda log: log.start(), "can't start while logger 'test' runs: stop"),
+        (lambda log: log.remove("x"), "can't remove elements while logger 'test' runs"),
+        (lambda log: log.update(), "can't update the table while logger 'test' runs"),
+    ],
+)
+def test_what_would_change_a_running_logger_is_refused(counting, call, words):
+    with pytest.raises(StateError, match=words):
+        call(counting())
 
 
 def test_start_updates_the_table_the_first_time(new_logger):
@@ -167,16 +149,6 @@ def test_what_was_logged_of_a_removed_element_can_still_be_saved(new_logger):
     logger.stop()
     logger.remove("x")
     assert [e.name for e in logger.snapshot().elements] == ["/log/x"]
-
-
-def test_removing_while_running_is_refused(counting):
-    with pytest.raises(StateError, match="can't remove elements while logger 'test' runs"):
-        counting().remove("x")
-
-
-def test_update_is_refused_while_running(counting):
-    with pytest.raises(StateError, match="can't update the table while logger 'test' runs"):
-        counting().update()
 
 
 def test_a_closed_logger_can_not_be_started(new_logger):

@@ -147,20 +147,13 @@ def test_an_unknown_option_is_refused_with_those_that_there_are(counting):
 # -------------------------------------------------------------------------------------------------------- script
 
 
-def test_update_reads_the_script_if_it_is_there(new_logger, tmp_path):
+@pytest.mark.parametrize(("reads", "divider"), [({}, 4), ({"read_script": False}, 1)])
+def test_update_reads_the_script_if_it_is_there_and_may_leave_it_alone(new_logger, tmp_path, reads, divider):
     (tmp_path / "logger.yaml").write_text("log_elements:\n  - name: /log/x\n    enabled: true\n    divider: 4\n")
     logger = new_logger()
     logger.array("x")
-    logger.update()
-    assert logger.elements[0].options.divider == 4
-
-
-def test_update_can_leave_the_script_alone(new_logger, tmp_path):
-    (tmp_path / "logger.yaml").write_text("log_elements:\n  - name: /log/x\n    divider: 4\n")
-    logger = new_logger()
-    logger.array("x")
-    logger.update(read_script=False)
-    assert logger.elements[0].options.divider == 1
+    logger.update(**reads)
+    assert logger.elements[0].options.divider == divider
 
 
 def test_a_script_with_problems_changes_nothing_and_stops_every_start(new_logger, tmp_path):
@@ -205,18 +198,15 @@ def test_names_that_would_break_files_are_refused(new_logger, name):
         new_logger(prefix="").add(np.zeros(1), name)
 
 
-def test_a_name_that_is_taken_is_refused(new_logger):
-    logger = new_logger()
-    logger.array("q")
-    with pytest.raises(ElementError, match="element '/log/q' is there already"):
-        logger.array("q")
-
-
-def test_a_value_of_an_element_may_not_be_named_like_another(new_logger):
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("q", "element '/log/q' is there already"), ("q_x", "another element has a value named '/log/q_x' already")],
+)
+def test_a_name_that_is_taken_also_by_a_value_of_an_element_is_refused(new_logger, name, words):
     logger = new_logger()
     logger.array("q", 3)
-    with pytest.raises(ElementError, match="another element has a value named '/log/q_x' already"):
-        logger.array("q_x")
+    with pytest.raises(ElementError, match=words):
+        logger.array(name)
 
 
 def test_an_array_without_memory_of_fixed_size_is_refused(new_logger):
