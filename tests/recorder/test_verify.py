@@ -105,9 +105,10 @@ def test_what_somebody_told_to_be_lost_is_told_apart(kept):
     assert kept.found() == [[], [("missing", ((300, 339),))]]
 
 
-def test_nothing_lost_is_no_word_of_a_loss(kept):
+@pytest.mark.parametrize("words", ["goes on; 0 lost", "ended: the logger was closed, or its program ended"])
+def test_what_is_no_word_of_a_loss_tells_of_none(kept, words):
     kept.recorded(300, stopped=False)
-    kept.happens("recording", "recording 'bot' goes on; 0 lost", 339)
+    kept.happens("recording", f"recording 'bot' {words}", 339)
     kept.happens("stopped", "stopped", 339)
     assert kept.found()[0] == [("missing", ((300, 339),))]
 
@@ -276,13 +277,6 @@ def test_a_run_that_ended_before_its_first_tick_lacks_none(kept):
     kept.happens("crashed", "the robot program ended without close()", -1)
     assert kept.found() == [[], []]
     assert counted(kept.folder)[0] == [(0, 0, 0, 0, 0)]
-
-
-def test_the_end_of_a_run_that_was_closed_under_a_recording_is_missing(kept):
-    kept.recorded(300, stopped=False)
-    kept.happens("recording", "recording 'bot' ended: the logger was closed, or its program ended", 339)
-    kept.happens("stopped", "stopped", 339)
-    assert kept.found()[0] == [("missing", ((300, 339),))]
 
 
 def test_what_comes_after_a_recording_failed_is_missing_and_told_by_that(kept):

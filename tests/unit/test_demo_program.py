@@ -60,20 +60,15 @@ def test_deadlines_do_not_drift_with_the_work_of_the_loop(clock: FakeClock) -> N
     assert clock.now_ns == 50 * 10_000_000
 
 
-def test_lateness_is_told_and_the_next_deadline_stays(clock: FakeClock) -> None:
+@pytest.mark.parametrize(("late_ms", "told_ms", "end_ms", "skipped"), [(14, 4, 20, 0), (57, 7, 60, 4)])
+def test_lateness_is_told_the_next_deadline_stays_and_those_that_were_missed_are_counted(
+    clock: FakeClock, late_ms: int, told_ms: int, end_ms: int, skipped: int
+) -> None:
     ticks = rate(clock)
-    clock.now_ns += 14_000_000
-    assert ticks.wait() == 4_000_000
+    clock.now_ns += late_ms * 1_000_000
+    assert ticks.wait() == told_ms * 1_000_000
     assert ticks.wait() == 0
-    assert (clock.now_ns, ticks.skipped) == (20_000_000, 0)
-
-
-def test_missed_deadlines_are_skipped_and_counted(clock: FakeClock) -> None:
-    ticks = rate(clock)
-    clock.now_ns += 57_000_000
-    assert ticks.wait() == 7_000_000
-    assert ticks.wait() == 0
-    assert (clock.now_ns, ticks.skipped) == (60_000_000, 4)
+    assert (clock.now_ns, ticks.skipped) == (end_ms * 1_000_000, skipped)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -161,12 +156,15 @@ def test_the_script_to_copy_fits_the_demo(demo: Logger) -> None:
     assert plan.unknown == ()
 
 
-def test_the_end_says_what_was_saved(demo: Logger, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("types", "cut_short"), [((FileType.SILO,), False), ((), True)])  # as asked, by a signal
+def test_the_end_says_what_was_saved(
+    demo: Logger, tmp_path: Path, types: tuple[FileType, ...], cut_short: bool
+) -> None:
     said: list[str] = []
     demo.start()
     demo.collect()
     demo.stop()
-    farewell(demo, (FileType.SILO,), said.append)
+    farewell(demo, types, said.append, cut_short=cut_short)
     demo.close()
     (file,) = tmp_path.glob("demo_*.silo")
     assert said[0] == "logger 'demo' ended after 1 tick; what its buffers held is saved:"
@@ -181,18 +179,6 @@ def test_the_end_says_that_nothing_was_saved(demo: Logger) -> None:
     farewell(demo, (), said.append)
     demo.close()
     assert said == ["logger 'demo' ended; 1 tick logged and not saved (use --save, or `silo save demo` before it ends)"]
-
-
-def test_what_a_signal_cut_short_is_saved_and_it_is_said_where(demo: Logger, tmp_path: Path) -> None:
-    said: list[str] = []
-    demo.start()
-    demo.collect()
-    demo.stop()
-    farewell(demo, (), said.append, cut_short=True)
-    demo.close()
-    (file,) = tmp_path.glob("demo_*.silo")
-    assert said[0] == "logger 'demo' ended after 1 tick; what its buffers held is saved:"
-    assert str(file) in said[1]
 
 
 def test_what_is_in_a_file_is_not_saved_again_by_a_signal(demo: Logger, tmp_path: Path) -> None:

@@ -85,20 +85,11 @@ def test_the_acceleration_is_the_second_derivative_of_the_position(run: Recorded
     assert np.allclose(difference, run["acceleration"][2:], atol=1e-6)
 
 
-def test_the_imu_feels_gravity(run: Recorded) -> None:
+def test_base_imu_and_feet_obey_physics(run: Recorded) -> None:
     assert np.linalg.norm(run["imu"].mean(axis=0)) == pytest.approx(GRAVITY_M_S2, abs=0.1)
-
-
-def test_quaternions_stay_normal(run: Recorded) -> None:
     assert np.allclose(np.linalg.norm(run["quaternion"], axis=1), 1.0)
-
-
-def test_contact_forces_carry_the_weight(run: Recorded) -> None:
     assert run["force"][:, :, 2].sum(axis=1).mean() == pytest.approx(MASS_KG * GRAVITY_M_S2, rel=0.05)
-
-
-def test_a_foot_in_the_air_carries_nothing(run: Recorded) -> None:
-    assert not run["force"][run["contact"] == 0].any()
+    assert not run["force"][run["contact"] == 0].any()  # a foot in the air carries nothing
 
 
 def test_the_trot_swings_diagonal_legs_together(run: Recorded) -> None:
@@ -120,24 +111,12 @@ def test_windings_heat_with_the_square_of_their_current(run: Recorded) -> None:
     assert np.corrcoef(squares, run["winding"][-1])[0, 1] > 0.95
 
 
-def test_the_battery_drains(run: Recorded) -> None:
+def test_each_fault_is_there_and_only_there(run: Recorded) -> None:
     assert run["charge"][-1] < run["charge"][0]
-
-
-def test_the_flaky_sonar_has_nans_and_values(run: Recorded) -> None:
-    assert 0 < np.isnan(run["sonar"]).sum() < 0.5 * len(run["sonar"])
-
-
-def test_the_pressure_sensor_sticks(run: Recorded) -> None:
+    assert 0 < np.isnan(run["sonar"]).sum() < 0.5 * len(run["sonar"])  # it is flaky
     assert np.ptp(run["pressure"][: 10 * FREQUENCY_HZ]) > 0.1
-    assert np.ptp(run["pressure"][13 * FREQUENCY_HZ :]) == 0
-
-
-def test_only_the_broken_force_sensor_has_spikes(run: Recorded) -> None:
-    assert (run["sensor"].max(axis=0) > 1000).tolist() == [False, False, True, False]
-
-
-def test_drives_report_known_states(run: Recorded) -> None:
+    assert np.ptp(run["pressure"][13 * FREQUENCY_HZ :]) == 0  # it sticks
+    assert (run["sensor"].max(axis=0) > 1000).tolist() == [False, False, True, False]  # the broken one has spikes
     assert set(np.unique(run["drive_state"])) <= {int(state) for state in DriveState}
 
 
