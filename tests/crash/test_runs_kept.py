@@ -97,7 +97,6 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
-@pytest.mark.slow
 def test_a_killed_program_is_saved_while_a_child_that_it_forked_lives_on(tmp_path, until):
     child = int(run_program(tmp_path, 7, FORKED).stderr.partition("forked ")[2].split()[0])
     try:
@@ -120,7 +119,6 @@ log.close()
 """
 
 
-@pytest.mark.slow
 def test_a_forked_child_that_leaves_what_serves_its_parent_ends_nothing(tmp_path):
     done = run_program(tmp_path, 7, LEAVING)
     assert done.stderr.rstrip().endswith("the same")
