@@ -43,7 +43,7 @@ def files_of(target):
     return [target.name, f"{target.name}{beside}"] if beside else [target.name]
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def log() -> Recording:
     table = [
         element("/log/x", [NAN_FIRST]),
@@ -77,6 +77,19 @@ def source(log, tmp_path):
     return path
 
 
+@pytest.fixture(scope="module")
+def converted(log, tmp_path_factory):
+    """The log in the format of an ending, from a bag."""
+    folder = tmp_path_factory.mktemp("converted")
+    write_bag(log, folder / "in.mcap")
+
+    def to(ending):
+        convert(folder / "in.mcap", folder / f"out{ending}")
+        return folder / f"out{ending}"
+
+    return to
+
+
 @pytest.mark.parametrize("ending", [".parquet", ".mat"])
 def test_long_doubles_that_a_format_rounds_are_told_and_none_of_those_that_it_holds(tmp_path, log, ending):
     third = element("/log/third", [np.full(TICKS, np.longdouble(1) / 3)])
@@ -91,18 +104,18 @@ def test_long_doubles_that_a_format_rounds_are_told_and_none_of_those_that_it_ho
 
 
 class TestParquet:
-    @pytest.fixture
-    def path(self, source, tmp_path):
-        convert(source, tmp_path / "out.parquet")
-        return tmp_path / "out.parquet"
+    @pytest.fixture(scope="class")
+    def path(self, converted):
+        return converted(".parquet")
 
     def test_pandas_has_time_stamps_to_the_nanosecond(self, path):
         frame = pd.read_parquet(path)
         assert frame["time_ns"].tolist() == TIMES.tolist()
         assert frame["time"].dt.as_unit("ns").astype("int64").tolist() == TIMES.tolist()
 
-    def test_a_tick_without_sample_is_null_and_nan_stays_nan(self, path):
+    def test_a_tick_without_sample_is_null_nan_stays_nan_and_a_complex_number_is_two_columns(self, path):
         table = pq.read_table(path)
+        assert table["/log/z_imag"].to_pylist() == list(range(TICKS))
         assert table["/log/slow"].to_pylist() == [None, 10.5, *[None] * 7, 11.5, *[None] * 7, 12.5, None, None]
         assert np.isnan(table["/log/x"][0].as_py())
         assert table["/log/x"].null_count == 0
@@ -118,9 +131,6 @@ class TestParquet:
         assert about[b"unit"] == b"Nm"
         assert json.loads(about[b"labels"]) == {"0": "stand", "1": "walk"}
 
-    def test_a_complex_number_is_two_columns(self, path):
-        assert pq.read_table(path)["/log/z_imag"].to_pylist() == list(range(TICKS))
-
     def test_row_groups_bound_the_memory(self, source, tmp_path, monkeypatch):
         monkeypatch.setattr("silo.files.tables.parquet._MAX_ROWS", 7)
         convert(source, tmp_path / "out.parquet")
@@ -129,29 +139,23 @@ class TestParquet:
 
 
 class TestMatlab:
-    @pytest.fixture
-    def variables(self, source, tmp_path):
-        convert(source, tmp_path / "out.mat")
-        return scipy_io.loadmat(tmp_path / "out.mat", simplify_cells=True)
+    @pytest.fixture(scope="class")
+    def variables(self, converted):
+        return scipy_io.loadmat(converted(".mat"), simplify_cells=True)
 
-    def test_an_element_is_a_struct_with_its_times(self, variables):
-        slow = variables["log_slow"]
+    def test_an_element_is_a_struct_with_its_times_whose_stamps_follow_from_its_first_one_counted_from_1(
+        self, variables
+    ):
+        slow, stamps = variables["log_slow"], variables["silo"]["time_ns"]
         assert (slow["name"], slow["unit"], slow["divider"]) == ("/log/slow", "Nm", 8)
         assert slow["data"].tolist() == [10.5, 11.5, 12.5]
         assert slow["time"].tolist() == pytest.approx(((TIMES[1::8] - TIMES[0]) / 1e9).tolist())
-
-    def test_the_stamps_of_an_element_follow_from_its_first_one_counted_from_1(self, variables):
-        slow, stamps = variables["log_slow"], variables["silo"]["time_ns"]
         assert stamps[int(slow["first"]) - 1 :: int(slow["divider"])][:3].tolist() == TIMES[1::8].tolist()
 
-    def test_a_vector_is_one_matrix(self, variables):
+    def test_a_vector_is_one_matrix_mixed_types_are_columns_and_strings_and_labels_are_text(self, variables):
         assert variables["log_v"]["data"].shape == (TICKS, 3)
         assert list(variables["log_v"]["entries"]) == ["/log/v_x", "/log/v_y", "/log/v_z"]
-
-    def test_mixed_types_are_a_struct_of_columns(self, variables):
         assert sorted(variables["log_foot"]["data"]) == ["contact", "force"]
-
-    def test_strings_are_text_and_labels_have_names(self, variables):
         assert list(variables["log_text"]["data"][:2]) == ["a", "Ω"]
         assert list(variables["log_mode"]["label_names"]) == ["stand", "walk"]
 
@@ -166,10 +170,9 @@ class TestMatlab:
 
 
 class TestNumpy:
-    @pytest.fixture
-    def arrays(self, source, tmp_path):
-        convert(source, tmp_path / "out.npz")
-        return np.load(tmp_path / "out.npz")
+    @pytest.fixture(scope="class")
+    def arrays(self, converted):
+        return np.load(converted(".npz"))
 
     def test_every_entry_keeps_its_type_and_bits(self, arrays, log):
         for recorded in log.elements:
@@ -190,24 +193,17 @@ class TestNumpy:
 
 
 class TestHdf5:
-    @pytest.fixture
-    def store(self, source, tmp_path):
-        convert(source, tmp_path / "out.h5")
-        with h5py.File(tmp_path / "out.h5") as opened:
+    @pytest.fixture(scope="class")
+    def store(self, converted):
+        with h5py.File(converted(".h5")) as opened:
             yield opened
 
-    def test_values_stand_with_their_times_under_the_name(self, store):
+    def test_values_stand_with_times_shape_and_attributes_under_the_name_and_equal_times_once(self, store):
         assert store["log/slow/values"][:].tolist() == [10.5, 11.5, 12.5]
         assert store["log/slow/time_ns"][:].tolist() == TIMES[1::8].tolist()
-
-    def test_a_matrix_has_its_shape(self, store):
         assert store["log/m/values"].shape == (TICKS, 2, 2)
         assert store["log/m/values"][0].tolist() == [[0, 1], [2, 3]]
-
-    def test_equal_times_are_stored_once(self, store):
         assert store["log/x/time_ns"] == store["time_ns"]
-
-    def test_attributes_say_what_it_is(self, store):
         about = store["log/mode"].attrs
         assert (about["unit"], about["description"], list(about["entries"])) == ("Nm", "what it is", ["/log/mode"])
 
@@ -310,25 +306,20 @@ def test_a_folder_that_is_no_bag_is_never_replaced(source, tmp_path):
     assert (precious / "chapter1").exists()
 
 
-def test_an_unknown_ending_lists_those_that_work(source, tmp_path):
-    with pytest.raises(SaveError, match=r"can't write \.xls.*\.parquet"):
-        convert(source, tmp_path / "out.xls")
-
-
-def test_a_source_that_silo_does_not_read_says_which_it_does(tmp_path):
+@pytest.mark.parametrize(
+    ("given", "target", "error", "words"),
+    [
+        ("in.mcap", "out.xls", SaveError, r"can't write \.xls.*\.parquet"),
+        ("in.xls", "out.csv", FileFormatError, r"doesn't read \.xls.*\.silo"),
+        ("empty", "out.csv", FileFormatError, "without a bag"),
+        ("no.silo", "out.csv", LogNotFoundError, r"no\.silo"),
+    ],
+)
+def test_what_is_no_source_or_target_says_which_are(source, tmp_path, given, target, error, words):
     (tmp_path / "in.xls").write_text("")
-    with pytest.raises(FileFormatError, match=r"doesn't read \.xls.*\.silo"):
-        convert(tmp_path / "in.xls", tmp_path / "out.csv")
-
-
-def test_a_folder_without_a_bag_is_no_source(tmp_path):
-    with pytest.raises(FileFormatError, match="without a bag"):
-        convert(tmp_path, tmp_path / "out.csv")
-
-
-def test_a_missing_source_says_so(tmp_path):
-    with pytest.raises(LogNotFoundError, match=r"no\.silo"):
-        convert(tmp_path / "no.silo", tmp_path / "out.csv")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(error, match=words):
+        convert(tmp_path / given, tmp_path / target)
 
 
 @pytest.mark.parametrize(("ending", "module"), [(".parquet", "pyarrow"), (".mat", "scipy.io"), (".h5", "h5py")])

@@ -50,13 +50,13 @@ def line(values=None, **more):
     return Chart([Curve("/log/x [rad]", SECONDS[: len(values)], values)], x_label="time [s]", **more)
 
 
-class TestText:
-    def test_without_colour_there_is_no_escape_sequence(self):
-        assert "\x1b" not in draw_text(line(), color=False)
+A, B = Curve("a", SECONDS, SECONDS), Curve("b", SECONDS, -SECONDS)
 
-    def test_with_colour_the_text_is_the_same_size(self):
+
+class TestText:
+    def test_with_colour_the_text_is_the_same_size_and_without_there_is_no_escape_sequence(self):
         plain, colored = draw_text(line(), color=False), draw_text(line(), color=True)
-        assert "\x1b" in colored
+        assert ("\x1b" in plain, "\x1b" in colored) == (False, True)
         assert len(ESCAPE.sub("", colored).split("\n")) == len(plain.split("\n"))
 
     @settings(max_examples=examples(60))
@@ -93,24 +93,18 @@ class TestText:
         assert draw_text(flat, 60, 12, color=False).split("\n")[1:9] != rows[1:9]
         assert sum("⡇" in row or "⢸" in row for row in rows) >= 4
 
-    def test_several_curves_without_colour_differ_by_their_marks(self):
-        chart = Chart([Curve("a", SECONDS, SECONDS), Curve("b", SECONDS, -SECONDS)])
+    @pytest.mark.parametrize(
+        ("chart", "words"),
+        [
+            (Chart([A, B]), ["•• a", "×× b"]),  # without colour curves differ by their marks
+            (Chart([A, replace(B, right=True)]), ["a (left)  0 ... 3.99", "b (right)  -3.99 ... 0"]),
+            (line(np.full(TICKS, np.nan)), ["no finite value"]),
+            (line(np.arange(TICKS) % 2 * 1.0, left_ticks={0: "STAND", 1: "WALK"}), ["STAND┤", "WALK┤"]),
+        ],
+    )
+    def test_legend_and_axes_say_what_is_drawn(self, chart, words):
         text = draw_text(chart, color=False)
-        assert "•• a" in text
-        assert "×× b" in text
-
-    def test_the_legend_has_range_and_side(self):
-        chart = Chart([Curve("a", SECONDS, SECONDS), Curve("b", SECONDS, -SECONDS, right=True)])
-        assert "a (left)  0 ... 3.99" in draw_text(chart, color=False)
-        assert "b (right)  -3.99 ... 0" in draw_text(chart, color=False)
-
-    def test_nothing_but_nan_says_so(self):
-        assert "no finite value" in draw_text(line(np.full(TICKS, np.nan)), color=False)
-
-    def test_names_of_values_stand_at_the_axis(self):
-        text = draw_text(line(np.arange(TICKS) % 2 * 1.0, left_ticks={0: "STAND", 1: "WALK"}), color=False)
-        assert "STAND┤" in text
-        assert "WALK┤" in text
+        assert [one for one in words if one not in text] == []
 
     @pytest.mark.parametrize("name", ["", " ", "two\nlines", "\x1b[31m"])
     def test_any_text_can_name_a_value(self, name):
@@ -225,10 +219,6 @@ class TestPicking:
     def test_a_pattern_is_a_name_a_glob_or_a_part(self, log, pattern, names):
         assert [signal.name for signal in pick(log, [pattern])] == names
 
-    def test_a_pattern_without_a_signal_names_close_ones(self, log):
-        with pytest.raises(ElementError, match=r"'torqeu'.*/log/LF/torque"):
-            pick(log, ["torqeu"])
-
     def test_a_signal_comes_once_however_often_it_matches(self, log):
         assert len(pick(log, ["LF/torque", "torque", "*"])) == 10
 
@@ -249,23 +239,30 @@ class TestCharts:
             ("/log/RF/torque [Nm]", True),
         ]
 
-    def test_time_is_seconds_from_the_start_of_the_log(self, log):
-        chart, _ = make_chart(log, ChartSpec(["slow"]))
-        assert chart.curves[0].x.tolist() == [0.5, 1.5, 2.5, 3.5]
+    @pytest.mark.parametrize(
+        ("spec", "x"),
+        [
+            (ChartSpec(["slow"]), [0.5, 1.5, 2.5, 3.5]),  # seconds from the start of the log
+            (ChartSpec(["LF/torque"], start=1.0, stop=1.05), [1.0, 1.01, 1.02, 1.03, 1.04, 1.05]),
+        ],
+    )
+    def test_time_is_seconds_and_a_window_cuts_in_them(self, log, spec, x):
+        assert make_chart(log, spec)[0].curves[0].x.tolist() == pytest.approx(x)
 
-    def test_a_window_cuts_in_seconds(self, log):
-        chart, _ = make_chart(log, ChartSpec(["LF/torque"], start=1.0, stop=1.05))
-        assert chart.curves[0].x.tolist() == pytest.approx([1.0, 1.01, 1.02, 1.03, 1.04, 1.05])
+    @pytest.mark.parametrize(
+        ("spec", "words"),
+        [
+            (ChartSpec(["torqeu"]), r"'torqeu'.*/log/LF/torque"),  # names close ones
+            (ChartSpec(["LF/torque"], start=77), r"0 to 3\.99 s"),
+            (ChartSpec(["base_y"], x="torque"), r"'torque' must be one signal.*matches 2"),
+        ],
+    )
+    def test_what_can_not_be_drawn_is_said(self, log, spec, words):
+        with pytest.raises(ElementError, match=words):
+            make_chart(log, spec)
 
-    def test_an_empty_window_says_how_long_the_log_is(self, log):
-        with pytest.raises(ElementError, match=r"0 to 3\.99 s"):
-            make_chart(log, ChartSpec(["LF/torque"], start=77))
-
-    def test_an_enumeration_has_its_names_at_the_axis(self, log):
-        chart, _ = make_chart(log, ChartSpec(["mode"]))
-        assert chart.left_ticks == {0: "STAND", 1: "WALK", 2: "TROT", 3: "FALL"}
-
-    def test_strings_become_levels_with_their_text(self, log):
+    def test_an_enumeration_has_its_names_at_the_axis_and_strings_become_levels_with_their_text(self, log):
+        assert make_chart(log, ChartSpec(["mode"]))[0].left_ticks == {0: "STAND", 1: "WALK", 2: "TROT", 3: "FALL"}
         chart, _ = make_chart(log, ChartSpec(["text"]))
         assert chart.left_ticks == {0: "off", 1: "on"}
         assert chart.curves[0].y[:2].tolist() == [1, 0]
@@ -275,10 +272,6 @@ class TestCharts:
         assert np.isnan(chart.curves[0].x[:50]).all()
         assert chart.curves[0].x[[50, 149, 150, 399]].tolist() == [0, 0, 1, 3]
         assert chart.x_label == "/log/slow [degC]"
-
-    def test_x_must_be_one_signal(self, log):
-        with pytest.raises(ElementError, match=r"'torque' must be one signal.*matches 2"):
-            make_chart(log, ChartSpec(["base_y"], x="torque"))
 
     def test_a_part_of_names_is_drawn_and_it_is_told_what_to_write(self, log):
         with pytest.warns(LogWarning, match=r"'orqu' is only a part of names: .* write '\*orqu\*'"):
