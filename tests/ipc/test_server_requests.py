@@ -1,5 +1,6 @@
 """Status, table, edits, start and stop; what garbage does."""
 
+import itertools
 import os
 import threading
 from pathlib import Path
@@ -71,19 +72,8 @@ def test_an_edit_of_some_options_leaves_the_others_of_the_table_as_they_are(benc
     assert (now.divider, now.buffer, now.size) == (4, BufferType.FIXED, 100)
     with pytest.raises(RefusedError, match="somebody changed the table"):
         client.apply([Edit("/log/x", divider=9)], before)
-
-
-def test_element_edited_twice_is_refused(bench, client) -> None:
     with pytest.raises(RefusedError, match="edited twice"):
         client.apply([edit(client, "/log/x", divider=2), edit(client, "/log/x", divider=3)], -1)
-
-
-def test_what_the_robot_program_does_itself_reaches_clients(bench, client, heard) -> None:
-    client.status()  # what it wants to hear has reached the helper process before this
-    bench.logger.start()
-    heard.wait(EventKind.STARTED)
-    bench.logger.stop()
-    assert heard.wait(EventKind.STOPPED).status.state is State.STOPPED
 
 
 @pytest.fixture
@@ -176,11 +166,11 @@ TOO_MUCH = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("what", TOO_MUCH)
-def test_what_would_hold_up_the_robot_program_is_refused_before_it_reaches_that(raw, reached, what) -> None:
+def test_what_would_hold_up_the_robot_program_is_refused_before_it_reaches_that(raw, reached) -> None:
     """It reads a request with the interpreter held, and its control loop waits for that."""
-    (reply,) = raw(msgspec.msgpack.encode({"protocol": PROTOCOL, **TOO_MUCH[what]}), "do")
-    assert (reply["type"], reply["why"], reached) == ("Refused", "invalid", [])
+    for what, request in TOO_MUCH.items():
+        (reply,) = raw(msgspec.msgpack.encode({"protocol": PROTOCOL, **request}), "do")
+        assert (reply["type"], reply["why"], reached) == ("Refused", "invalid", []), what
 
 
 def test_conditions_that_fit_come_to_the_robot_program_as_of_the_table_that_they_were_checked_with(
@@ -197,13 +187,18 @@ def test_conditions_that_fit_come_to_the_robot_program_as_of_the_table_that_they
     assert reached[0].revision == bench.logger._scripted.revision - 1
 
 
-@pytest.mark.parametrize("kind", ["ask", "do"])
-def test_garbage_is_refused_in_words_and_changes_nothing(bench, client, raw, kind) -> None:
+def test_garbage_and_absurd_wishes_are_refused_in_words_and_change_nothing(bench, client, raw) -> None:
     before = client.table()
-    for payload in GARBAGE:
+    for payload, kind in itertools.product(GARBAGE, ("ask", "do")):
         (answer,) = raw(payload, kind)
         assert answer["type"] == "Refused", answer
         assert answer["text"]
+    for wish in ABSURD:
+        (answer,) = raw(encoded(wish))
+        assert (answer["type"], answer["why"]) == ("Refused", "invalid"), wish
+    assert raw(b"\xc1" * 3_000_000, "ask")[0]["why"] == "invalid"  # beyond every limit
+    (answer,) = raw(encoded(Save(types=[FileType.SILO])), "do")
+    assert "nothing was logged yet" in answer["text"]
     assert client.table() == before
     assert client.status().helper_pid == bench.serving.helper_pid
 
@@ -212,11 +207,6 @@ def test_garbage_is_refused_in_words_and_changes_nothing(bench, client, raw, kin
 @given(st.binary(max_size=200))
 def test_any_bytes_get_one_answer(raw, payload) -> None:
     assert len(raw(payload, "do")) == 1
-
-
-def test_message_beyond_every_limit_is_not_taken_in(bench, client, raw) -> None:
-    assert raw(b"\xc1" * 3_000_000, "ask")[0]["why"] == "invalid"
-    assert client.status().helper_pid == bench.serving.helper_pid
 
 
 ABSURD = [
@@ -232,12 +222,6 @@ ABSURD = [
 ]
 
 
-def test_absurd_wishes_are_refused(raw) -> None:
-    for wish in ABSURD:
-        (answer,) = raw(encoded(wish))
-        assert (answer["type"], answer["why"]) == ("Refused", "invalid"), wish
-
-
 def test_name_of_a_client_can_not_steer_a_terminal(raw, heard, bench) -> None:
     raw(
         encoded(
@@ -248,11 +232,6 @@ def test_name_of_a_client_can_not_steer_a_terminal(raw, heard, bench) -> None:
     by = heard.wait(EventKind.EDITED).by
     assert by.startswith("[2Jevil")
     assert len(by) < 130
-
-
-def test_save_before_the_first_start_is_refused(raw) -> None:
-    (answer,) = raw(encoded(Save(types=[FileType.SILO])), "do")
-    assert "nothing was logged yet" in answer["text"]
 
 
 def test_request_on_a_wildcard_key_is_refused(bench, client) -> None:

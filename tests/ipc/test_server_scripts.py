@@ -20,19 +20,28 @@ def refused(call, *arguments: object) -> RefusedWhy:
     return error.value.why
 
 
-def test_scripts_in_the_folder_and_below_are_listed(bench, client) -> None:
+ESCAPES = ["../a.yaml", "/etc/a.yaml", "x/../../a.yaml", "link.yaml", "folder/a.yaml", "a\x00.yaml", "a\n.yaml"]
+
+
+def test_scripts_in_the_folder_and_below_are_listed_and_nothing_else_is_listed_or_read(bench, client, tmp_path) -> None:
     folder = bench.script.parent
     (folder / "deep" / "er").mkdir(parents=True)
     for name in ("bot.yaml", "b.yml", "deep/c.yaml", "deep/er/d.YAML", "notes.txt", ".hidden.yaml"):
         (folder / name).write_text(SCRIPT)
+    (tmp_path / "a.yaml").write_text(SCRIPT)
+    (folder / "link.yaml").symlink_to(tmp_path / "a.yaml")
+    (folder / "folder").symlink_to(tmp_path)
     assert client.scripts().names == ["b.yml", "bot.yaml", "deep/c.yaml", "deep/er/d.YAML"]
     assert client.scripts().folder == str(folder)
-
-
-def test_links_that_lead_out_of_the_folder_are_not_listed(bench, client, tmp_path) -> None:
-    (tmp_path / "secret.yaml").write_text("x")
-    (bench.script.parent / "link.yaml").symlink_to(tmp_path / "secret.yaml")
-    assert client.scripts().names == []
+    for path in [*ESCAPES, "a.txt", "a", ".", "y" * 2000 + ".yaml"]:
+        for call in (client.read_script, client.diff_script, client.load_script, client.save_script):
+            assert refused(call, path) in (RefusedWhy.FORBIDDEN, RefusedWhy.INVALID), path
+    assert (tmp_path / "a.yaml").read_text() == SCRIPT
+    os.mkfifo(folder / "pipe.yaml")
+    # a helper that opened it would wait for its writer, and the client for an answer until it gives up
+    assert refused(client.read_script, "pipe.yaml") is RefusedWhy.INVALID
+    (folder / "huge.yaml").write_bytes(b"#" * 3_000_000)
+    assert refused(client.read_script, "huge.yaml") is RefusedWhy.INVALID
 
 
 def test_unknown_keys_are_told_with_their_line_and_kept(bench, client, heard) -> None:
@@ -51,12 +60,19 @@ def test_unknown_keys_are_told_with_their_line_and_kept(bench, client, heard) ->
     assert client.diff_script().warnings[0].partition(": ")[2] == f"{warnings[0].partition(': ')[2]}; it was left alone"
 
 
-def test_a_time_in_a_script_follows_the_rate_of_the_logger(bench, client, heard) -> None:
+def test_a_time_in_a_script_follows_the_rate_of_the_logger_and_what_became_of_a_rate_is_told(
+    bench, client, heard
+) -> None:
     script = SCRIPT + "    buffer: {size: 7s}\n  - name: /log/nix\n    enabled: true\n"
     (bench.script.parent / "a.yaml").write_text(script)
     client.load_script("a.yaml")
     assert "1 names are not in the table" in heard.wait(EventKind.SCRIPT_LOADED).text
     assert bench.logger.elements[0].options.size == bench.logger.options.frequency_hz
+    path = bench.script.parent / "rate.yaml"
+    path.write_text(SCRIPT.replace("7", "33Hz"))
+    assert client.load_script("rate.yaml").warnings == [
+        f"{path}:4: element '/log/x': divider=33Hz became 3: 33.33 Hz of 100 Hz"
+    ]
 
 
 def test_a_table_that_changes_while_a_script_is_loaded_is_compared_anew(bench, client) -> None:
@@ -74,30 +90,6 @@ def test_saving_into_a_missing_folder_makes_it(bench, client) -> None:
     assert (client.read_script().path in client.save_script(), client.diff_script().changes) == (True, [])
     client.save_script("new/a.yaml")
     assert (bench.script.parent / "new" / "a.yaml").is_file()
-
-
-ESCAPES = ["../a.yaml", "/etc/a.yaml", "x/../../a.yaml", "link.yaml", "folder/a.yaml", "a\x00.yaml", "a\n.yaml"]
-
-
-def test_paths_that_clients_may_not_use(bench, client, tmp_path) -> None:
-    (tmp_path / "a.yaml").write_text(SCRIPT)
-    (bench.script.parent / "link.yaml").symlink_to(tmp_path / "a.yaml")
-    (bench.script.parent / "folder").symlink_to(tmp_path)
-    for path in [*ESCAPES, "a.txt", "a", ".", "y" * 2000 + ".yaml"]:
-        for call in (client.read_script, client.diff_script, client.load_script, client.save_script):
-            assert refused(call, path) in (RefusedWhy.FORBIDDEN, RefusedWhy.INVALID), path
-    assert (tmp_path / "a.yaml").read_text() == SCRIPT
-
-
-def test_named_pipe_stalls_nobody(bench, client) -> None:
-    os.mkfifo(bench.script.parent / "pipe.yaml")
-    # a helper that opened it would wait for its writer, and the client for an answer until it gives up
-    assert refused(client.read_script, "pipe.yaml") is RefusedWhy.INVALID
-
-
-def test_huge_script_is_not_read(bench, client) -> None:
-    (bench.script.parent / "huge.yaml").write_bytes(b"#" * 3_000_000)
-    assert refused(client.read_script, "huge.yaml") is RefusedWhy.INVALID
 
 
 def test_own_script_may_be_a_link_that_the_robot_program_chose(bench, client, tmp_path) -> None:
@@ -148,22 +140,9 @@ def test_what_does_not_fit_of_conditions_is_told_with_file_and_line_wherever_it_
         for line, (number, words) in zip(lines, WHERE, strict=True):
             assert line.startswith(f"{path}:{number}: {words}"), line
         assert lines[-1].endswith("; nothing was changed")
-    assert (bench.logger.elements, client.triggers().triggers) == before
-
-
-def test_conditions_that_stand_twice_are_told_with_both_lines(bench, client) -> None:
-    path = bench.script.parent / "twice.yaml"
     twice = "triggers:\n  - {name: a, when: x > 1}\n  - {name: a, when: x > 2}\n"
     path.write_text(SCRIPT + twice + "signal_limits:\n  - {name: a, bounds: [1, 2, 3, 4]}\n")
-    with pytest.raises(
-        SiloError, match=rf"^{path}:7: triggers 'a': listed twice, first in line 6; nothing was changed$"
-    ):
-        client.load_script("twice.yaml")
-
-
-def test_what_became_of_a_rate_is_told_to_who_loads_a_script(bench, client) -> None:
-    path = bench.script.parent / "rate.yaml"
-    path.write_text(SCRIPT.replace("7", "33Hz"))
-    assert client.load_script("rate.yaml").warnings == [
-        f"{path}:4: element '/log/x': divider=33Hz became 3: 33.33 Hz of 100 Hz"
-    ]
+    both = rf"^{path}:7: triggers 'a': listed twice, first in line 6; nothing was changed$"
+    with pytest.raises(SiloError, match=both):
+        client.load_script("wrong.yaml")
+    assert (bench.logger.elements, client.triggers().triggers) == before

@@ -83,16 +83,22 @@ def test_a_start_over_unsaved_data_is_refused_with_what_is_held(bench, client) -
         client.start()
     assert refused.value.why is RefusedWhy.UNSAVED
     assert "save or discard" in str(refused.value)
+    with pytest.raises(RefusedError, match="unsaved must be one of 'refuse', 'save', 'discard', got 'keep'"):
+        client.start("keep")
     assert (client.status().state, client.status().ticks) == (State.STOPPED, 20)
 
 
-def test_a_restart_over_unsaved_data_is_refused_and_logging_goes_on(bench, client) -> None:
+def test_a_restart_over_unsaved_data_is_refused_and_logging_goes_on_and_the_program_clears_unasked(
+    bench, client
+) -> None:
     with_unsaved(bench, client)
     with pytest.raises(RefusedError) as refused:
         client.restart()
     assert refused.value.why is RefusedWhy.UNSAVED
     bench.ticks(5)
     assert client.status().ticks == 25
+    bench.logger.restart()
+    assert bench.logger.ticks == 0
 
 
 @pytest.mark.parametrize("restart", [False, True])
@@ -138,17 +144,6 @@ def test_saved_data_needs_no_decision(bench, client, heard, word) -> None:
     assert client.start().ticks == 0
     client.stop()
     assert client.start(word).ticks == 0  # nor does nothing at all
-
-
-def test_a_word_that_says_nothing_of_unsaved_data_is_refused(bench, client) -> None:
-    with pytest.raises(RefusedError, match="unsaved must be one of 'refuse', 'save', 'discard', got 'keep'"):
-        client.start("keep")
-
-
-def test_the_program_itself_clears_without_asking(bench, client) -> None:
-    with_unsaved(bench, client)
-    bench.logger.restart()
-    assert bench.logger.ticks == 0
 
 
 @pytest.mark.parametrize("command", ["start", "restart"])
@@ -215,13 +210,13 @@ def test_a_request_that_is_too_large_is_refused_before_it_is_sent(bench, client)
         encoded(OpenView(view="a-1", values=["x" * 1000] * 3000))
 
 
-@pytest.mark.parametrize("kind", [ApplyEdits, OpenView])
-def test_what_is_just_as_large_as_allowed_is_read(bench, kind) -> None:
+def test_what_is_just_as_large_as_allowed_is_read(bench) -> None:
     assert Stop.max_bytes < MAX_MESSAGE_BYTES
     session = open_client(Path(bench.serving.socket_path))
     try:
-        replies = list(session.get(f"silo/*/bot/{kind.key}", payload=b"\xc1" * kind.max_bytes, timeout=DEADLINE_S))
-        assert b"can't be understood" in replies[0].ok.payload.to_bytes()
+        for kind in (ApplyEdits, OpenView):
+            replies = list(session.get(f"silo/*/bot/{kind.key}", payload=b"\xc1" * kind.max_bytes, timeout=DEADLINE_S))
+            assert b"can't be understood" in replies[0].ok.payload.to_bytes()
     finally:
         close(session)
 
