@@ -51,16 +51,19 @@ def read(stream, count, name="/log/twice"):
 
 
 class TestTable:
-    def test_a_derived_signal_is_a_row_beside_the_elements(self, bench, client):
+    def test_a_derived_signal_is_a_row_beside_the_elements_whose_options_are_not_to_be_edited(self, bench, client):
         bench.logger.derive("twice", "2 * q", group="more", unit="rad")
         found = wait_until(lambda: table_of(client).get("/log/more/twice"))
         assert (found.unit, found.shape, found.expression) == ("rad", (3,), "2 * q")
         assert [entry.suffix for entry in found.entries] == ["_0", "_1", "_2"]
         assert "/log/more/twice" not in {info.name for info in client.table().elements}
+        with pytest.raises(RefusedError, match="is derived"):
+            client.apply([Edit("/log/more/twice", found.options)], -1)
 
-    def test_a_client_derives_a_signal_while_it_runs(self, bench, client):
+    def test_a_client_derives_a_signal_while_it_runs_and_the_event_log_has_it(self, bench, client, heard):
         run(bench, client, 10)
         assert client.derive("twice", "2 * x", "V") == "'/log/twice' is derived: 2 * x"
+        assert heard.wait(EventKind.EDITED).text == "/log/twice = 2 * x"
         assert newest(client, ["/log/twice"]) == [20.0]
         assert client.derive("twice", "3 * x") == "'/log/twice' is derived anew: 3 * x"
         assert newest(client, ["/log/twice"]) == [30.0]
@@ -112,17 +115,6 @@ class TestTable:
         assert found.description == "= 2 * kept (off: /log/kept is off)"
         assert client.samples(["/log/twice"])["/log/twice"].why == "/log/kept is off"
 
-    def test_its_options_are_not_to_be_edited(self, bench, client):
-        bench.logger.derive("twice", "2 * x")
-        info = wait_until(lambda: table_of(client).get("/log/twice"))
-        with pytest.raises(RefusedError, match="is derived"):
-            client.apply([Edit("/log/twice", info.options)], -1)
-
-    def test_the_event_log_has_it(self, bench, client, heard):
-        client.derive("twice", "2 * x")
-        event = heard.wait(EventKind.EDITED)
-        assert event.text == "/log/twice = 2 * x"
-
 
 class TestRows:
     def test_samples_history_and_newest_values_are_computed(self, bench, client):
@@ -138,17 +130,14 @@ class TestRows:
         assert past.high[0, :5].tolist() == [20.0, 40.0, 60.0, 80.0, 100.0]
         assert newest(client, ["/log/twice", "/log/change"]) == [100.0, 2.0]
 
-    def test_a_part_is_what_it_is_in_the_whole(self, bench, client):
+    def test_a_part_is_what_it_is_in_the_whole_and_signals_of_different_rates_hold(self, bench, client):
         derive(bench, client, "smooth", "mean(diff(x), 100ms) + prev(slow)")
+        derive(bench, client, "both", "x - slow")
         run(bench, client, 300)
         whole = client.samples(["/log/smooth"])["/log/smooth"]
         part = client.samples(["/log/smooth"], 203, 209, by="tick")["/log/smooth"]
         assert part.values.tolist() == pytest.approx(whole.values[203:209].tolist(), abs=1e-9)
-
-    def test_signals_of_different_rates_hold(self, bench, client):
-        derive(bench, client, "both", "x - slow")
-        run(bench, client, 12)
-        assert client.samples(["/log/both"])["/log/both"].values.tolist() == [0, 1, 2, 3, 4, 0, 1, 2, 3, 4, 0, 1]
+        assert client.samples(["/log/both"])["/log/both"].values.tolist() == [0, 1, 2, 3, 4] * 60
 
     def test_rates_that_do_not_divide_each_other_meet_at_their_common_ticks(self, bench, client):
         bench.logger.add(bench.x, "third", divider=3)
@@ -174,6 +163,8 @@ class TestRows:
             bench.ticks(10)
             assert [*found, *read(stream, 10)] == [2.0 * at for at in range(1, 31)]
             assert stream.missed == 0
+        with pytest.raises(RefusedError, match="/log/nix"):
+            client.stream(["/log/x", "/log/nix"])
 
     def test_a_stream_goes_on_with_what_is_there_when_one_of_its_signals_is_removed(self, bench, client):
         derive(bench, client, "half", "slow / 2")
@@ -210,10 +201,6 @@ class TestRows:
 
             wait_until(comes_again)
             assert stream.missing == {"/log/half": "it is no longer in the table"}
-
-    def test_a_stream_of_a_name_that_never_was_is_refused(self, bench, client):
-        with pytest.raises(RefusedError, match="/log/nix"):
-            client.stream(["/log/x", "/log/nix"])
 
     def test_the_same_pin_again_is_answered_though_one_of_its_signals_was_removed(self, bench, client):
         derive(bench, client, "twice", "2 * x")

@@ -23,25 +23,20 @@ def spiked(bench, at, ticks):
         bench.ticks(1)
 
 
-def test_a_spike_of_one_sample_is_found_in_all_that_is_held(bench, client):
-    client.start()
-    spiked(bench, 123, 300)
-    found = client.find(["/log/q_x"], "highest")["/log/q_x"]
-    assert (found.total, found.time_ns.tolist()) == (1, [bench.begin_ns + 123 * bench.tick_ns])
-    assert found.values.tolist() == [40]
-    assert (found.begin_ns, found.end_ns) == (bench.begin_ns, bench.begin_ns + 299 * bench.tick_ns)
-
-
-def test_a_derived_signal_is_looked_through_like_any_other(bench, client):
+def test_a_spike_of_one_sample_is_found_in_all_that_is_held_also_of_a_derived_signal(bench, client):
     bench.logger.derive("sum", "q_x + q_y")
     wait_until(lambda: client.table().derived)
     client.start()
     spiked(bench, 123, 300)
+    at = [bench.begin_ns + 123 * bench.tick_ns]
+    found = client.find(["/log/q_x"], "highest")["/log/q_x"]
+    assert (found.total, found.time_ns.tolist(), found.values.tolist()) == (1, at, [40])
+    assert (found.begin_ns, found.end_ns) == (bench.begin_ns, bench.begin_ns + 299 * bench.tick_ns)
     found = wait_until(lambda: (some := client.find(["/log/sum"], "highest")["/log/sum"]).total and some)
-    assert (found.time_ns.tolist(), found.values.tolist()) == ([bench.begin_ns + 123 * bench.tick_ns], [40])
+    assert (found.time_ns.tolist(), found.values.tolist()) == (at, [40])
 
 
-def test_an_answer_is_bounded_and_counts_all(bench, client):
+def test_an_answer_is_bounded_and_counts_all_and_what_nobody_has_is_refused_or_empty(bench, client):
     client.start()
     spiked(bench, -1, 300)
     around = bench.begin_ns + 150 * bench.tick_ns
@@ -50,20 +45,10 @@ def test_an_answer_is_bounded_and_counts_all(bench, client):
     assert (found.total, len(found.time_ns)) == (len(rising), 4)
     assert found.time_ns.tolist() == rising[found.before : found.before + 4]
     assert found.time_ns[1] < around <= found.time_ns[2]
-
-
-def test_rows_that_a_pin_has_are_looked_through_when_the_buffer_has_lost_them(bench, client):
-    short_buffer(client, "/log/q", 100)
-    client.start()
-    spiked(bench, 60, 100)
-    with client.pin(["/log/q_x"], 0, bench.begin_ns + 99 * bench.tick_ns) as pin:
-        spiked(bench, -1, 400)
-        alone = client.find(["/log/q_x"], "highest")["/log/q_x"]
-        with_pin = client.find(["/log/q_x"], "highest", pins=[pin])["/log/q_x"]
-        all_of = client.find(["/log/q_x"], "change", pins=[pin], most=1000)["/log/q_x"]
-    assert alone.values.max() == 6
-    assert (with_pin.time_ns.tolist(), with_pin.values.tolist()) == ([bench.begin_ns + 60 * bench.tick_ns], [40])
-    assert np.all(np.diff(all_of.time_ns) > 0)
+    assert client._measure(["/log/q_x"], 0, 1)["/log/q_x"].samples == 0
+    for name, end_ns, why in (("/log/nope", 1, "nope"), ("/log/q_x", 2**63 - 1, "out of range")):
+        with pytest.raises(RefusedError, match=why):
+            client._measure([name], 0, end_ns)
 
 
 def test_a_pin_of_a_run_before_is_looked_through_alone(bench, client):
@@ -76,12 +61,18 @@ def test_a_pin_of_a_run_before_is_looked_through_alone(bench, client):
     assert (found.total, found.values.tolist()) == (1, [40])
 
 
-def test_a_span_is_measured_in_what_pin_and_buffers_hold_together(bench, client):
+def test_rows_that_a_pin_has_are_looked_through_and_measured_when_the_buffer_has_lost_them(bench, client):
     short_buffer(client, "/log/q", 100)
     client.start()
     spiked(bench, 60, 100)
     with client.pin(["/log/q_x"], 0, bench.begin_ns + 99 * bench.tick_ns) as pin:
         spiked(bench, -1, 400)
+        alone = client.find(["/log/q_x"], "highest")["/log/q_x"]
+        with_pin = client.find(["/log/q_x"], "highest", pins=[pin])["/log/q_x"]
+        all_of = client.find(["/log/q_x"], "change", pins=[pin], most=1000)["/log/q_x"]
+        assert alone.values.max() == 6
+        assert (with_pin.time_ns.tolist(), with_pin.values.tolist()) == ([bench.begin_ns + 60 * bench.tick_ns], [40])
+        assert np.all(np.diff(all_of.time_ns) > 0)
         begin, end = bench.begin_ns + 20 * bench.tick_ns, bench.begin_ns + 450 * bench.tick_ns
         found = client._measure(["/log/q_x"], end, begin, [pin], pin.opened.run)["/log/q_x"]
         alone = client._measure(["/log/q_x"], end, begin)["/log/q_x"]
@@ -92,15 +83,6 @@ def test_a_span_is_measured_in_what_pin_and_buffers_hold_together(bench, client)
         held = client._measure(["/log/q_x"], begin, till, [pin], pin.opened.run)["/log/q_x"]
         assert (held.at_a, held.at_b, held.samples) == (20 % 7, 99 % 7, 80)
         assert np.allclose([held.mean, held.std, held.rms], [inside.mean(), inside.std(), np.sqrt((inside**2).mean())])
-
-
-def test_a_span_of_what_nobody_has_is_refused_or_empty(bench, client):
-    with pytest.raises(RefusedError, match="nope"):
-        client._measure(["/log/nope"], 0, 1)
-    client.start()
-    assert client._measure(["/log/q_x"], 0, 1)["/log/q_x"].samples == 0
-    with pytest.raises(RefusedError, match="out of range"):
-        client._measure(["/log/q_x"], 0, 2**63 - 1)
 
 
 FAR = 2**62

@@ -22,7 +22,7 @@ def buffer(client, name, size, kind, action=silo.Action.SAVE):
 # ----------------------------------------------------------------------------------------------------------- samples
 
 
-def test_samples_are_what_was_logged_each_with_its_tick_and_time_stamp(bench, client):
+def test_samples_have_ticks_and_stamps_and_histories_streams_pins_and_views_take_names_as_topics_do(bench, client):
     client.start()
     bench.ticks(40)
     found = client.samples(["/log/x", "/log/slow"])
@@ -31,11 +31,6 @@ def test_samples_are_what_was_logged_each_with_its_tick_and_time_stamp(bench, cl
     assert found["/log/x"].time_ns.tolist() == [bench.begin_ns + bench.tick_ns * tick for tick in range(40)]
     assert found["/log/slow"].ticks.tolist() == list(range(0, 40, 5))
     assert (found["/log/slow"].divider, found["/log/slow"].values.tolist()) == (5, list(range(1, 41, 5)))
-
-
-def test_samples_histories_streams_pins_and_views_take_names_as_topics_do(bench, client):
-    client.start()
-    bench.ticks(40)
     end_ns = bench.begin_ns + 40 * bench.tick_ns
     assert client.samples(["x", "q_y"])["x"].ticks.tolist() == list(range(40))
     assert client.history(["x"], bench.begin_ns, end_ns, 10**9).low.shape[0] == 1

@@ -49,27 +49,21 @@ def newest(client, names, tick, until):
         return until(lambda: (frame := view.frame()) and frame.tick == tick and frame)
 
 
-def test_integers_beyond_2_53_come_with_all_their_digits(odd, until):
+def test_large_integers_dates_and_bytes_that_are_no_text_come_whole(odd, until):
     tick, _ = odd
-    tick(count=BIG + 1, unsigned=2**64 - 1)
+    when, nat = np.datetime64(1_790_000_000_123_456_789, "ns"), np.datetime64("NaT")
+    tick(count=BIG + 1, unsigned=2**64 - 1, when=when, moment=nat, raw=b"\xffab")
     with Client.connect("odd") as client:
-        assert newest(client, ["count", "unsigned"], 1, until).texts == {0: str(BIG + 1), 1: str(2**64 - 1)}
-
-
-def test_a_nat_is_called_so_and_a_date_reads_to_the_nanosecond(odd, until):
-    tick, _ = odd
-    tick(when=np.datetime64(1_790_000_000_123_456_789, "ns"), moment=np.datetime64("NaT"))
-    with Client.connect("odd") as client:
-        frame = newest(client, ["when", "moment"], 1, until)
-    assert frame.texts == {0: "2026-09-21T14:13:20.123456789", 1: "NaT"}
-    assert np.isnan(frame.newest[1])
-
-
-def test_bytes_that_are_no_text_are_shown_as_escapes(odd, until):
-    tick, _ = odd
-    tick(raw=b"\xffab")
-    with Client.connect("odd") as client:
-        assert newest(client, ["raw"], 1, until).texts == {0: "\\xffab"}
+        frame = newest(client, ["count", "unsigned", "when", "moment", "raw"], 1, until)
+    assert list(frame.texts.values()) == [
+        str(BIG + 1),
+        str(2**64 - 1),
+        "2026-09-21T14:13:20.123456789",
+        "NaT",
+        "\\xffab",
+    ]
+    assert list(frame.texts) == list(range(5))
+    assert np.isnan(frame.newest[3])
 
 
 @pytest.mark.parametrize("source", ["view", "history"])
@@ -107,14 +101,6 @@ def test_columns_tell_of_nan_and_inf_beside_their_numbers(odd):
     np.testing.assert_array_equal(past.high, [[3, 4, np.nan, 5]])
 
 
-def test_frames_of_ordinary_numbers_carry_no_marks_and_no_bases(bench, client, until):
-    client.start()
-    with client.view(plots=["/log/x", "/log/q_x"], rate_hz=30, column_ns=COLUMN_NS) as view:
-        bench.ticks(30)
-        frame = until(lambda: (frame := view.frame()) and frame.tick == 30 and frame)
-    assert (frame.marks, frame.bases) == (None, {})
-
-
 # ---------------------------------------------------------------------------------------------------------- holes
 
 
@@ -126,33 +112,23 @@ def why_empty(client, bench, name, begin_ns, columns):
     ]
 
 
-def test_history_before_the_start_says_so(bench, client):
-    client.start()
-    bench.ticks(10)
-    assert why_empty(client, bench, "/log/x", bench.begin_ns - 2 * COLUMN_NS, 3) == [Gap.BEFORE, Gap.BEFORE, None]
-
-
-def test_history_of_what_was_overwritten_says_so(bench, client):
+def test_history_before_the_start_and_of_what_was_overwritten_says_so(bench, client):
     client.apply([Edit("/log/kept", ElementOptions(size=10, buffer=BufferType.LOOPING))], -1)
     client.start()
     bench.ticks(1000)
+    assert why_empty(client, bench, "/log/x", bench.begin_ns - 2 * COLUMN_NS, 3) == [Gap.BEFORE, Gap.BEFORE, None]
     found = why_empty(client, bench, "/log/kept", bench.begin_ns, 100)
     assert found[:50] == [Gap.OVERWRITTEN] * 50
     assert found[-1] is None
 
 
-def test_history_of_a_full_buffer_that_is_not_published_says_so(bench, client):
-    client.apply([Edit("/log/kept", ElementOptions(size=10, buffer=BufferType.FIXED))], -1)
+def test_history_of_a_full_buffer_that_is_not_published_and_of_an_element_that_is_off_says_so(bench, client):
+    fixed, off = ElementOptions(size=10, buffer=BufferType.FIXED), ElementOptions(enabled=False)
+    client.apply([Edit("/log/kept", fixed), Edit("/log/slow", off)], -1)
     client.start()
     bench.ticks(40)
     assert why_empty(client, bench, "/log/kept", bench.begin_ns, 4) == [None, Gap.FULL, Gap.FULL, Gap.FULL]
-
-
-def test_history_of_an_element_that_is_off_says_so(bench, client):
-    client.apply([Edit("/log/kept", ElementOptions(enabled=False))], -1)
-    client.start()
-    bench.ticks(20)
-    assert why_empty(client, bench, "/log/kept", bench.begin_ns, 2) == [Gap.OFF, Gap.OFF]
+    assert why_empty(client, bench, "/log/slow", bench.begin_ns, 2) == [Gap.OFF, Gap.OFF]
 
 
 class Racing(SegmentReader):
@@ -201,15 +177,18 @@ def test_history_is_whole_though_its_oldest_rows_are_overwritten_while_they_are_
 # --------------------------------------------------------------------------------------------------- frames that fail
 
 
-def test_the_first_frame_says_from_when_on_it_is_whole(bench, client, until):
+def test_the_first_frame_says_from_when_on_it_is_whole_and_ordinary_numbers_need_no_marks_and_no_bases(
+    bench, client, until
+):
     client.start()
     bench.ticks(500)
-    with client.view(plots=["/log/x"], rate_hz=30, column_ns=COLUMN_NS) as view:
+    with client.view(plots=["/log/x", "/log/q_x"], rate_hz=30, column_ns=COLUMN_NS) as view:
         first = until(view.frame)
-        bench.ticks(5)
+        bench.ticks(30)
         second = until(view.frame)
     assert bench.begin_ns < first.since_ns <= bench.now_ns
     assert second.since_ns == 0
+    assert (second.marks, second.bases) == (None, {})
 
 
 def test_a_view_begins_with_a_second_however_old_its_first_row_is(odd, until):
