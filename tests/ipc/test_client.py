@@ -32,15 +32,15 @@ def test_no_logger_says_what_to_do(runtime) -> None:
         Client.connect()
 
 
-def test_unknown_name_lists_the_loggers_that_there_are(bench) -> None:
+def test_logger_is_found_by_name_label_and_when_it_is_the_only_one_and_closed_as_often_as_one_likes(bench) -> None:
     with pytest.raises(ConnectionLostError, match=rf"no logger 'nix'.*there are: bot\.{os.getpid()}"):
         Client.connect("nix")
-
-
-def test_logger_is_found_by_name_label_and_when_it_is_the_only_one(bench) -> None:
     for name in ("bot", f"bot.{os.getpid()}", ""):
         with Client.connect(name) as client:
             assert client.status().logger == "bot"
+        client.close()
+        with pytest.raises(ConnectionLostError, match="this client of logger 'bot' is closed"):
+            client.status()
 
 
 def test_the_link_is_watched_once_its_owner_is_ready(bench, until) -> None:
@@ -116,19 +116,6 @@ def test_program_that_forgets_to_close_still_ends(bench) -> None:
     assert done.stderr == ""
 
 
-def test_closing_twice_is_fine(bench) -> None:
-    client = Client.connect("bot")
-    client.close()
-    client.close()
-
-
-def test_calls_after_closing_are_refused_in_words(bench) -> None:
-    client = Client.connect("bot")
-    client.close()
-    with pytest.raises(ConnectionLostError, match="this client of logger 'bot' is closed"):
-        client.status()
-
-
 def test_threads_may_share_a_client(bench, client) -> None:
     revisions: list[int] = []
 
@@ -143,15 +130,18 @@ def test_threads_may_share_a_client(bench, client) -> None:
     assert revisions == [bench.logger._table.revision] * 80
 
 
-def test_callback_that_fails_stops_no_other(bench, client, heard, caplog) -> None:
+def test_what_the_robot_program_does_reaches_clients_also_beside_a_callback_that_fails(
+    bench, client, heard, caplog
+) -> None:
     def fail(_: object) -> None:
         raise ValueError("no")
 
     client.on_event(fail)
-    client.start()
+    client.status()  # what it wants to hear has reached the helper process before this
+    bench.logger.start()
     heard.wait(EventKind.STARTED)
     bench.logger.stop()
-    heard.wait(EventKind.STOPPED)
+    assert heard.wait(EventKind.STOPPED).status.state is State.STOPPED
     assert "a callback failed" in caplog.text
 
 

@@ -61,26 +61,28 @@ def test_a_mark_of_the_program_comes_to_the_log_and_to_clients(bench, client, he
     assert (event.number, event.who, event.stamp_ns) == (told.logged, "bot", told.stamp_ns)
 
 
-def test_a_mark_of_a_client_has_its_tick_and_its_author(bench, client):
+def test_marks_of_a_client_have_their_tick_and_author_and_events_are_asked_for_from_a_line_on(bench, client):
     bench.logger.start()
     bench.ticks(9)
     logged(client, "started")
+    before = client.events()
+    for text, tick in (("", None), ("  ", None), ("x", 9)):
+        with pytest.raises(RefusedError, match="nothing was marked"):
+            client.mark(text, tick)
+        assert client.events() == before
     now, then = client.mark("slipped"), client.mark("before", tick=4)
     assert (now.tick, then.tick) == (8, 4)
     assert then.stamp_ns == bench.begin_ns + 4 * bench.tick_ns
     assert now.who == then.who
     assert "@" in now.who
-
-
-@pytest.mark.parametrize(("text", "tick"), [("", None), ("  ", None), ("x", 9)])
-def test_a_mark_that_makes_no_sense_is_refused_and_leaves_nothing(bench, client, text, tick):
-    bench.logger.start()
-    bench.ticks(9)
-    logged(client, "started")
-    before = client.events()
-    with pytest.raises(RefusedError, match="nothing was marked"):
-        client.mark(text, tick)
-    assert client.events() == before
+    for number in range(5):
+        client.mark(f"m{number}")
+    since = client.events()[-3].number
+    assert [event.text for event in client.events(since)] == ["m3", "m4"]
+    assert [event.text for event in client.events(limit=1)] == ["m4"]
+    assert client.events(limit=0) == []
+    with pytest.raises(RefusedError, match="limit of events"):
+        client.events(limit=-1)
 
 
 def test_saved_files_have_what_happened_and_each_mark_once(bench, client):
@@ -97,20 +99,6 @@ def test_saved_files_have_what_happened_and_each_mark_once(bench, client):
             ("slipped", 1, client._name),
         ]
         assert events[0].kind == "started"
-
-
-def test_events_are_asked_for_from_a_line_on(bench, client):
-    bench.logger.start()
-    bench.ticks(1)
-    logged(client, "started")
-    for number in range(5):
-        client.mark(f"m{number}")
-    since = client.events()[-3].number
-    assert [event.text for event in client.events(since)] == ["m3", "m4"]
-    assert [event.text for event in client.events(limit=1)] == ["m4"]
-    assert client.events(limit=0) == []
-    with pytest.raises(RefusedError, match="limit of events"):
-        client.events(limit=-1)
 
 
 def test_marks_of_a_run_that_is_over_at_once_are_not_lost(bench, client):
@@ -171,7 +159,6 @@ def test_a_log_in_a_folder_that_cannot_be_written_is_still_answered_from_memory(
     assert [e.text for e in written if e.kind == "marker"] == ["slipped", "again"]
 
 
-@pytest.mark.slow
 def test_a_stop_right_before_the_end_is_told(bench) -> None:
     folder = bench.logger.options.folder
     bench.logger.start()

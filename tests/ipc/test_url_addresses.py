@@ -50,11 +50,6 @@ class TestUrls:
         with pytest.raises(ConnectionLostError, match="names an element, and this is for a whole logger: silo://r/a;"):
             logger_of("silo://r/a/log/x")
 
-    def test_no_element_is_stopped_where_its_logger_was_not_meant(self, bench, capsys):
-        bench.logger.start()
-        assert run(["stop", "silo:///bot/log/x"]) != 0
-        assert bench.logger.is_running
-
     def test_a_configuration_of_a_remote_has_paths_that_hold_anywhere(self, tmp_path, monkeypatch):
         monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
         file = remote_file("lab")
@@ -81,32 +76,21 @@ def connections() -> list[threading.Thread]:
 
 
 class TestTopics:
-    def read_some(self, bench, topic):
+    def test_a_topic_is_read_by_its_url_alone_and_its_connection_ends_with_it_or_where_it_is_refused(self, bench):
         bench.logger.start()
-        batches = []
-        while not batches:
-            bench.ticks(1)
-            batches = topic.read(timeout_s=0.2)
-        return batches
-
-    def test_a_topic_is_read_by_its_url_alone(self, bench):
         with silo.topic("silo:///bot/log/q") as topic:
-            (batch, *_) = self.read_some(bench, topic)
-            assert batch.values.shape[1:] == (3,)
-
-    def test_its_connection_ends_with_it(self, bench):
-        with silo.topic("silo:///bot/log/q"):
+            while not (batches := topic.read(timeout_s=0.2)):
+                bench.ticks(1)
+            assert batches[0].values.shape[1:] == (3,)
             assert len(connections()) == 1
         assert connections() == []
-
-    def test_a_refused_one_leaves_no_connection(self, bench):
-        with pytest.raises(ElementError, match="has no element"):
-            silo.topic("silo:///bot/log/r")
-        assert connections() == []
-
-    def test_an_address_of_no_element_is_refused(self, bench):
-        with pytest.raises(ElementError, match="names no element: write silo:///bot/joints/q"):
-            silo.topic("silo:///bot")
+        for url, why in (
+            ("silo:///bot/log/r", "has no element"),
+            ("silo:///bot", "names no element: write silo:///bot/joints/q"),
+        ):
+            with pytest.raises(ElementError, match=why):
+                silo.topic(url)
+            assert connections() == []
 
     def test_the_program_of_the_protocol_reads_it_by_what_the_command_prints(self, bench, tmp_path):
         printed = json.loads(CliRunner().invoke(cli, ["address", "bot", "q", "--json"]).output)
@@ -150,6 +134,8 @@ class TestTopics:
         bench.ticks(3)
         assert run(["watch", url, "--count", "1", "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["values"]["/log/x"] == 3
+        assert run(["stop", url]) != 0  # its logger was not meant
+        assert bench.logger.is_running
 
     def test_where_many_can_be_meant_a_url_means_its_logger(self, bench, capsys):
         assert run(["ls", "silo:///bot", "--json"]) == 0
