@@ -200,7 +200,7 @@ slow = pytest.mark.slow  # each walks through the whole app
 
 @slow
 class TestScreens:
-    async def test_triggers_are_listed_armed_and_forced(self, fake, opened):
+    async def test_triggers_are_listed_armed_and_forced_and_removed_after_a_question_only(self, fake, opened):
         fake.trigger_statuses = [FALL, BLIND]
         async with opened(fake) as screen:
             await screen.shows("1 trigger armed")
@@ -215,24 +215,20 @@ class TestScreens:
             await screen.press("!")
             await screen.shows("trigger 'low' was fired")
             assert ("force_trigger", "low") in fake.calls
-            await screen.press("escape")
-            await screen.until(lambda: screen.app.screen.scope == "table")
-
-    async def test_a_trigger_is_removed_after_a_question_only(self, fake, opened):
-        fake.trigger_statuses = [FALL]
-        async with opened(fake) as screen:
-            await screen.press("T")
-            await screen.shows("abs(base/roll) > 0.6")
-            await screen.press("x")
+            await done(screen)
+            await screen.press("k", "x")
             await screen.shows("Delete trigger fall of robot?")
             await screen.press("enter")
             await screen.until(lambda: not screen.app.screen.is_modal)
-            assert fake.trigger_statuses == [FALL]
+            assert len(fake.trigger_statuses) == 2
             await screen.press("x")
             await screen.shows("Delete trigger fall of robot?")
             await screen.press("y")
             await screen.shows("trigger 'fall' is removed")
-            assert fake.trigger_statuses == []
+            assert [one.options.name for one in fake.trigger_statuses] == ["low"]
+            await done(screen)
+            await screen.press("escape")
+            await screen.until(lambda: screen.app.screen.scope == "table")
 
     async def test_a_trigger_is_made_tried_and_set(self, fake, opened):
         async with opened(fake) as screen:
@@ -290,7 +286,7 @@ class TestScreens:
             assert len(asked) == 2
             assert not screen.app.screen.session.conditions_due
 
-    async def test_alarms_are_listed_and_acknowledged(self, fake, opened):
+    async def test_alarms_are_listed_and_acknowledged_and_their_limits_deleted_after_a_question(self, fake, opened):
         fake.limit_statuses = [HOT, LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0)]
         async with opened(fake) as screen:
             await screen.shows("1 alarm HH")
@@ -301,18 +297,14 @@ class TestScreens:
             await screen.press("K")
             await screen.until(lambda: ("acknowledge", "/log/LF/HAA/torque") in fake.calls)
             await screen.shows("LF/HAA/torque: 1 alarm seen by ann")
-            await screen.press("T")
-            await screen.shows("No triggers")
-
-    async def test_limits_are_deleted_where_their_alarm_stands_after_a_question(self, fake, opened):
-        fake.limit_statuses = [HOT]
-        async with opened(fake) as screen:
-            await screen.press("A")
-            await screen.shows("86.31")
+            await done(screen)
             await screen.press("x")
             await screen.shows("Delete limits of /LF/HAA/torque on robot?")
             await screen.press("y")
             await screen.until(lambda: ("remove_limits", HOT.limits) in fake.calls)
+            await done(screen)
+            await screen.press("T")
+            await screen.shows("No triggers")
 
     async def test_a_form_tells_what_the_field_means_that_has_the_keys(self, fake, opened):
         async with opened(fake) as screen:
@@ -462,23 +454,21 @@ class TestScreens:
             await screen.shows("86.31")
             assert screen.text.index("86.31") < screen.text.index("OK /y")
 
-    @pytest.mark.parametrize(
-        ("now", "told"),
-        [
-            (
-                {"bounds": (None, 0.0, 2.5, None), "count": 1, "alarm": True},
-                "within L 0 H 2.5 again, seen by nobody yet",
-            ),
-            ({"bounds": (None, 0.0, 2.5, None), "count": 1, "seen_by": "ann@pc"}, "within L 0 H 2.5 again"),
-            ({"stale_s": 0.5}, "never the same for 500 ms"),
-            ({"bounds": (1.0, None, None, None), "stale_s": 2.0}, "within LL 1, never the same for 2 s"),
-        ],
-    )
-    async def test_what_is_as_its_limits_want_it_says_what_that_is(self, fake, opened, now, told):
-        fake.limit_statuses = [LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0, **now)]
+    async def test_what_is_as_its_limits_want_it_says_what_that_is(self, fake, opened):
+        between = {"bounds": (None, 0.0, 2.5, None)}
         async with opened(fake, size=(120, 24)) as screen:
             await screen.press("A")
-            await screen.shows(f"\n {told} │ 0 over limits now")
+            for now, told in (
+                ({**between, "count": 1, "alarm": True}, "within L 0 H 2.5 again, seen by nobody yet"),
+                ({**between, "count": 1, "seen_by": "ann@pc"}, "within L 0 H 2.5 again"),
+                ({"stale_s": 0.5}, "never the same for 500 ms"),
+                ({"bounds": (1.0, None, None, None), "stale_s": 2.0}, "within LL 1, never the same for 2 s"),
+            ):
+                fake.limit_statuses = [LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0, **now)]
+                await screen.press("r")
+                await screen.shows("read again")
+                screen.app.screen.say("")
+                await screen.shows(f"\n {told} │ 0 over limits now")
 
     async def test_an_alarm_that_came_again_says_who_saw_it_and_how_often_it_came_since(self, fake, opened):
         fake.limit_statuses = [replace(HOT, seen_by="ann@pc", since_seen=2, count=5)]
@@ -595,23 +585,14 @@ class TestLists:
 
     async def test_from_one_screen_beside_the_table_to_another_and_back_by_one_esc(self, fake, opened):
         async with opened(fake) as screen:
-            for key, scope in (
-                ("T", "triggers"),
-                ("E", "events"),
-                ("F", "recordings"),
-                ("A", "alarms"),
-                ("T", "triggers"),
-            ):
+            for key, scope in (("T", "triggers"), ("E", "events"), ("F", "recordings"), ("A", "alarms")):
                 await screen.press(key)
                 await screen.until(lambda scope=scope: screen.app.screen.scope == scope)
-            await screen.press("escape")
-            await screen.until(lambda: screen.app.screen.scope == "table")
-
-    async def test_a_command_is_typed_there_too(self, fake, opened):
-        async with opened(fake) as screen:
-            await screen.press("A", ":")
+            await screen.press(":")
             await screen.enter("triggers")
             await screen.until(lambda: screen.app.screen.scope == "triggers")
+            await screen.press("escape")
+            await screen.until(lambda: screen.app.screen.scope == "table")
 
     async def test_a_row_of_the_table_makes_a_trigger_or_limits(self, fake, opened):
         fake.run(20)

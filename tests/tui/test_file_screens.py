@@ -79,18 +79,11 @@ def to(screen):
 
 
 @pytest.mark.parametrize("size", SIZES)
-async def test_the_header_says_file_duration_ticks_and_losses(path, on_file, size):
+async def test_header_table_and_plots_say_what_is_in_the_file(path, on_file, size):
     async with on_file(path, size) as screen:
         head = screen.text.splitlines()[0]
-        assert path.name in head
-        assert "20 s" in head
-        assert "8 000 ticks" in head
-        assert "lost 3" in head
-
-
-@pytest.mark.parametrize("size", SIZES)
-async def test_the_table_says_what_is_in_the_file(path, on_file, size):
-    async with on_file(path, size) as screen:
+        for words in (path.name, "20 s", "8 000 ticks", "lost 3"):
+            assert words in head
         rows = [line.lstrip("> ").split() for line in screen.text.splitlines()[2:8]]
         lines = {row[0]: row for row in rows if row}
         assert lines["/legs/LF/torque"][1:4] == ["Nm", "1", "8000"]
@@ -98,6 +91,10 @@ async def test_the_table_says_what_is_in_the_file(path, on_file, size):
         assert "enum" in lines["/state/gait"]
         assert lines["/imu/temperature"][2:4] == ["40", "100"]
         assert {"loop", "3"} <= set(lines["/imu/temperature"])
+        await plot(screen, "torque")
+        await screen.shows("whole file")
+        await screen.shows("max 40")
+        await screen.shows("mean ")
 
 
 async def test_a_wide_table_shows_values_and_the_inspector(path, on_file):
@@ -127,12 +124,16 @@ async def test_a_narrow_table_of_a_file_has_the_inspector_below(path, on_file):
         await screen.until(lambda: not screen.session.rows.filter.text)
 
 
-async def test_goto_says_that_several_have_the_words_in_their_names(path, on_file):
+async def test_goto_says_that_several_have_the_words_and_filter_and_marks_work_as_on_a_logger(path, on_file):
     async with on_file(path) as screen:
         await screen.enter(":goto at")
         await screen.shows("the first of 3 that have 'at'; / at shows all")
         await screen.enter(":goto operator")
         await screen.shows(">/state/operator")
+        await screen.enter("/unit:Nm")
+        await screen.shows("1 of 5")
+        await screen.press("asterisk")
+        await screen.shows("1 marked")
 
 
 async def test_the_inspector_says_at_how_many_ticks_an_element_could_not_be_read(tmp_path, on_file):
@@ -142,14 +143,6 @@ async def test_the_inspector_says_at_how_many_ticks_an_element_could_not_be_read
     async with on_file(found, (160, 50)) as screen:
         await screen.do("inspector")
         await screen.shows("not read  at 3 ticks")
-
-
-async def test_the_filter_and_marks_work_as_on_a_logger(path, on_file):
-    async with on_file(path) as screen:
-        await screen.enter("/unit:Nm")
-        await screen.shows("1 of 5")
-        await screen.press("asterisk")
-        await screen.shows("1 marked")
 
 
 async def test_sorting_leaves_out_what_files_don_t_tell(path, on_file):
@@ -166,15 +159,6 @@ async def test_sorting_leaves_out_what_files_don_t_tell(path, on_file):
         await screen.until(lambda: screen.session.rows.sort == "unit")
 
 
-@pytest.mark.parametrize("size", SIZES)
-async def test_plots_show_the_whole_file_with_its_facts(path, on_file, size):
-    async with on_file(path, size) as screen:
-        await plot(screen, "torque")
-        await screen.shows("whole file")
-        await screen.shows("max 40")
-        await screen.shows("mean ")
-
-
 async def test_all_marked_elements_are_plotted(path, on_file):
     async with on_file(path, (120, 40)) as screen:
         await screen.press("asterisk", "m")
@@ -183,9 +167,11 @@ async def test_all_marked_elements_are_plotted(path, on_file):
         assert len(names) == 7
 
 
-async def test_the_cursor_reads_the_value_that_held(path, on_file):
+async def test_the_cursor_reads_the_value_that_held_and_steps_from_sample_to_sample(path, on_file):
     async with on_file(path) as screen:
         await plot(screen, "gait")
+        await screen.shows("(stand … trot)")
+        assert "mean" not in screen.text
         await screen.shows("= stand")
         await screen.press("home")
         await screen.until(lambda: to(screen) == 0)
@@ -193,6 +179,12 @@ async def test_the_cursor_reads_the_value_that_held(path, on_file):
             await screen.press("right")
         await screen.until(lambda: 5 < to(screen) < 10, f"walking {to(screen)}")
         await screen.shows("= walk")
+        await screen.do("home", "next_sample")
+        assert to(screen) == pytest.approx(0.01)
+        await screen.do("next_sample", "previous_sample", "previous_sample")
+        assert to(screen) == 0
+        await screen.do("previous_sample")
+        await screen.shows("first sample")
 
 
 async def test_before_its_curves_are_read_a_plot_has_its_times(path, on_file, monkeypatch):
@@ -231,7 +223,7 @@ async def test_before_its_first_sample_a_signal_has_no_value(path, on_file):
         await screen.shows("begins at 10 s")
 
 
-async def test_home_and_end_jump_to_the_ends_of_the_file(path, on_file):
+async def test_home_and_end_jump_to_the_ends_of_the_file_facts_are_of_the_window_and_zero_shows_all(path, on_file):
     async with on_file(path) as screen:
         await plot(screen, "torque")
         await screen.press("plus", "plus", "plus")
@@ -239,9 +231,14 @@ async def test_home_and_end_jump_to_the_ends_of_the_file(path, on_file):
         await screen.until(lambda: to(screen) == 0 and monitor(screen).window.cursor is not None)
         await screen.press("end")
         await screen.until(lambda: to(screen) == 19.9975 and monitor(screen).window.cursor is not None)
+        await screen.until(lambda: "max 40" not in screen.text)
+        await screen.shows("s shown")
+        await screen.do("all_held")
+        await screen.shows("whole file")
+        await screen.do("drop_plot")  # the last one
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
 
 
-@pytest.mark.slow
 async def test_zooming_keeps_the_cursor_on_its_moment(path, on_file):
     async with on_file(path) as screen:
         await plot(screen, "torque")
@@ -262,7 +259,6 @@ async def as_far_as_it_goes(screen, key):
         await screen.press(key)
 
 
-@pytest.mark.slow
 async def test_a_window_walks_over_the_whole_file_both_ways(path, on_file):
     async with on_file(path) as screen:
         await plot(screen, "torque")
@@ -278,7 +274,6 @@ async def test_a_window_walks_over_the_whole_file_both_ways(path, on_file):
         await screen.until(lambda: monitor(screen).window.paused_end_ns == source.end_ns)
 
 
-@pytest.mark.slow
 async def test_a_cursor_that_leaves_the_window_takes_it_along(path, on_file):
     async with on_file(path) as screen:
         await plot(screen, "torque")
@@ -287,33 +282,6 @@ async def test_a_cursor_that_leaves_the_window_takes_it_along(path, on_file):
             await screen.press("shift+left")
         await screen.until(lambda: monitor(screen).window.cursor is not None)
         assert to(screen) < 19.9975 - monitor(screen).window.span_s
-
-
-async def test_full_stop_and_comma_step_from_sample_to_sample(path, on_file):
-    async with on_file(path) as screen:
-        await plot(screen, "gait")
-        await screen.do("home", "next_sample")
-        assert to(screen) == pytest.approx(0.01)
-        await screen.do("next_sample", "previous_sample", "previous_sample")
-        assert to(screen) == 0
-        await screen.do("previous_sample")
-        await screen.shows("first sample")
-
-
-async def test_zero_shows_the_whole_file_again(path, on_file):
-    async with on_file(path) as screen:
-        await plot(screen, "torque")
-        await screen.press("plus", "plus")
-        await screen.shows("s shown")
-        await screen.do("all_held")
-        await screen.shows("whole file")
-
-
-async def test_the_facts_are_of_the_window(path, on_file):
-    async with on_file(path) as screen:
-        await plot(screen, "torque")
-        await screen.press("plus", "plus", "plus", "end")
-        await screen.until(lambda: "max 40" not in screen.text)
 
 
 async def test_the_detail_plot_counts_time_from_the_start(path, on_file):
@@ -347,21 +315,17 @@ def test_no_command_on_a_file_writes():
     assert "whole_file" not in BY_ID  # 0 is all that is held, in files too
 
 
-async def test_keys_that_edit_a_logger_change_nothing(path, on_file):
+async def test_keys_that_edit_a_logger_change_nothing_and_say_that_a_file_has_nothing_to_edit(path, on_file):
     async with on_file(path) as screen:
         before = screen.session.table.values.copy()
-        await screen.press("t", "d", "5", "b", "p", "u", "a", "S", "w", "x")
-        assert not screen.session.table.pending.any()
-        np.testing.assert_array_equal(screen.session.table.values[Field.DIVIDER], before[Field.DIVIDER])
-
-
-async def test_a_key_that_edits_a_logger_says_that_a_file_has_nothing_to_edit(path, on_file):
-    async with on_file(path) as screen:
         for key in "detSu":
             screen.app.screen.say("")
             assert "nothing to edit" not in screen.text
             await screen.press(key)
             await screen.shows("a saved file: nothing to edit")
+        await screen.press("t", "d", "5", "b", "p", "u", "a", "S", "w", "x")
+        assert not screen.session.table.pending.any()
+        np.testing.assert_array_equal(screen.session.table.values[Field.DIVIDER], before[Field.DIVIDER])
 
 
 async def test_words_are_typed_over_a_file_and_its_plots(path, on_file, tmp_path):
@@ -410,7 +374,6 @@ async def test_an_element_without_samples_says_so(new_finder, screen_of):
         await screen.shows("no samples")
 
 
-@pytest.mark.slow
 async def test_the_end_of_a_long_run_fills_the_window(path, on_file):
     async with on_file(path) as screen:
         await plot(screen, "temperature")
@@ -419,20 +382,6 @@ async def test_the_end_of_a_long_run_fills_the_window(path, on_file):
         assert monitor(screen).window.span_s < 11
         await screen.do("enter", "plus", "minus", "all_held", "escape", "all_held")
         await screen.shows("whole file")
-
-
-async def test_facts_of_an_enumeration_are_its_labels(path, on_file):
-    async with on_file(path) as screen:
-        await plot(screen, "gait")
-        await screen.shows("(stand … trot)")
-        assert "mean" not in screen.text
-
-
-async def test_taking_the_last_plot_away_leads_back_to_the_table(path, on_file):
-    async with on_file(path) as screen:
-        await plot(screen, "torque")
-        await screen.do("drop_plot")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
 
 
 async def test_the_values_of_the_table_are_those_at_the_cursor(path, on_file):

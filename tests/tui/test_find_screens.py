@@ -67,8 +67,22 @@ def monitor(new_finder, screen_of):
     return open_monitor
 
 
-async def test_the_highest_sample_is_two_keys_away_and_exact(monitor):
+async def test_samples_holes_and_the_highest_are_few_keys_away_and_exact_and_what_is_not_there_is_said(monitor):
     async with monitor("LF/torque") as (screen, shown):
+        await screen.do("find", "x")
+        await screen.enter("fast")
+        await screen.shows("is no number")
+        await screen.press("escape")
+        await screen.shows("whole file")
+        await screen.do("home", "next_sample", "next_sample", "previous_sample")
+        await screen.until(lambda: shown.file.time_ns == START_NS + STEP_NS, "the second sample")
+        await screen.do("home", "next_event")
+        await screen.shows("1 s without sample")
+        assert shown.file.time_ns == START_NS + 2999 * STEP_NS
+        await screen.do("find", "n")
+        await screen.shows("nan or inf: none in 11 s held")
+        await screen.do("find", "t")
+        await screen.shows("trigger fired: none in 11 s held")
         await screen.do("find", "h")
         await screen.shows("highest, 1 of 1: 40")
         assert shown.file.time_ns == START_NS + 2345 * STEP_NS
@@ -196,28 +210,18 @@ async def test_brackets_go_from_crossing_to_crossing(monitor):
         await screen.until(lambda: shown.file.time_ns == first, "the one before")
 
 
-async def test_of_two_plots_the_keys_below_say_how_they_become_one(monitor):
+async def test_a_star_looks_in_all_plots_and_another_one_in_the_chosen_and_a_key_makes_one_of_them(monitor):
     async with monitor("LF/torque", "RF/torque") as (screen, shown):
+        await screen.do("home", "find")
+        await screen.shows("Find in /LF/torque")
+        for words in ("all 2 signals that are plotted", "/LF/torque", "all 2 signals"):
+            await screen.press("*")
+            await screen.shows(f"Find in {words}")
+        await screen.press("h")
+        await screen.shows("of 11")  # ten times one, once forty
         await screen.until(lambda: " Join" in screen.text.splitlines()[-1])
         await screen.do("join_plots")
         await screen.until(lambda: len(shown.stack.panels) == 1 and " Join" not in screen.text.splitlines()[-1])
-
-
-async def test_what_is_no_level_is_said_and_can_be_typed_again(monitor):
-    async with monitor("LF/torque") as (screen, _):
-        await screen.do("find", "x")
-        await screen.enter("fast")
-        await screen.shows("is no number")
-        await screen.press("escape")
-        await screen.shows("whole file")
-
-
-async def test_all_plotted_signals_can_be_looked_through(monitor):
-    async with monitor("RF/torque", "LF/torque") as (screen, _):
-        await screen.do("home", "find", "asterisk")
-        await screen.shows("all 2 signals")
-        await screen.press("h")
-        await screen.shows("of 11")  # ten times one, once forty
 
 
 async def test_moments_of_several_signals_at_one_time_are_each_gone_to(monitor):
@@ -233,26 +237,13 @@ async def test_moments_of_several_signals_at_one_time_are_each_gone_to(monitor):
         await screen.shows("hole in /LF/torque, 1 of 2")
 
 
-async def test_nothing_found_says_how_much_was_looked_through(monitor):
-    async with monitor("LF/torque") as (screen, _):
-        await screen.do("find", "n")
-        await screen.shows("nan or inf: none in 11 s held")
-        await screen.do("find", "t")
-        await screen.shows("trigger fired: none in 11 s held")
-
-
-async def test_a_boolean_goes_from_change_to_change_without_a_search(monitor):
-    async with monitor("LF/contact") as (screen, shown):
+async def test_a_boolean_goes_from_change_to_change_without_a_search_and_its_lane_can_t_be_joined(monitor):
+    async with monitor("LF/contact", "LF/torque") as (screen, shown):
         await screen.do("home", "next_found")
         await screen.until(lambda: shown.file.time_ns == START_NS + STEP_NS, "the first edge")
         await screen.shows("true at")
-
-
-async def test_braces_go_to_the_hole(monitor):
-    async with monitor("LF/torque") as (screen, shown):
-        await screen.do("home", "next_event")
-        await screen.shows("1 s without sample")
-        assert shown.file.time_ns == START_NS + 2999 * STEP_NS
+        await screen.do("join_plots")
+        await screen.shows("lanes stay alone; nothing was changed")
 
 
 async def test_a_tick_that_came_late_is_a_hole_and_no_event():
@@ -298,22 +289,10 @@ async def test_tab_goes_through_the_arrangements_and_back(monitor):
         assert counts == [3, 2, 4]
 
 
-async def test_a_lane_can_t_be_joined_and_says_why(monitor):
-    async with monitor("LF/torque", "LF/contact") as (screen, _):
-        await screen.do("join_plots")
-        await screen.shows("lanes stay alone; nothing was changed")
-
-
 async def test_texts_hang_at_their_time(monitor):
     async with monitor("phase") as (screen, _):
         await screen.shows("stand")
         await screen.shows("│walk")
-
-
-async def test_full_stop_goes_by_samples_and_the_window_follows(monitor):
-    async with monitor("LF/torque") as (screen, shown):
-        await screen.do("home", "next_sample", "next_sample", "previous_sample")
-        await screen.until(lambda: shown.file.time_ns == START_NS + STEP_NS, "the second sample")
 
 
 async def test_two_steps_of_which_neither_waits_for_the_other_are_two_samples(monitor, monkeypatch):
@@ -351,13 +330,3 @@ async def test_the_detail_plot_goes_from_time_to_histogram(monitor):
         await screen.shows("peak 1: ")
         await screen.press("tab")
         await screen.shows("median")
-
-
-async def test_a_star_looks_in_all_plots_and_another_one_in_the_chosen_again(monitor):
-    async with monitor("LF/torque", "RF/torque") as (screen, _):
-        await screen.do("find")
-        await screen.shows("Find in /LF/torque")
-        await screen.press("*")
-        await screen.shows("Find in all 2 signals that are plotted")
-        await screen.press("*")
-        await screen.shows("Find in /LF/torque")

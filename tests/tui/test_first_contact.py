@@ -27,24 +27,16 @@ def burst(screen, *keys):
         screen.app.post_message(events.Key(names.get(key, key), char))
 
 
-async def test_a_filter_with_its_enter_in_one_piece_is_taken_whole(fake, opened):
+async def test_filters_corrections_and_keys_behind_them_are_taken_whole_where_they_come_in_one_piece(fake, opened):
     async with opened(fake) as screen:
         await screen.press("slash")
         burst(screen, *"LF torque unit:Nm", "enter")
         await screen.shows("/LF torque unit:Nm: 3 of 72")
-
-
-async def test_marking_all_right_behind_a_filter_marks_what_passes_it(fake, opened):
-    async with opened(fake) as screen:
-        burst(screen, *"/LF torque", "enter", "*")
-        await screen.until(lambda: screen.session.rows.marked_count)
-        assert screen.session.rows.marked_count == 3
-
-
-async def test_a_correction_typed_in_one_piece_is_made_where_it_was_typed(fake, opened):
-    async with opened(fake) as screen:
         burst(screen, *"/LFx", "backspace", *" torqe", "left", "u", "enter")
         await screen.shows("/LF torque: 3 of 72")
+        burst(screen, *"/RF torque", "enter", "*")
+        await screen.until(lambda: screen.session.rows.marked_count)
+        assert screen.session.rows.marked_count == 3
 
 
 async def test_applying_around_a_stop_says_what_would_be_dropped_and_saves_it_when_asked(fake, opened):
@@ -83,7 +75,7 @@ async def test_with_everything_saved_a_restart_has_nothing_to_drop(fake, opened)
         await screen.shows("restarted")
 
 
-async def test_the_save_dialog_is_walked_through_with_j_and_k(fake, opened):
+async def test_the_save_dialog_is_walked_through_left_and_ticked_by_letters_that_are_letters_in_the_name(fake, opened):
     async with opened(fake, size=(100, 30)) as screen:
         await screen.press("w")
         await screen.shows("> [x] silo")
@@ -94,10 +86,8 @@ async def test_the_save_dialog_is_walked_through_with_j_and_k(fake, opened):
             await screen.press(key)
             seen.append(screen.app.focused.id)
         assert seen == ["type-bag", "form-name", "save-go", "save-no", "type-silo"]
-
-
-async def test_letters_tick_types_and_are_letters_in_the_name(fake, opened):
-    async with opened(fake, size=(100, 30)) as screen:
+        await screen.press("escape")
+        await screen.shows("nothing was saved")
         await screen.press("w", "c", "s", "up", "up", "up", *"bcs", "enter")
         await screen.until(lambda: fake.calls)
         assert fake.calls == [("save", [FileType.CSV], "bcs")]
@@ -116,12 +106,6 @@ async def test_a_name_that_can_be_no_file_is_said_at_once_and_stays_to_be_mended
         await screen.press("enter")
         await screen.shows("o Opens it")
         assert fake.calls == [("save", [FileType.SILO], "ab")]
-
-
-async def test_cancelling_a_save_says_that_nothing_was_saved(fake, opened):
-    async with opened(fake, size=(100, 30)) as screen:
-        await screen.press("w", "escape")
-        await screen.shows("nothing was saved")
 
 
 async def test_a_key_that_steps_goes_on_from_what_is_marked_and_not_from_the_cursor(fake, opened):
@@ -251,7 +235,7 @@ async def test_edits_of_marked_rows_say_that_they_are_not_of_the_row_under_the_c
         await screen.shows("divider: 2 changed")
 
 
-async def test_an_open_editor_says_what_to_type_and_which_keys_count(fake, opened):
+async def test_an_open_editor_says_what_to_type_which_keys_count_and_whole_what_is_wrong(fake, opened):
     async with opened(fake) as screen:
         await screen.do("asterisk", "toggle", "edit_size")
         await screen.shows("size of 72 marked elements, now 4000, 100, e.g. 1000 10k 10s *2 /2 +10")
@@ -260,11 +244,7 @@ async def test_an_open_editor_says_what_to_type_and_which_keys_count(fake, opene
         await screen.press("escape")
         await screen.shows("space Mark")
         await screen.shows("72 marked")
-
-
-async def test_what_is_wrong_with_a_value_is_read_whole(fake, opened):
-    async with opened(fake) as screen:
-        await screen.do("asterisk", "toggle", "edit_size", *"abc", "enter")
+        await screen.do("edit_size", *"abc", "enter")
         await screen.shows("? size must be 1 to 2147483647, 10k, 10s, *2, /2 or +10, got abc")
         await screen.press(*["backspace"] * 3, "9", "enter")
         assert screen.value(FIRST, Field.SIZE) == "9"

@@ -124,7 +124,7 @@ async def test_a_link_that_is_cut_at_once_leaves_the_picture(fake, opened):
         await screen.until(lambda: filled(screen), "the whole picture")
 
 
-async def test_space_again_lets_go_and_shows_what_comes(fake, opened):
+async def test_space_again_lets_go_and_shows_what_comes_and_leaving_the_plots_lets_go_too(fake, opened):
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         held = await hold(screen)
@@ -132,36 +132,27 @@ async def test_space_again_lets_go_and_shows_what_comes(fake, opened):
         await screen.until(lambda: not fake.pins, "the pin is let go of")
         fake.advance(3)
         await screen.until(lambda: store_of(screen).end * store_of(screen).column_ns > held.end_ns, "it goes on")
+        await hold(screen)
+        assert fake.pins
+        await screen.press("escape", "escape")
+        await screen.until(lambda: not fake.pins, "the pin is let go of")
 
 
-@pytest.mark.parametrize(
-    ("keys", "steps"),
-    [
-        (("find", "h"), ["Live"]),
-        (("home",), ["Live"]),
-        (("space", "h"), ["No cursor", "Live"]),
-        (("h",), ["No cursor"]),
-    ],
-)
-async def test_what_one_key_entered_escape_leaves_in_one(fake, opened, keys, steps):
+async def test_what_one_key_entered_escape_leaves_in_one(fake, opened):
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         shown = monitor(screen)
-        await screen.do(*keys)
-        await screen.until(lambda: shown.window.cursor is not None, "the cursor is there")
-        for step in steps:
-            await screen.until(lambda step=step: shown.way_back()[0] == step, step)
-            await screen.press("escape")
-        await screen.until(lambda: shown.window.cursor is None and not shown.window.paused, "all is left")
-        assert screen.app.screen is shown
-
-
-async def test_leaving_the_plots_lets_go_of_the_pin(fake, opened):
-    async with opened(fake.run(60)) as screen:
-        await open_torque(screen)
-        await hold(screen)
-        await screen.press("escape", "escape")
-        await screen.until(lambda: not fake.pins, "the pin is let go of")
+        for keys, steps in (
+            (("find", "h"), ["Live"]), (("home",), ["Live"]), (("space", "h"), ["No cursor", "Live"]),
+            (("h",), ["No cursor"]),
+        ):  # fmt: skip
+            await screen.do(*keys)
+            await screen.until(lambda: shown.window.cursor is not None, "the cursor is there")
+            for step in steps:
+                await screen.until(lambda step=step: shown.way_back()[0] == step, step)
+                await screen.press("escape")
+            await screen.until(lambda: shown.window.cursor is None and not shown.window.paused, "all is left")
+            assert screen.app.screen is shown
 
 
 async def test_scrolling_back_while_it_runs_looks_into_the_buffers_and_end_returns(deep, opened):
@@ -218,7 +209,7 @@ async def test_what_is_told_of_holes_is_of_the_columns_on_the_screen_though_no_k
         await screen.until(lambda: "before the start" not in screen.text)
 
 
-async def test_a_spike_of_one_sample_shows_in_what_is_pinned_at_every_zoom(fake, opened):
+async def test_a_spike_of_one_sample_shows_in_what_is_pinned_at_every_zoom_fetched_or_not(fake, opened):
     async with opened(fake.run(61)) as screen:
         await open_torque(screen)
         held = await hold(screen)
@@ -228,13 +219,7 @@ async def test_a_spike_of_one_sample_shows_in_what_is_pinned_at_every_zoom(fake,
                 assert np.nanmax(found.high) == 40.0
         _, values = await held.samples(TORQUE, held.begin_ns, held.end_ns)
         assert values.max() == 40.0
-
-
-async def test_columns_of_what_is_not_fetched_come_from_wider_ones(fake, opened):
-    async with opened(fake.run(60)) as screen:
-        await open_torque(screen)
-        held = await hold(screen)
-        held.main._slices.clear()
+        held.main._slices.clear()  # columns of what is not fetched come from wider ones
         wide = held.columns([TORQUE], held.begin_ns, held.end_ns, 500_000_000)
         close = held.columns([TORQUE], held.end_ns - 10**9, held.end_ns, 2_000_000)
         assert np.nanmax(wide.high) == 40.0
@@ -295,19 +280,6 @@ async def test_the_highest_is_looked_for_in_all_that_the_buffers_hold(spiked, op
         assert held.covers(monitor(screen).window.at_ns)
 
 
-async def test_brackets_step_from_spike_to_spike_far_beyond_the_pin(spiked, opened):
-    fake = spiked()
-    async with opened(fake.run(61)) as screen:
-        await open_torque(screen)
-        await screen.do("find", "h")
-        await screen.shows("16 of 16: 40")
-        for count in range(15, 10, -1):
-            await screen.do("previous_found")
-            await screen.shows(f"{count} of 16: 40")
-        assert monitor(screen).window.at_ns == START_NS + 40 * 10**9
-        await screen.until(lambda: filled(screen), "the picture there")
-
-
 async def test_a_moment_that_the_buffers_lost_is_said_with_the_oldest_that_is_held(spiked, opened):
     fake = spiked(8000)
     fake.run(60)
@@ -319,30 +291,20 @@ async def test_a_moment_that_the_buffers_lost_is_said_with_the_oldest_that_is_he
         assert monitor(screen).window.cursor is None
 
 
-async def test_an_event_that_the_buffers_hold_is_gone_to_beyond_the_pin(spiked, opened):
+@pytest.mark.parametrize("keys", [("events", "enter"), ("previous_event",)])
+async def test_an_event_that_the_buffers_hold_is_gone_to_beyond_the_pin(spiked, opened, keys):
     fake = spiked()
     fake.run(60)
     fake.happen("marker", "long ago", fake.started_ns + 10**9)
     async with opened(fake) as screen:
         await open_torque(screen)
-        await screen.do("events", "enter")
+        await screen.do(*keys)
         await screen.shows("at -58.99")
         await screen.shows(': "long ago"')
         assert monitor(screen).window.at_ns == fake.started_ns + 10**9
 
 
-async def test_next_event_goes_beyond_the_pin(spiked, opened):
-    fake = spiked()
-    fake.run(60)
-    fake.happen("marker", "long ago", fake.started_ns + 10**9)
-    async with opened(fake) as screen:
-        await open_torque(screen)
-        await screen.do("previous_event")
-        await screen.shows("at -58.99")
-        await screen.shows(': "long ago"')
-
-
-async def test_what_was_pinned_elsewhere_survives_link_and_buffers(spiked, opened):
+async def test_brackets_step_far_beyond_the_pin_and_what_was_pinned_there_survives_link_and_buffers(spiked, opened):
     fake = spiked()
     async with opened(fake.run(61)) as screen:
         await open_torque(screen)
@@ -352,6 +314,8 @@ async def test_what_was_pinned_elsewhere_survives_link_and_buffers(spiked, opene
             await screen.do("previous_found")
             await screen.shows(f"{count} of 16: 40")
         held, at_ns = monitor(screen).pause.source, START_NS + 40 * 10**9
+        assert monitor(screen).window.at_ns == at_ns
+        await screen.until(lambda: filled(screen), "the picture there")
         await screen.until(lambda: len(held.held(TORQUE, at_ns - 10**9, at_ns + 10**9)[0]) > 700, "the samples there")
         fake.advance(500)
         fake.cut()

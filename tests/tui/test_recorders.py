@@ -109,25 +109,26 @@ class TestScreens:
             await screen.type("second")
             await screen.until(lambda: "go first" not in screen.text)
 
-    async def test_the_field_that_has_the_keys_is_seen_without_colours(self, fake, opened):
+    async def test_what_makes_no_sense_is_said_where_one_types_and_nothing_is_recorded(self, fake, opened):
         async with opened(fake) as screen:
-            await screen.do("recordings", "record")
-            for name in ("signals", "to", "name"):
+            await screen.do("recordings")
+            await screen.shows("Nothing is saved")
+            await screen.do("stop_recording")
+            await screen.shows("nothing is being recorded; N begins it")
+            await screen.do("record")
+            await screen.shows("72 signals")
+            for name in ("signals", "to", "name"):  # the field that has the keys is seen without colours
                 await screen.shows(f">{name} ")
                 assert screen.text.count("│ >") + screen.text.count(" >name") == 1
                 await screen.press("tab")
-
-    async def test_lines_that_make_no_sense_are_said_and_nothing_is_recorded(self, fake, opened):
-        async with opened(fake) as screen:
-            await screen.do("recordings", "record")
-            await screen.shows("72 signals")
-            await screen.press("tab", "tab", "tab")
             await screen.type("x")
             await screen.shows("split must be a size from 1MB or a time")
             await screen.press("enter")
             await screen.shows("split must be")
             await screen.press("escape")
             await screen.until(lambda: not screen.app.screen.is_modal)
+            await screen.enter(":record nobody")
+            await screen.shows("no element matches 'nobody'")
             assert not fake.recorder_infos
 
     async def test_what_was_typed_stands_in_the_lines_again_where_it_is_refused(self, fake, opened, monkeypatch):
@@ -146,11 +147,6 @@ class TestScreens:
             await screen.press(*["backspace"] * 4)
             await screen.enter("walks")
             await screen.shows("recording 'robot' to /home/ann/logs/walks")
-
-    async def test_typed_with_a_name_that_nobody_has_it_says_so(self, fake, opened):
-        async with opened(fake) as screen:
-            await screen.enter(":record nobody")
-            await screen.shows("no element matches 'nobody'")
 
     async def test_one_is_stopped_after_a_question(self, fake, opened):
         fake.recorder_infos = [WALK, FULL]
@@ -196,13 +192,6 @@ class TestScreens:
             before = len(asked)
             fake.recorder_infos = [structs.replace(WALK, parts=WALK.parts + 1)]
             await screen.until(lambda: len(asked) > before, "the list anew")
-
-    async def test_nothing_to_stop_names_the_key_that_begins(self, fake, opened):
-        async with opened(fake) as screen:
-            await screen.do("recordings")
-            await screen.shows("Nothing is saved")
-            await screen.do("stop_recording")
-            await screen.shows("nothing is being recorded; N begins it")
 
     async def test_a_read_only_session_records_nothing(self, fake, opened):
         async with opened(fake, read_only=True) as screen:

@@ -15,13 +15,18 @@ from tests.stand_ins.fake_signals import scalar, signal
 FIRST = "/log/base/orientation"
 
 
-async def test_a_single_logger_opens_by_itself(fake, opened):
+async def test_a_single_logger_opens_by_itself_with_live_values_also_of_what_is_only_saved(fake, opened):
     async with opened(fake.run()) as screen:
         assert "● RUNNING" in screen.text
         assert "/base/position" in screen.text
+        await screen.shows("-2.3896")  # the position of the first joint
+        await screen.type("/solver_cost")
+        await screen.until(lambda: fake.views and fake.views[-1].values == ("/log/state/solver_cost",))
+        value = float(signal("/log/state/solver_cost", np.array([fake.seconds]))[0])
+        await screen.shows(f"{value:.4f}")
 
 
-async def test_how_far_a_logger_is_durable_stands_in_the_header_and_moves_on(fake, opened):
+async def test_how_far_a_logger_with_a_journal_is_durable_stands_in_the_header_and_moves_on(fake, opened):
     fake.durable_ticks = 12
     async with opened(fake.run(), size=(120, 30)) as screen:
         await screen.shows("durable to tick 12")
@@ -35,19 +40,6 @@ async def test_a_logger_without_journal_says_nothing_of_durable_ticks(fake, open
         assert "durable" not in screen.text
 
 
-async def test_live_values_come_to_the_screen(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.shows("-2.3896")  # the position of the first joint
-
-
-async def test_an_element_that_is_only_saved_has_its_value_too(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.type("/solver_cost")
-        await screen.until(lambda: fake.views and fake.views[-1].values == ("/log/state/solver_cost",))
-        value = float(signal("/log/state/solver_cost", np.array([fake.seconds]))[0])
-        await screen.shows(f"{value:.4f}")
-
-
 async def test_the_value_of_a_full_buffer_is_its_last_one_and_says_so(fake, opened):
     async with opened(fake.run(20), size=(180, 40)) as screen:
         await screen.press("slash")
@@ -55,47 +47,42 @@ async def test_the_value_of_a_full_buffer_is_its_last_one_and_says_so(fake, open
         await screen.shows("│ ## buffer full: this is its last sample")
 
 
-async def test_the_filter_works_while_it_is_typed(fake, opened):
+async def test_the_filter_works_while_it_is_typed_and_says_how_many_pass_and_what_its_terms_may_be(fake, opened):
     async with opened(fake) as screen:
-        await screen.type("/unit:Nm LF")
+        await screen.press("slash")
+        await screen.shows("changed<1s   marked pending")
+        await screen.type("torque LF")
+        await screen.shows("3 of 72")
+        assert "changed<1s" not in screen.text
+        await screen.press("escape")
+        assert len(screen.session.rows.shown) == 72
+        await screen.type("/unit:N")
+        await screen.press("tab")
+        assert screen.session.rows.filter.text == "unit:Nm"
+        await screen.type(" LF")
         await screen.until(lambda: len(screen.session.rows.shown) == 3)
         await screen.press("enter")
         await screen.shows("3 of 72")
 
 
-async def test_escape_in_the_filter_clears_it(fake, opened):
-    async with opened(fake) as screen:
-        await screen.type("/torque")
-        await screen.press("escape")
-        assert len(screen.session.rows.shown) == 72
-
-
-async def test_tab_completes_a_filter_term(fake, opened):
-    async with opened(fake) as screen:
-        await screen.type("/unit:N")
-        await screen.press("tab")
-        assert screen.session.rows.filter.text == "unit:Nm"
-
-
-async def test_space_marks_and_moves_on(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("space", "space")
-        assert (screen.session.rows.marked_count, screen.session.rows.position) == (2, 2)
-        await screen.shows("2 marked")
-
-
-async def test_t_switches_logging_off_as_a_pending_edit(fake, opened):
+async def test_t_switches_logging_off_as_a_pending_edit_and_space_marks_and_moves_on(fake, opened):
     async with opened(fake) as screen:
         await screen.do("toggle")
         assert screen.value(FIRST, Field.ENABLED) == "off"
         await screen.shows("1 pending in 1 row (a to apply)")
         assert fake.calls == []
+        await screen.press("space", "space")
+        assert (screen.session.rows.marked_count, screen.session.rows.position) == (2, 2)
+        await screen.shows("2 marked")
 
 
-async def test_a_number_is_edited_in_place_for_all_marked(fake, opened):
+async def test_a_number_is_edited_in_place_for_all_marked_and_tab_leaves_no_editor_behind(fake, opened):
     async with opened(fake) as screen:
         await screen.do("space", "space", "edit_divider", "5", "enter")
         assert [screen.value(name, Field.DIVIDER) for name in (FIRST, "/log/base/position")] == ["5", "5"]
+        await screen.do("edit_divider", "tab", "9", "enter")
+        assert screen.value(FIRST, Field.DIVIDER) == "9"
+        assert not screen.app.screen.query_one("#cell-editor").display
 
 
 async def test_enter_lets_a_value_of_the_field_under_the_cursor_be_chosen(fake, opened):
@@ -117,7 +104,14 @@ async def test_undo_and_redo(fake, opened):
         await screen.shows("nothing to undo; x drops what is pending")
 
 
-async def test_apply_shows_the_difference_and_sends_one_transaction(fake, opened):
+async def test_apply_shows_the_difference_sends_one_transaction_and_tells_of_buffers_of_gigabytes(
+    fake, opened, monkeypatch
+):
+    large = "these buffers take 9.6 GB [and a start of them some seconds]"
+    apply = fake.apply
+    monkeypatch.setattr(
+        fake, "apply", lambda *edits, **cut: msgspec.structs.replace(apply(*edits, **cut), warnings=[large])
+    )
     async with opened(fake) as screen:
         await screen.do("space", "space", "edit_divider", "5", "enter", "a")
         await screen.shows("1 → 5")
@@ -126,6 +120,7 @@ async def test_apply_shows_the_difference_and_sends_one_transaction(fake, opened
         assert [(call[0], len(call[1])) for call in fake.calls] == [("apply", 2)]
         await screen.shows("applied to 2 elements")
         assert screen.session.table.pending_count == (0, 0)
+        await screen.until(lambda: [one.message for one in screen.app._notifications] == [large])
 
 
 async def test_the_editor_lies_over_a_row_that_is_edited(fake, opened):
@@ -139,21 +134,7 @@ async def test_the_editor_lies_over_a_row_that_is_edited(fake, opened):
             await screen.do("edit_divider")
 
 
-async def test_buffers_of_gigabytes_are_told_of_when_they_are_applied_as_in_the_shell(fake, opened, monkeypatch):
-    large = "these buffers take 9.6 GB [and a start of them some seconds]"
-    apply = fake.apply
-    monkeypatch.setattr(
-        fake, "apply", lambda *edits, **cut: msgspec.structs.replace(apply(*edits, **cut), warnings=[large])
-    )
-    async with opened(fake) as screen:
-        await screen.do("edit_divider", "5", "enter", "a")
-        await screen.shows("1 → 5")
-        await screen.press("enter")
-        await screen.shows("applied to 1 element")
-        await screen.until(lambda: [one.message for one in screen.app._notifications] == [large])
-
-
-async def test_a_running_logger_is_stopped_and_started_only_when_that_was_chosen(fake, opened):
+async def test_a_running_logger_goes_on_and_is_stopped_and_started_only_when_that_was_chosen(fake, opened):
     async with opened(fake.run()) as screen:
         await screen.do("toggle", "a")
         await screen.shows("stop, apply, start again")
@@ -166,6 +147,9 @@ async def test_a_running_logger_is_stopped_and_started_only_when_that_was_chosen
         await screen.press("D")
         await screen.shows("logging again")
         assert [call[0] for call in fake.calls] == ["stop", "apply", "start"]
+        await screen.do("toggle", "a", "enter")
+        await screen.shows("it goes on")
+        assert [call[0] for call in fake.calls[3:]] == ["cut"]
 
 
 @pytest.mark.parametrize("running", [False, True])
@@ -176,13 +160,6 @@ async def test_edits_that_were_discarded_as_they_were_to_be_applied_come_back(fa
         await screen.press("u")
         assert screen.session.table.pending_count == (1, 1)
         assert fake.calls == []
-
-
-async def test_enter_applies_edits_without_losing_a_tick(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.do("toggle", "a", "enter")
-        await screen.shows("it goes on")
-        assert [call[0] for call in fake.calls] == ["cut"]
 
 
 async def test_somebody_elses_edit_of_the_same_field_is_a_conflict(fake, opened):
@@ -270,10 +247,12 @@ async def test_quit_asks_only_with_pending_edits(fake, opened):
         await screen.until(lambda: screen.app._exit)
 
 
-async def test_read_only_refuses_what_changes_the_logger(fake, opened):
-    async with opened(fake, read_only=True) as screen:
+async def test_read_only_stands_in_the_head_and_refuses_what_changes_the_logger(fake, opened):
+    async with opened(fake, read_only=True, size=(120, 24)) as screen:
+        assert "read-only" in screen.text.splitlines()[0]
+        assert screen.text.count("read-only") == 1
         await screen.do("toggle")
-        await screen.shows("read-only")
+        await screen.until(lambda: screen.text.count("read-only") > 1, "why not")
         assert screen.session.table.pending_count == (0, 0)
 
 
@@ -282,11 +261,6 @@ async def test_a_logger_that_lets_us_only_watch_says_so(fake, opened):
     async with opened(fake) as screen:
         await screen.do("toggle")
         await screen.shows("user 'bob' may look at anymal/robot, not change it: the role is viewer")
-
-
-async def test_who_began_to_look_alone_has_it_in_the_head(fake, opened):
-    async with opened(fake, read_only=True, size=(120, 24)) as screen:
-        await screen.shows("read-only")
 
 
 async def test_escape_backs_out_of_range_filter_and_marks_but_keeps_edits(fake, opened):
@@ -315,18 +289,15 @@ async def test_ten_thousand_elements_are_there_and_the_last_is_a_key_away(new_fa
         assert np.array_equal(screen.session.rows.shown[-1:], [9999])
 
 
-async def test_a_click_puts_the_cursor_there_and_marks_in_front_of_a_name(fake, opened):
+async def test_a_click_puts_the_cursor_there_marks_in_front_of_a_name_and_does_what_a_key_of_the_bar_does(fake, opened):
     async with opened(fake) as screen:
         await screen.pilot.click("ElementTable", offset=(10, 3))
         assert screen.session.rows.position == 3
         await screen.pilot.click("ElementTable", offset=(0, 5))
         assert list(np.flatnonzero(screen.session.rows.marked)) == [screen.session.rows.shown[5]]
-
-
-async def test_a_click_in_the_key_bar_does_what_the_key_does(fake, opened):
-    async with opened(fake) as screen:
+        await screen.press("home")
         await screen.pilot.click("KeyBar", offset=(3, 0))
-        assert screen.session.rows.marked_count == 1
+        assert screen.session.rows.marked_count == 2
 
 
 async def test_nothing_enabled_is_told(new_fake, robot, opened):
@@ -354,13 +325,6 @@ async def test_keys_that_come_all_at_once_keep_their_order(fake, opened):
         assert [screen.value(name, Field.DIVIDER) for name in (FIRST, "/log/base/position")] == ["7", "8"]
 
 
-async def test_tab_doesn_t_leave_an_editor_behind(fake, opened):
-    async with opened(fake) as screen:
-        await screen.do("edit_divider", "tab", "9", "enter")
-        assert screen.value(FIRST, Field.DIVIDER) == "9"
-        assert not screen.app.screen.query_one("#cell-editor").display
-
-
 async def test_several_fields_are_set_by_words_in_one_line(fake, opened):
     async with opened(fake) as screen:
         assert not screen.app.screen.value_now("edit_all")  # what the menu tells as the present value
@@ -373,15 +337,6 @@ async def test_several_fields_are_set_by_words_in_one_line(fake, opened):
         await screen.until(lambda: screen.session.table.pending_count == (3, 1), "the edits")
         await screen.shows("by words: 3 changed")
         assert screen.value(FIRST, Field.DIVIDER) == "5"
-
-
-async def test_the_filter_says_how_many_pass_and_what_its_terms_may_be(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("slash")
-        await screen.shows("changed<1s   marked pending")
-        await screen.type("torque LF")
-        await screen.shows("3 of 72")
-        assert "changed<1s" not in screen.text
 
 
 async def test_a_filter_over_another_one_takes_its_place_and_an_arrow_adds_to_it(fake, opened):
@@ -402,7 +357,7 @@ async def test_a_filter_over_another_one_takes_its_place_and_an_arrow_adds_to_it
         assert screen.session.rows.filter.text == ""
 
 
-async def test_a_term_that_can_t_be_read_is_underlined_where_it_stands(fake, opened):
+async def test_a_term_that_can_t_be_read_is_underlined_and_one_that_leaves_nothing_is_named(fake, opened):
     async with opened(fake) as screen:
         await screen.type("/torque div>x LF")
         await screen.shows("torque div>x LF")
@@ -412,10 +367,7 @@ async def test_a_term_that_can_t_be_read_is_underlined_where_it_stands(fake, ope
         under = next(at for at, line in enumerate(lines) if "^^^^^" in line)
         assert lines[under].index("^^^^^") == lines[under + 1].index("div>x")
         assert len(screen.session.rows.shown) == 3
-
-
-async def test_a_filter_that_leaves_nothing_says_which_term_takes_it(fake, opened):
-    async with opened(fake) as screen:
+        await screen.press("escape")
         await screen.type("/torque LF unit:V")
         await screen.shows("0 of 72; without unit:V: 3")
         await screen.press("escape")
@@ -434,14 +386,14 @@ async def test_the_namespace_of_what_is_shown_stands_once_in_the_head_where_name
         assert "/legs/" not in screen.text
 
 
-@pytest.mark.parametrize(("read_s", "stays"), [(0.0, False), (60.0, True)])
-async def test_what_was_said_long_before_is_gone_where_one_comes_back(fake, opened, monkeypatch, read_s, stays):
+async def test_what_was_said_long_before_is_gone_where_one_comes_back(fake, opened, monkeypatch):
     async with opened(fake) as screen:
-        screen.app.context.say("limits of x are set")
-        await screen.shows("limits of x are set")
-        screen.app.screen.action_command("events")
-        await screen.until(lambda: screen.app.screen.scope == "events", "the events")
-        monkeypatch.setattr("silo_tui.widgets.messages.READ_S", read_s)
-        await screen.press("escape")
-        await screen.until(lambda: screen.app.screen.scope == "table", "the table")
-        await screen.until(lambda: ("limits of x are set" in screen.text) is stays)
+        for read_s, stays in ((60.0, True), (0.0, False)):
+            screen.app.context.say("limits of x are set")
+            await screen.shows("limits of x are set")
+            screen.app.screen.action_command("events")
+            await screen.until(lambda: screen.app.screen.scope == "events", "the events")
+            monkeypatch.setattr("silo_tui.widgets.messages.READ_S", read_s)
+            await screen.press("escape")
+            await screen.until(lambda: screen.app.screen.scope == "table", "the table")
+            await screen.until(lambda stays=stays: ("limits of x are set" in screen.text) is stays)
