@@ -20,6 +20,7 @@ from silo.core.arrays.columns import ColumnStore, HistoryColumns
 from silo.errors import ConnectionLostError, RefusedError
 from silo.rpc.frames import Frame
 from silo.rpc.published import Event
+from silo_tui.model.samples.source import Samples, entry_samples
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -132,6 +133,13 @@ class Link:
                 store, until = ColumnStore(names, max(1, past.low.shape[1]), column_ns), past.until_ns
             store.take(past)
         return store.stretch(until)
+
+    async def samples(
+        self, names: Sequence[str], start_ns: int, end_ns: int, pin: "Pin | None" = None, reply_bytes: int = 2**20
+    ) -> dict[str, Samples]:
+        """Return samples of entries from one time to before another, of the buffers or of what is pinned."""
+        found = await self.read(lambda client: client.samples(names, start_ns, end_ns, "time", pin, reply_bytes))
+        return {name: entry_samples(some.time_ns, some.values) for name, some in found.items()}
 
     def watch(self, request: ViewRequest) -> None:
         """Make frames be about this from now on; several calls in a row cost one request."""

@@ -35,7 +35,7 @@ from silo_tui.model.lists.happened import newest, of_last_run
 from silo_tui.model.lists.recorders import WritingPace
 from silo_tui.model.plots.limits import Bounds4
 from silo_tui.model.samples.live import LiveValues
-from silo_tui.model.samples.source import PlotSource, Samples, entry_samples
+from silo_tui.model.samples.source import PlotSource, Samples
 from silo_tui.model.table.columns import LIVE_COLUMNS, TableColumn
 from silo_tui.model.table.facts import Facts
 from silo_tui.model.table.fields import options_of, rows_of
@@ -128,8 +128,7 @@ class LiveSource:
 
     async def samples(self, name: str, start_ns: int, end_ns: int) -> Samples:
         """Return raw samples straight from the logger's buffers."""
-        found = await self._session.connection.read(lambda client: client.samples([name], start_ns, end_ns + 1))
-        return entry_samples(found[name].time_ns, found[name].values)
+        return (await self._session.connection.samples([name], start_ns, end_ns + 1))[name]
 
 
 class Session:

@@ -33,7 +33,7 @@ from silo.expressions.span import Between
 from silo_tui.model.drawing.plots import Plotted
 from silo_tui.model.drawing.window import SECOND_NS
 from silo_tui.model.samples.searching import joined
-from silo_tui.model.samples.source import PlotSource, Samples, entry_samples
+from silo_tui.model.samples.source import PlotSource, Samples
 from silo_tui.model.words import text
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
@@ -67,10 +67,7 @@ class LinkPin:
 
     async def samples(self, names: Sequence[str], start_ns: int, end_ns: int) -> dict[str, Samples]:
         """Return samples of what is pinned."""
-        found = await self._link.read(
-            lambda client: client.samples(names, start_ns, end_ns, pin=self.pin, reply_bytes=REPLY_BYTES)
-        )
-        return {name: entry_samples(some.time_ns, some.values) for name, some in found.items()}
+        return await self._link.samples(names, start_ns, end_ns, self.pin, REPLY_BYTES)
 
     def close(self) -> None:
         """Let go of it."""

@@ -34,7 +34,7 @@ from silo_tui.model.plots.scope import (
     parse_settings,
     picture_of,
 )
-from silo_tui.model.samples.source import PlotSource, Samples, entry_samples
+from silo_tui.model.samples.source import PlotSource, Samples
 from silo_tui.model.words import text
 from silo_tui.screens.dialogs.questions import Prompt
 from silo_tui.sessions.live import Session
@@ -179,8 +179,7 @@ class ScopeScreen(SiloScreen):
         if link is None:
             raise RefusedError("no logger is open")
         begin_ns, end_ns = at_ns - settings.pre_ns, at_ns + settings.post_ns + 1
-        found = await link.read(lambda client: client.samples(names, begin_ns, end_ns))
-        return {name: entry_samples(found[name].time_ns, found[name].values) for name in names}
+        return await link.samples(names, begin_ns, end_ns)
 
     def _show(self, settings: Scope, samples: dict[str, Samples], at_ns: int, between: int, *, crossing: bool) -> None:
         self._samples, self._forced = samples, False
