@@ -64,6 +64,11 @@ def test_the_words_of_options_and_filter_are_those_of_their_tables():
     assert all(example in BY_ID["edit_divider"].help for example in ("50Hz", "*2"))
 
 
+def test_no_group_is_divided_where_that_makes_no_column_much_longer():
+    assert "(more)" not in page(entries("table", everywhere=False), 80).plain
+    assert "(more)" in page(entries("events", everywhere=False), 160).plain  # half as long again
+
+
 @pytest.mark.parametrize("sign", ["BUSY", "SCREEN", "THIN", "9 632 + 63 712"])
 def test_every_sign_of_the_first_line_is_explained(sign):
     told = [one for one in entries("table", everywhere=False) if one.group == "First line"]

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain, combinations, groupby, pairwise
 from textwrap import wrap
 from typing import ClassVar
 
@@ -27,6 +28,7 @@ from silo_tui.widgets.plot_stack import CURSOR_A, CURSOR_B
 
 THREE_FROM, TWO_FROM = 120, 72
 GAP = 2
+UNEVEN = 0.25  # of the longest column another may be shorter, so that no group is divided
 LAST_GROUPS = ("Logger", "Go")
 
 HEAD = (
@@ -179,7 +181,12 @@ def page(found: Iterable[HelpLine], width: int, chosen: HelpLine | None = None) 
 
 
 def _columns(entries: Sequence[tuple[str, list[Text]]], count: int) -> list[list[Text]]:
-    """Return the lines of entries with the titles of their groups, as so many columns; each begins with a title."""
+    """Return the lines of entries with the titles of their groups, as so many columns; each begins with a title.
+
+    No group is divided where that makes none much longer: its begin would stand out of sight, below.
+    """
+    if (whole := _whole_groups(entries, count)) is not None:
+        return whole
     titles = len({group for group, _ in entries})
     height = -(-(sum(len(lines) for _, lines in entries) + 2 * titles) // count)
     columns: list[list[Text]] = [[]]
@@ -194,6 +201,23 @@ def _columns(entries: Sequence[tuple[str, list[Text]]], count: int) -> list[list
         columns[-1] += [*gap, *begun, *lines]
         before = group
     return [*columns, *([] for _ in range(count - len(columns)))]
+
+
+def _whole_groups(entries: Sequence[tuple[str, list[Text]]], count: int) -> list[list[Text]] | None:
+    groups = [
+        [Text(title, style="underline"), *(line for _, lines in each for line in lines), Text("")]
+        for title, each in groupby(entries, key=lambda entry: entry[0])
+    ]
+    if len(groups) < count:
+        return None
+    ways = ([0, *breaks, len(groups)] for breaks in combinations(range(1, len(groups)), count - 1))
+    made = ([[*chain(*groups[begin:end])] for begin, end in pairwise(way)] for way in ways)
+    best = min(made, key=_uneven)
+    return best if _uneven(best) <= UNEVEN * max(map(len, best)) else None
+
+
+def _uneven(columns: Sequence[Sequence[Text]]) -> int:
+    return max(map(len, columns)) - min(map(len, columns))
 
 
 def _lines(entry: HelpLine, key_room: int, room: int, *, is_chosen: bool) -> list[Text]:
