@@ -193,5 +193,7 @@ def _let_go(path: Path, state: JudgeState, logger: str, folder: str, tell: Tell)
 def _log(folder: str, logger: str, run: str, news: list[Untold]) -> None:
     """Have the event log say of that run what nobody came to say."""
     now_ns = time.time_ns()
-    lines = [LoggedEvent(one.kind, one.text, now_ns, one.tick, one.stamp_ns, logger, run) for one in news]
+    lines = [
+        LoggedEvent(one.kind, one.text, now_ns, one.tick, one.stamp_ns, logger, run, times=one.times) for one in news
+    ]
     add_missing(folder, logger, run, lines)

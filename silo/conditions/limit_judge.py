@@ -125,6 +125,7 @@ class LimitNews:
     text: str
     tick: int = -1
     stamp_ns: int = 0
+    times: int = 1
 
 
 class _Together:
@@ -440,7 +441,7 @@ def _news(one: _Limited, scalar: ScalarMemory, state: EntryState) -> list[LimitN
         well = _well_tick(state)
         ended = "" if over else "; within its limits again" + (f" from tick {well} on" if well >= 0 else "")
         text = f"{_violation_text(one, scalar, untold)}{times}{ended}"
-        found.append(LimitNews(True, text, untold.peak_tick, untold.peak_ns))
+        found.append(LimitNews(True, text, untold.peak_tick, untold.peak_ns, max(new, 1)))
     if new_stale > 0:
         stale_s = one.limit.rule.stale_ns * 1e-9
         found.append(LimitNews(True, f"{scalar.name} == has had no new value for {stale_s:g} s"))

@@ -170,7 +170,10 @@ class JudgeMemory:
 
     def _publish(self, one: Untold, run: str = "") -> int:
         tick = None if one.tick < 0 else one.tick
-        return self._events.publish(EventKind(one.kind), one.text, tick=tick, stamp_ns=one.stamp_ns, run=run).number
+        told = self._events.publish(
+            EventKind(one.kind), one.text, tick=tick, stamp_ns=one.stamp_ns, run=run, times=one.times
+        )
+        return told.number
 
     def forget_all(self, unwritten: Set[str]) -> None:
         """Remove the files of this judge: there will be no successor.
@@ -219,9 +222,10 @@ def untold(found: JudgedStep) -> list[Untold]:
     events = [Untold(EventKind.BLIND.value, text) for text in found.blind]
     for name, fires in found.fired:
         first, last = fires[0], fires[-1]
-        text = f"at tick {first.tick}" if first is last else f"{len(fires)} times, at ticks {first.tick} to {last.tick}"
-        events.append(Untold(EventKind.TRIGGERED.value, f"trigger '{name}' fired {text}", first.tick, first.time_ns))
+        times, kind = len(fires), EventKind.TRIGGERED.value
+        text = f"at tick {first.tick}" if first is last else f"{times} times, at ticks {first.tick} to {last.tick}"
+        events.append(Untold(kind, f"trigger '{name}' fired {text}", first.tick, first.time_ns, times))
     for news in found.limits:
         kind = EventKind.LIMIT if news.over else EventKind.LIMIT_ENDED
-        events.append(Untold(kind.value, news.text, news.tick, news.stamp_ns))
+        events.append(Untold(kind.value, news.text, news.tick, news.stamp_ns, news.times))
     return events

@@ -35,6 +35,7 @@ class Untold(msgspec.Struct, frozen=True):
     text: str
     tick: int = -1
     stamp_ns: int = 0
+    times: int = 1
 
 
 class KeptCapture(msgspec.Struct, frozen=True):

@@ -276,7 +276,8 @@ class LoggedEvent(msgspec.Struct, frozen=True, omit_defaults=True):
     `kind` is a word of `silo.rpc.published.EventKind`, `text` fit to show. `time_ns` is the wall clock's. `tick` counts
     since the start of `run`, -1 where there was none; `stamp_ns` is that tick's time stamp by the logger's own clock, 0
     where it isn't known. `who` is a client as it names itself, or the logger. `number` counts the lines of the log.
-    `change` is what became of parameters, where it tells of that.
+    `change` is what became of parameters, where it tells of that; `times` how often it was, where one line tells of
+    several.
     """
 
     kind: str
@@ -288,6 +289,7 @@ class LoggedEvent(msgspec.Struct, frozen=True, omit_defaults=True):
     run: str = ""
     number: int = 0
     change: ParameterChange | None = None
+    times: int = 1
 
     @property
     def at_ns(self) -> int:

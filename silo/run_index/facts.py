@@ -33,7 +33,8 @@ from silo.files.formats import read_recording
 from silo.files.naming import is_capture
 
 NUMBERS = ("count", "least", "most", "mean", "std", "rms", "last")  # of a signal, in a run or an episode
-_TIMES = re.compile(r", (\d+) times(?:;|$)")  # in the words of a limit that was broken again and again
+# in the words of a limit that was broken again and again, and of a trigger, in files that tell it by words alone
+_TIMES = re.compile(r", (\d+) times(?:;|$)|fired (\d+) times, at ticks")
 
 
 class EpisodeFacts(msgspec.Struct, frozen=True, array_like=True):
@@ -224,9 +225,13 @@ def _happened(events: Iterable[LoggedEvent]) -> tuple[int, int, int]:
     found: Counter[str] = Counter()
     for event in events:
         if event.kind != MARKER or said_by(event.text) is None:
-            several = _TIMES.search(event.text) if event.kind == "limit" else None
-            found[event.kind] += int(several[1]) if several else 1
+            found[event.kind] += event.times if event.times > 1 else _told_times(event)
     return found[MARKER], found["limit"], found["triggered"]
+
+
+def _told_times(event: LoggedEvent) -> int:
+    told = _TIMES.search(event.text) if event.kind in ("limit", "triggered") else None
+    return int(told[1] or told[2]) if told else 1
 
 
 def _in_episodes(recording: Recording, episodes: Sequence[Episode]) -> tuple[EpisodeFacts, ...]:

@@ -220,11 +220,12 @@ class EventNotifier:
         run: str = "",
         time_ns: int = 0,
         logged: int = -1,
+        times: int = 1,
     ) -> LoggedEvent:
         """Publish an event with the present status; it stands at `tick`, or at the newest one, of `run` or the present.
 
         `stamp_ns` is the time stamp of that tick, `time_ns` the wall clock then, where they are known. `logged` is the
-        number of the line that tells it where that is written already.
+        number of the line that tells it where that is written already. It happened so many `times`.
         """
         status = self._replica.status()
         newest = status.ticks - 1 if run in ("", self._replica.run) else -1  # of another run nobody knows it here
@@ -237,6 +238,7 @@ class EventNotifier:
             stamp_ns or self._stamp_of(newest if tick is None else tick, run, status),
             plain(by) or self._replica.now.robot.logger,
             run or self._replica.run,
+            times=times,
         )
         if logged >= 0:
             event = msgspec.structs.replace(event, number=logged)

@@ -10,6 +10,7 @@ import sqlite3
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -25,6 +26,7 @@ from silo.core.episodes.words import Episode
 from silo.core.recording import Recording
 from silo.core.tuning.parameters import ParameterChange
 from silo.errors import ExpressionError, LogWarning, SiloError
+from silo.files import write
 from silo.run_index import finding, index, labels
 from silo.run_index.archive import Archive
 from silo.run_index.facts import EpisodeFacts, RunFacts, SignalFacts, by_run, facts_of, merged, read_facts, signals_of
@@ -131,6 +133,19 @@ def test_limits_are_counted_by_how_often_they_were_broken_not_by_how_many_words_
     events += (LoggedEvent("limit ended", "/log/x is within its limits again", tick=3),)
     recording = Recording("arm", np.arange(4), 4, [element("x", np.arange(4.0))], events=events)
     assert facts_of(recording, "run.silo", 7, tmp_path).run.limits == 1 + 9 + 10 + 1
+    fired = [
+        LoggedEvent("triggered", f"trigger 'fall' fired {text}", tick=1)
+        for text in ("at tick 1", "3 times, at ticks 1 to 2")
+    ]
+    field = [
+        LoggedEvent("limit", "in other words", tick=2, times=7),
+        LoggedEvent("triggered", "likewise", tick=2, times=4),
+    ]
+    (path,) = [
+        Path(one.path) for one in write(replace(recording, events=(*events, *fired, *field)), tmp_path, "arm", ["silo"])
+    ]
+    facts = read_facts(tmp_path, path.name, 7).run
+    assert (facts.limits, facts.triggers) == (21 + 7, 1 + 3 + 4)
 
 
 FACTS_OF_ONE = RunFacts(
