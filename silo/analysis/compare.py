@@ -24,7 +24,7 @@ from silo.core.arrays.enumerations import contradiction, to_compare
 from silo.core.arrays.values import as_floats, difference, from_base
 from silo.core.calls import told, told_class, told_names
 from silo.core.quantities.writing import and_more, html_table, many
-from silo.core.recording import RecordedElement, Recording, stamps_of
+from silo.core.recording import RecordedElement, Recording, falls, stamps_of
 from silo.errors import ElementError
 
 Event = Callable[[Log], "Signal | float"]
@@ -483,7 +483,7 @@ def _meeting(
     )
     if shift_s:
         other = replace(other, start_ns=other.start_ns - round(shift_s * 1e9))
-    mine, theirs, span = in_common(_of_one_tick(one, other._step_ns), _of_one_tick(other, one._step_ns))
+    mine, theirs, span = in_common(_of_one_sample(one, other._step_ns), _of_one_sample(other, one._step_ns))
     if len(mine) == 0:
         raise ElementError("there is no sample in common")
     each_with_each = np.array_equal(mine.values, one.values) and np.array_equal(theirs.values, other.values)
@@ -495,11 +495,20 @@ def _meeting(
     return met.setdefault(key, _Meeting(places, mine.times, moved_ns, span, stamps))
 
 
-def _of_one_tick(one: Samples, step_ns: float) -> Samples:
-    """A sample of a run that has a single tick tells of that moment alone: until the other run's next one."""
-    if one.axis_ns is None or len(one.axis_ns) != 1 or not np.isfinite(step_ns):
+def _of_one_sample(one: Samples, step_ns: float) -> Samples:
+    """A single sample holds until the next would have come; of a run of one tick until the other run's next one."""
+    axis = one.axis_ns
+    if axis is None or len(one) != 1 or falls(axis):
         return one
-    return replace(one, _holes=((int(one.axis_ns[0]) + int(step_ns), _NEVER_NS),))
+    ticks, early = 1, 0.0
+    if len(axis) > 1:
+        ticks, early, step_ns = one.divider, 0.5, float(np.median(np.diff(axis)))  # the other run's clock may be early
+    if not np.isfinite(step_ns):
+        return one
+    due = int(np.searchsorted(axis, one.time_ns[0])) + ticks
+    beyond = due - (len(axis) - 1)
+    until_ns = int(axis[due]) if beyond <= 0 else int(axis[-1]) + int((beyond - early) * step_ns)
+    return replace(one, _holes=((until_ns, _NEVER_NS),))
 
 
 def _signals(

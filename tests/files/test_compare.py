@@ -68,6 +68,17 @@ def test_a_run_of_one_tick_is_held_against_that_moment(tmp_path, turned):
     assert "switched off" not in found.partly["/log/x"]
 
 
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize(("divider", "samples"), [(1, 4), (5, 5), (20, 20)])
+def test_a_single_sample_is_held_against_as_long_as_its_element_would_have(turned, divider, samples):
+    short, long = (
+        silo.Log(Recording("r", np.arange(ticks) * 10**7, ticks, [element("n", values, divider=every)]))
+        for ticks, values, every in ((4, np.zeros(-(-4 // divider)), divider), (78, np.arange(78.0) + 1, 1))
+    )
+    found = silo.compare(*((long, short) if turned else (short, long)))
+    assert {row.name: (row.count, row.samples) for row in found} == {"/log/n": (samples, samples)}
+
+
 @pytest.mark.parametrize("jitter", [0, 100_000])
 def test_two_runs_are_laid_on_each_other_once_for_all_signals_of_one_time_base(met, jitter):
     a, b = silo.Log(recorded(many(50))), silo.Log(recorded(many(50, differ=True), 2 * 10**18, jitter))
