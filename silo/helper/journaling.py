@@ -68,8 +68,9 @@ class Journaling:
         return RETRY_S
 
     def _step(self) -> None:
+        before = self._run.reader
         if self._run.look():
-            self._close()
+            self._end(before)
         reader = self._run.reader
         if reader is None:
             return
@@ -90,6 +91,17 @@ class Journaling:
             text = f"the journal goes on: durable to tick {ticks}"
             log.warning("%s", text)
             self._events.publish(EventKind.DURABLE, text)
+
+    def _end(self, before: SegmentReader | None) -> None:
+        """Of a run that another one goes on write the end, too: the file that it is saved to comes somewhat later."""
+        following = self._run.reader
+        try:
+            if self._writer is not None and before is not None and following is not None and following.schema.cut:
+                self._writer.append(before)
+        except (OSError, SegmentError) as error:
+            log.warning("the end of a run that was cut is in no journal: %s", reason(error))
+        finally:
+            self._close()
 
     def _begin(self, reader: SegmentReader) -> JournalWriter:
         """A journal of a new run, or of one that another helper process began; those of earlier runs go."""

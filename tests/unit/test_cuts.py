@@ -17,9 +17,13 @@ from silo.core.elements import BufferType, Edit, LoggedEvent, Storage, Stretch
 from silo.core.recording import Recording
 from silo.errors import ElementError, SaveError, SegmentError, StateError, UnsavedError
 from silo.helper import dead_robot
+from silo.helper.journaling import Journaling
+from silo.journal.format import list_journals
 from silo.journal.holdings import segment_holdings
+from silo.journal.reader import JournalReader
 from silo.logger.current_run import MOST_CUT_OFF, MOST_ELEMENTS, CurrentRun
 from silo.rpc.published import EventKind
+from silo.segment.reader import SegmentReader
 from tests.stand_ins.saved import element
 from tests.stand_ins.ticking import turning
 from tests.waiting import DEADLINE_S, wait_until
@@ -930,3 +934,30 @@ def test_what_a_dead_program_logged_and_can_not_be_saved_is_told_with_the_way_ou
     dead_robot._save(replica, events, SimpleNamespace(path="x.segment", schema=SimpleNamespace(run="1f")), "it died")
     text = "it died, and its log could not be saved: the disk is full; run `silo recover x.segment`"
     assert told == [(text, EventKind.SAVE_FAILED), (text, [])]
+
+
+def test_the_end_of_a_stretch_that_was_cut_is_in_its_journal_until_it_is_in_a_file(new_logger, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    log = new_logger("bot", storage="disk", max_time=0)
+    log.array("x", buffer=silo.BufferType.GROWING, size=10)
+    log.start()
+    replica = SimpleNamespace(
+        now=SimpleNamespace(options=log.options, robot=SimpleNamespace(folder=log.options.folder)), durable=("", 0),
+        durable_ticks=lambda run: 0, open_reader=lambda: SegmentReader(log._present.path), run="",
+    )  # fmt: skip
+    journaling = Journaling(replica, SimpleNamespace(publish=lambda *_: None))
+
+    def ticks(count):
+        replica.run = log._present.run.id
+        for _ in range(count):
+            log.collect()
+
+    ticks(3)
+    journaling._guarded_step()
+    ticks(2)
+    log.set("x", size=20, cut=True)
+    ticks(1)
+    journaling._guarded_step()
+    journaling._close()
+    held = [JournalReader(path) for path in list_journals(log.options.folder, "bot", log.options.id)]
+    assert sorted(one.ticks for one in held) == [1, 5]
