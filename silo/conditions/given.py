@@ -8,7 +8,6 @@ from silo.core.arguments import line, switch, text, whole
 from silo.core.conditions import SignalLimits, TriggerOptions
 from silo.core.elements import FileType
 
-MOST_KEPT = 1_000_000
 _TRIGGER = 'trigger("fall", "abs(base/roll) > 0.6")'
 
 DoneT = TypeVar("DoneT")  # what they return: a client what was done, in words, a logger nothing
@@ -127,7 +126,7 @@ class TakesConditions(ABC, Generic[DoneT]):
             GoesOnError: of a client: the robot program takes longer.
         """
         from silo.files.formats import file_types
-        from silo.judging.checks import MOST_TRIGGER_S, seconds
+        from silo.judging.checks import MOST_KEPT, MOST_TRIGGER_S, seconds
 
         name = line("the trigger's name", name, _TRIGGER)
         if when is None:

@@ -19,6 +19,7 @@ from silo.judging.triggers import NO_END, BufferSpan, Slope, TriggerMode, Trigge
 MOST_DERIVED = 200
 MOST_LIMITS = 1000
 MOST_TRIGGERS = 100
+MOST_KEPT = 1_000_000  # captures of a trigger
 MOST_LETTERS = 200  # of a name or a unit
 MOST_STALE_S = MOST_TRIGGER_S = 86_400.0
 LONG_CAPTURE_S, LONG_CAPTURE = 60.0, 10  # or so many times what one fire captures
@@ -138,7 +139,7 @@ def with_trigger(conditions: Conditions, one: TriggerOptions, catalogue: Catalog
         bind(text, catalogue).condition()
     if not one.name or "/" in one.name or not one.name.isprintable() or one.name.startswith("."):
         raise ElementError(f"the name of trigger '{one.name}' stands in names of files; take letters and digits")
-    whole(f"keep of trigger '{one.name}'", one.keep, 0, 1_000_000)
+    whole(f"keep of trigger '{one.name}'", one.keep, 0, MOST_KEPT)
     if len(one.save) > len(FileType):
         text = f"trigger '{one.name}' saves {len(one.save)} files of a capture, there are {len(FileType)} kinds"
         raise ElementError(f"{text}; nothing was changed")

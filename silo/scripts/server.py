@@ -87,7 +87,7 @@ class ScriptServer(Server, does=[requests]):
         based_on = now.table.revision if revision == -1 else revision
         conditions = wanted if wanted != now.robot.conditions else None
         request = ApplyEdits(revision=based_on, edits=edits, conditions=conditions, cut=cut)
-        applied = apply_edits(self.robot, turn, request, now)
+        applied = apply_edits(self.robot, turn, request, now, fit=True)
         text = f"script {found} loaded: {many(applied.changed, 'element')} changed"
         if unknown:
             text += f", {len(unknown)} names are not in the table"

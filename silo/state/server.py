@@ -127,14 +127,19 @@ class StateServer(Server, does=[requests]):
         return requests.Marked(events.log.settled(mark, WRITTEN_S) or mark)
 
 
-def apply_edits(robot: RobotProgram, turn: Turn, request: ApplyEdits, now: LoggerSnapshot) -> EditsApplied:
-    """Have edits of the table that is there now done, once they are checked. Raises what refuses them."""
+def apply_edits(
+    robot: RobotProgram, turn: Turn, request: ApplyEdits, now: LoggerSnapshot, *, fit: bool = False
+) -> EditsApplied:
+    """Have edits of the table that is there now done, once they are checked. Raises what refuses them.
+
+    `fit`: the conditions were found to fit this table, and are based on it.
+    """
     check_edits(request, now)
-    if request.conditions is not None:
+    if request.conditions is not None and not fit:
         # they fit this table: for the robot program, whose loop goes on, they are then to be taken
         conditions = fitting(request.conditions, request.edits, now)
         request = msgspec.structs.replace(request, revision=now.table.revision, conditions=conditions)
-    elif not request.edits:
+    elif request.conditions is None and not request.edits:
         return EditsApplied(robot.replica.now.table.revision, 0)
     return robot.reply(request, turn)
 
