@@ -49,6 +49,7 @@ PARTS = "parts.json"
 VERSION = 1
 _LOCK = ".silo-archive.lock"
 _BLOCK = 1 << 20
+LONGEST_PART = 200  # bytes of a file's name, without what it begins and ends with
 
 
 class Archived(msgspec.Struct, frozen=True):
@@ -425,8 +426,13 @@ def _called(run: str, name: str) -> str:
 
 
 def _part(name: str) -> str:
-    """A name as one part of a path, as partitions are named."""
-    return quote(name, safe=" ._-+,()")
+    """A name as one part of a path, as partitions are named; of a long one what it begins with, and what it sums to."""
+    quoted = partial(quote, safe=" ._-+,()")
+    if len(told := quoted(name)) <= LONGEST_PART:
+        return told
+    room = LONGEST_PART - 25
+    begin = next(begun for end in range(room, -1, -1) if len(begun := quoted(name[:end])) <= room)
+    return f"{begin}-{hashlib.sha256(name.encode()).hexdigest()[:24]}"
 
 
 def _sha256(file: Any) -> str:

@@ -3,6 +3,7 @@
 import itertools
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -360,6 +361,19 @@ def test_an_archived_run_is_the_run(archive, runs):
         (file,) = Path(archive.where).rglob(f"run={run.facts.path}/run.parquet")
         assert f"robot={run.facts.robot}" in file.parts
         assert not silo.compare(run.open(), silo.open_log(file))
+
+
+@pytest.mark.parametrize("name", ["測定結果二〇二六年十一月" * 3, "a/" * 60 + "walk", "x" * 250])
+def test_a_run_of_a_name_that_fits_no_folder_is_archived_as_all_others(written, tmp_path, name):
+    path = tmp_path / "logs" / f"{name}.silo"
+    path.parent.mkdir(parents=True)
+    shutil.copy(written / "run1.silo", path)
+    shutil.copy(written / "run2.silo", tmp_path / "logs" / "zz.silo")
+    there = Archive(str(tmp_path / "archive"))
+    assert not there.add(silo.runs(tmp_path / "logs")).problems
+    assert set(there.sql("select distinct run from wide")["run"]) == {f"{name}.silo", "zz.silo"}
+    assert there.add(silo.runs(tmp_path / "logs")).kept == 2
+    assert not there.check()
 
 
 def test_another_engine_answers_the_same(archive):
