@@ -319,7 +319,7 @@ class Log(Mapping[str, Signal]):
     def _bound(self, argument: str, given: float | None, end: int) -> int:
         if given is None:
             return INT64[end]
-        return self.start_ns + round(real(argument, given, -1e9, 1e9, "s since start") * 1e9)
+        return self.start_ns + round(_seconds(argument, given) * 1e9)
 
     def resample(self, times: "Signal | ArrayLike | float", method: Literal["hold", "linear"] = "hold") -> "Log":
         """Return the log with every element at the same times.
@@ -419,7 +419,8 @@ class Log(Mapping[str, Signal]):
         if isinstance(right, str):
             right = [right]
         offset_s = (int(self.time_ns[0]) - self.start_ns) * 1e-9 if len(self.time_ns) else 0.0
-        window = [None if bound is None else bound - offset_s for bound in (start_s, stop_s)]
+        bounds = (("start_s", start_s), ("stop_s", stop_s))
+        window = [None if bound is None else _seconds(name, bound) - offset_s for name, bound in bounds]
         spec = ChartSpec(list(patterns), list(right), x, "", window[0], window[1], MOST_CURVES)
         chart, left_out = make_chart(self.recording, spec, title or os.path.basename(self.path))  # noqa: PTH119
         if left_out:
@@ -641,3 +642,7 @@ def time_facts(log: Log, element: RecordedElement) -> dict[str, Any]:
     if ticks and not log._rises:
         facts |= {"_at": ticks_of(recording.time_ns, element), "_off": off_ticks(recording, element)}
     return facts
+
+
+def _seconds(argument: str, given: float) -> float:
+    return real(argument, given, -1e9, 1e9, "s since start")

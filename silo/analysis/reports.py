@@ -69,7 +69,7 @@ class LogReport(msgspec.Struct, frozen=True):
 class SignalStats(msgspec.Struct, frozen=True):
     """One row of `silo stats`, over all samples but NaN; None for strings, and where there are none or it is none.
 
-    `not_finite` counts NaN and `infinite` ones.
+    `not_finite` counts NaN and `infinite` ones. The smallest and the largest of integers are integers.
     """
 
     name: str
@@ -154,11 +154,28 @@ def statistics(signal: "Samples") -> SignalStats:
     if text or not len(numbers):
         return msgspec.structs.replace(plain, not_finite=0 if text else len(values))
     least, most, mean, std, rms = (None if math.isnan(one) else one for one in moments(numbers, offsets))
+    if is_whole(signal.values):
+        least, most = ends(signal.values)
     infinite = int(np.isinf(numbers).sum())
     return msgspec.structs.replace(
         plain, not_finite=len(values) - len(numbers) + infinite, minimum=least, maximum=most, mean=mean, std=std,
         rms=rms, infinite=infinite,
     )  # fmt: skip
+
+
+def is_whole(values: NDArray[Any]) -> bool:
+    """Whether all of them are integers."""
+    return values.dtype.kind in "iu" and not np.ma.isMaskedArray(values)
+
+
+def ends(values: NDArray[Any]) -> tuple[float | None, float | None]:
+    """Return the smallest and the largest number, be it infinite; of whole ones to the last digit."""
+    if is_whole(values):
+        return (int(values.min()), int(values.max())) if len(values) else (None, None)
+    if values.dtype.kind != "f":
+        return None, None
+    numbers = numbers_of(values)
+    return (float(numbers.min()), float(numbers.max())) if len(numbers) else (None, None)
 
 
 def numbers_of(values: Floats) -> Floats:

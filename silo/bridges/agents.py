@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from silo.analysis.log import Log
-from silo.analysis.reports import numbers_of, report, statistics
+from silo.analysis.reports import ends, is_whole, report, statistics
+from silo.core.arguments import real
 from silo.core.names import matching
 from silo.core.quantities.writing import infinite_as_text, many
 from silo.errors import ElementError, SiloError
@@ -93,12 +93,11 @@ class Shelf:
         if start_s is not None or stop_s is not None:
             log = log.clip(start_s, stop_s)
         found = pick(log.recording, [signals])
-        rows = [(statistics(one), *_ends(one.values)) for one in found[:MOST_ROWS]]
+        rows = [statistics(one) for one in found[:MOST_ROWS]]
         answer = {"run": run, "lost": self._lost(log, signals), "signals": [
             {"name": one.name, "unit": one.unit, "samples": one.samples, "not_finite": one.not_finite,
-             "min": one.minimum if least is None else least, "max": one.maximum if most is None else most,
-             "mean": one.mean, "std": one.std, "rms": one.rms}
-            for one, least, most in rows]}  # fmt: skip
+             "min": one.minimum, "max": one.maximum, "mean": one.mean, "std": one.std, "rms": one.rms}
+            for one in rows]}  # fmt: skip
         return _told(answer, len(found) - len(rows), "signals", "name fewer")
 
     def evaluate(
@@ -114,13 +113,13 @@ class Shelf:
         signal = log.eval(expression)
         if start_s is not None or stop_s is not None:
             signal = signal.clip(start_s, stop_s)
-        values = signal.values if _is_whole(signal.values) else np.asarray(signal, float)
+        values = signal.values if is_whole(signal.values) else np.asarray(signal, float)
         if values.ndim > 1:
             raise ElementError(f"'{expression}' has {values.shape[1]} numbers per sample: name one, or take norm(...)")
         places = np.unique(np.linspace(0, len(values), _bounded("points", points, MOST_POINTS) + 1).astype(int))
         rows = []
         for begin, end in zip(places[:-1].tolist(), places[1:].tolist(), strict=True):
-            rows.append([round(float(signal.times[begin]), 9), *_ends(values[begin:end])])
+            rows.append([round(float(signal.times[begin]), 9), *ends(values[begin:end])])
         answer = {"run": run, "expression": expression, "unit": signal.unit, "samples": len(values),
                   "not_finite": int((~np.isfinite(values)).sum()), "lost_in_run": log.recording.lost,
                   "columns": ["time_s", "min", "max"], "points": rows}  # fmt: skip
@@ -131,7 +130,10 @@ class Shelf:
     ) -> dict[str, Any]:
         """Tell what happened in a run: marks, triggers, limits, losses, changes, and who did it."""
         log = self._log(run)
-        low, high = -math.inf if start_s is None else start_s, math.inf if stop_s is None else stop_s
+        low, high = (
+            end if given is None else real(name, given, -1e12, 1e12, "s since start")
+            for name, given, end in (("start_s", start_s, -math.inf), ("stop_s", stop_s, math.inf))
+        )
         events = [one for one in log.events if low <= one.seconds <= high]
         shown = events[: _bounded("limit", limit, MOST_ROWS)]
         rows = [{"time_s": one.seconds, "kind": one.kind, "text": one.text, "who": one.who} for one in shown]
@@ -239,20 +241,6 @@ def _bounded(word: str, value: int, most: int) -> int:
     if not 1 <= value <= most:
         raise ElementError(f"{word} must be from 1 to {most}, got {value}")
     return value
-
-
-def _is_whole(values: NDArray[Any]) -> bool:
-    return values.dtype.kind in "iu" and not np.ma.isMaskedArray(values)
-
-
-def _ends(values: NDArray[Any]) -> tuple[float | None, float | None]:
-    """The smallest and the largest number, be it infinite; of whole ones to the last digit."""
-    if _is_whole(values):
-        return (int(values.min()), int(values.max())) if len(values) else (None, None)
-    if values.dtype.kind != "f":
-        return None, None
-    numbers = numbers_of(values)
-    return (float(numbers.min()), float(numbers.max())) if len(numbers) else (None, None)
 
 
 def _row(run: ListedRun, name: str) -> dict[str, Any]:

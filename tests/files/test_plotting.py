@@ -261,6 +261,11 @@ class TestCharts:
         with pytest.raises(ElementError, match=words):
             make_chart(log, spec)
 
+    @pytest.mark.parametrize("window", [{"start_s": "1"}, {"stop_s": float("nan")}])
+    def test_a_window_that_is_no_time_is_refused_in_words(self, log, window):
+        with pytest.raises(ElementError, match=f"{next(iter(window))} must be from .* s since start, got"):
+            silo.Log(log).plot("LF/torque", **window)
+
     def test_an_enumeration_has_its_names_at_the_axis_and_strings_become_levels_with_their_text(self, log):
         assert make_chart(log, ChartSpec(["mode"]))[0].left_ticks == {0: "STAND", 1: "WALK", 2: "TROT", 3: "FALL"}
         chart, _ = make_chart(log, ChartSpec(["text"]))

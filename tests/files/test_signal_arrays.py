@@ -427,6 +427,8 @@ class TestStamps:
         assert sent.var() == pytest.approx(np.var([0, 3, 4, 9]))
         assert sent.derivative().values.tolist() == np.gradient([0.0, 3.0, 4.0, 9.0]).tolist()
         assert statistics(sent).std == pytest.approx(np.std([0, 3, 4, 9]))
+        assert (statistics(sent).minimum, statistics(sent).maximum) == (self.BEGIN, self.BEGIN + 9)
+        assert type(statistics(sent).maximum) is int
 
     def test_so_it_is_per_component(self, dtype):
         values = np.stack([self.stamps(dtype).values, np.array([1, 2, 3, 4], dtype)], axis=1)

@@ -143,6 +143,8 @@ def test_events_are_told_as_data(shelf):
     few = shelf.run_events("run0.silo", limit=1)
     assert few["left_out"].endswith("more events: ask for more (limit, 200 at most), or begin later (start_s)")
     assert shelf.run_events("run0.silo", start_s=1e9)["events"] == []
+    with pytest.raises(silo.ElementError, match="stop_s must be"):
+        shelf.run_events("run0.silo", stop_s=float("nan"))
     assert told["note"] == DATA
 
 
