@@ -281,6 +281,7 @@ class Session:
         table = await self.connection.call(lambda client: client.table())
         if table.revision != self.table.revision or not len(self.table):
             self.table.load(table)
+            self._take_beyond(self._beyond())  # limits may have been known before: of whose entries is known now
             self.rows.refresh()
             self._entry_counts.clear()
 

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import silo
 from silo.analysis.compute.calculus import derivative
 from silo.analysis.compute.spectra import lines_of, longest_piece
 from silo.analysis.plots.charts import ChartSpec, make_chart

@@ -1,12 +1,14 @@
 """Triggers and alarms on the screen: how they stand, what is done with them, what a condition would have done."""
 
+import asyncio
+
 import numpy as np
 import pytest
 from msgspec.structs import replace
 
 from silo.conditions.standing import CapturedSpan, LimitStatus, LimitWord, TriggerStatus
 from silo.core.conditions import SignalLimits, TriggerOptions, TriggerWord, new_trigger
-from silo.core.elements import Entry
+from silo.core.elements import Entry, Table
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo_tui.model.lists.conditions import (
     alarms_words,
@@ -23,6 +25,7 @@ from silo_tui.model.lists.conditions import (
 )
 from silo_tui.model.plots.limit_line import fields_of as fields_of_limits
 from silo_tui.model.plots.limit_line import limits_of_fields
+from tests.stand_ins.desk import Desk
 
 NOW_NS = 1_790_000_100_000_000_000
 FALL = TriggerStatus(
@@ -618,6 +621,18 @@ class TestLists:
             assert fake.calls[-1][1].bounds == (None, None, 3.0, 4.0)
             await screen.shows("are set (A Alarms)")
             assert screen.app.screen.scope == "table"
+
+
+def test_limits_that_were_known_before_the_table_have_the_sign_of_their_element_once_it_is_there(fake):
+    element = fake.elements[0]
+    name = element.name + element.entries[0].suffix
+    fake.limit_statuses = [LimitStatus(name, name, LimitWord.RED_HIGH, value=9.0, count=1)]
+    session = Desk(fake).session
+    session.table.load(Table(0, []))
+    asyncio.run(session.refresh_conditions())
+    asyncio.run(session.reload())
+    assert session.beyond == {element.name: "HH"}
+    assert session.table.signs[session.table.row(element.name)]
 
 
 def test_signals_are_found_in_a_condition_by_name_entry_and_glob(robot):
