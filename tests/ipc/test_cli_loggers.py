@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import silo
-from silo.cli.codes import EXIT_FAILED, EXIT_USAGE
+from silo.cli.codes import EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE
 from silo.cli.loggers.watch import show_clock
 from silo.cli.main import run
 from silo.client.client import Client
@@ -103,27 +103,33 @@ def start_and_tick(log: silo.Logger) -> None:
     wait_until(lambda: log.ticks)
 
 
-def test_ls_shows_the_logger(log: silo.Logger, command: Run) -> None:
-    shown = command("ls")
-    header, row = shown.out.splitlines()
+def test_ls_shows_the_logger_and_as_json_its_status(log: silo.Logger, command: Run) -> None:
+    header, row = command("ls").out.splitlines()
     assert header.split()[:3] == ["LOGGER", "HOST", "STATE"]
     assert row.split()[:3] == ["arm", socket.gethostname(), "stopped"]
     assert "4/4" in row
-
-
-def test_ls_as_json_is_the_status(log: silo.Logger, command: Run) -> None:
     (status,) = json.loads(command("ls", "--json").out)
     assert (status["logger"], status["state"], status["elements"]) == ("arm", "stopped", 4)
 
 
-def test_the_logger_may_be_left_out_while_it_is_the_only_one(log: silo.Logger, command: Run) -> None:
-    assert "arm on " in command("info").out
-    assert command("start", "--discard").out.startswith("arm: running")
-
-
-def test_a_wrong_name_tells_which_loggers_there_are(log: silo.Logger, command: Run) -> None:
-    shown = command("info", "leg")
-    assert (shown.code, "no logger 'leg'" in shown.err, "arm" in shown.err) == (3, True, True)
+@pytest.mark.parametrize(
+    ("words", "code", "out", "err"),
+    [
+        ("info", 0, "arm on ", ""),  # it may be left out while it is the only one
+        ("info leg", EXIT_NO_LOGGER, "", "no logger 'leg'"),
+        ("info leg", EXIT_NO_LOGGER, "", "arm"),  # those that there are
+        ("set * divider=9 --dry-run", 0, "would change 4 elements", ""),
+        ("set * divider=1", 0, "nothing to change", ""),
+        ("watch */mode --rate 20 --count 1", 0, "", "logger is stopped"),
+    ],
+)
+def test_what_changes_nothing_says_what_there_is(
+    log: silo.Logger, command: Run, words: str, code: int, out: str, err: str
+) -> None:
+    before = log.elements, log._table.revision
+    shown = command(*words.split())
+    assert (shown.code, out in shown.out, err in shown.err) == (code, True, True), shown.err
+    assert (log.elements, log._table.revision) == before
 
 
 def test_with_several_loggers_one_must_be_named(log: silo.Logger, command: Run, folder: Path) -> None:
@@ -143,7 +149,8 @@ def test_info_lists_the_elements_that_match(log: silo.Logger, command: Run) -> N
 
 
 def test_start_stop_and_restart_change_the_state(log: silo.Logger, command: Run) -> None:
-    assert (command("start", "--discard").code, log.is_running) == (0, True)
+    started = command("start", "--discard")
+    assert (started.code, log.is_running, started.out.startswith("arm: running")) == (0, True, True)
     assert (command("restart", "--discard").code, log.is_running) == (0, True)
     assert (command("stop").code, log.is_running) == (0, False)
     assert command("stop").code == 0
@@ -176,18 +183,6 @@ def test_an_entry_of_an_element_has_no_settings_of_its_own_and_it_is_said_which_
     assert f"'{entry}' is an entry of '/log/joints/tau'" in shown.err
     assert f"`silo set arm.{os.getpid()} /log/joints/tau ...` sets the element; nothing was changed" in shown.err
     assert log.elements == before
-
-
-def test_a_dry_run_changes_nothing(log: silo.Logger, command: Run) -> None:
-    before = log.elements
-    assert "would change 4 elements" in command("set", "*", "divider=9", "--dry-run").out
-    assert log.elements == before
-
-
-def test_setting_what_is_set_says_that_there_is_nothing_to_do(log: silo.Logger, command: Run) -> None:
-    revision = log._table.revision
-    assert "nothing to change" in command("set", "*", "divider=1").out
-    assert log._table.revision == revision
 
 
 def test_what_is_said_of_an_episode_is_in_the_log_of_the_run(log, command):
@@ -339,20 +334,12 @@ def test_restart_stops_changes_and_starts_again(log: silo.Logger, command: Run) 
     assert {element.options.divider for element in log.elements} == {2}
 
 
-def test_save_prints_the_files(log: silo.Logger, command: Run, folder: Path) -> None:
+def test_save_prints_the_files_and_info_reads_one(log: silo.Logger, command: Run, folder: Path) -> None:
     start_and_tick(log)
     shown = command("save", "-t", "silo", "-t", "csv", "--name", "walk")
     assert shown.code == 0
-    assert {line.split("  ")[0] for line in shown.out.splitlines()} == {
-        str(folder / "walk.silo"),
-        str(folder / "walk.csv"),
-    }
-    assert (folder / "walk.silo").exists()
-
-
-def test_info_reads_a_saved_file(log: silo.Logger, command: Run, folder: Path) -> None:
-    start_and_tick(log)
-    command("save", "--name", "walk")
+    files = {str(folder / "walk.silo"), str(folder / "walk.csv")}
+    assert {line.split("  ")[0] for line in shown.out.splitlines()} == files
     assert "/log/joints/q" in command("info", str(folder / "walk.silo")).out
 
 
@@ -367,11 +354,15 @@ def test_a_script_is_saved_shown_compared_and_loaded(log: silo.Logger, command: 
     assert log.elements[0].options.divider == 1
 
 
-def test_a_script_that_exists_is_only_replaced_by_force(log: silo.Logger, command: Run) -> None:
+def test_a_script_that_exists_is_only_replaced_by_force_and_a_missing_folder_made(
+    log: silo.Logger, command: Run, folder: Path
+) -> None:
     assert command("script", "save", "walk.yaml").code == 0
     assert command("script", "save", "walk.yaml").code == EXIT_FAILED
     assert command("script", "save", "walk.yaml", "--force").code == 0
     assert "walk.yaml" in command("script", "list").out
+    assert command("script", "save", "new/walk.yaml").code == 0
+    assert (folder / "new" / "walk.yaml").exists()
 
 
 def test_names_that_the_logger_lacks_are_told(log: silo.Logger, command: Run, folder: Path) -> None:
@@ -405,6 +396,8 @@ def test_watch_without_a_pattern_shows_what_is_on(log: silo.Logger, command: Run
     shown = command("watch", "arm", "--rate", "20", "--count", "1")
     assert "/log/joints/q" in shown.out
     assert "/log/joints/tau" in shown.out  # saved only
+    shown = command("watch", "*/tau", "--count", "1")
+    assert (shown.code, "/log/joints/tau" in shown.out) == (0, True)
     monkeypatch.setattr("silo.cli.loggers.watch.MOST_LINES", 1)
     few = command("watch", "--rate", "20", "--count", "1")
     assert len(few.out.splitlines()) == 1
@@ -418,12 +411,6 @@ def test_watch_as_json_has_one_object_per_refresh(log: silo.Logger, command: Run
     newest = json.loads(lines[-1])
     assert newest["state"] == "running"
     assert newest["values"] == {"/log/joints/q_x": 1.5, "/log/joints/q_y": -2.0, "/log/joints/q_z": 0.25}
-
-
-def test_watch_shows_an_element_that_is_only_saved(log: silo.Logger, command: Run) -> None:
-    log.start()
-    shown = command("watch", "*/tau", "--count", "1")
-    assert (shown.code, "/log/joints/tau" in shown.out) == (0, True)
 
 
 def test_watch_says_what_to_do_for_an_element_that_is_off(log: silo.Logger, command: Run) -> None:
@@ -462,10 +449,6 @@ def test_names_of_loggers_and_elements_are_completed(log: silo.Logger) -> None:
     assert completed("silo script load arm ", 4) == ["arm.yaml"]
 
 
-def test_watching_a_stopped_logger_says_that_it_is_stopped(log: silo.Logger, command: Run) -> None:
-    assert "logger is stopped" in command("watch", "*/mode", "--rate", "20", "--count", "1").err
-
-
 def test_the_clock_of_a_logger_that_never_ran_is_dashes() -> None:
     assert show_clock(0) == "--:--:--.---"
 
@@ -481,8 +464,3 @@ def test_ls_tells_of_recordings_that_are_in_no_file(command: Run) -> None:
 def test_a_word_that_names_no_logger_is_a_pattern_where_one_logger_runs(log: silo.Logger, command: Run) -> None:
     assert command("set", "joints", "divider=3").code == 0
     assert {info.options.divider for info in log.elements if "/joints/" in info.name} == {3}
-
-
-def test_a_script_is_saved_into_a_folder_that_was_missing(log: silo.Logger, command: Run, folder: Path) -> None:
-    assert command("script", "save", "new/walk.yaml").code == 0
-    assert (folder / "new" / "walk.yaml").exists()

@@ -166,12 +166,14 @@ class TestTriggers:
         with pytest.raises(silo.RefusedError, match="no trigger is called 'high', there is none"):
             client._remove_trigger("high")
 
-    def test_one_of_an_element_that_is_off_is_blind_and_says_why(self, bench, client):
+    def test_one_of_an_element_that_is_off_is_blind_and_says_why_as_are_limits(self, bench, client):
         bench.logger.trigger("kept", "kept > 3")
+        bench.logger.limit("kept", (None, None, None, 5))
         bench.logger.set("kept", enabled=False)
         bench.logger.start()
         bench.ticks(5)
         assert trigger(client, "kept", TriggerWord.BLIND).why == "/log/kept is off"
+        assert alarm(client, "/log/kept").why == "/log/kept is off"
 
     def test_a_rearm_condition_that_is_off_is_told_when_it_is_set(self, bench, client, caplog):
         bench.logger.set("kept", enabled=False)
@@ -183,25 +185,24 @@ class TestTriggers:
         bench.logger.trigger("too", "x > 3", rearm="kept < 1")
         assert "trigger 'too' fires once and never again" in caplog.text
 
-    @pytest.mark.parametrize(
-        ("options", "says"),
-        [
+    def test_mistakes_are_refused_and_nothing_is_changed(self, bench, client):
+        for options, says in (
             (TriggerOptions("a/b", "x > 3"), "contains '/'"), (TriggerOptions("a", "nobody > 3"), "nobody"),
             (TriggerOptions("a", "x > 3", pre_s=60), "set size="), (TriggerOptions("a", "x > 3", slope="up"), "rising"),
             (TriggerOptions("a", "x > 3", keep=-1), "keep"),
-        ],
-    )  # fmt: skip
-    def test_mistakes_are_refused_and_nothing_is_changed(self, bench, client, options, says):
-        with pytest.raises(silo.RefusedError, match=says):
-            client._set_trigger(options)
-        assert bench.logger._conditions.now.triggers == ()
+        ):  # fmt: skip
+            with pytest.raises(silo.RefusedError, match=says):
+                client._set_trigger(options)
+            assert bench.logger._conditions.now.triggers == ()
 
-    def test_tried_it_tells_when_it_would_have_fired_in_what_is_held(self, bench, client):
+    def test_tried_it_tells_when_it_would_have_fired_or_shows_the_place_of_a_mistake(self, bench, client):
         bench.logger.start()
         bench.ticks(160)
         tried = client.try_trigger(TriggerOptions("any", "x % 50 == 0", post_s=0.1))
         assert (tried.fires, tried.ticks, tried.first, tried.last) == (3, [49, 99, 149], 0, 159)
         assert tried.time_ns[0] == bench.begin_ns + 49 * bench.tick_ns
+        with pytest.raises(silo.RefusedError, match=r"\^"):
+            client.try_trigger(TriggerOptions("any", "nobody > 3"))
         assert bench.logger._conditions.now.triggers == ()
 
     def test_tried_on_a_buffer_that_lapped_it_tells_what_is_held(self, bench, client):
@@ -210,12 +211,6 @@ class TestTriggers:
         tried = client.try_trigger(TriggerOptions("any", "x % 500 == 0"))
         assert tried.first > 500
         assert tried.ticks == [tick for tick in range(499, 3560, 500) if tick > tried.first]
-
-    def test_tried_with_a_mistake_it_shows_the_place(self, bench, client):
-        bench.logger.start()
-        bench.ticks(10)
-        with pytest.raises(silo.RefusedError, match=r"\^"):
-            client.try_trigger(TriggerOptions("any", "nobody > 3"))
 
 
 class TestLimits:
@@ -267,13 +262,6 @@ class TestLimits:
         bench.logger.start()
         bench.ticks(50)
         assert alarm(client, "/log/kept", word=LimitWord.STALE).stale_count == 1
-
-    def test_of_an_element_that_is_off_they_are_blind(self, bench, client):
-        bench.logger.limit("kept", (None, None, None, 5))
-        bench.logger.set("kept", enabled=False)
-        bench.logger.start()
-        bench.ticks(5)
-        assert alarm(client, "/log/kept").why == "/log/kept is off"
 
     def test_a_client_gives_and_takes_limits_while_it_runs(self, bench, client):
         bench.logger.start()

@@ -317,14 +317,10 @@ def test_a_read_only_client_sends_nothing_that_changes_something(bench) -> None:
     assert not bench.logger.is_running
 
 
-@pytest.mark.parametrize("words", [["--read-only", "start", "bot"], ["start", "bot", "--read-only"]])
-def test_silo_read_only_changes_nothing_and_says_why(bench, words, capsys) -> None:
-    assert run(words) == EXIT_FAILED
-    assert "read-only" in capsys.readouterr().err
-    assert not bench.logger.is_running
-
-
-def test_the_environment_makes_silo_read_only(bench, monkeypatch, capsys) -> None:
+def test_silo_read_only_changes_nothing_and_says_why(bench, capsys, monkeypatch) -> None:
+    for words in (["--read-only", "start", "bot"], ["start", "bot", "--read-only"]):
+        assert run(words) == EXIT_FAILED
+        assert "read-only" in capsys.readouterr().err
     monkeypatch.setenv("SILO_READ_ONLY", "1")
     assert run(["start", "bot"]) == EXIT_FAILED
     assert "SILO_READ_ONLY" in capsys.readouterr().err
@@ -354,26 +350,21 @@ def test_who_has_control_alone_changes_things_and_the_refusal_says_who_since_whe
         with pytest.raises(RefusedError, match=r"anna@robot3 .* has control of bot since .* s: .*--force") as caught:
             bob.start()
         assert caught.value.why is RefusedWhy.CONTROL
+        # also where others have its name
+        commands = re.findall(r"`silo control (\w+) (\S+)", str(caught.value))
+        assert commands == [("give", bob.found.root.address), ("take", bob.found.label)]
         assert anna.start().control.identity == "@local anna"
         anna.release_control()
         assert bob.stop().control is None
 
 
-def test_a_refusal_names_commands_that_mean_this_logger_where_others_have_its_name(bench) -> None:
+def test_marks_and_the_program_itself_need_no_control(bench) -> None:
     with Other("anna") as anna, Other("bob") as bob:
         anna.take_control()
-        with pytest.raises(RefusedError) as caught:
-            bob.start()
-        commands = re.findall(r"`silo control (\w+) (\S+)", str(caught.value))
-        assert commands == [("give", bob.found.root.address), ("take", bob.found.label)]
-
-
-def test_marks_need_no_control(bench) -> None:
-    with Other("anna") as anna, Other("bob") as bob:
-        anna.start()
+        bench.logger.start()
         bench.ticks(1)
-        anna.take_control()
         assert bob.mark("slipped").text == "slipped"
+        bench.logger.stop()
 
 
 def test_control_is_taken_by_force_and_everybody_is_told(bench, heard) -> None:
@@ -435,25 +426,15 @@ def test_a_logger_may_want_one_operator_before_anything_is_changed(bench, capsys
         assert anna.start().state.value == "running"
 
 
-def test_the_program_itself_needs_no_control(bench) -> None:
-    with Other("anna") as anna:
-        anna.take_control()
-        bench.logger.start()
-        bench.logger.stop()
-
-
-def test_the_status_tells_who_is_connected(bench) -> None:
+def test_the_status_tells_who_is_connected_and_of_who_only_looks_no_name(bench) -> None:
     with Other("anna") as anna:
         (found,) = wait_until(lambda: anna.status().clients)
         assert (found.who, found.identity) == ("anna@robot3 silo-tui 1", "@local anna")
+        with silo.connect("bot", read_only=True):
+            wait_until(lambda: len(anna.status().clients) == 2)
+            assert sorted(one.identity for one in anna.status().clients) == ["", "@local anna"]
     with Other("bob") as bob:
         wait_until(lambda: [one for one in bob.status().clients if one.identity == "@local anna"] == [])
-
-
-def test_who_only_looks_is_given_no_control(bench) -> None:
-    with Other("anna") as anna, silo.connect("bot", read_only=True):
-        wait_until(lambda: len(anna.status().clients) == 2)
-        assert sorted(one.identity for one in anna.status().clients) == ["", "@local anna"]
 
 
 def test_silo_control_takes_tells_and_releases(bench, capsys) -> None:
