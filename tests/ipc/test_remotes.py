@@ -217,7 +217,7 @@ def test_every_command_that_speaks_with_loggers_takes_config() -> None:
     import click
 
     context = click.Context(cli)
-    for name in (
+    for name in [
         "ls",
         "info",
         "watch",
@@ -230,7 +230,7 @@ def test_every_command_that_speaks_with_loggers_takes_config() -> None:
         "mark",
         "events",
         "alarms",
-    ):
+    ]:
         command = cli.get_command(context, name)
         assert any("--config" in each.opts for each in command.params), name
 
@@ -324,9 +324,16 @@ def test_the_doctor_finds_a_way_that_works_healthy_layer_by_layer(network) -> No
     ]  # fmt: skip
 
 
-def test_a_name_that_nobody_has_is_a_matter_of_name_resolution(tmp_path) -> None:
-    failed = failure(config_of(tmp_path / "c.json5", "tcp/robot..3:7447"))
-    assert (failed.layer, "no computer is called 'robot..3'" in str(failed)) == (Layer.NAME, True)
+@pytest.mark.parametrize(
+    ("endpoint", "layer", "words"),
+    [
+        ("tcp/robot..3:7447", Layer.NAME, "no computer is called 'robot..3'"),
+        ("tcp/127.0.0.1:{free}", Layer.PORT, "nobody listens on port"),
+    ],
+)
+def test_where_nobody_is_the_doctor_says_whether_name_or_port_is_the_matter(tmp_path, endpoint, layer, words) -> None:
+    failed = failure(config_of(tmp_path / "c.json5", endpoint.format(free=free_port())))
+    assert (failed.layer, words in str(failed)) == (layer, True)
 
 
 def test_an_address_that_stays_silent_is_a_matter_of_the_route(tmp_path) -> None:
@@ -341,22 +348,24 @@ def test_an_address_that_stays_silent_is_a_matter_of_the_route(tmp_path) -> None
     assert caught.value.layer is Layer.ROUTE
 
 
-def test_a_port_where_nobody_listens_is_a_matter_of_the_port(tmp_path) -> None:
-    failed = failure(config_of(tmp_path / "c.json5", f"tcp/127.0.0.1:{free_port()}"))
-    assert (failed.layer, "nobody listens on port" in str(failed)) == (Layer.PORT, True)
+AUTH = "transport__auth__usrpwd__"
 
 
 @pytest.mark.slow
-def test_a_certificate_for_another_name_is_a_matter_of_the_tls_name(network, tmp_path) -> None:
-    path = network.changed(tmp_path / "c.json5", connect__endpoints=[f"tls/127.0.0.1:{network.port}"])
-    failed = failure(path)
-    assert (failed.layer, "for another name than '127.0.0.1'" in str(failed)) == (Layer.TLS_NAME, True)
-
-
-@pytest.mark.slow
-def test_who_left_tls_out_of_the_endpoint_is_told_of_it(network, tmp_path) -> None:
-    path = network.changed(tmp_path / "c.json5", connect__endpoints=[f"tcp/localhost:{network.port}"])
-    assert f"or it wants TLS, as tls/localhost:{network.port}, or" in str(failure(path))
+@pytest.mark.parametrize(
+    ("values", "layer", "words"),
+    [
+        ({"connect__endpoints": "tls/127.0.0.1:{port}"}, Layer.TLS_NAME, "for another name than '127.0.0.1'"),
+        ({"connect__endpoints": "tcp/localhost:{port}"}, None, "or it wants TLS, as tls/localhost:{port}, or"),
+        ({f"{AUTH}password": "guess"}, Layer.PASSWORD, "user 'alice' or its password is refused"),
+        ({f"{AUTH}user": "eve", f"{AUTH}password": "nothing"}, Layer.ROLE, "user 'eve' is let in, but sees no logger"),
+    ],
+)
+def test_what_is_wrong_in_a_client_file_is_a_matter_of_its_layer(network, tmp_path, values, layer, words) -> None:
+    endpoints = {name: [value.format(port=network.port)] for name, value in values.items() if "endpoints" in name}
+    failed = failure(network.changed(tmp_path / "c.json5", **values | endpoints))
+    assert layer in (failed.layer, None)
+    assert words.format(port=network.port) in str(failed)
 
 
 @pytest.mark.slow
@@ -400,22 +409,6 @@ def test_a_robot_whose_certificate_ran_out_says_so_when_it_starts(tmp_path, monk
     with monkeypatch.context() as early:
         early.setattr("silo.net.access.certificates.time.time", lambda: 1.0)
         assert "valid from" in next(not_valid_today(config))
-
-
-@pytest.mark.slow
-def test_a_wrong_password_is_a_matter_of_the_password(network, tmp_path) -> None:
-    path = network.changed(tmp_path / "c.json5", transport__auth__usrpwd__password="guess")
-    failed = failure(path)
-    assert (failed.layer, "user 'alice' or its password is refused" in str(failed)) == (Layer.PASSWORD, True)
-
-
-@pytest.mark.slow
-def test_a_user_whom_no_rule_names_is_a_matter_of_the_role(network, tmp_path) -> None:
-    path = network.changed(
-        tmp_path / "c.json5", transport__auth__usrpwd__user="eve", transport__auth__usrpwd__password="nothing"
-    )
-    failed = failure(path)
-    assert (failed.layer, "user 'eve' is let in, but sees no logger" in str(failed)) == (Layer.ROLE, True)
 
 
 @pytest.mark.slow
@@ -506,16 +499,16 @@ def test_a_host_that_can_not_be_is_refused(mine, capsys, host) -> None:
     assert not (mine / "lab").exists()
 
 
-@pytest.mark.parametrize("word", ["alice:boss", "a b:viewer", ":viewer", "local:operator"])
-def test_a_user_who_can_not_be_is_refused(word) -> None:
+@pytest.mark.parametrize(
+    ("of", "word"),
+    [
+        *((role_of, word) for word in ("alice:boss", "a b:viewer", ":viewer", "local:operator")),
+        *((robot_of, name) for name in ("local", "robots", "a b", "", "a:b", ".x", "x" * 65)),
+    ],
+)
+def test_a_user_or_robot_who_can_not_be_is_refused(of, word) -> None:
     with pytest.raises(SiloError, match="nothing was made"):
-        role_of(word)
-
-
-@pytest.mark.parametrize("name", ["local", "robots", "a b", "", "a:b", ".x", "x" * 65])
-def test_a_robot_who_can_not_be_is_refused(name) -> None:
-    with pytest.raises(SiloError, match="nothing was made"):
-        robot_of(name)
+        of(word)
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="makes certificates with openssl")
