@@ -276,10 +276,11 @@ class TestGraph:
             ("rows", 2, 4), ("cols", 2, 2)
         ]  # fmt: skip
 
-    def test_what_nobody_subscribes_to_is_not_read(self, join, other):
+    def test_what_nobody_subscribes_to_is_not_read_and_without_control_there_is_no_service(self, join, other):
         bridge = join()
         echo = Echo(other, "/bot/log/x")
         bridge.reads("/log/x")
+        assert not any("/SS/" in token for token in tokens(other))
         echo.close()
         bridge.reads()
 
@@ -306,7 +307,7 @@ def call(session: zenoh.Session, name: str) -> tuple[bool, str]:
 
 
 class TestServices:
-    def test_with_control_it_is_started_stopped_and_saved(self, bench, join, other):
+    def test_with_control_it_is_started_stopped_and_saved_and_what_is_refused_is_said(self, bench, join, other):
         join(control=True)
         wait_until(lambda: sum("/SS/%/%/bot/%bot%" in token for token in tokens(other)) == 3)
         assert call(other, "/bot/start")[0]
@@ -316,18 +317,9 @@ class TestServices:
         assert (done, "stopped" in said, bench.logger._life.state) == (True, True, State.STOPPED)
         done, said = call(other, "/bot/save")
         assert (done, said.startswith("saved ")) == (True, True)
-
-    def test_what_is_refused_is_said(self, bench, join, other):
-        join(control=True)
-        Echo(other, "/bot/log/x")
         bench.logger.close()
         done, said = call(other, "/bot/start")
         assert (done, "no logger" in said) == (False, True)
-
-    def test_without_control_there_is_none(self, join, other):
-        join()
-        Echo(other, "/bot/log/x")
-        assert not any("/SS/" in token for token in tokens(other))
 
 
 PARAMETERS = {
