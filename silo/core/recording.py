@@ -6,6 +6,7 @@ It knows no logger, no file and no process.
 
 import re
 import warnings
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -251,6 +252,12 @@ class Recording:
     gaps: tuple[tuple[int, int], ...] = ()
     cut_off: int = 0
     run: str = ""
+
+    @property
+    def likely_run(self) -> str:
+        """The id of its run; of a file that doesn't tell it, of the one of which most events are, if there are any."""
+        found = Counter(event.run for event in self.events if event.run).most_common(1)
+        return self.run or (found[0][0] if found else "")
 
     @property
     def lost(self) -> int:

@@ -197,7 +197,7 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
         about=recording.told_about,
         parameters=parameters_of(recording, 0).last,
         episodes=tuple(episodes_of(recording, int(stamps[0]) if ticks else 0)),
-        run=recording.stretch.run if recording.stretch is not None else recording.run or _run_of(recording.events),
+        run=recording.stretch.run if recording.stretch is not None else recording.likely_run,
         part=recording.stretch.part if recording.stretch is not None else 0,
         recorder=recording.stretch.recorder if recording.stretch is not None else "",
         stamp_ns=int(stamps[0]) if ticks else 0,
@@ -205,12 +205,6 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
         dividers=Counter(one.divider for one in recording.elements),
         names=sha1("\n".join(sorted(one.name for one in recording.elements)).encode()).hexdigest()[:16],
     )
-
-
-def _run_of(events: Iterable[LoggedEvent]) -> str:
-    """The run of which most events are, of files that don't tell theirs; empty where there are none."""
-    found = Counter(event.run for event in events if event.run).most_common(1)
-    return found[0][0] if found else ""
 
 
 def _rate_of_all(files: Sequence[RunFacts]) -> float:

@@ -255,8 +255,7 @@ class _Folder:
                 self.verdicts += [Verdict("damaged", f"{path.name}: {text}", recording.logger) for text in damage]
 
     def _take_log(self, path: Path, recording: Recording) -> None:
-        ids = Counter(event.run for event in recording.events if event.run)
-        run = self.run_of(recording.logger, ids.most_common(1)[0][0] if ids else "", recording.started_ns)
+        run = self.run_of(recording.logger, recording.likely_run, recording.started_ns)
         self.keeps |= {(recording.logger, one.name): one.keep for one in recording.conditions.triggers}
         run.ticks = max(run.ticks, recording.offset)
         if recording.conditions.capture is not None:
@@ -377,16 +376,21 @@ def _not_kept(run: _Run, lacks_files: bool, newest: bool) -> Iterator[Verdict]:
             text = f"run {run.run}: {spans_text(unseen)} of {run.ticks} ticks are in no file: {why}"
             yield Verdict("not kept", text, run.logger, run.run, tuple(unseen))
             lacks = without(lacks, unseen)
-    if not lacks:
-        return
-    why = "its memory was let go of, and nobody had saved them"
-    if run.held or run.saved:
-        why = "buffers keep the newest samples, and these were overwritten, as they are made to be"
-    why += ", unless what is gone has them" if lacks_files else ""
-    there = (("saved are", [span for _, span, _ in run.saved]), ("in memory are", run.held))
+    saved = [span for _, span, _ in run.saved]
+    end = max((last + 1 for _, last in [*saved, *run.held]), default=0)  # what came behind was never overwritten
+    there = (("saved are", saved), ("in memory are", run.held))
     held = "".join(f"; {what} {spans_text(merged(spans))}" for what, spans in there if spans)
-    text = f"run {run.run}: {spans_text(lacks)} of {run.ticks} ticks are in no file, and nothing recorded them: {why}"
-    yield Verdict("not kept", f"{text}{held}", run.logger, run.run, tuple(lacks))
+    for spans, why in (
+        (
+            without(lacks, [(end, run.ticks)]),
+            "buffers keep the newest samples, and these were overwritten, as they are made to be",
+        ),
+        (without(lacks, [(0, end - 1)]), "its memory was let go of, and nobody had saved them"),
+    ):
+        if spans:
+            where = f"run {run.run}: {spans_text(spans)} of {run.ticks} ticks are in no file, and nothing recorded them"
+            gone = ", unless what is gone has them" if lacks_files else ""
+            yield Verdict("not kept", f"{where}: {why}{gone}{held}", run.logger, run.run, tuple(spans))
 
 
 def _newest(run: _Run) -> Iterator[Verdict]:

@@ -328,6 +328,22 @@ def test_samples_that_are_missing_and_told_as_none_lost_disagree(kept):
     assert [kind for kind, _ in kept.found()[0]] == ["missing", "disagrees"]
 
 
+def test_ticks_behind_a_save_that_a_start_dropped_were_not_overwritten(kept):
+    robot = kept.robot
+    robot.start()
+    kept.run = robot.log._present.run.id
+    robot.ticks(60)
+    robot.log.save()
+    robot.ticks(20)
+    kept.happens("stopped", "stopped", 79)
+    robot.log.restart()
+    found = verify(kept.folder)
+    assert [one.ticks for one in found.runs] == [80, 0]
+    assert [(one.spans, one.text.partition("recorded them: ")[2]) for one in found.not_kept] == [
+        (((60, 79),), "its memory was let go of, and nobody had saved them; saved are 60 ticks (0-59)")
+    ]
+
+
 def test_a_ring_that_was_overwritten_is_not_called_whole(tmp_path, truth, capsys):
     robot = truth.robot(tmp_path, size=100)
     robot.start()
@@ -493,10 +509,11 @@ def test_samples_that_growing_buffers_had_no_room_for_are_missing(tmp_path, caps
     words = _had_no_room(lost)
     assert run(["verify", str(tmp_path)]) == 4
     assert f", of 4000 ticks: {words}" in capsys.readouterr().out
-    started_ns, told = silo.open_log(tmp_path / "a.silo").recording.started_ns, "184 samples could not be kept"
+    recording, told = silo.open_log(tmp_path / "a.silo").recording, "184 samples could not be kept"
     texts = {"started": "started", "lost": told}
     events = [
-        LoggedEvent(kind, text, started_ns, at, 0, "bot", "r1", at) for at, (kind, text) in enumerate(texts.items())
+        LoggedEvent(kind, text, recording.started_ns, at, 0, "bot", recording.run, at)
+        for at, (kind, text) in enumerate(texts.items())
     ]
     append_events(tmp_path, "bot", events)
     assert run(["verify", str(tmp_path)]) == 0
@@ -542,14 +559,15 @@ def test_ticks_that_a_memory_may_have_which_can_not_be_seen_are_not_called_overw
     log.start()
     for _ in range(200):
         log.collect()
-    started_ns = silo.open_log(log.save("silo", name="a").path).recording.started_ns
+    recording = silo.open_log(log.save("silo", name="a").path).recording
+    run, started_ns = recording.run, recording.started_ns
     log.close()
-    events = [LoggedEvent("started", "started", started_ns, 0, 0, "bot", "r1", 1)]
-    append_events(tmp_path, "bot", [*events, LoggedEvent("mark", "here", started_ns + 1, 999, 0, "bot", "r1", 2)])
+    events = [LoggedEvent("started", "started", started_ns, 0, 0, "bot", run, 1)]
+    append_events(tmp_path, "bot", [*events, LoggedEvent("mark", "here", started_ns + 1, 999, 0, "bot", run, 2)])
     (told,) = verify(tmp_path).not_kept
     assert told.spans == ((200, 999),)
     assert "no memory of it can be seen from here" in told.text
-    append_events(tmp_path, "bot", [LoggedEvent("stopped", "stopped", started_ns + 2, 999, 0, "bot", "r1", 3)])
+    append_events(tmp_path, "bot", [LoggedEvent("stopped", "stopped", started_ns + 2, 999, 0, "bot", run, 3)])
     (told,) = verify(tmp_path).not_kept
     assert "can be seen" not in told.text
 
