@@ -215,7 +215,7 @@ class Limit:
         return [
             entry
             for entry, (state, quiet) in enumerate(zip(self.states, green.tolist(), strict=True))
-            if not quiet or state.level or state.beyond_yellow or state.is_open
+            if not quiet or state.level or state.is_open  # as it is while any count goes on
         ]
 
     def _feed_entry(
