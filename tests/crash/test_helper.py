@@ -190,9 +190,11 @@ def test_segment_of_a_living_program_is_not_stale(robot, runtime) -> None:
 def test_damaged_segment_is_named_and_kept(runtime) -> None:
     from silo.recovery.segments import find_stale
 
-    (runtime / "x.1.0.segment").write_bytes(b"nonsense" * 2000)
+    path = runtime / "x.1.0.segment"
+    path.write_bytes(b"nonsense" * 2000)
     (stale,) = find_stale()
-    assert "is not a silo segment" in stale.reason
+    stays = f"it stays, and keeps no other from being saved; to free its memory: rm {path}"
+    assert stale.reason == f"is not a silo segment; {stays}"
     assert stale.schema is None
 
 

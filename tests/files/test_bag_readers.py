@@ -242,6 +242,12 @@ class TestMetadata:
         counts = {t["topic_metadata"]["name"]: t["message_count"] for t in information["topics_with_message_count"]}
         assert (counts["/log/slow"], counts["/log/early"], sum(counts.values())) == (4, 3, information["message_count"])
 
+    def test_of_a_bag_without_a_message_all_is_0(self, robot, tmp_path):
+        write_bag(replace(robot, elements=(), time_ns=robot.time_ns[:0]), tmp_path / "none")
+        found = yaml.safe_load((tmp_path / "none" / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+        begin, span = found["starting_time"]["nanoseconds_since_epoch"], found["duration"]["nanoseconds"]
+        assert (begin, span, found["message_count"]) == (0, 0, 0)
+
     def test_the_same_stands_in_the_mcap_file(self, information, file):
         with file.open("rb") as opened:
             records = {record.name: record.metadata for record in make_reader(opened).iter_metadata()}

@@ -99,6 +99,7 @@ def test_diagnostics_are_levels_words_and_numbers(store, tmp_path):
         kind(store, "diagnostic_msgs/DiagnosticArray")(header(store, tick), [
             status(tick % 4, "motors", "hot" * (tick % 3), "", [pair("temperature", f"{tick}.5"), pair("mode", "on")]),
             *([status(0, "camera", "", "", [pair("temperature", "n/a")])] if tick % 2 else []),
+            *([status(2, "camera/temperature", "", "", [])] if tick == 0 else []),  # called as a value of another
         ]) for tick in range(8)
     ]  # fmt: skip
     log = silo.open_log(write(store, tmp_path / "bag", "/diagnostics", "diagnostic_msgs/DiagnosticArray", messages))
@@ -107,7 +108,8 @@ def test_diagnostics_are_levels_words_and_numbers(store, tmp_path):
     assert log["/diagnostics/motors/message"].values.tolist() == ["hot" * (tick % 3) for tick in range(8)]
     assert log["/diagnostics/motors/temperature"].values.tolist() == [tick + 0.5 for tick in range(8)]
     assert log["/diagnostics/motors/mode"].values.tolist() == ["on"] * 8
-    assert log["/diagnostics/camera/temperature"].values.tolist() == ["n/a"] * 4
+    assert log["/diagnostics/camera/temperature"].values.tolist() == ["", *["n/a"] * 4]
+    assert log["/diagnostics/camera/temperature/level"].values.tolist() == [2, *[None] * 4]
     assert len(log["/diagnostics/header/stamp"]) == 8
     measured = silo.open_log(tmp_path / "bag", stamps="header")
     assert measured["/diagnostics/camera/level"].time_ns.tolist() == [tick * 10**9 + 5 for tick in (1, 3, 5, 7)]

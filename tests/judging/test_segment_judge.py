@@ -15,6 +15,7 @@ from silo.core.conditions import Conditions, TriggerOptions
 from silo.files.manifest import CaptureList
 from silo.judging.checks import trigger_rule
 from silo.judging.triggers import NO_END
+from silo.segment.layout import TIME_RING
 from silo.segment.reader import SegmentReader
 from silo.verify.folder import verify
 
@@ -512,6 +513,8 @@ def test_a_try_of_what_holds_all_the_time_tells_so_though_it_never_fires(robot):
     found = try_trigger(TriggerOptions("try", "fast/x_0 < 1e6"), SegmentReader(robot.logger._present.path),
                         robot.logger.elements)  # fmt: skip
     assert (found.fires, found.held, found.judged, found.blind) == (0, 200, 200, 0)
+    ends = SegmentReader(robot.logger._present.path).rows(TIME_RING, 0, 200).time_ns[[0, -1]].tolist()
+    assert (found.first, found.last, [found.begin_ns, found.end_ns]) == (0, 199, ends)
 
 
 def test_what_there_was_no_time_to_judge_before_the_end_is_told(robot):

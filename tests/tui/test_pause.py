@@ -368,10 +368,10 @@ async def open_gait(screen):
 
 
 async def test_in_a_pause_words_and_values_are_those_of_the_cursor_not_of_now(fake, opened):
-    async with opened(fake.run(61)) as screen:
+    async with opened(fake.run(60.5)) as screen:
         await open_gait(screen)
         words = ("stand", "walk", "trot")  # each for 3 s
-        pinned = words[int(61 / 3) % 3]
+        pinned = words[int(60.5 / 3) % 3]
         await screen.shows(f"now {pinned}")
         await hold(screen)
         await screen.shows(f"at end {pinned}")
@@ -382,7 +382,7 @@ async def test_in_a_pause_words_and_values_are_those_of_the_cursor_not_of_now(fa
         assert f"at end {pinned}" in screen.text
         assert "now " not in screen.text.replace("nowhere", "")
         await screen.press("right")  # the cursor comes in at the left
-        other = words[int(51 / 3) % 3]
+        other = words[int(50.5 / 3) % 3]
         await screen.shows(f"at cursor {other}")
         await screen.until(lambda: f"│{other}" in screen.text, "the word beside the band")
         await screen.press("escape")

@@ -59,6 +59,11 @@ def test_legs_reach_the_feet_that_they_are_asked_for() -> None:
     assert np.allclose(leg_positions(leg_angles(feet))[0], feet)
 
 
+def test_the_feet_stand_below_the_corners_of_a_rectangle() -> None:
+    corners = [(1, 1, -1), (1, -1, -1), (-1, 1, -1), (-1, -1, -1)]  # left front, right front, left hind, right hind
+    assert np.array_equal(FEET_M, np.array(corners) * [0.33, 0.21, 0.48])
+
+
 def test_a_jacobian_is_the_derivative_of_its_foot() -> None:
     angles = leg_angles(FEET_M + 0.03)
     feet, jacobian = leg_positions(angles)

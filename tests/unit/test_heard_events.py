@@ -41,6 +41,13 @@ def test_each_is_handed_out_once_also_where_its_line_was_numbered_on_after_it_wa
     assert heard.is_new(progress)
 
 
+def test_the_newest_of_what_was_handed_out_are_remembered() -> None:
+    heard = HeardEvents()
+    told = [Event.of(replace(LINES[0], text=str(number))) for number in range(257)]
+    assert all(heard.is_new(one) for one in told)
+    assert [heard.is_new(one) for one in (told[-1], told[1], told[0])] == [False, False, True]
+
+
 @pytest.mark.parametrize(
     "then",
     [hello(6, "/elsewhere"), hello(1), hello(-1)],

@@ -258,12 +258,15 @@ def test_who_asks_for_statistics_is_told_once_that_they_failed_and_begin_anew(ro
             raise ValueError(fails.pop())
         advance(*words)
 
+    robot.log.derive("twice", "2 * x")
     replica = Replica(robot_state(robot.log, "", -1))
     monkeypatch.setattr(replica, "open_watcher", lambda: SegmentReader(robot.log._present.path))
     monkeypatch.setattr(Tally, "advance", failing)
     surveyor, asked = Surveyor(replica), GetSurvey(quantities=["mean"], client="me")
     try:
-        assert isinstance(surveyor.answer(asked), Survey)
+        for derived in (False, True):
+            found = surveyor.answer(msgspec.structs.replace(asked, derived=derived))
+            assert len(found.values) // 8 == len(robot.log.elements) + derived
         fails.append("shapes (1,) and (2,)")
         refused = wait_until(lambda: isinstance(answer := answered(lambda: surveyor.answer(asked)), Refused) and answer)
         assert "the statistics failed and begin anew: ValueError: shapes" in refused.text
