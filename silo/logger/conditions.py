@@ -143,7 +143,9 @@ class LoggerConditions(TakesConditions[None]):
         with self._life.lock:
             self._life.check_open()
             infos = self._table.all_infos
-            check_held(trigger, infos, self.options.frequency_hz)
+            before = {one.name: one for one in self.now.triggers}.get(trigger.name)
+            if before is None or msgspec.structs.replace(before, armed=trigger.armed) != trigger:
+                check_held(trigger, infos, self.options.frequency_hz)
             self.now = with_trigger(self.now, trigger, table_catalogue(infos, self.options.prefix))
             if self._life.running:
                 self._warn_of_off(trigger)  # else at the start: until then elements may be switched on
@@ -167,17 +169,26 @@ class LoggerConditions(TakesConditions[None]):
             log.warning("%s: limits are judged by the helper process, and there is none: call serve()", judged)
         if not self.now.triggers:
             return
-        from silo.judging.checks import check_held
-
         names = ", ".join(one.name for one in self.now.triggers)
         if not served:
             log.warning("%s: triggers are judged by the helper process, and there is none: call serve()", names)
         for one in self.now.triggers:
             self._warn_of_off(one)
+        for text_of_one in self.less_captured():
+            log.warning("%s", text_of_one)
+
+    def less_captured(self) -> list[str]:
+        """Return of which triggers buffers hold too little, in words, with what would do."""
+        from silo.judging.checks import check_held
+
+        found = []
+        for one in self.now.triggers:
             try:
                 check_held(one, self._table.infos, self.options.frequency_hz)
-            except ElementError as error:  # each is told
-                log.warning("trigger '%s' will capture less than it should: %s", one.name, error)
+            except ElementError as error:  # noqa: PERF203  # each is told
+                why = str(error).removesuffix("; nothing was changed")
+                found.append(f"trigger '{one.name}' will capture less than it should: {why}")
+        return found
 
     def _warn_of_off(self, one: TriggerOptions) -> None:
         from silo.judging.switched_off import off_problem

@@ -585,7 +585,10 @@ class ScriptedTable:
             script = read_script(file)
             plan = apply_script(script, self._table.infos, self._options.frequency_hz)
             prefix, frequency_hz = self._options.prefix, self._options.frequency_hz
-            conditions = script_conditions(script, self._conditions.now, self._table.infos, plan, prefix, frequency_hz)
+            conditions = script_conditions(
+                script, self._conditions.now, self._table.infos, plan, prefix, frequency_hz,
+                at_start=not self.is_updated and file == Path(self._options.script),
+            )  # fmt: skip
             self._table.change(dict(enumerate(plan.options)))
             self._conditions.take(conditions)
             self.is_updated = self.is_updated or file == Path(self._options.script)  # an update would read no other

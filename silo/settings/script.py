@@ -181,18 +181,27 @@ def apply_script(script: Script, table: Sequence[ElementInfo], frequency_hz: flo
 
 
 def script_conditions(
-    script: Script, now: Conditions, table: Sequence[ElementInfo], plan: ScriptPlan, prefix: str, frequency_hz: float
+    script: Script,
+    now: Conditions,
+    table: Sequence[ElementInfo],
+    plan: ScriptPlan,
+    prefix: str,
+    frequency_hz: float,
+    *,
+    at_start: bool = False,
 ) -> Conditions:
     """Return the conditions that a script leads to beside those of `now`, once its plan holds in the table.
 
-    Raises `ScriptError` for all that don't fit, with the lines of those that the script lists.
+    Its triggers were there before where it is read `at_start`. Raises `ScriptError` for all that don't fit, with the
+    lines of those that the script lists.
     """
     if script.conditions is None:
         return now
     planned = [
         msgspec.structs.replace(info, options=options) for info, options in zip(table, plan.options, strict=True)
     ]
-    made, unfit = fitting_conditions(script.conditions_beside(now), planned, prefix, frequency_hz)
+    there = [*now.triggers, *(script.conditions.triggers if at_start else ())]
+    made, unfit = fitting_conditions(script.conditions_beside(now), planned, prefix, frequency_hz, there)
     if unfit:
         lines = script.condition_lines
         raise ScriptError(_message(script.path, [(lines.get((one.kind, one.name), 0), str(one)) for one in unfit]))

@@ -224,10 +224,14 @@ def conditions_text(conditions: Conditions) -> str:
 
 
 def checked_conditions(
-    conditions: Conditions, elements: Sequence[ElementInfo], prefix: str, frequency_hz: float
+    conditions: Conditions,
+    elements: Sequence[ElementInfo],
+    prefix: str,
+    frequency_hz: float,
+    there: Sequence[TriggerOptions] = (),
 ) -> Conditions:
     """Return conditions that fit a table. Raises ElementError for the first that doesn't."""
-    made, unfit = fitting_conditions(conditions, elements, prefix, frequency_hz, most=1)
+    made, unfit = fitting_conditions(conditions, elements, prefix, frequency_hz, there, most=1)
     if unfit:
         raise unfit[0].error
     return made
@@ -251,10 +255,14 @@ def fitting_conditions(
     elements: Sequence[ElementInfo],
     prefix: str,
     frequency_hz: float,
+    there: Sequence[TriggerOptions] = (),
     *,
     most: int = MAX_PROBLEMS,
 ) -> tuple[Conditions, list[UnfitCondition]]:
-    """Return what of conditions fits a table, and what doesn't; with `most` of that it ends."""
+    """Return what of conditions fits a table, and what doesn't; with `most` of that it ends.
+
+    Triggers that are `there` stay, though buffers have become too small for them.
+    """
     from silo.judging.checks import check_held, table_catalogue, with_derived, with_limits, with_trigger
 
     catalogue, made, names = table_catalogue(elements, prefix), NO_CONDITIONS, set[tuple[str, str]]()
@@ -267,7 +275,8 @@ def fitting_conditions(
             return with_derived(made, one, catalogue)
         if isinstance(one, SignalLimits):
             return with_limits(made, one, catalogue)
-        check_held(one, elements, frequency_hz)
+        if one not in there:
+            check_held(one, elements, frequency_hz)
         return with_trigger(made, one, catalogue)
 
     unfit: list[UnfitCondition] = []

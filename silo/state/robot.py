@@ -61,6 +61,7 @@ class StateRobot(Server, does=[requests], robot=True):
     logger: StateOfLogger
     table: TableOfLogger
     saved_before_start: Callable[[], str]
+    less_captured: Callable[[], list[str]]  # of which triggers buffers hold too little
     check_room: Callable[[], None]  # raises SaveError where what is in no file yet would fill the disk
 
     def apply_edits(self, request: ApplyEdits) -> EditsApplied:
@@ -77,7 +78,7 @@ class StateRobot(Server, does=[requests], robot=True):
         who = request.client or "a client"
         changed = table.apply(request.edits, request.conditions, cut=request.cut, who=who, check=check)
         large = large_text(table.elements) if changed else ""
-        return EditsApplied(table.revision, changed, warnings=[large] if large else [])
+        return EditsApplied(table.revision, changed, warnings=[*filter(None, [large]), *self.less_captured()])
 
     def start(self, turn: Turn, unsaved: Unsaved) -> str:
         with self.table.lock:

@@ -155,7 +155,8 @@ def fitting(conditions: Conditions, edits: Sequence[Edit], now: LoggerSnapshot) 
     for edit in edits:
         place = now.places[edit.name]
         elements[place] = msgspec.structs.replace(elements[place], options=edit.options)
-    return checked_conditions(conditions, elements, now.options.prefix, now.options.frequency_hz)
+    there = now.robot.conditions.triggers
+    return checked_conditions(conditions, elements, now.options.prefix, now.options.frequency_hz, there)
 
 
 def check_edits(request: ApplyEdits, now: LoggerSnapshot) -> None:

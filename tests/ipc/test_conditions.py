@@ -1,6 +1,7 @@
 """Triggers and limits that clients set, arm, try and acknowledge while the robot runs."""
 
 import os
+from pathlib import Path
 
 import pytest
 
@@ -454,6 +455,29 @@ class TestCuts:
         bench.ticks(2)
         alarm(client, word=LimitWord.OK)
         assert not [event.text for event in heard.events if "tick -1" in event.text]
+
+
+def test_what_may_be_set_is_saved_and_loaded_again_though_buffers_became_too_small_for_a_trigger(bench, client):
+    client.trigger("deep", "x > 1e9", pre="2s")
+    told = client.apply([silo.Edit("/log/q", size=50)], -1).warnings
+    assert [text.split(": ")[0] for text in told] == ["trigger 'deep' will capture less than it should"]
+    client.save_script("kept.yaml")
+    assert not client.apply([silo.Edit("/log/q", size=400)], -1).warnings
+    assert client.load_script("kept.yaml").warnings == told
+    for armed in (False, True):
+        client.arm_trigger("deep", armed=armed)
+    with pytest.raises(silo.RefusedError, match="longer than what buffers hold"):
+        client.trigger("deep", "x > 1e9", pre="3s")
+    bench.logger.load_script(bench.script.parent / "kept.yaml")
+
+
+def test_a_program_starts_though_its_script_holds_a_trigger_for_which_buffers_became_too_small(new_logger, caplog):
+    log = new_logger(frequency=100, max_time=10)
+    log.array("x", buffer="looping", size=50)
+    Path(log.options.script).write_text("log_elements: []\ntriggers:\n  - {name: deep, when: x < 0, pre_s: 1}\n")
+    log.start()
+    assert [one.name for one in log._conditions.now.triggers] == ["deep"]
+    assert "trigger 'deep' will capture less than it should: pre of 1 s" in caplog.text
 
 
 def test_of_a_trigger_that_a_client_sets_the_newest_captures_stay_of_a_programs_all(bench, client):

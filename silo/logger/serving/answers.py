@@ -82,7 +82,10 @@ def robot_state(logger: Served, by: str, table_sent: int, changes: int = 0) -> R
 def answer(logger: Served, request: Request[Any]) -> Reply:
     """Do what a client asks; whatever goes wrong becomes words."""
     present, folder = logger._present, logger.options.folder
-    state = StateRobot(logger, logger._scripted, lambda: present.saved_before, lambda: present.check_room(folder))
+    state = StateRobot(
+        logger, logger._scripted, lambda: present.saved_before, logger._conditions.less_captured,
+        lambda: present.check_room(folder),
+    )  # fmt: skip
     parameters = ParameterRobot(logger.parameters, logger.options.frequency_hz)
     dispatch = Dispatch([state, ConditionRobot(logger._conditions), parameters], _not_ours)
     running = RefusedWhy.RUNNING if logger.is_running else RefusedWhy.INVALID
