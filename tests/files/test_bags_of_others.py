@@ -179,17 +179,17 @@ def folder(tmp_path_factory):
 class TestEveryStorage:
     """The same messages by all that writes bags."""
 
-    def test_a_field_is_a_signal_with_the_stamps_of_its_topic(self, log):
+    def test_fields_are_signals_with_the_stamps_of_their_topic(self, log):
         turning = log["/imu/angular_velocity/x"]
         np.testing.assert_array_equal(turning.values, np.arange(200.0))
         np.testing.assert_array_equal(turning.time_ns, START + STEP * np.arange(200))
         np.testing.assert_array_equal(log["/state/last"].time_ns, START + 5 + 10 * STEP * np.arange(20))
-
-    def test_three_numbers_are_a_vector_with_a_unit(self, log):
-        turning = log["imu/angular_velocity"]
+        turning = log["imu/angular_velocity"]  # three numbers are a vector with a unit
         assert (turning.kind, turning.unit, turning.components) == ("vector", "rad/s", ("x", "y", "z"))
         assert turning.to("deg/s").max()[0] == pytest.approx(np.degrees(199))
         assert log["imu/orientation"].kind == "quaternion"
+        stamps = log["imu/header/stamp"].values  # a time is a date
+        np.testing.assert_array_equal(stamps.view(np.int64), START - LATE + STEP * np.arange(200))
 
     def test_arrays_texts_bools_and_constants_are_what_they_are(self, log):
         assert log["state/feet"].values.shape == (20, 4)
@@ -199,9 +199,11 @@ class TestEveryStorage:
         assert log["state/mode"].texts.tolist() == ["STAND"] * 11 + ["WALK"] * 9
         assert log["imu/header/frame_id"].values.tolist() == ["base"] * 200
         np.testing.assert_array_equal(log["state/last"].values, (10 * np.arange(20) % 256).astype(np.uint8))
-
-    def test_arrays_of_changing_length_have_nan_where_there_is_nothing(self, log):
+        # where an array is shorter there is nothing
         np.testing.assert_array_equal(log["state/gains"].values[:3], [[np.nan, np.nan], [0, np.nan], [0, 1]])
+        (text,) = log.warnings
+        assert text == "bytes, lists of messages and of lists are no signals: /camera/data"
+        assert "/camera/width" in log
 
     def test_joints_are_found_by_their_names_whoever_publishes_them(self, log):
         joints = log["joint_states/position"]
@@ -210,14 +212,8 @@ class TestEveryStorage:
         np.testing.assert_array_equal(log["joint_states/position_grip"].values[1::2], np.arange(3.0, 200, 6))
         assert not [text for text in log.warnings if "joint_states" in text]  # others come by their names, uncut
 
-    def test_a_time_is_a_date(self, log):
-        stamps = log["imu/header/stamp"].values
-        np.testing.assert_array_equal(stamps.view(np.int64), START - LATE + STEP * np.arange(200))
-
-    def test_an_expression_over_two_topics_holds_the_slower_one(self, log):
+    def test_an_expression_over_two_topics_holds_the_slower_one_and_a_part_is_that_of_every_topic(self, log):
         assert log.eval("imu/angular_velocity/x > 50 and state/mode == WALK").when()[0] == pytest.approx(0.55, abs=1e-6)
-
-    def test_a_part_of_the_log_is_that_of_every_topic(self, log):
         part = log.clip(0.1, 0.2)
         assert part["imu/angular_velocity/x"].values.tolist() == list(range(20, 41))
         assert len(part["state/on"]) == 2
@@ -233,24 +229,15 @@ class TestEveryStorage:
         with pytest.raises(silo.SaveError, match=r"\.mat, \.npz, \.h5 and \.rrd keep the times of each"):
             log.save(tmp_path / "run.csv")
 
-    def test_bytes_are_named_in_one_warning(self, log):
-        (text,) = log.warnings
-        assert text == "bytes, lists of messages and of lists are no signals: /camera/data"
-        assert "/camera/width" in log
-
 
 class TestHeaderStamps:
-    def test_by_default_a_sample_stands_where_it_was_recorded(self, folder):
+    def test_the_header_tells_when_it_was_measured_and_without_one_or_by_default_the_log_when_recorded(self, folder):
         assert opened(folder)["imu/angular_velocity"].time_ns[0] == START
-
-    def test_the_header_tells_when_it_was_measured(self, folder):
         log = opened(folder, stamps="header")
         np.testing.assert_array_equal(log["imu/angular_velocity/x"].time_ns, START - LATE + STEP * np.arange(200))
         np.testing.assert_array_equal(log["imu/angular_velocity/x"].values, np.arange(200.0))
         assert log["imu/angular_velocity"].times[0] == pytest.approx(-0.002)
-
-    def test_messages_without_a_header_keep_the_log_time(self, folder):
-        assert opened(folder, stamps="header")["state/on"].time_ns[0] == START + 5
+        assert log["state/on"].time_ns[0] == START + 5
 
     def test_headers_that_come_in_another_order_are_put_in_order(self, tmp_path):
         store = message_types()

@@ -45,25 +45,21 @@ def log(plan, recorded, tmp_path):
 
 
 class TestLog:
-    def test_it_maps_names_of_elements_to_signals(self, log):
+    def test_it_maps_names_of_elements_to_signals_without_the_prefix_and_for_single_scalars_too(self, log):
         assert list(log)[:2] == ["/log/imu/acc", "/log/imu/q"]
         assert len(log) == 7
         assert log["/log/imu/acc"].values.shape == (10, 3)
-
-    def test_names_work_without_the_prefix_and_for_single_scalars(self, log):
         np.testing.assert_array_equal(log["imu/acc_y"].values, log["/log/imu/acc"].values[:, 1])
         assert "imu/acc_y" in log
         assert "imu/none" not in log
+        offered = log._ipython_key_completions_()
+        assert set(log) <= set(offered)
+        assert {name.removeprefix("/log/") for name in log} <= set(offered)
 
     def test_an_unknown_name_suggests_others(self, log):
         with pytest.raises(UnknownSignalError, match=r"no signal '/log/imu/ac'; did you mean '/log/imu/acc"):
             log["/log/imu/ac"]
         assert log.get("none") is None
-
-    def test_names_are_completed_with_and_without_the_prefix(self, log):
-        offered = log._ipython_key_completions_()
-        assert set(log) <= set(offered)
-        assert {name.removeprefix("/log/") for name in log} <= set(offered)
 
     def test_patterns_and_namespaces(self, log):
         assert log.names("*/state/*") == ["/log/state/mode", "/log/state/text", "/log/state/on"]
@@ -71,22 +67,19 @@ class TestLog:
         assert [each.name for each in log.glob("*mod?")] == ["/log/state/mode"]
         assert list(log.namespace("/log/imu")) == list(log.namespace("imu")) == ["/log/imu/acc", "/log/imu/q"]
 
-    def test_elements_have_the_shape_that_was_logged(self, log):
+    def test_elements_have_shape_unit_description_and_times_as_they_were_logged(self, log):
         assert log["imu/q"].values.shape == (5, 4)
         assert log["m"].values.shape == (10, 2, 3)
         assert log["c"].values.dtype == np.complex128
         assert log["state/text"].values.dtype.kind == "U"
         assert log["m"].component("1_2").values.shape == (10,)
-
-    def test_units_and_descriptions_come_along(self, log):
         acceleration = log["imu/acc"]
         assert (acceleration.unit, acceleration.description) == ("m/s²", "of the base")
         assert (log["imu/q"].divider, log["imu/q"].kind) == (2, "quaternion")
-
-    def test_times_count_from_the_first_stamp_of_the_log(self, log):
         np.testing.assert_allclose(log["imu/q"].times, [0, 0.004, 0.008, 0.012, 0.016])
         assert log["imu/q"].time_ns[1] - log.start_ns == 4_000_000
         assert log.duration_s == pytest.approx(0.018)
+        assert log["state/mode"].texts.tolist()[:6] == ["STAND", "STAND", "WALK", "WALK", "WALK", "7"]
 
     def test_the_recording_can_be_written_again(self, log, tmp_path):
         write_silo(log.recording, tmp_path / "again.silo")
@@ -192,35 +185,26 @@ class TestValues:
         with pytest.raises(ElementError, match="are no numbers"):
             signal(["a", "b"]).resample(1.0, "linear")
 
-    def test_labels_name_the_values(self, log):
-        assert log["state/mode"].texts.tolist()[:6] == ["STAND", "STAND", "WALK", "WALK", "WALK", "7"]
-
     def test_an_unknown_component_names_the_known(self):
         with pytest.raises(ElementError, match="no component 'q'; it has: x, y, z"):
             signal(np.zeros((2, 3))).component("q")
 
 
 class TestStatistics:
-    def test_of_a_window(self):
+    def test_of_a_window_without_nan_and_exact(self):
         wave = signal([1.0, 2.0, 3.0, 10.0])
         assert wave.mean(0, 1.0) == 2.0
         assert wave.rms(0.5, 1.0) == pytest.approx(np.sqrt(6.5))
         assert wave.std(0, 1.0) == pytest.approx(np.std([1, 2, 3]))
         assert (wave.min(), wave.max(), wave.max(0, 1.0)) == (1, 10, 3)
-
-    def test_nan_is_left_out(self):
         holes = signal([[1.0, np.nan], [3.0, np.nan]])
         assert repr(holes.mean().tolist()) == "[2.0, nan]"
         assert repr(holes.max().tolist()) == "[3.0, nan]"
-
-    def test_large_integers_stay_exact(self):
         assert signal(np.array([2**63 - 1, 5], np.int64)).max() == 2**63 - 1
 
-    def test_an_empty_window_is_an_error_with_the_span(self):
+    def test_an_empty_window_is_an_error_with_the_span_and_strings_have_none(self):
         with pytest.raises(ElementError, match=r"no sample from 7 s to its end; it has samples from 0 to 0.5 s"):
             signal([1.0, 2.0]).mean(7)
-
-    def test_strings_have_none(self):
         with pytest.raises(ElementError, match="no numbers"):
             signal(["a"]).mean()
 
@@ -253,6 +237,7 @@ class TestArithmetic:
         numbers = signal([1.0, 2.0])
         assert (2 * numbers + 1 - numbers / 2).values.tolist() == [2.5, 4.0]
         assert (1 / numbers).values.tolist() == [1, 0.5]
+        assert (numbers / 0).values.tolist() == [np.inf] * 2
         assert (-numbers).values.tolist() == [-1, -2]
         assert (np.array([1.0, 1.0]) - numbers).values.tolist() == [0, -1]
         assert abs(numbers**2 - 5).values.tolist() == [4, 1]
@@ -285,9 +270,6 @@ class TestArithmetic:
         assert ((torque / torque).unit, (torque + torque).unit) == ("-", "Nm")
         with pytest.raises(ElementError, match=r"the unit of one is 'Nm', of the other 'rad/s'"):
             torque + speed
-
-    def test_division_by_zero_gives_infinity(self):
-        assert (signal([1.0]) / 0).values.tolist() == [np.inf]
 
 
 class TestFrames:

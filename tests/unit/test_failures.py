@@ -56,13 +56,23 @@ def logged(new_logger):
     return run
 
 
-def test_an_integer_that_becomes_something_else_holds_its_last_value(logged):
-    assert logged([5, 6, 2.5, None, 8]) == [5, 6, 6, 6, 8]
-    assert logged.recording.elements[1].failures == Failures(2, ((2, 3),))
-
-
-def test_an_integer_beyond_64_bits_holds_its_last_value(logged):
-    assert logged([5, 2**63, -(2**63) - 1, 2**63 - 1]) == [5, 5, 5, 2**63 - 1]
+@pytest.mark.parametrize(
+    ("values", "found", "failures"),
+    [
+        ([5, 6, 2.5, None, 8], [5, 6, 6, 6, 8], Failures(2, ((2, 3),))),
+        ([5, 2**63, -(2**63) - 1, 2**63 - 1], [5, 5, 5, 2**63 - 1], Failures(2, ((1, 2),))),  # beyond 64 bits
+        (
+            [np.uint8(200), 300, -1, np.int64(256), 255],
+            [200, 200, 200, 200, 255],
+            Failures(3, ((1, 3),)),
+        ),  # not wrapped
+        (["walk", None, 5, "stand"], [b"walk", b"walk", b"walk", b"stand"], Failures(2, ((1, 2),))),
+        ([Mode.WALK, "WALK", None, Mode.STAND], [1, 1, 1, 0], Failures(2, ((1, 2),))),  # of another enumeration
+    ],
+)
+def test_what_becomes_something_else_holds_its_last_value(logged, values, found, failures):
+    assert logged(values) == found
+    assert logged.recording.elements[1].failures == failures
 
 
 @pytest.mark.parametrize("strange", [None, 2.5, 2, "yes", np.nan, [1]])
@@ -105,34 +115,17 @@ def test_integers_of_another_shape_hold_their_last_values(logged):
     assert [entry.values.tolist() for entry in logged.recording.elements[1].entries] == [[1, 1, 1, 5], [2, 2, 2, 6]]
 
 
-def test_a_small_integer_is_not_wrapped(logged):
-    assert logged([np.uint8(200), 300, -1, np.int64(256), 255]) == [200, 200, 200, 200, 255]
-
-
 def test_a_float_is_nan_where_it_could_not_be_read(logged):
     found = logged([1.0, None, "2", 3j, 4, decimal.Decimal("0.5"), 2**80])
     assert np.array_equal(found, [1.0, np.nan, np.nan, np.nan, 4.0, 0.5, 2.0**80], equal_nan=True)
     assert logged.recording.elements[1].failures == Failures(3, ((1, 3),))
 
 
-def test_a_text_holds_its_last_value(logged):
-    assert logged(["walk", None, 5, "stand"]) == [b"walk", b"walk", b"walk", b"stand"]
-
-
-def test_a_member_of_another_enumeration_holds_the_last_one(logged):
-    assert logged([Mode.WALK, "WALK", None, Mode.STAND]) == [1, 1, 1, 0]
-
-
-def test_a_date_is_not_a_time_where_it_could_not_be_read(logged):
-    day = datetime.datetime(2026, 1, 2)
-    found = logged([day, None, "2026-01-03", day])
-    assert [value is None for value in found] == [False, True, True, False]
-
-
-def test_a_duration_is_not_a_time_where_it_could_not_be_read(logged):
-    second = datetime.timedelta(seconds=1)
-    found = logged([second, None, 5, second])
-    assert [value is None for value in found] == [False, True, True, False]
+@pytest.mark.parametrize("value", [datetime.datetime(2026, 1, 2), datetime.timedelta(seconds=1)])
+def test_a_date_or_duration_is_not_a_time_where_it_could_not_be_read(logged, value):
+    for strange in ("2026-01-03", 5):
+        found = logged([value, None, strange, value])
+        assert [one is None for one in found] == [False, True, True, False]
 
 
 @pytest.mark.parametrize("dtype", ["i4", "u1", "i8"])
@@ -289,26 +282,19 @@ def test_the_count_stays_when_the_logger_is_closed(logged):
     assert logged.logger._present.failures == {"/log/x": 1}
 
 
-@pytest.mark.parametrize("value", [2**63, -(2**63) - 1, 2**200])
-def test_an_integer_that_does_not_fit_is_refused_when_it_is_added(new_logger, value):
+@pytest.mark.parametrize(
+    ("value", "options", "words"),
+    [
+        *((value, {}, "doesn't fit into 64 bits") for value in (2**63, -(2**63) - 1, 2**200)),
+        (enum.Enum("Big", {"A": 1, "B": 2**70}).A, {}, "doesn't fit into 64 bits"),
+        ("walking", {"string_bytes": 4}, "'walking' takes 7 bytes, string_bytes is 4: raise it"),
+    ],
+)
+def test_what_does_not_fit_is_refused_when_it_is_added(new_logger, value, options, words):
     robot = Robot()
     robot.x = value
-    with pytest.raises(SourceError, match="doesn't fit into 64 bits"):
-        new_logger().add(robot, attr="x")
-
-
-def test_an_enumeration_that_does_not_fit_is_refused_when_it_is_added(new_logger):
-    robot = Robot()
-    robot.x = enum.Enum("Big", {"A": 1, "B": 2**70}).A
-    with pytest.raises(SourceError, match="doesn't fit into 64 bits"):
-        new_logger().add(robot, attr="x")
-
-
-def test_a_text_longer_than_its_room_is_refused_when_it_is_added(new_logger):
-    robot = Robot()
-    robot.x = "walking"
-    with pytest.raises(SourceError, match="'walking' takes 7 bytes, string_bytes is 4: raise it"):
-        new_logger().add(robot, attr="x", string_bytes=4)
+    with pytest.raises(SourceError, match=words):
+        new_logger().add(robot, attr="x", **options)
 
 
 # ----------------------------------------------------------------------------------------------- the pure rules
