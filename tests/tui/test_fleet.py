@@ -212,20 +212,14 @@ async def test_marked_loggers_are_stopped_after_a_question_that_names_them_and_e
 
 
 @pytest.mark.slow
-async def test_a_question_that_is_left_asks_nobody(robots, opened):
-    async with opened(*robots, ready=False) as screen:
+async def test_a_question_that_is_left_asks_nobody_and_a_script_is_loaded_into_all_that_are_marked(robots, opened):
+    async with opened(*robots, ready=False, size=(120, 30)) as screen:
         await screen.shows("3 loggers")
         await screen.press("*", "w")
         await screen.shows("Save 3 loggers?")
         await screen.press("escape")
         assert not any(fake.calls for fake in robots)
-
-
-@pytest.mark.slow
-async def test_a_script_is_loaded_into_all_that_are_marked(robots, opened):
-    async with opened(*robots, ready=False, size=(120, 30)) as screen:
-        await screen.shows("3 loggers")
-        await screen.do("*", "load_into_loggers")
+        await screen.do("load_into_loggers")
         await screen.shows("Load a configuration into 3 loggers")
         await screen.enter("quiet")
         await screen.until(lambda: all(("load_script", "quiet.yaml") in fake.calls for fake in robots), "the loads")

@@ -40,13 +40,15 @@ def test_the_large_plot_has_the_keys_of_the_monitor():
     assert {each: keys[each] for each in SHARED} == {each: large_keys.get(each) for each in SHARED}
 
 
-async def test_it_lives_on_with_its_status_and_values(fake, opened):
+async def test_it_lives_on_with_its_status_and_values_and_a_click_puts_the_cursor_there(fake, opened):
     async with opened(fake.run(20)) as screen:
         await open_large(screen)
         await screen.shows("RUNNING")
         fake.advance(2.0)
         store = lambda: large(screen).stack.store  # noqa: E731
         await screen.until(lambda: store().end * store().column_ns >= fake.now_ns, "what came since")
+        await screen.pilot.click("PlotStack", offset=(40, 6))
+        await screen.shows("at cursor")
 
 
 async def test_a_moment_is_found_in_it_and_the_monitor_stands_there_too(fake, opened):
@@ -108,13 +110,6 @@ async def test_cursor_b_samples_home_end_and_all_work_in_it(new_fake, opened):
         await screen.until(lambda: window.at_ns == large(screen).held_ns[1], "the newest")
 
 
-async def test_a_click_puts_the_cursor_there(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_large(screen)
-        await screen.pilot.click("PlotStack", offset=(40, 6))
-        await screen.shows("at cursor")
-
-
 async def test_n_and_z_go_through_the_entries_of_a_vector_in_plots(new_fake, opened):
     fake = new_fake([vector("/log/base/position", "m")])
     async with opened(fake.run(20)) as screen:
@@ -163,19 +158,6 @@ def test_a_peak_of_few_periods_says_how_far_off_it_may_be(frequency_hz, step_hz,
     assert _hz_words(Peak(frequency_hz, 1.0), step_hz) == words
 
 
-async def test_find_in_a_spectrum_finds_peaks_by_their_height(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_large(screen)
-        await screen.press("tab", "tab")
-        await screen.until(lambda: large(screen)._found.peaks)
-        await screen.press("f")
-        await screen.shows("Find in the spectrum")
-        await screen.press("h")
-        await screen.shows("peak 1: ")
-        assert not large(screen).window.paused or large(screen).mode == "spectrum"
-        assert "highest" not in screen.text.splitlines()[-2]
-
-
 async def test_the_head_of_a_spectrum_has_units_whole_and_its_cursor_is_the_only_one_that_is_told(new_fake, opened):
     names = [f"/log/legs/LF/KFE/{end}" for end in ("position_of_the_joint", "position_of_the_joint_command")]
     async with opened(new_fake([scalar(name, "rad") for name in names]).run(20)) as screen:
@@ -214,13 +196,17 @@ async def test_what_the_cursor_reads_has_room_on_a_small_screen(fake, opened):
         await screen.until(lambda: "No cursor" in screen.text.splitlines()[-1], "how it goes, where it stays")
 
 
-async def test_the_cursor_reads_the_peak_that_one_goes_to_and_the_lines_beside_it(fake, opened):
+async def test_find_in_a_spectrum_finds_peaks_by_their_height_and_the_cursor_reads_them(fake, opened):
     async with opened(fake.run(20)) as screen:
         await open_large(screen)
         await screen.press("tab", "tab")
         await screen.until(lambda: large(screen)._found.peaks)
-        await screen.press("f", "h")
+        await screen.press("f")
+        await screen.shows("Find in the spectrum")
+        await screen.press("h")
         await screen.shows("peak 1: ")
+        assert not large(screen).window.paused or large(screen).mode == "spectrum"
+        assert "highest" not in screen.text.splitlines()[-2]
         told = re.search(r"peak 1: (\S+ Hz, \S+)", screen.text)[1]
         await screen.press("right")
         await screen.until(lambda: f"A {told}" not in screen.text.splitlines()[-2])
@@ -261,19 +247,22 @@ async def test_a_spectrum_is_zoomed_by_its_frequencies_down_to_its_lines_and_bac
 
 
 @pytest.mark.parametrize("is_held", [False, True])
-@pytest.mark.parametrize(
-    ("command", "shown"),
-    [("mode_xy", "it needs two plots"), ("mode_spectrum", "resolution"), ("mode_histogram", "median")],
-)
-async def test_each_way_of_drawing_is_there_at_once_from_the_plots(fake, opened, command, shown, is_held):
+async def test_each_way_of_drawing_is_there_at_once_from_the_plots(fake, opened, is_held):
     async with opened(fake.run(20)) as screen:
         await screen.enter("/LF/HAA/torque", "m")
         await screen.curves()
         if is_held:
             await screen.press("space")
             await screen.shows("all fetched")
-        screen.app.screen.action_command(command)
-        await screen.shows(shown)
+        plots = screen.app.screen
+        for command, shown in (
+            ("mode_xy", "it needs two plots"), ("mode_spectrum", "resolution"), ("mode_histogram", "median")
+        ):  # fmt: skip
+            screen.app.screen.action_command(command)
+            await screen.shows(shown)
+            if screen.app.screen is not plots:
+                await screen.press("escape")
+                await screen.until(lambda: screen.app.screen is plots, "the plots")
 
 
 @pytest.mark.parametrize("mode", ["mode_spectrum", "mode_histogram"])
@@ -295,17 +284,12 @@ async def test_what_is_computed_goes_on_with_the_robot_until_it_is_held(fake, op
         assert large(screen)._due_s == 0.0  # nothing was begun for it
 
 
-async def test_the_key_that_led_here_says_that_this_is_it(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_large(screen)
-        await screen.press("enter")
-        await screen.shows("this is the large plot already: Esc leaves it")
-
-
-async def test_a_cursor_is_offered_only_where_one_is(fake, opened):
+async def test_a_cursor_is_offered_only_where_one_is_and_the_key_that_led_here_says_that_this_is_it(fake, opened):
     async with opened(fake.run(20)) as screen:
         await open_large(screen)
         await screen.shows("←→ Cursor")
+        await screen.press("enter")
+        await screen.shows("this is the large plot already: Esc leaves it")
         for keys in (["tab"], ["tab", "tab"]):  # one over the other, a histogram
             await screen.press(*keys)
             await screen.until(lambda: "←→ Cursor" not in screen.text)
