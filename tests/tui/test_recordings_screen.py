@@ -568,7 +568,7 @@ async def test_two_marked_recordings_are_compared(opened, fake, logs):
     async with opened(fake) as screen:
         await at_recordings(screen)
         await screen.do("compare_runs")
-        await screen.shows("two are compared, 1 are marked")
+        await screen.shows("two are compared, 1 is marked")
         await screen.do("mark", "mark")
         await screen.until(lambda: " Compare" in screen.text.splitlines()[-1], "what two marks are for")
         await screen.do("overlay_recording")

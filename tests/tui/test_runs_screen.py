@@ -127,7 +127,7 @@ async def test_two_marked_runs_are_compared(fake, opened, folder):
     async with opened(fake) as screen:
         await on_runs(screen, folder)
         await screen.do("compare_runs")
-        await screen.shows("two are compared, 1 are marked")
+        await screen.shows("two are compared, 1 is marked")
         await screen.do("mark", "mark")
         await screen.until(lambda: " Compare" in screen.text.splitlines()[-1], "what two marks are for")
         await screen.do("compare_runs")

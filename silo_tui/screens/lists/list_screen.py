@@ -384,7 +384,8 @@ class ComparesTwo(ListScreen[LineT]):
         if len(targets) == 2:
             run_alone(self, "opening", self._compare, targets[::-1])
         elif targets:
-            self.say(f"{key_of('list_mark')} marks runs: two are compared, {len(targets)} are marked")
+            marked = f"{len(targets)} {'is' if len(targets) == 1 else 'are'} marked"
+            self.say(f"{key_of('list_mark')} marks runs: two are compared, {marked}")
 
     async def _compare(self, targets: Sequence[LineT]) -> None:
         ways = [way for one in targets if (way := await self.opener_of(one)) is not None]
