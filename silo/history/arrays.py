@@ -228,6 +228,8 @@ class Stream(Subscribed):
             for old in sorted(self._opened)[:-MAX_LAYOUTS]:
                 del self._opened[old]
             self.missing, self._refused = opened.missing, ""
+            if not self._frames and self._unread is None:  # else some of it is here, and to be read yet
+                self.missed += opened.missed
             run = self._request.run or opened.run  # of which it began with what comes
             self._request = msgspec.structs.replace(self._request, again=True, run=run)
             self._changed.notify_all()

@@ -104,7 +104,8 @@ class StreamOpened(Reply, frozen=True):
 
     `run` is the present one, `-` before the first: a client of which nothing has come asks to go on behind it.
     `earlier` tells the same of generations that came and went since the one that the client knows: their frames are on
-    their way to it.
+    their way to it. `missed` are rows of runs that came and went behind the one that the client knew while it had no
+    stream here, told once.
     """
 
     stream: str
@@ -113,6 +114,7 @@ class StreamOpened(Reply, frozen=True):
     missing: dict[str, str]
     run: str = ""
     earlier: list[StreamLayout] = []
+    missed: int = 0
 
 
 class PinOpened(Reply, frozen=True):

@@ -7,7 +7,7 @@ numbered, so that it counts what it missed. `Streams` is driven by the publisher
 import math
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import msgspec
 import zenoh
@@ -44,6 +44,7 @@ class ServedStream(Feed[OpenStream]):
         self._cursors: dict[tuple[int | str, int], int] = {}
         self._earlier_rows = self._rows_of_run = 0  # that were to be sent, of the runs before this one, and of this one
         self._next_s = math.inf  # since when another run is the present one
+        self._missed = 0  # by who had it open before, and was not told of it yet
         self._derived: dict[int, str] = {}  # rings of derived signals have no lasting numbers: their names
 
     @property
@@ -112,7 +113,16 @@ class ServedStream(Feed[OpenStream]):
     def told(self, known: int) -> StreamOpened:
         """Return how frames are read, for a client that can read those of generations up to `known`, -1 for none."""
         earlier = [one for one in self._layouts if 0 <= known < one.generation]
-        return msgspec.structs.replace(self.opened, earlier=earlier)
+        missed, self._missed = self._missed, 0
+        return msgspec.structs.replace(self.opened, earlier=earlier, missed=missed)
+
+    def count_missed(self, over: Sequence[tuple[str, int]]) -> None:
+        """Count the rows of runs that are over, with their ticks, behind the one that the client knew."""
+        runs = [run for run, _ in over]
+        if self.request.run in runs and self.request.run != self.run:
+            ticks = [count for run, count in over[runs.index(self.request.run) + 1 :] if run != self.run]
+            dividers = {name.group: name.divider for name in self.opened.names if self._groups[name.group].after < 0}
+            self._missed = sum(-(-count // divider) for count in ticks for divider in dividers.values())
 
     def _key(self, group: RingGroup) -> tuple[int | str, int]:
         return self._derived.get(group.ring, group.ring), group.after
@@ -206,6 +216,7 @@ class Streams(Feeds[OpenStream, ServedStream]):
     def _made(self, request: OpenStream, publisher: zenoh.Publisher) -> ServedStream:
         made = ServedStream(request, publisher, time.monotonic(), self._between)
         made.adopt(self._replica.now, self._replica.open_watcher())  # from here on nothing is left out
+        made.count_missed([*self._replica.over])
         return made
 
 

@@ -10,6 +10,7 @@ import os
 import socket
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -43,6 +44,7 @@ from silo.state.handover import RobotState, RunOffer
 from silo.state.requests import TableReply
 
 MOST_CLIENTS = 20
+MOST_OVER = 10_000  # runs that are over, of which is known how many ticks they had
 MOST_SEARCHED = 1000  # names of one request
 FAILED_NAMES = 10  # of the status, which goes with every event
 
@@ -175,6 +177,7 @@ class Replica:
         self.segment = ""  # path of the present run's segment, empty before the first start and while it is let go of
         self.run = ""  # its id
         self._given: dict[str, ElementOptions] = {}  # of each element, as it was seen first
+        self.over: deque[tuple[str, int]] = deque(maxlen=MOST_OVER)  # runs before it, with how many ticks they had
         self.now = self._made_of(first, None)
         self._follow(first)
 
@@ -254,6 +257,8 @@ class Replica:
             self.run = reader.schema.run if reader else ""
             self.segment = segment
         if old is not None:
+            with contextlib.suppress(SegmentError):
+                self.over.append((old.schema.run, old.ticks))
             old.close()
         if old_descriptor >= 0:
             os.close(old_descriptor)

@@ -195,3 +195,13 @@ def test_a_frame_that_nobody_tells_any_more_how_to_read_is_missed(stream):
     stream.accept(StreamOpened("b-1", 0, [SampledName("x", 0, 1, (), entries)], {}))
     assert came(stream, "a", rows(9, 1)) == {"x": ([9], 5)}
     assert stream.missed == 5
+
+
+def test_what_came_and_went_while_it_had_no_stream_is_counted_unless_some_of_it_is_to_be_read_yet(stream):
+    opened = StreamOpened("a-1", 0, stream._opened[0], {}, missed=7)
+    came(stream, "a", rows(0, 10))
+    stream.accept(opened)
+    assert stream.missed == 7
+    comes(stream, "b", rows(0, 3))
+    stream.accept(opened)
+    assert stream.missed == 7

@@ -168,6 +168,24 @@ def test_who_had_a_stream_before_goes_on_where_it_was_as_far_back_as_is_carried(
     assert begins(run="another", rows=rows) == [(8, 2), (3, 2)]
 
 
+def test_who_had_a_stream_before_is_told_once_of_the_runs_that_came_and_went_meanwhile(new_logger):
+    log = new_logger("bot", frequency=100)
+    log.array("x")
+    log.array("slow", divider=2)
+    log.start()
+    now, reader = Replica(robot_state(log, "", -1)).now, SegmentReader(log._present.path)
+    over = [("before", 90), ("known", 80), ("a", 5), ("b", 2)]
+
+    def told(run):
+        stream = ServedStream(OpenStream(stream="a-1", names=["/log/x", "/log/slow"], run=run), None, 0.0, at_once)
+        stream.adopt(now, reader)
+        stream.count_missed([*over, (log._present.run.id, 70)])
+        return [stream.told(-1).missed for _ in range(2)]
+
+    assert told("known") == [5 + 3 + 2 + 1, 0]
+    assert told("b") == told("gone") == told("") == told(log._present.run.id) == [0, 0]
+
+
 def test_a_run_that_is_over_is_sent_at_once_so_that_its_memory_goes(new_logger):
     log = new_logger("bot", frequency=100)
     log.array("x")
