@@ -299,8 +299,9 @@ class CurrentRun:
         # the control program loads nothing of files until it saves
         from silo.files.atomic import asked_left, check_room
 
-        unsaved = sum(run.reader.held_bytes for run in filter(is_to_be_saved, self.stretches))
-        check_room(where := Path(folder), unsaved, most_left=asked_left(where))
+        if unsaved := [*filter(is_to_be_saved, self.stretches)]:
+            where, bytes_held = Path(folder), sum(run.reader.held_bytes for run in unsaved)
+            check_room(where, bytes_held, most_left=asked_left(where))
 
     def mark_saved(self, run: Run, ticks: int) -> None:
         """Remember that the first `ticks` of a run stand in files, unless it is none of those that are there."""

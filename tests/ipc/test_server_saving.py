@@ -192,4 +192,8 @@ def test_what_clients_have_written_leaves_others_room_on_the_disk(runtime_folder
         assert log.ticks == ticks
         assert list((small_disk / "logs").glob("bot*.silo")) == []
         (file,) = log.save()  # the program may
+        log.stop()
+        with Client.connect("bot") as client:
+            client.start("save")  # nothing is to be saved
+        log.stop()
         assert len(silo.open_log(file.path)["/log/x_0"]) == ticks
