@@ -111,12 +111,14 @@ class CurrentRun:
         """Have a run that was made ready be the present one; the one before it stays until it is saved."""
         before = self.run
         assert before is not None
-        if before.segment.schema.cut is None and before.saved_ticks:
-            before.unmarked = True
-            before.segment.mark_saved(0)  # for who finds it when this process is gone
-        self.cut_off.append(before)  # first: what is in neither place is let go of
-        self.begun_ns = self.begun_ns or before.segment.schema.started_ns
-        self._begun, self.run = self.runs, made
+        if before is not made:  # else this was interrupted
+            if before.segment.schema.cut is None and before.saved_ticks:
+                before.unmarked = True
+                before.segment.mark_saved(0)  # for who finds it when this process is gone
+            if before not in self.cut_off:
+                self.cut_off.append(before)  # first: what is in neither place is let go of
+            self.begun_ns = self.begun_ns or before.segment.schema.started_ns
+            self._begun, self.run = self.runs, made
         made.go_live()
 
     def settle_cut(self) -> None:

@@ -2,6 +2,7 @@
 
 import os
 import threading
+import weakref
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,6 +13,16 @@ from silo.loop.plan import Element
 
 if TYPE_CHECKING:
     from silo.logger.serving.serving import Serving
+
+
+LOOK_AGAIN_S = 0.5  # whether a cut is over whose thread was interrupted before it told
+
+
+class Cutter:
+    """That a thread prepares a stretch: as long as this is there, whatever interrupts it."""
+
+    def __init__(self, thread: int) -> None:
+        self.thread = thread
 
 
 class WantedStretch(NamedTuple):
@@ -28,8 +39,7 @@ class WantedStretch(NamedTuple):
 class LifeCycle:
     """The state of one logger. Changes take `lock`, which `collect()` never does.
 
-    While a thread is `cutting`, which prepares a stretch without the lock, no other cut, start or end of the logger
-    begins.
+    While a thread is `cutting`, prepares a stretch without the lock, no other cut, start or end of the logger begins.
     """
 
     def __init__(self, name: str) -> None:
@@ -48,18 +58,30 @@ class LifeCycle:
     def _unlocked(self) -> None:
         self.lock = threading.RLock()
         self._cut_over = threading.Condition(self.lock)
-        self.cutting = 0  # its number
+        self._cutter: Callable[[], Cutter | None] = lambda: None
+
+    def cutting(self) -> "Cutter":
+        """Have nobody else begin a cut as long as what is returned is there. For who has the lock."""
+        cutter = Cutter(threading.get_ident())
+        self._cutter = weakref.ref(cutter)
+        return cutter
 
     def wait_for_cut(self) -> None:
-        """Wait, without the lock, until no stretch is being prepared. For who has the lock."""
-        self._cut_over.wait_for(lambda: not self.cutting)
+        """Wait, without the lock, until no other thread prepares a stretch. For who has the lock.
+
+        A thread's own cut may lie below it on its stack: of a signal handler, or after an interrupt.
+        """
+        while self._others_cut():
+            self._cut_over.wait(LOOK_AGAIN_S)
+
+    def _others_cut(self) -> bool:
+        cutter = self._cutter()
+        return cutter is not None and cutter.thread != threading.get_ident()
 
     def cut_is_over(self) -> None:
-        """Have those go on who wait for the end of this thread's cut, if it has one."""
+        """Have those go on who wait for the end of a cut."""
         with self.lock:
-            if self.cutting == threading.get_ident():
-                self.cutting = 0
-                self._cut_over.notify_all()
+            self._cut_over.notify_all()
 
     @property
     def state(self) -> State:

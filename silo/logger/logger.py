@@ -361,22 +361,29 @@ class Logger(LoggerNames):
             chain, part = run.segment.schema.stretch
             cut = Cut(chain, part + 1, wanted.what, wanted.who)
         made = present.prepare(functools.partial(self._make_run, wanted, cut))
+        collect = self._collect_of(made)
         try:
             with self._life.lock:
-                self._go_on(run, made, wanted)
+                self._check_cut(run, wanted)
+                made.take_changes()
+                self._collect = collect  # who comes by the one before goes on here, from its next tick on
+                if not run.end_by_cut():
+                    run.take_changes()
+                    self._set_collect(None)
+                    raise self._ended_before_cut()  # noqa: TRY301  # what is done for others is done here, too
+                self._go_on(made, wanted, collect)
         except BaseException:
+            with self._life.lock:
+                if self._life.running and self._collect is collect:  # Ctrl-C: who comes is on the way there already
+                    run.end_by_cut()
+                    self._go_on(made, wanted, collect)
             if present.run is not made:
                 present.let_go(made)
             raise
         self._data.save_cut_off()
 
-    def _go_on(self, run: Run, made: Run, wanted: WantedStretch) -> None:
-        self._check_cut(run, wanted)
-        # who comes by the one before goes on here, from its next tick on
-        self._collect = collect = self._collect_of(made)
-        if not run.end_by_cut():
-            self._set_collect(None)
-            raise self._ended_before_cut()
+    def _go_on(self, made: Run, wanted: WantedStretch, collect: Callable[[], None]) -> None:
+        """Have the stretch that was made ready be the present one; once more, where that was interrupted."""
         wanted.take()
         self._present.go_on(made)
         self._mark_in(made.segment.marks)

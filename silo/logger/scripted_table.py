@@ -425,6 +425,7 @@ class ScriptedTable:
         """Have table and conditions changed by what is done within: of a logger that stands still, or else (`cut`)
         while it runs, at a cut where elements change. `what` can't be done otherwise.
         """
+        cutter = None
         try:
             with self._life.lock:
                 if cut:
@@ -433,21 +434,27 @@ class ScriptedTable:
                 if not runs:
                     self._life.check_stopped(what)
                 infos = self._table.infos
+                cuts = False
                 try:
                     yield
                     changes = diff_options(infos, [info.options for info in self._table.infos]) if runs else []
+                    if not changes:
+                        self._life.tell()
+                        return
+                    cuts = True  # all of it is to be, or nothing
+                    wanted = self._wanted(changes, who, before)
+                    cutter = self._life.cutting()
                 except BaseException:
-                    if runs:
-                        self._state = before
+                    cuts = runs
                     raise
-                if not changes:
-                    self._life.tell()
-                    return
-                wanted = self._wanted(changes, who, before)
-                self._state, self._life.cutting = before, threading.get_ident()
+                finally:
+                    if cuts:
+                        self._state = before
             self._life.cut(wanted)  # without the lock: others look, and stop the logger, while it is prepared
         finally:
-            self._life.cut_is_over()
+            if cutter is not None:
+                cutter = None
+                self._life.cut_is_over()
 
     @property
     def _state(self) -> _State:

@@ -141,6 +141,7 @@ class LandsChanges(Protocol):
     """Where changes wait, until `land(n, t)` at the end of a tick stores them; `n` is the index of the next row."""
 
     waiting: list[Any]
+    record: ChangeRecord | None
 
     def land(self, n: int, t: int, /) -> None:
         """Store or refuse what waits."""
@@ -148,8 +149,8 @@ class LandsChanges(Protocol):
     def described(self) -> Sequence[ParameterInfo]:
         """What each parameter is, with its present value."""
 
-    def begin_run(self, record: ChangeRecord | None, next_row: Callable[[], int], /) -> None:
-        """Record changes there from now on."""
+    def begin_run(self, record: ChangeRecord | None, next_row: Callable[[], int], /, *, first: bool = ...) -> None:
+        """Record changes there from now on; `first`: with what landed since it was made."""
 
     def end_run(self, record: ChangeRecord | None, /) -> None:
         """Record there no more, unless another run began."""

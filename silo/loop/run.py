@@ -99,6 +99,7 @@ class Run:
             landing=landing,
         )
         self._landing = landing
+        self._is_live = False
         self.collect: Collect = _nothing
         self._retire: Callable[[], None] = _nothing
 
@@ -122,9 +123,14 @@ class Run:
 
     def go_live(self) -> None:
         """Be the one whose ticks come next."""
-        if self._landing is not None:
-            self._landing.begin_run(self.segment.changes, self._next_row)
+        self.take_changes()
         self._unheld.tell_at_start()
+
+    def take_changes(self) -> None:
+        """Have changes of parameters recorded here from now on; again, where another run was to take its place."""
+        if self._landing is not None and self._landing.record is not self.segment.changes:
+            self._landing.begin_run(self.segment.changes, self._next_row, first=not self._is_live)
+            self._is_live = True
 
     def _next_row(self) -> int:
         """The index of the next row, -1 while none comes."""

@@ -143,16 +143,27 @@ class Landing:
             msgspec.structs.replace(info, value=value) for info, value in zip(self.infos, self.image(), strict=True)
         ]
 
-    def begin_run(self, record: ChangeRecord | None, next_row: Callable[[], int]) -> None:
-        """Record changes there from now on; first, what landed since the record was made, while the loop turned."""
+    def begin_run(self, record: ChangeRecord | None, next_row: Callable[[], int], *, first: bool = True) -> None:
+        """Record changes there from now on; `first`: with what landed since it was made, while the loop turned."""
+        began = self._bytes()
+        if record is not None and first:
+            self._record_late(record, record.begin, began)
         self.record, self.next_row = record, next_row
-        late = [] if record is None else record.moved(self._words[: self.used_words].tobytes())
+        if record is not None and first:
+            self._record_late(record, began, self._bytes())  # within this moment
+
+    def _bytes(self) -> bytes:
+        return self._words[: self.used_words].tobytes()
+
+    def _record_late(self, record: ChangeRecord, before: bytes, now: bytes) -> None:
+        """Have the first row of a record hold what is something else than it was before."""
+        parts = [slice(WORD_BYTES * info.offset, WORD_BYTES * (info.offset + info.words)) for info in self.infos]
+        late = [place for place, part in enumerate(parts) if before[part] != now[part] and part.stop <= len(before)]
         if late:
-            infos = [self.infos[place] for place, _ in late]
-            change = self.change({info.name: self.value(info) for info in infos}, "", BEFORE_BEGIN)
-            self._open(change)
-            if change.slot is not None:
-                change.slot.land(0, b"".join(was for _, was in late))
+            old, new = (b"".join(words[parts[place]] for place in late) for words in (before, now))
+            with self._recording:
+                slot = record.open("", BEFORE_BEGIN, "", late, new)
+            slot.land(0, old)
 
     def end_run(self, record: ChangeRecord | None) -> None:
         """Record there no more, unless another run began."""

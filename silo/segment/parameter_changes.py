@@ -128,11 +128,7 @@ class ChangeRecord:
         self._orders = image[image_bytes(infos) - WORD_BYTES * len(infos) :].cast("q")
         for info, part in zip(infos, self._parts, strict=True):
             self._image[part] = encoded(info, info.value)
-
-    def moved(self, words: bytes) -> list[tuple[int, bytes]]:
-        """Which parameters, by place, are something else than at the begin of this record, and what they were then."""
-        begin = [(place, part, bytes(self._image[part])) for place, part in enumerate(self._parts)]
-        return [(place, was) for place, part, was in begin if was != words[part]]
+        self.begin = bytes(self._image[: self._parts[-1].stop if infos else 0])  # what they were when it was made
 
     def open(
         self,

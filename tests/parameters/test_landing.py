@@ -13,6 +13,7 @@ from silo.core.elements import LoggedEvent
 from silo.core.recording import MOST_EVENTS, with_events
 from silo.core.tuning.parameters import Excitation, ParameterChange, ParameterInfo, ParameterKind, Wave
 from silo.errors import ElementError
+from silo.logger.current_run import CurrentRun
 from silo.parameters.landing import between
 from silo.parameters.parameters import MOST_ENDS, MOST_REVERTS, MOST_WAITING
 from tests.waiting import wait_until
@@ -620,6 +621,42 @@ def test_what_lands_in_the_tick_that_was_under_way_at_a_cut_holds_from_the_next_
     assert [run.segment.ticks for run in logger._present.stretches] == [6, 6]
     log = silo.open_log(logger.save("silo")[0].path)
     assert [log.parameters.at(time_s)["/log/kp"] for time_s in log.times] == saw == [1.0] * 6 + [2.0] * 6
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_what_lands_in_the_midst_of_a_cut_holds_from_its_row_on(new_logger, monkeypatch, before):
+    """Ticks come right before, or behind, the one moment at which the stretch is the present one."""
+    logger, saw = new_logger(frequency=100, clock=Clock()), []
+    logger.array("x")
+    kp, logged = logger.parameter("kp", 1.0), logger.array("seen", buffer="growing")
+    logger.start()
+
+    def ticks(count):
+        for _ in range(count):
+            saw.append(kp.value)
+            logged[...] = kp.value
+            logger.collect()
+
+    def midst(present, made):
+        if not before:
+            go_on(present, made)
+        ticks(1)
+        ask(logger, {"kp": 2.0})
+        ticks(3)
+        if before:
+            go_on(present, made)
+
+    ticks(10)
+    go_on = CurrentRun.go_on
+    with monkeypatch.context() as patch:
+        patch.setattr(CurrentRun, "go_on", midst)
+        logger.set("x", divider=2, cut=True)
+    ticks(5)
+    parts = [silo.open_log(file.path, alone=True) for file in logger.save("silo")]
+    assert [len(part.times) for part in parts] == [10, 9]
+    for part, there in zip(parts, (saw[:10], saw[10:]), strict=True):
+        assert [part.parameters.at(time_s)["/log/kp"] for time_s in part.times] == there
+        assert part["seen"].values.tolist() == there
 
 
 def test_a_ramp_that_a_lock_ends_stays_where_it_came_to(new_logger):

@@ -2,6 +2,8 @@
 
 import errno
 import itertools
+import re
+import sys
 import threading
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
@@ -254,6 +256,81 @@ def test_a_logger_is_stopped_while_a_stretch_is_prepared_and_the_next_start_has_
     assert (began[1:], logger._table.state, logger.is_running, logger.ticks) == ([None], state, True, 0)
     loop.turn()
     assert [path.name for path in runtime_folder.glob("*.segment")] == [logger._present.run.segment.path.name]
+
+
+@pytest.mark.parametrize("does", ["close", "start", "set"])
+def test_what_interrupts_a_thread_that_prepares_a_stretch_does_not_wait_for_it(new_logger, monkeypatch, does):
+    logger = new_logger()
+    loop = Loop(logger)
+    loop.turn(2)
+    prepare = CurrentRun.prepare
+
+    def interrupted(present, make):  # as by a handler of a signal, which may close the logger
+        monkeypatch.setattr(CurrentRun, "prepare", prepare)
+        made = prepare(present, make)
+        if does == "set":
+            logger.limit("x", (-1, 0, 1, 2))
+        else:
+            logger.stop()
+            logger.start() if does == "start" else logger.close(discard=True)
+        return made
+
+    monkeypatch.setattr(CurrentRun, "prepare", interrupted)
+    if does == "set":
+        assert logger.set("x", divider=2, cut=True) == 1
+    else:
+        with pytest.raises(StateError, match="just when it was to be cut: nothing was changed"):
+            logger.set("x", divider=2, cut=True)
+    assert (logger.is_running, len(logger._present._own)) == {
+        "set": (True, 2),
+        "start": (True, 1),
+        "close": (False, 0),
+    }[does]
+
+
+@contextmanager
+def interrupted_at(count, *places):
+    """Ctrl-C, once, before so many lines in files of these places are run; where it came is in what is returned."""
+    came, left = [], itertools.count(count, -1)
+
+    def trace(frame, _event, _argument):
+        return line if any(place in frame.f_code.co_filename for place in places) else None
+
+    def line(frame, event, _argument):
+        if event == "line" and not came and next(left) <= 1:
+            came.append(f"{frame.f_code.co_filename}:{frame.f_lineno}, {frame.f_code.co_name}")
+            raise KeyboardInterrupt
+        return line
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        yield came
+    except KeyboardInterrupt:
+        assert came
+    finally:
+        sys.settrace(before)
+
+
+def test_a_cut_that_is_interrupted_anywhere_is_whole_or_never_was(new_logger, runtime_folder):
+    for count in itertools.count(1, 11):
+        logger = new_logger(f"bot{count}")
+        loop = Loop(logger)
+        logger.parameter("kp", 1.0)
+        loop.turn(2)
+        with interrupted_at(count, "/silo/logger/", "/silo/loop/run.py", "/silo/parameters/landing.py") as came:
+            logger.set("x", divider=2, cut=True)
+        loop.turn(4)
+        assert (logger.is_running, logger.ticks) == (True, 6), came
+        assert len(set(map(id, logger._present.stretches))) == len(logger._present.stretches), came
+        assert logger._life._cutter() is None, came
+        made = logger._present.run.segment.schema.elements[1].info.options
+        assert logger["x"].options == made or re.search("_changing|state", came[0]), came  # it was put back just then
+        logger.close(discard=True)
+        assert list(runtime_folder.glob("*.segment")) == [], came
+        if not came:
+            break
+    assert count > 100
 
 
 def test_of_two_who_cut_at_once_the_second_waits_for_the_first(new_logger, tmp_path, monkeypatch):
