@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import SupportsIndex, TypeVar
 
 from silo.core.names import did_you_mean, nearest
-from silo.errors import ElementError
+from silo.errors import ElementError, SaveError
 
 Word = TypeVar("Word", bound=enum.Enum)
 
@@ -167,3 +167,24 @@ def word(argument: str, value: object, kind: type[Word]) -> Word:
     *most, last = (f"'{each}'" for each in words)
     hint = did_you_mean(nearest(asked, words, 0.5))
     raise ElementError(f"{argument} must be {', '.join(most)} or {last}, got {shown(value)}{hint}")
+
+
+def check_name(name: str) -> str:
+    """The name, if it is one for a file: no `/`, no dot in front, no control character, at most 200 bytes.
+
+    Raises `SaveError` with what is wrong.
+    """
+    problem = None
+    if not name or not name.strip():
+        problem = "it is empty"
+    elif "/" in name:
+        problem = "it contains '/' (the folder is an option of its own)"
+    elif name.startswith("."):
+        problem = "it starts with a dot, which would hide the file"
+    elif not name.isprintable():
+        problem = "it contains a control character"
+    elif len(name.encode("utf-8")) > 200:
+        problem = f"it has {len(name.encode('utf-8'))} bytes, 200 are possible"
+    if problem:
+        raise SaveError(f"{name!r} can't be the name of a log: {problem}; choose a name like 'first_walk'")
+    return name

@@ -12,6 +12,7 @@ from datetime import datetime
 from itertools import islice
 from pathlib import Path
 
+from silo.core.arguments import check_name
 from silo.core.quantities.writing import and_more
 from silo.core.runtime import FOLDER_GONE, closing_file, is_folder_gone, open_own
 from silo.errors import LogNotFoundError, SaveError, reason
@@ -63,27 +64,6 @@ def with_part(path: Path, part: int) -> Path:
     """A name that says which stretch it is of a run that was cut; that of one that was not (0) as it is."""
     ending = f"_part{part}"
     return path if not part or path.stem.endswith(ending) else path.with_name(f"{path.stem}{ending}{path.suffix}")
-
-
-def check_name(name: str) -> str:
-    """The name, if it is one for a file: no `/`, no dot in front, no control character, at most 200 bytes.
-
-    Raises `SaveError` with what is wrong.
-    """
-    problem = None
-    if not name or not name.strip():
-        problem = "it is empty"
-    elif "/" in name:
-        problem = "it contains '/' (the folder is an option of its own)"
-    elif name.startswith("."):
-        problem = "it starts with a dot, which would hide the file"
-    elif not name.isprintable():
-        problem = "it contains a control character"
-    elif len(name.encode("utf-8")) > 200:
-        problem = f"it has {len(name.encode('utf-8'))} bytes, 200 are possible"
-    if problem:
-        raise SaveError(f"{name!r} can't be the name of a log: {problem}; choose a name like 'first_walk'")
-    return name
 
 
 def logger_of(stem: str) -> str:

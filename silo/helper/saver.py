@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from silo.core.arguments import check_name
 from silo.core.conditions import Conditions
 from silo.core.elements import SavedFile
 from silo.errors import SegmentError, SiloError
@@ -74,8 +75,6 @@ class Saver:
             raise RequestRefusedError(why, text) from error
 
     def _prepared(self, request: Save, for_robot: bool) -> _Job:
-        from silo.files.naming import check_name
-
         types = list(dict.fromkeys(request.types))
         if not types:
             raise RequestRefusedError(RefusedWhy.INVALID, "no file type to save: choose silo, csv or bag")

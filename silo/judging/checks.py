@@ -6,11 +6,11 @@ from typing import TypeVar
 import msgspec
 import numpy as np
 
-from silo.core.arguments import real, shown, whole, word
+from silo.core.arguments import check_name, real, shown, whole, word
 from silo.core.conditions import Conditions, Derived, SignalLimits, TriggerOptions
 from silo.core.elements import BufferType, ElementInfo, FileType
 from silo.core.quantities.reading import both_meanings, seconds_of
-from silo.errors import ElementError, ExpressionError
+from silo.errors import ElementError, ExpressionError, SaveError
 from silo.expressions.binding import BoundExpression, Catalogue, Known, bind
 from silo.expressions.derived_signals import binds, placed
 from silo.judging.limits import LimitRule, limit_rule
@@ -132,13 +132,14 @@ def _with(one: _Named, others: tuple[_Named, ...]) -> tuple[_Named, ...]:
 
 def with_trigger(conditions: Conditions, one: TriggerOptions, catalogue: Catalogue) -> Conditions:
     """Return the conditions with one more trigger, or with a new one of that name. Raises ElementError."""
-    _check_words(one.name)
+    try:
+        check_name(one.name)
+    except SaveError as error:
+        raise ElementError(f"the trigger's name stands in names of files: {error}; nothing was changed") from None
     catalogue = catalogue.having(conditions.derived)
     trigger_rule(one, 1.0)  # its words and times make sense
     for text in filter(None, (one.when, one.rearm)):
         bind(text, catalogue).condition()
-    if not one.name or "/" in one.name or not one.name.isprintable() or one.name.startswith("."):
-        raise ElementError(f"the name of trigger '{one.name}' stands in names of files; take letters and digits")
     whole(f"keep of trigger '{one.name}'", one.keep, 0, MOST_KEPT)
     if len(one.save) > len(FileType):
         text = f"trigger '{one.name}' saves {len(one.save)} files of a capture, there are {len(FileType)} kinds"

@@ -14,7 +14,7 @@ from silo.core.arguments import line, shown, text
 from silo.core.calls import told_class
 from silo.core.conditions import NO_CONDITIONS, Conditions, Derived, SignalLimits, TriggerOptions
 from silo.core.elements import ElementInfo, LoggerOptions, join_name
-from silo.errors import ElementError, SaveError
+from silo.errors import ElementError
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
 
@@ -128,7 +128,6 @@ class LoggerConditions(TakesConditions[None]):
             self._life.tell()
 
     def _set_trigger(self, trigger: TriggerOptions) -> None:
-        from silo.files.naming import check_name
         from silo.judging.checks import check_held, table_catalogue, with_trigger
 
         if not isinstance(trigger, TriggerOptions):
@@ -136,10 +135,6 @@ class LoggerConditions(TakesConditions[None]):
                 f"a trigger must be silo.core.conditions.TriggerOptions, got {shown(trigger)}; write "
                 'log.trigger("fall", "abs(base/roll) > 0.6"); nothing was changed'
             )
-        try:
-            check_name(trigger.name)
-        except SaveError as error:
-            raise ElementError(f"the trigger's name stands in names of files: {error}; nothing was changed") from None
         with self._life.lock:
             self._life.check_open()
             infos = self._table.all_infos

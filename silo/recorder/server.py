@@ -19,6 +19,7 @@ from typing import Any
 import msgspec
 from msgspec.structs import asdict
 
+from silo.core.arguments import check_name
 from silo.core.elements import BufferType, RecorderState
 from silo.core.names import matching
 from silo.core.quantities.writing import and_more, size_text
@@ -26,7 +27,6 @@ from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
 from silo.decoding import converted
 from silo.errors import SegmentError, lacks_descriptors, reason
 from silo.files.manifest import RecordedTotals, size_of_parts
-from silo.files.naming import check_name
 from silo.polling import readable
 from silo.recorder import requests
 from silo.recorder.orders import CLOSED, RecordOrder

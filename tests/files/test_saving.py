@@ -11,12 +11,13 @@ from pathlib import Path
 import pytest
 
 import silo
+from silo.core.arguments import check_name
 from silo.core.elements import FileType, LoggedEvent
 from silo.errors import ElementError, LogNotFoundError, SaveError
 from silo.files import PartlySavedError, atomic, write
 from silo.files.atomic import atomic_file, atomic_folder
 from silo.files.event_log import append_events
-from silo.files.naming import check_name, find_log, find_logs, log_path, next_run_number
+from silo.files.naming import find_log, find_logs, log_path, next_run_number
 from silo.files.silo import writer
 from silo.files.silo.reader import read_silo
 from tests.waiting import DEADLINE_S

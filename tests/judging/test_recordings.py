@@ -320,6 +320,7 @@ class TestLogger:
             ("signal_limits:\n  - name: mode\n    bounds: [1, 2]", ":4: signal_limits"),
             ("triggers:\n  - name: a\n    when: mode > 3\n    slope: up", "edge of trigger 'a' must be rising"),
             ("triggers:\n  - name: a/b\n    when: mode > 3", "stands in names of files"),
+            (f"triggers:\n  - name: {'測' * 70}\n    when: mode > 3", "it has 210 bytes, 200 are possible"),
             ("signal_limits:\n  - name: mode\n    bounds: [4, 3, 2, 1]", "must rise"),
         ],
     )

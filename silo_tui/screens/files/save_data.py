@@ -12,11 +12,11 @@ from textual.reactive import reactive
 from textual.widget import Widget
 from textual.widgets import Button, ProgressBar, Static
 
+from silo.core.arguments import check_name
 from silo.core.elements import FileType, SavedFile
 from silo.core.quantities.writing import duration, size_text
 from silo.errors import SiloError
 from silo.files.formats import SAVED, SAVED_NAMES
-from silo.files.naming import check_name
 from silo.rpc.published import Event, EventKind
 from silo_tui.actions import key_of
 from silo_tui.context import Context
