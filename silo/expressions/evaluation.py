@@ -32,6 +32,7 @@ from silo.expressions.operations import (
     COMPARING,
     OPERATIONS,
     REDUCING,
+    WHOLE,
     Truth,
     Value,
     as_numbers,
@@ -272,6 +273,7 @@ class Evaluator:
         self._made: dict[Remembered, Floats] = {}
         self._made_whole: dict[Remembered, Ints] = {}
         self._wholes: dict[tuple[int, int], Ints | None] = {}  # by part and grid, which live longer
+        self._small: dict[tuple[int, int], Value] = {}  # likewise what float64 holds to the last digit
 
     def _remember(self, part: Part) -> None:
         if isinstance(part, Computed):
@@ -287,7 +289,7 @@ class Evaluator:
 
         A batch is whole up to some tick: no later one may bring a row with a tick that an earlier one went beyond.
         """
-        self._rows, self._grids, self._made, self._made_whole, self._wholes = rows, {}, {}, {}, {}
+        self._rows, self._grids, self._made, self._made_whole, self._wholes, self._small = rows, {}, {}, {}, {}, {}
         columns = [column for one in rows.values() for column in one.columns.values()]
         self._has_whole = any(column.dtype.kind in "iu" for column in columns)
         grid = self._grid(self.sources)
@@ -298,7 +300,7 @@ class Evaluator:
             values = tuple(spread(self._result(root, grid), count) for root in self._roots)
         seen = tuple(self._seen(sources, grid) for sources in self._seen_by)
         self._keep()
-        self._rows, self._grids, self._made, self._made_whole, self._wholes = {}, {}, {}, {}, {}
+        self._rows, self._grids, self._made, self._made_whole, self._wholes, self._small = {}, {}, {}, {}, {}, {}
         return Judged(grid.ticks, grid.time_ns, values, seen)
 
     def memory(self) -> EvaluatorMemory:
@@ -384,12 +386,17 @@ class Evaluator:
 
     def _exactly(self, part: Computed, grid: _Grid, values: Sequence[Value], made: Value) -> Value:
         """What was made of float64 to the last digit, as far as it is made of integers."""
+        if isinstance(made, Truth) and part.operator not in COMPARING:
+            return made
+        numbers, key = [as_numbers(value) for value in values], (id(part), id(grid))
+        if all(map(_is_small, numbers)) and (isinstance(made, Truth) or _is_small(made)):
+            self._small[key] = made  # float64 holds all of it
+            return made
         sides = _all_of(self._whole(one, grid) for one in part.parts)
         if sides is None:
             return made
         bits: list[Any] = [*_meeting(sides)]
-        numbers = [as_numbers(value) for value in values]
-        if part.operator in COMPARING:
+        if isinstance(made, Truth):
             one, other = (told(*side) for side in zip(bits, numbers, strict=True))
             true = compared(COMPARING[part.operator], one, other)
             return Truth(np.where(one.known & other.known, true, made.true), made.unknown)
@@ -399,8 +406,8 @@ class Evaluator:
             whole, made = computed_whole(part.operator, bits, numbers, made)
         if whole is None:
             return made
-        self._wholes[id(part), id(grid)] = whole
-        return nearest(whole, as_numbers(made))
+        self._wholes[key] = whole
+        return nearest(whole, made)
 
     def _whole(self, part: Part, grid: _Grid) -> Ints | None:
         """What is made of integers, modulo 2^64; None of anything else. Any number where samples are missing.
@@ -421,7 +428,12 @@ class Evaluator:
         if isinstance(part, BoundSignal):
             columns = _all_of(self._whole_column(column, grid) for column in part.columns)
             return None if columns is None else np.stack(columns, axis=1) if part.vector else columns[0]
-        return self._whole_recalled(part, grid) if isinstance(part, Remembered) else None
+        if isinstance(part, Remembered):
+            return self._whole_recalled(part, grid)
+        small = self._small.get((id(part), id(grid)))
+        if small is None or isinstance(small, Truth) or part.operator not in WHOLE:
+            return _power(*part.parts) if part.operator == "**" else None
+        return None if _all_of(self._whole(one, grid) for one in part.parts) is None else np.asarray(small, np.int64)
 
     def _whole_recalled(self, part: Remembered, grid: _Grid) -> Ints | None:
         made, own, memory = self._made_whole.get(part), self._grid_of(part), self._memories[part]
@@ -544,6 +556,11 @@ def _all_of(values: Iterable[Ints | None]) -> list[Ints] | None:
             return None
         found.append(value)
     return found
+
+
+def _is_small(numbers: Any) -> bool:
+    """Whether float64 holds integers of this size to the last digit."""
+    return abs(numbers) < EXACT if isinstance(numbers, float) else not (np.abs(numbers) >= EXACT).any()
 
 
 def _meeting(values: Sequence[Value]) -> Sequence[Value]:

@@ -238,6 +238,9 @@ OPERATIONS: dict[str, Any] = {
 }  # fmt: skip
 
 
+WHOLE = {*ADDING, "sum_of", "abs", "%", "min", "max", "min_of", "max_of"}  # make integers of integers
+
+
 def computed_whole(sign: str, bits: list[Bits], numbers: list[Any], made: Any) -> tuple[Bits | None, Any]:
     """Return what an operation makes of integers as `silo.core.arrays.wholes` tells them, of their bits and float64s.
 
