@@ -69,6 +69,15 @@ def test_integers_to_a_power_below_0_are_floats():
     assert (signal("a", [2, 4], np.int64) ** -1).values.tolist() == [0.5, 0.25]
 
 
+def test_powers_without_a_sign_are_what_numpy_makes_of_floats():
+    wide, exponent = [2**63 + 5, 0, 1], signal("e", [2**63, 2**63 + 1, 2**64 - 1], np.uint64)
+    assert np.float_power(signal("w", wide, np.uint64), 1).values.tolist() == [2.0**63, 0.0, 1.0]
+    for dtype in (np.int8, np.int64, np.uint64):
+        assert np.power(signal("x", [1, 0, 2], dtype), exponent).values.tolist() == [1.0, 0.0, np.inf]
+    assert np.float_power(signal("x", [True, False, True], bool), exponent).values.tolist() == [1.0, 0.0, 1.0]
+    assert np.float_power(0, signal("w", wide, np.uint64)).values.tolist() == [0.0, 1.0, 0.0]
+
+
 def test_signs_and_squares_do_not_wrap():
     lowest = signal("a", [-(2**63), 3], np.int64)
     assert abs(lowest).values.tolist() == [2**63, 3]

@@ -195,6 +195,7 @@ def wholly(function: Callable[..., Any], sign: str) -> Callable[..., Any]:
 
 
 _ADDING = ("+", "-", "*", "**", "<<")  # modulo 2^64 they are right where the result fits
+_MOST_EXPONENT = np.iinfo(np.int64).max
 _DIVIDING = ("//", "%")
 _WITHIN = ("max", "min", "&", "|", "^", ">>", "abs")  # the result is no larger than what it is made of
 
@@ -211,11 +212,9 @@ def _of_signed(function: Callable[..., Any], sign: str, sides: Sequence[NDArray[
 
 
 def _added(function: Callable[..., Any], sign: str, sides: Sequence[NDArray[Any]]) -> NDArray[Any] | None:
-    if sign == "**" and (sides[1] < 0).any():
+    if sign == "**" and (function is np.float_power or (sides[1] < 0).any() or (sides[1] > _MOST_EXPONENT).any()):
         return None
     bits = function(*(side.astype(np.int64) for side in sides))
-    if bits.dtype.kind != "i":  # np.float_power
-        return bits  # type: ignore[no-any-return]
     floats = _floats(sides)
     return fitting(bits, floats[0] * 2.0 ** floats[1] if sign == "<<" else function(*floats))
 
