@@ -13,7 +13,7 @@ from silo.expressions.evaluation import FALSE, TRUE, UNOBSERVABLE
 from silo.expressions.over_recordings import RecordingJudge, narrowed
 from silo.expressions.search import run_begins
 from silo.judging.checks import bind_limits, rule_of, scalar_names
-from silo.judging.limits import Level, Limit, LimitRule, Violation
+from silo.judging.limits import Level, Limit, LimitRule, Violation, beside_bounds
 
 UNCHANGED = "; nothing was changed"  # of errors that are none here
 
@@ -70,14 +70,14 @@ def _limited(judge: RecordingJudge, recording: Recording, limits: SignalLimits) 
     found: list[dict[int, Violation]] = [{} for _ in limit.states]
     judged_any = np.zeros(len(limit.states), bool)
     start_ns = last_ns = int(recording.time_ns[0]) if len(recording.time_ns) else 0
-    for judged in judge.batches(*expressions):
+    for judged in judge.batches(*expressions, whole=True):
         if not len(judged.ticks):
             continue
         # held values of a slower signal are no new samples
         own = np.ones(len(judged.ticks), bool)
         if len(expressions) > 1:
             own = judge.has_sample(signal, judged.ticks)
-        values = judged.numbers()[own].reshape(-1, len(limit.states))
+        values = beside_bounds(judged.numbers()[own], rule).reshape(-1, len(limit.states))
         context = judged.codes(1)[own] if len(expressions) > 1 else None
         for violation in limit.feed(judged.ticks[own], judged.time_ns[own], values, context):
             found[violation.entry][violation.number] = violation

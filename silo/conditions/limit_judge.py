@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from silo.conditions.rows import JudgedRows
 from silo.conditions.standing import LimitStatus, LimitWord
+from silo.core.arrays.values import EXACT
 from silo.core.conditions import SignalLimits
 from silo.core.names import grouped
 from silo.errors import ElementError
 from silo.expressions.binding import OFF, BoundExpression, BoundSignal, ScalarPlace, means_else
 from silo.expressions.evaluation import Evaluator, EvaluatorMemory, SourceRows
 from silo.judging.checks import bind_limits, scalar_names
-from silo.judging.limits import EntryState, Level, Limit, LimitRule, Violation
+from silo.judging.limits import EntryState, Floats, Level, Limit, LimitRule, Violation, beside_bounds
 
 TELL_AGAIN_S = 1.0  # a scalar that flutters is one event in so long
 MOST_NEWS = 20  # events of one look; the others wait for the next ones
@@ -143,14 +144,23 @@ class _Together:
         if not len(rows.ticks):
             return
         block = np.stack([rows.columns[key].astype(np.float64, copy=False) for key in self.keys], axis=1)
+        low, high = block.min(axis=0), block.max(axis=0)
+        if np.fmax.reduce(np.fmax(high, -low)) >= EXACT:
+            low, high = self._to_the_last_digit(rows, block)
         # False too where there is a NaN
-        green = (block.min(axis=0) >= self.low) & (block.max(axis=0) <= self.high)
+        green = (low >= self.low) & (high <= self.high)
         quiet = np.logical_and.reduceat(green, self.starts).tolist()
         for one, is_quiet, start in zip(self.limited, quiet, self.starts.tolist(), strict=True):
             stop = start + len(one.scalars)
             one.newest = block[-1, start:stop]
             if not is_quiet or one.stirred:
                 one.take(one.limit.feed(rows.ticks, rows.time_ns, block[:, start:stop]))
+
+    def _to_the_last_digit(self, rows: SourceRows, block: Floats) -> tuple[Floats, Floats]:
+        for one, start in zip(self.limited, self.starts.tolist(), strict=True):
+            for place in range(start, start + len(one.scalars)):
+                block[:, place] = beside_bounds(rows.columns[self.keys[place]], one.limit.rule)
+        return block.min(axis=0), block.max(axis=0)
 
 
 class LimitJudge:
@@ -203,7 +213,7 @@ class LimitJudge:
         )
         return _Limited(
             options, "", scalars, signal.unit, Limit(rule, len(scalars)), expressions,
-            None if plain else Evaluator(*expressions), np.full(len(scalars), np.nan), bool(rule.stale_ns),
+            None if plain else Evaluator(*expressions, whole=True), np.full(len(scalars), np.nan), bool(rule.stale_ns),
         )  # fmt: skip
 
     def memory(self) -> list[LimitMemory]:
@@ -272,7 +282,7 @@ class LimitJudge:
         # held values of a slower signal are no new samples
         ticks = [rows[ring].ticks for ring in one.expressions[0].sources]
         own = np.isin(judged.ticks, np.concatenate(ticks)) if len(evaluator.sources) > 1 else slice(None)
-        values = judged.numbers()[own].reshape(-1, len(one.scalars))
+        values = beside_bounds(judged.numbers()[own], one.limit.rule).reshape(-1, len(one.scalars))
         if len(values):
             context = judged.codes(1)[own] if len(one.expressions) > 1 else None
             one.newest = values[-1]

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arguments import real, shown, whole
+from silo.core.arrays.values import EXACT
 from silo.errors import ElementError
 from silo.expressions.evaluation import TRUE
 
@@ -66,6 +67,21 @@ class LimitRule:
         if value < self.yellow_low:
             return Level.RED_LOW if value < self.red_low else Level.YELLOW_LOW
         return Level.GREEN
+
+
+def beside_bounds(values: NDArray[Any], rule: LimitRule) -> Floats:
+    """Return integers as float64s that lie beyond the same bounds: no one beyond 2^53 is rounded to where it is not."""
+    made: Floats = values.astype(np.float64, copy=False)
+    if values.dtype.kind not in "iu" or not (np.abs(made) >= EXACT).any():
+        return made
+    for bound in (rule.red_low, rule.yellow_low, rule.yellow_high, rule.red_high):
+        at = made == bound
+        if at.any():
+            sides = [(int(value) > bound) - (int(value) < bound) for value in values[at].tolist()]  # Python's are exact
+            made[at] = np.choose(
+                np.array(sides) + 1, (np.nextafter(bound, -np.inf), bound, np.nextafter(bound, np.inf))
+            )
+    return made
 
 
 def limit_rule(

@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import silo
@@ -486,6 +487,23 @@ def test_of_a_trigger_that_a_client_sets_the_newest_captures_stay_of_a_programs_
     run(["trigger", "add", "bot", "typed", "x > 1e9"])
     kept = {one.options.name: one.options.keep for one in client.triggers().triggers}
     assert kept == {"own": 0, "asked": 100, "typed": 100}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("when", ["", "a > 0"])
+def test_limits_of_integers_are_judged_to_the_last_digit(new_logger, runtime, when):
+    log = new_logger("ints", frequency=100, max_time=10)
+    a, beside = log.array("a", dtype=np.int64), log.array("beside")
+    log.limit("a", (None, None, None, 2**53), when=when)
+    log.limit("beside", (None, None, None, 1e300))
+    log.serve()
+    log.start()
+    beside[...] = np.nan
+    for value in (2**53 - 1, 2**53, 2**53 + 1):
+        a[...] = value
+        log.collect()
+    with Client.connect("ints") as client:
+        assert alarm(client, name="/log/a", word=LimitWord.RED_HIGH).count == 1
 
 
 def test_a_client_says_limits_triggers_and_signals_as_a_program_does(client, caplog):

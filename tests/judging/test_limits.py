@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from silo.errors import ElementError
-from silo.judging.limits import Level, Limit, LimitRule, limit_rule
+from silo.judging.limits import Level, Limit, LimitRule, beside_bounds, limit_rule
 from tests.examples import examples
 
 RULE = LimitRule(-20, -10, 10, 20)
@@ -223,3 +223,13 @@ def test_a_bound_that_there_is_not_is_infinite_and_red_alone_needs_no_yellow():
     assert limit_rule((None, None, 50, 80)) == LimitRule(-math.inf, -math.inf, 50, 80)
     assert limit_rule((None, None, None, 80)).level(81) is Level.RED_HIGH
     assert limit_rule((None, None, None, 80)).level(79) is Level.GREEN
+
+
+@pytest.mark.parametrize("bound", [2**53, -(2**53), 2**62, 2**63])
+@pytest.mark.parametrize("dtype", [np.int64, np.uint64])
+def test_an_integer_is_beyond_a_bound_or_not_to_the_last_digit(dtype, bound):
+    near = [bound + step for step in range(-3, 4) if np.iinfo(dtype).min <= bound + step <= np.iinfo(dtype).max]
+    edge, values = float(bound), np.array(near, dtype)
+    high, low = LimitRule(yellow_high=edge, red_high=edge), LimitRule(red_low=edge, yellow_low=edge)
+    assert [high.level(one) > 0 for one in beside_bounds(values, high).tolist()] == [one > bound for one in near]
+    assert [low.level(one) < 0 for one in beside_bounds(values, low).tolist()] == [one < bound for one in near]
