@@ -17,8 +17,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import silo
 from silo.cli.group import cli
-from silo.files.others import mcap_file
-from silo.files.others.message_types import message_type
+from silo.files.others import mcap_file, recording
+from silo.files.others.message_types import UnknownTypeError, message_type
 from tests.pages import carry_out
 
 START = 1_700_000_000 * 10**9
@@ -170,6 +170,24 @@ def test_constants_are_labels_of_the_field_that_they_are_of(definition, labels):
     assert [dict(node.labels) for _, node in fields] == labels
 
 
+@pytest.mark.parametrize(
+    ("kind", "definition", "why"),
+    [
+        ("ros2msg", "wstring x", "silo reads no wstring: middlewares write them in ways of their own"),
+        ("ros2msg", "M x", "the type p/msg/M in it is not known"),  # as it is in itself
+        ("ros2msg", "their/Thing x", "the type their/msg/Thing in it is not known"),
+        ("ros2msg", "float64 x[", "its definition can't be read: Could not parse:"),
+        ("ros2idl", "module p { module msg { struct M { long double x; }; }; };", "silo reads no float128"),
+        ("ros2idl", "module p { module msg { struct M { wchar x; }; }; };", "silo reads no wchar"),
+        ("ros2idl", "module p { module msg { struct N { long x; }; }; };", "its definition is not in the bag"),
+    ],
+)
+def test_of_a_type_that_is_not_read_it_is_told_why(kind, definition, why):
+    with pytest.raises(UnknownTypeError) as told:
+        message_type("p/msg/M", definition, kind)
+    assert str(told.value) == why
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     return rosbag(tmp_path_factory.mktemp("bags") / "drive", StoragePlugin.MCAP)
@@ -211,6 +229,13 @@ class TestEveryStorage:
         np.testing.assert_array_equal(joints.values[:2], [[0, 0.5, np.nan], [np.nan, np.nan, 3]])
         np.testing.assert_array_equal(log["joint_states/position_grip"].values[1::2], np.arange(3.0, 200, 6))
         assert not [text for text in log.warnings if "joint_states" in text]  # others come by their names, uncut
+
+    def test_joints_that_are_named_after_those_that_were_looked_at_are_told(self, folder, monkeypatch):
+        monkeypatch.setattr(recording, "SOME", 1)
+        late = silo.open_log(folder)
+        np.testing.assert_array_equal(late["joint_states/position"].values[:2], [[0, 0.5], [np.nan, np.nan]])
+        told = [one for one in late.warnings if "joint" in one]
+        assert told == ["joints of /joint_states that come in late are left out: grip"]
 
     def test_an_expression_over_two_topics_holds_the_slower_one_and_a_part_is_that_of_every_topic(self, log):
         assert log.eval("imu/angular_velocity/x > 50 and state/mode == WALK").when()[0] == pytest.approx(0.55, abs=1e-6)

@@ -33,6 +33,7 @@ def test_the_helper_process_survives_a_segment_that_is_cut_short(left_bytes, rob
                 status = client.status()
             assert status.ticks == 0
             assert "somebody cut the segment short" in status.reason
+            assert not status.saved
             for ask in (
                 lambda: client.history(["/log/x"], 0, 10**9, 10**7),
                 lambda: client.save([FileType.SILO]),

@@ -1,6 +1,7 @@
 """The settings screen: each change counts at once, `w` keeps it, mistakes of the file are told, keys can be changed."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
@@ -220,6 +221,17 @@ def test_sixteen_colours_count_where_nobody_chose_others_and_are_not_written(hom
     _run("robot", "local", None, demo=False, read_only=False, rate=None, view="", theme=None, mouse=False)
     assert found == [theme]
     assert path().read_text() == f"{in_file}mouse: off\n" + "theme: dark\n" * (theme == "silo-16")
+
+
+@pytest.mark.parametrize(
+    ("file", "demo", "looks"), [(None, False, True), (None, True, False), ("x.silo", False, False)]
+)
+def test_loggers_are_looked_for_where_neither_a_file_nor_the_demo_is_shown(home, monkeypatch, file, demo, looks):
+    begun, app = [], SimpleNamespace(context=SimpleNamespace(), run=lambda mouse: None, release=str, return_code=3)
+    monkeypatch.setattr(f"{APP}.SiloApp", lambda *_, **given: app)
+    monkeypatch.setattr("silo_tui.sessions.finder.ClientFinder.begin", lambda _: begun.append(1))
+    code = _run("", "local", file, demo=demo, read_only=False, rate=None, view="", theme=None, mouse=False)
+    assert (code, len(begun)) == (3, looks)
 
 
 def test_the_command_line_knows_the_themes():

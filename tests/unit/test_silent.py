@@ -232,7 +232,9 @@ def test_a_start_that_drops_what_is_in_no_file_says_so_once(new_logger, caplog):
         collect(logger, 2)
     (warning,) = warnings_of(caplog)
     assert kept.shape == ()
-    assert warning.startswith("test: this start dropped 2 ticks of the last run that were not saved (what was recorded")
+    keeps = 'or captured stays): save() before it, or start(unsaved="save"), keeps them (said once)'
+    told = "this start dropped {} of the last run that were not saved (what was recorded"
+    assert warning == f"test: {told.format('2 ticks')} {keeps}"
     logger.save()
     other = new_logger("other")
     other.array("x")
@@ -241,6 +243,13 @@ def test_a_start_that_drops_what_is_in_no_file_says_so_once(new_logger, caplog):
     other.save()
     other.restart()
     assert len(warnings_of(caplog)) == 1
+    collect(other, 1)
+    other.restart(unsaved="save")
+    collect(other, 1)
+    other.restart()
+    _, saved, dropped = warnings_of(caplog)
+    assert saved.startswith("other: the last run was saved before it is cleared: ")
+    assert dropped == f"other: {told.format('1 tick')} {keeps}"
 
 
 @pytest.mark.parametrize("kind", ["a file", "a folder below a file", "closed", "there", "yet to be made"])
