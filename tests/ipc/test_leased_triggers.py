@@ -16,7 +16,12 @@ def test_it_fires_and_tells_which_ticks_it_captured_and_writes_nothing(bench, cl
     bench.ticks(10)
     assert client._set_trigger(LOOKING, lease_s=60) == "trigger 'scope' is held for 60 s"
     trigger(client, "scope", TriggerWord.ARMED)
-    bench.ticks(100)
+    bench.ticks(92)
+    judged(client, bench)
+    found = trigger(client, "scope")  # while a capture is under way the one before stands still
+    assert (found.state, found.captures, found.whole.number, found.whole.tick) == (TriggerWord.FIRING, 2, 1, 49)
+    assert found.capturing_s == pytest.approx((102 - 94) / bench.logger.options.frequency_hz)  # from its first tick on
+    bench.ticks(8)
     judged(client, bench)
     found = trigger(client, "scope")
     assert (found.fires, found.files) == (2, ())
@@ -26,24 +31,22 @@ def test_it_fires_and_tells_which_ticks_it_captured_and_writes_nothing(bench, cl
     assert (whole.number, whole.tick, whole.first, whole.last, whole.forced) == (2, 99, 94, 104, False)
 
 
-def test_while_a_capture_is_under_way_the_one_before_stands_still(bench, client):
-    bench.logger.start()
-    bench.ticks(10)
-    client._set_trigger(LOOKING, lease_s=60)
-    trigger(client, "scope", TriggerWord.ARMED)
-    bench.ticks(92)
-    judged(client, bench)
-    found = trigger(client, "scope")
-    assert (found.state, found.captures, found.whole.number, found.whole.tick) == (TriggerWord.FIRING, 2, 1, 49)
-    assert found.capturing_s == pytest.approx((102 - 94) / bench.logger.options.frequency_hz)  # from its first tick on
-
-
-def test_it_is_in_no_script_and_not_in_the_logger(bench, client):
+def test_it_is_in_no_script_and_not_in_the_logger_and_refused_where_it_can_not_be(bench, client):
+    bench.logger.trigger("high", "x > 5")
+    trigger(client, "high")
+    for options, words in (
+        (TriggerOptions("scope", "x < 0", mode="auto"), "auto captures without end"),  # of files
+        (TriggerOptions("high", "x > 6", save=()), "'high' is one of the logger"),
+        (TriggerOptions("scope", "x > 6", pre_s=60, save=()), "set size="),  # that would do
+    ):
+        with pytest.raises(RefusedError, match=words):
+            client._set_trigger(options, lease_s=60)
+    assert [one.options.name for one in client.triggers().triggers] == ["high"]
     client._set_trigger(LOOKING, lease_s=60)
     assert trigger(client, "scope").state is TriggerWord.WAITING
     client.save_script("new.yaml")
     assert "scope" not in client.read_script("new.yaml").text
-    assert bench.logger._conditions.now.triggers == ()
+    assert [one.name for one in bench.logger._conditions.now.triggers] == ["high"]
 
 
 def test_it_goes_with_a_client_that_goes_away(bench, client):
@@ -85,24 +88,6 @@ def test_in_mode_auto_it_fires_by_itself_when_its_condition_does_not(bench, clie
     found = trigger(client, "scope")
     assert found.fires == 3  # every 10 ticks of post and 20 of patience, from the first tick after it was set
     assert found.whole.forced
-
-
-def test_mode_auto_with_files_is_refused(bench, client):
-    with pytest.raises(RefusedError, match="auto captures without end"):
-        client._set_trigger(TriggerOptions("scope", "x < 0", mode="auto"), lease_s=60)
-
-
-def test_a_name_that_the_logger_has_is_refused(bench, client):
-    bench.logger.trigger("high", "x > 5")
-    trigger(client, "high")
-    with pytest.raises(RefusedError, match="'high' is one of the logger"):
-        client._set_trigger(TriggerOptions("high", "x > 6", save=()), lease_s=60)
-
-
-def test_more_past_than_buffers_hold_is_refused_with_the_size_that_would_do(bench, client):
-    with pytest.raises(RefusedError, match="set size="):
-        client._set_trigger(TriggerOptions("scope", "x > 6", pre_s=60, save=()), lease_s=60)
-    assert client.triggers().triggers == []
 
 
 def test_it_is_armed_forced_and_let_go_of_by_name(bench, client):

@@ -101,10 +101,10 @@ def test_nobody_else_asks_for_statistics_in_the_place_of_a_client_or_begins_them
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("which", ["quantities", "some_quantities"])
-def test_quantities_that_are_asked_for_again_and_again_take_no_memory(client, which) -> None:
-    with pytest.raises(RefusedError, match=r"no survey: there are \d+ quantities; name each once"):
-        client._survey(**{"quantities": ["max"], which: ["max"] * 5000})
+def test_quantities_that_are_asked_for_again_and_again_take_no_memory(client) -> None:
+    for which in ("quantities", "some_quantities"):
+        with pytest.raises(RefusedError, match=r"no survey: there are \d+ quantities; name each once"):
+            client._survey(**{"quantities": ["max"], which: ["max"] * 5000})
     assert client._survey([*QUANTITIES], some_quantities=[*QUANTITIES]).values
 
 
@@ -120,21 +120,18 @@ def test_statistics_of_an_older_client_are_those_of_its_name(bench, client) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["view", "stream", "pin"])
-def test_who_makes_up_ids_takes_not_all_of_what_there_is(bench, client, kind) -> None:
+def test_who_makes_up_ids_takes_not_all_of_what_there_is(bench, client) -> None:
     bench.logger.start()
     bench.ticks(5)
-    requests = {
-        "view": lambda name: OpenView(view=name, values=["/log/x"]),
-        "stream": lambda name: OpenStream(stream=name, names=["/log/x"]),
-        "pin": lambda name: OpenPin(pin=name, names=["/log/x"], start_ns=0, end_ns=bench.now_ns),
-    }
-    with silo.connect("bot", read_only=True) as other, pytest.raises(RefusedError, match="are open already"):
-        for at in range(100):
-            other._call(requests[kind](f"bob{at}-1"))
-    mine = {
-        "view": lambda: client.view(["/log/x"]),
-        "stream": lambda: client.stream(["/log/x"]),
-        "pin": lambda: client.pin(["/log/x"], 0, bench.now_ns),
-    }[kind]()
-    mine.close()
+    for made_up, mine in (
+        (lambda name: OpenView(view=name, values=["/log/x"]), lambda: client.view(["/log/x"])),
+        (lambda name: OpenStream(stream=name, names=["/log/x"]), lambda: client.stream(["/log/x"])),
+        (
+            lambda name: OpenPin(pin=name, names=["/log/x"], start_ns=0, end_ns=bench.now_ns),
+            lambda: client.pin(["/log/x"], 0, bench.now_ns),
+        ),
+    ):
+        with silo.connect("bot", read_only=True) as other, pytest.raises(RefusedError, match="are open already"):
+            for at in range(100):
+                other._call(made_up(f"bob{at}-1"))
+        mine().close()

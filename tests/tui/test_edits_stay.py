@@ -84,10 +84,13 @@ async def test_marks_that_the_filter_hides_are_changed_only_after_a_question_tha
         assert screen.session.rows.marked_count == 3
 
 
-async def test_a_typed_edit_of_hidden_marks_asks_with_their_count_too(fake, opened):
+async def test_a_typed_edit_of_hidden_marks_asks_with_their_count_too_once_it_makes_sense(fake, opened):
     async with opened(fake) as screen:
         await screen.enter("/torque", "asterisk", "escape")
         await screen.enter("/LF")
+        await screen.enter(":set dvi=5")
+        await screen.shows("dvi")
+        assert not screen.app.screen.is_modal
         await screen.enter(":set div=5")
         await screen.shows("9 of the 12 marked elements are hidden")
         assert screen.session.table.pending_count == (0, 0)
@@ -117,16 +120,7 @@ async def test_marks_that_the_filter_hides_are_plotted_only_after_a_question(fak
         assert screen.session.rows.marked_count == 0
 
 
-async def test_a_typed_edit_that_makes_no_sense_is_refused_before_the_question(fake, opened):
-    async with opened(fake) as screen:
-        await screen.enter("/torque", "asterisk", "escape")
-        await screen.enter("/LF")
-        await screen.enter(":set dvi=5")
-        await screen.shows("dvi")
-        assert not screen.app.screen.is_modal
-
-
-async def test_b_and_p_choose_from_a_list(fake, opened):
+async def test_b_and_p_choose_from_a_list_and_e_asks_which_field_until_one_was_chosen(fake, opened):
     async with opened(fake) as screen:
         await screen.press("b")
         await screen.shows("buffer of 1 element")
@@ -136,17 +130,13 @@ async def test_b_and_p_choose_from_a_list(fake, opened):
         await screen.shows("action of 1 element")
         await screen.press("escape")
         assert screen.session.table.pending_count == (1, 1)
-
-
-async def test_e_asks_which_field_until_one_was_chosen(fake, opened):
-    async with opened(fake) as screen:
         await screen.press("e")
         await screen.shows("Edit what of 1 element?")
         await screen.press("d")
         await screen.until(lambda: screen.app.screen.query("#cell-editor").first().display, "the editor")
         await screen.press("6", "enter")
         assert screen.value(FIRST, Field.DIVIDER) == "6"
-        assert screen.session.table.pending_count == (1, 1)
+        assert screen.session.table.pending_count == (2, 1)
 
 
 async def test_equal_edits_stand_in_one_line_with_what_they_cost(fake, opened):
@@ -185,17 +175,13 @@ async def test_a_script_that_differs_in_a_trigger_alone_is_shown_and_loaded(fake
         await screen.shows("pre 5 s → 2 s")
 
 
-async def test_a_script_that_changes_nothing_says_so(fake, opened):
+async def test_a_script_that_changes_nothing_says_so_and_that_pending_edits_stay(fake, opened):
     async with opened(fake) as screen:
         await screen.press("L")
         await screen.shows("It would change nothing")
         await screen.press("enter")
         await screen.shows("nothing to load")
         assert not fake.calls
-
-
-async def test_a_script_over_pending_edits_says_that_they_stay(fake, opened):
-    async with opened(fake) as screen:
         await screen.press("d", "7", "enter")
         await screen.shows("1 pending")
         await screen.press("L")

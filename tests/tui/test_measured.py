@@ -319,12 +319,14 @@ async def test_of_a_pose_there_is_no_norm(new_fake, opened):
         assert "norm " not in screen.text
 
 
-async def test_value_and_statistics_of_a_row_are_of_one_moment(fake, opened):
+async def test_value_and_statistics_of_a_row_are_of_one_moment_and_have_decimals_alike(fake, opened):
     fake.run()
     fake.facts = {"value": {TORQUE: 11.125}, "max": {TORQUE: 11.125}, "min": {TORQUE: 11.125}}
     async with opened(fake) as screen:
         await screen.enter("/LF/HAA/torque", "C")
         await screen.until(lambda: row_with(screen, "HAA/torque").count("11.1250") == 3, "three numbers that agree")
+        fake.facts |= {"max": {TORQUE: 31.5}, "min": {TORQUE: 1.78e-15}, "mean": {TORQUE: 2.5}}
+        await screen.until(lambda: re.search(r"11\.1[23] +0\.00 +31\.50 +2\.50", row_with(screen, "HAA/torque")))
 
 
 async def test_ordered_by_value_the_values_are_those_of_the_order_after_a_filter_too(fake, opened):
@@ -348,14 +350,6 @@ async def test_samples_that_are_no_numbers_are_told_of_the_row_under_the_cursor(
         await screen.until(lambda: screen.session.table.facts.detail(TORQUE, "bad") == 12.0)
         screen.app.screen.say("")
         await screen.shows("12 samples nan or inf: min to std leave nan out")
-
-
-async def test_value_and_statistics_of_a_row_have_decimals_alike(fake, opened):
-    fake.run()
-    fake.facts = {"value": {TORQUE: 11.125}, "max": {TORQUE: 31.5}, "min": {TORQUE: 1.78e-15}, "mean": {TORQUE: 2.5}}
-    async with opened(fake) as screen:
-        await screen.enter("/LF/HAA/torque", "C")
-        await screen.until(lambda: re.search(r"11\.1[23] +0\.00 +31\.50 +2\.50", row_with(screen, "HAA/torque")))
 
 
 async def test_least_and_most_of_whole_numbers_are_whole(new_fake, opened):
