@@ -29,20 +29,14 @@ def options(client, name):
 # ----------------------------------------------------------------------------------------------------- reading
 
 
-def test_hello_says_which_logger_answers_and_that_it_may_be_changed(client):
+def test_a_new_logger_says_who_it_is_and_that_nothing_is_logged_and_has_the_elements_as_they_were_added(client):
     hello = client._hello()
     assert (hello.status.logger, hello.may_edit) == ("robot", True)
     assert hello.status.helper_pid != hello.status.pid
-
-
-def test_a_new_logger_is_stopped_with_nothing_logged(client):
     status = client.status()
     assert (status.state, status.ticks, status.lost, status.started_ns) == (State.STOPPED, 0, 0, 0)
     assert (status.elements, status.enabled, status.entries) == (5, 5, 7)
     assert status.frequency_hz == HZ
-
-
-def test_the_table_has_the_elements_as_they_were_added_and_the_revision_of_the_status(client):
     table = client.table()
     assert [element.name for element in table.elements] == [X, Q, GAIT, WORD, KEPT]
     assert [len(element.entries) for element in table.elements] == [1, 3, 1, 1, 1]
@@ -52,87 +46,68 @@ def test_the_table_has_the_elements_as_they_were_added_and_the_revision_of_the_s
 # ----------------------------------------------------------------------------------------------------- editing
 
 
-def test_edits_change_the_table_and_its_revision(client, edit):
+def test_edits_change_the_table_and_its_revision_and_one_that_changes_nothing_is_not_counted(client, edit):
     before = client.table().revision
     applied = client.apply([edit(client, X, divider=4), edit(client, Q, enabled=False)], before)
     assert applied.changed == 2
     assert (options(client, X).divider, options(client, Q).enabled) == (4, False)
     assert client.table().revision == applied.revision > before
     assert client.status().enabled == 4
-
-
-def test_an_edit_that_changes_nothing_is_not_counted(client, edit):
     assert client.apply([edit(client, X), edit(client, Q, divider=2)], -1).changed == 1
 
 
-def test_edits_on_an_old_table_conflict_and_change_nothing(side, client, edit):
+def test_edits_and_scripts_on_an_old_table_conflict_and_change_nothing(side, client, edit):
+    side.add_script("a.yaml", SCRIPT)
     old = client.table().revision
     side.somebody_edits(X, divider=3)
     assert refusal(client.apply, [edit(client, X, divider=9)], old).why is RefusedWhy.CONFLICT
+    assert refusal(client.load_script, "a.yaml", old).why is RefusedWhy.CONFLICT
     assert options(client, X).divider == 3
 
 
-def test_a_running_logger_takes_no_edits(client, edit):
+def test_a_running_logger_takes_no_edits_and_no_script(side, client, edit):
+    side.add_script("a.yaml", SCRIPT)
     client.start()
     error = refusal(client.apply, [edit(client, X, divider=4)], -1)
     assert (error.why, "stop it" in str(error)) == (RefusedWhy.RUNNING, True)
+    assert refusal(client.load_script, "a.yaml").why is RefusedWhy.RUNNING
     assert options(client, X).divider == 1
 
 
-def test_one_wrong_edit_refuses_all_and_names_the_field(client, edit):
+def test_one_wrong_edit_refuses_all_and_names_the_field_or_the_element_that_is_not_there(client, edit):
     error = refusal(client.apply, [edit(client, Q, divider=2), edit(client, X, divider=0)], -1)
     assert error.why is RefusedWhy.INVALID
     assert [(problem.name, problem.field) for problem in error.problems] == [(X, "divider")]
     assert f"'{X}': divider must be a whole number from 1 to 2147483647, got 0; nothing was changed" in str(error)
-    assert options(client, Q).divider == 1
-
-
-def test_an_edit_of_an_element_that_is_not_there_is_refused(client):
-    error = refusal(client.apply, [Edit("/log/nix", ElementOptions())], -1)
+    error = refusal(client.apply, [edit(client, Q, divider=2), Edit("/log/nix", ElementOptions())], -1)
     assert (error.why, [problem.name for problem in error.problems]) == (RefusedWhy.INVALID, ["/log/nix"])
     assert "the table has no such element" in str(error)
+    assert options(client, Q).divider == 1
 
 
 # ------------------------------------------------------------------------------------------- starting, stopping
 
 
-def test_start_runs_the_logger_and_its_ticks_are_counted(side, client):
+def test_what_runs_counts_its_ticks_and_is_not_started_again_and_what_is_stopped_keeps_them(side, client):
+    assert client.stop().state is State.STOPPED
     assert client.start().state is State.RUNNING
     side.ticks(7)
     status = client.status()
     assert (status.state, status.ticks, status.saved) == (State.RUNNING, 7, False)
     assert status.started_ns >= START_NS
-
-
-def test_starting_a_running_logger_is_refused_and_it_keeps_what_it_has(side, client):
-    client.start()
-    side.ticks(5)
     assert refusal(client.start).why is RefusedWhy.RUNNING
-    assert (client.status().state, client.status().ticks) == (State.RUNNING, 5)
-
-
-def test_stopping_a_stopped_logger_succeeds(client):
-    assert client.stop().state is State.STOPPED
-
-
-def test_a_stopped_logger_keeps_its_ticks_and_counts_no_more(side, client):
-    client.start()
-    side.ticks(5)
+    assert (client.status().state, client.status().ticks) == (State.RUNNING, 7)
     client.stop()
     side.ticks(5)
-    assert (client.status().state, client.status().ticks) == (State.STOPPED, 5)
-
-
-def test_restart_counts_from_nothing(side, client):
-    client.start()
-    side.ticks(5)
-    assert (client.restart("discard").state, client.status().ticks) == (State.RUNNING, 0)
+    assert (client.status().state, client.status().ticks) == (State.STOPPED, 7)
 
 
 def test_a_start_over_unsaved_data_is_refused_unless_it_is_told_what_becomes_of_it(side, client):
     client.start()
     side.ticks(5)
     assert refusal(client.restart).why is RefusedWhy.UNSAVED
+    assert (client.restart("discard").state, client.status().ticks) == (State.RUNNING, 0)
+    side.ticks(5)
     client.stop()
     assert refusal(client.start).why is RefusedWhy.UNSAVED
     assert (client.status().state, client.status().ticks) == (State.STOPPED, 5)
@@ -142,8 +117,11 @@ def test_a_start_over_unsaved_data_is_refused_unless_it_is_told_what_becomes_of_
 # ----------------------------------------------------------------------------------------------------- events
 
 
-def test_what_a_client_does_is_told_to_all_with_its_name_and_the_new_status(side, client, edit):
-    client.apply([edit(client, X, divider=2)], -1)
+def test_what_a_client_does_is_told_to_all_with_its_name_and_the_new_status_as_is_what_others_do(side, client):
+    revision = client.status().revision
+    side.somebody_edits(X, divider=2)
+    side.heard.event(EventKind.EDITED)
+    assert client.status().revision > revision
     client.start()
     client.stop()
     events = [side.heard.event(kind) for kind in (EventKind.EDITED, EventKind.STARTED, EventKind.STOPPED)]
@@ -152,68 +130,59 @@ def test_what_a_client_does_is_told_to_all_with_its_name_and_the_new_status(side
     assert [event.status.state for event in events[1:]] == [State.RUNNING, State.STOPPED]
 
 
-def test_what_others_do_is_told_too(side, client):
-    revision = client.status().revision
-    side.somebody_edits(X, divider=2)
-    side.heard.event(EventKind.EDITED)
-    assert client.status().revision > revision
-
-
 # ----------------------------------------------------------------------------------------------------- saving
 
 
-def test_a_save_reports_that_it_began_and_which_files_it_wrote(side, client):
+def test_a_save_reports_that_it_began_and_which_files_it_wrote_or_that_there_is_nothing_to_write(side, client):
+    assert refusal(client.save, [FileType.SILO]).why is RefusedWhy.FAILED
+    assert side.heard.event(EventKind.SAVE_FAILED).text
     client.start()
     side.ticks(20)
     job = client.save([FileType.SILO, FileType.CSV], "walk")
     saved = side.heard.event(EventKind.SAVED)
-    began = side.heard.event(EventKind.SAVING)
+    began = next(event for event in side.heard.events if event.kind is EventKind.SAVING and event.job == job)
     assert (began.job, saved.job, saved.progress) == (job, job, 1.0)
     assert [file.type for file in saved.files] == [FileType.SILO, FileType.CSV]
     assert all("walk" in file.path and file.size_bytes > 0 for file in saved.files)
     assert client.status().saved
-
-
-def test_with_nothing_logged_a_save_is_refused_and_all_are_told(side, client):
-    assert refusal(client.save, [FileType.SILO]).why is RefusedWhy.FAILED
-    assert side.heard.event(EventKind.SAVE_FAILED).text
-
-
-def test_saves_are_numbered(side, client):
-    client.start()
-    side.ticks(5)
-    assert client.save([FileType.SILO]) != client.save([FileType.SILO])
+    assert len({job, client.save([FileType.SILO]), client.save([FileType.SILO])}) == 3  # each has its number
 
 
 # ---------------------------------------------------------------------------------------------------- scripts
 
 
-def test_scripts_are_listed_by_name_with_the_logger_s_own(side, client):
+def test_scripts_are_listed_and_read_as_they_stand_and_none_that_is_not_there_or_wrong(side, client):
     side.add_script("b.yaml", SCRIPT)
     side.add_script("a.yaml", SCRIPT)
     scripts = client.scripts()
     assert scripts.names == ["a.yaml", "b.yaml"]
     assert scripts.current == "robot.yaml"
-
-
-def test_a_script_is_read_as_it_stands(side, client):
-    side.add_script("a.yaml", SCRIPT)
     text = client.read_script("a.yaml")
     assert (text.text, text.path) == (SCRIPT, f"{client.scripts().folder}/a.yaml")
+    for what in (client.read_script, client.diff_script, client.load_script):
+        assert refusal(what, "nix.yaml").why is RefusedWhy.NOT_FOUND
+    side.add_script("bad.yaml", SCRIPT.replace("7", "0"))
+    error = refusal(client.load_script, "bad.yaml")
+    assert error.why is RefusedWhy.INVALID
+    assert "bad.yaml:4" in str(error)
 
 
-def test_without_a_path_the_running_configuration_is_read(client, edit):
-    client.apply([edit(client, X, divider=5)], -1)
-    assert "divider: 5" in client.read_script().text
-
-
-def test_a_difference_says_what_loading_would_change_and_changes_nothing(side, client):
+def test_a_difference_says_what_loading_would_change_and_loading_does_it_and_tells_what_nobody_knows(side, client):
     side.add_script("a.yaml", SCRIPT)
     diff = client.diff_script("a.yaml")
     assert [(change.name, change.field, change.old, change.new) for change in diff.changes] == [
         (X, "divider", "1", "7")
     ]
     assert (diff.unknown, options(client, X).divider) == (["/log/old"], 1)
+    before = client.table().revision
+    loaded = client.load_script("a.yaml")
+    assert (loaded.changed, loaded.unknown, options(client, X).divider) == (1, ["/log/old"], 7)
+    assert client.table().revision == loaded.revision > before
+    assert side.heard.event(EventKind.SCRIPT_LOADED).by
+    side.add_script("b.yaml", SCRIPT + "colour: red\n")
+    (warned,) = client.diff_script("b.yaml").warnings
+    assert "colour" in warned
+    assert client.load_script("b.yaml").warnings == [warned]
 
 
 TRIGGERS = "triggers:\n  - name: high\n    when: x > 3\n    pre_s: 2\n"
@@ -233,49 +202,6 @@ def test_a_difference_in_triggers_alone_is_told_and_loaded(side, client):
     assert [(change.field, change.old, change.new) for change in diff] == [("pre", "2 s", "3 s")]
 
 
-def test_loading_a_script_changes_the_table_and_tells_what_it_didn_t_know(side, client):
-    side.add_script("a.yaml", SCRIPT)
-    before = client.table().revision
-    loaded = client.load_script("a.yaml")
-    assert (loaded.changed, loaded.unknown, options(client, X).divider) == (1, ["/log/old"], 7)
-    assert client.table().revision == loaded.revision > before
-    assert side.heard.event(EventKind.SCRIPT_LOADED).by
-
-
-def test_keys_of_a_script_that_nobody_knows_are_warned_of(side, client):
-    side.add_script("a.yaml", SCRIPT + "colour: red\n")
-    (warned,) = client.diff_script("a.yaml").warnings
-    assert "colour" in warned
-    assert client.load_script("a.yaml").warnings == [warned]
-
-
-def test_a_running_logger_loads_no_script(side, client):
-    side.add_script("a.yaml", SCRIPT)
-    client.start()
-    assert refusal(client.load_script, "a.yaml").why is RefusedWhy.RUNNING
-    assert options(client, X).divider == 1
-
-
-def test_a_script_on_an_old_table_conflicts(side, client):
-    side.add_script("a.yaml", SCRIPT)
-    old = client.table().revision
-    side.somebody_edits(Q, divider=3)
-    assert refusal(client.load_script, "a.yaml", old).why is RefusedWhy.CONFLICT
-    assert options(client, X).divider == 1
-
-
-@pytest.mark.parametrize("what", ["read_script", "diff_script", "load_script"])
-def test_a_script_that_is_not_there_is_refused(client, what):
-    assert refusal(getattr(client, what), "nix.yaml").why is RefusedWhy.NOT_FOUND
-
-
-def test_a_wrong_script_is_refused_with_its_line(side, client):
-    side.add_script("bad.yaml", SCRIPT.replace("7", "0"))
-    error = refusal(client.load_script, "bad.yaml")
-    assert error.why is RefusedWhy.INVALID
-    assert "bad.yaml:4" in str(error)
-
-
 def test_a_script_that_is_there_is_replaced_only_when_that_is_meant(side, client):
     side.add_script("a.yaml", SCRIPT)
     assert refusal(client.save_script, "a.yaml").why is RefusedWhy.EXISTS
@@ -284,8 +210,9 @@ def test_a_script_that_is_there_is_replaced_only_when_that_is_meant(side, client
     assert client.read_script("a.yaml").text != SCRIPT
 
 
-def test_a_saved_script_is_listed_told_and_changes_nothing_when_loaded(side, client, edit):
+def test_a_saved_script_is_what_runs_is_listed_told_and_changes_nothing_when_loaded(side, client, edit):
     client.apply([edit(client, X, divider=5)], -1)
+    assert "divider: 5" in client.read_script().text
     client.save_script("new.yaml")
     assert side.heard.event(EventKind.SCRIPT_SAVED).text
     assert "new.yaml" in client.scripts().names
@@ -300,7 +227,7 @@ def frame_with(view, fact):
     return wait_until(lambda: (frame := view.frame()) is not None and fact(frame) and frame)
 
 
-def test_a_frame_has_the_values_fills_and_columns_that_were_asked_for(side, client):
+def test_a_frame_has_the_values_fills_and_columns_that_were_asked_for_and_says_what_is_missing(side, client):
     client.start()
     view = client.view([X, Q, KEPT], [X], 10.0, COLUMN_NS)
     side.ticks(8)
@@ -311,31 +238,13 @@ def test_a_frame_has_the_values_fills_and_columns_that_were_asked_for(side, clie
     assert (frame.running, len(frame.newest), len(frame.held), frame.held[0]) == (True, 5, 3, 8)
     assert np.isfinite(frame.newest).all()
     assert frame.low.shape == frame.high.shape == (1, frame.low.shape[1])
-
-
-def test_text_stands_in_texts(side, client):
-    client.start()
-    view = client.view([X, WORD], [], 10.0, COLUMN_NS)
-    side.ticks(8)
-    assert frame_with(view, lambda frame: frame.tick >= 8).texts == {1: "hans"}
-
-
-def test_names_that_are_not_in_the_table_are_told_as_missing(side, client):
-    client.start()
-    view = client.view([X, "/log/nix"], [], 10.0, COLUMN_NS)
-    side.ticks(8)
-    frame = frame_with(view, lambda frame: frame.tick >= 8)
-    assert (frame.missing, len(frame.newest), len(frame.held)) == ({"/log/nix"}, 1, 2)
-
-
-def test_a_closed_view_gives_nothing(side, client):
-    client.start()
-    view = client.view([X], [], 10.0, COLUMN_NS)
-    side.ticks(8)
-    frame_with(view, lambda frame: frame.tick >= 8)
     view.close()
     side.ticks(8)
     assert view.frame() is None
+    other = client.view([X, WORD, "/log/nix"], [], 10.0, COLUMN_NS)
+    side.ticks(8)
+    frame = frame_with(other, lambda frame: frame.tick >= 24)
+    assert (frame.texts, frame.missing, len(frame.newest), len(frame.held)) == ({1: "hans"}, {"/log/nix"}, 2, 3)
 
 
 def test_history_has_a_column_for_all_that_was_logged(side, client):
@@ -366,6 +275,8 @@ def test_a_lost_link_is_told_and_calls_say_so(side, client):
 
 
 def test_samples_of_any_enabled_element_have_their_ticks_stamps_and_own_types(side, client):
+    error = refusal(client.samples, ["/log/nix"])
+    assert (error.why, "/log/nix" in str(error)) == (RefusedWhy.NOT_FOUND, True)
     client.start()
     side.ticks(8)
     found = client.samples([X, Q, f"{Q}_y", GAIT, WORD, KEPT])
@@ -376,11 +287,7 @@ def test_samples_of_any_enabled_element_have_their_ticks_stamps_and_own_types(si
     assert (found[X].ticks.tolist(), found[WORD].ticks.tolist(), found[WORD].divider) == (list(range(8)), [0, 4], 4)
     assert np.diff(found[X].time_ns).tolist() == [round(1e9 / HZ)] * 7
     np.testing.assert_array_equal(found[Q].values[:, 1], found[f"{Q}_y"].values)
-
-
-def test_samples_are_taken_between_ticks_rows_and_times(side, client):
-    client.start()
-    side.ticks(12)
+    side.ticks(4)  # and they are taken between ticks, rows and times
     stamps = client.samples([X])[X].time_ns
     assert client.samples([X], 3, 6, "tick")[X].ticks.tolist() == [3, 4, 5]
     assert client.samples([WORD], 1, 3, "row")[WORD].ticks.tolist() == [4, 8]
@@ -395,11 +302,6 @@ def test_samples_of_an_element_that_is_off_are_none_and_say_why(side, client, ed
     side.ticks(4)
     found = client.samples([KEPT, X])
     assert (len(found[KEPT]), found[KEPT].why, len(found[X])) == (0, "it is off", 4)
-
-
-def test_samples_of_a_name_that_is_nowhere_are_refused(client):
-    error = refusal(client.samples, ["/log/nix"])
-    assert (error.why, "/log/nix" in str(error)) == (RefusedWhy.NOT_FOUND, True)
 
 
 def test_a_pin_keeps_what_the_buffers_overwrite(side, client, edit):
@@ -427,19 +329,19 @@ def test_a_pin_is_no_more_when_it_was_closed(side, client):
     assert (error.why, "no more" in str(error)) == (RefusedWhy.NOT_FOUND, True)
 
 
-@pytest.mark.parametrize("what", ["highest", "lowest", "crossing", "edge", "peak", "change", "hole", "not finite"])
-def test_moments_are_found_where_the_samples_have_them(side, client, what):
+def test_moments_are_found_where_the_samples_have_them(side, client):
     client.start()
     side.ticks(300)
     samples = client.samples([X])[X]
     level = float(np.median(samples.values))
-    found = client.find([X], what, level, 1, around_ns=int(samples.time_ns[150]), most=6)[X]
-    wanted = places(Looking(Sought(what), level, 1, period_ns=round(1e9 / HZ)), samples.time_ns, samples.values)
-    assert found.total == len(wanted)
-    here = wanted[found.before : found.before + len(found.time_ns)]
-    np.testing.assert_array_equal(found.time_ns, samples.time_ns[here])
-    np.testing.assert_array_equal(found.values, samples.values[here])
-    assert (found.begin_ns, found.end_ns) == (samples.time_ns[0], samples.time_ns[-1])
+    for what in ("highest", "lowest", "crossing", "edge", "peak", "change", "hole", "not finite"):
+        found = client.find([X], what, level, 1, around_ns=int(samples.time_ns[150]), most=6)[X]
+        wanted = places(Looking(Sought(what), level, 1, period_ns=round(1e9 / HZ)), samples.time_ns, samples.values)
+        assert found.total == len(wanted), what
+        here = wanted[found.before : found.before + len(found.time_ns)]
+        np.testing.assert_array_equal(found.time_ns, samples.time_ns[here])
+        np.testing.assert_array_equal(found.values, samples.values[here])
+        assert (found.begin_ns, found.end_ns) == (samples.time_ns[0], samples.time_ns[-1])
 
 
 # --------------------------------------------------------------------------------------------------- measuring
@@ -449,13 +351,7 @@ def measured(client, quantity, name):
     return np.frombuffer(client._survey([quantity], [name]).values)[0]
 
 
-def test_a_survey_without_names_is_of_the_whole_table_in_its_order(side, client):
-    survey = client._survey(["held", "signs"])
-    assert np.frombuffer(survey.values).reshape(2, -1).shape == (2, 5)
-    assert survey.revision == client.table().revision
-
-
-def test_a_survey_tells_elements_entries_and_what_is_saved_only(side, client):
+def test_a_survey_is_of_the_whole_table_in_its_order_or_of_names_of_elements_and_entries_saved_or_not(side, client):
     client.start()
     client._survey(["max"])
     side.ticks(50)
@@ -464,6 +360,10 @@ def test_a_survey_tells_elements_entries_and_what_is_saved_only(side, client):
     wait_until(lambda: np.isfinite(np.frombuffer(client._survey(["max"], wanted).values)).all())
     assert np.isnan(measured(client, "max", "/log/nix"))
     assert np.isnan(measured(client, "max", WORD))
+    survey = client._survey(["held", "signs"])
+    assert np.frombuffer(survey.values).reshape(2, -1).shape == (2, 5)
+    assert survey.revision == client.table().revision
+    assert refusal(client._survey, ["beauty"]).why is RefusedWhy.INVALID
 
 
 def test_what_is_asked_of_some_beside_all_is_of_the_same_samples(side, client):
@@ -475,10 +375,6 @@ def test_what_is_asked_of_some_beside_all_is_of_the_same_samples(side, client):
         some = np.frombuffer(found.some).reshape(2, 2)
         assert np.array_equal(np.frombuffer(found.values)[[place]], some[0, :1], equal_nan=True)
     assert refusal(client._survey, ["value"], some=[X], some_quantities=["beauty"]).why is RefusedWhy.INVALID
-
-
-def test_a_quantity_that_is_none_is_refused(client):
-    assert refusal(client._survey, ["beauty"]).why is RefusedWhy.INVALID
 
 
 def test_statistics_begin_when_a_client_asks_first_and_after_its_reset(side, client):
