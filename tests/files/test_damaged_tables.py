@@ -8,8 +8,8 @@ import scipy.io
 
 import silo
 from silo.core.recording import Recording
-from silo.errors import SiloError
-from silo.files.tables import matlab_variables
+from silo.errors import FileFormatError, SiloError
+from silo.files.tables import facts, matlab_variables
 from silo.files.tables.arrays import write_hdf5, write_mat, write_npz
 from silo.files.tables.parquet import write_parquet
 from tests.stand_ins import saved
@@ -43,6 +43,20 @@ def test_of_a_file_with_a_bit_turned_no_value_is_another_one(tmp_path, ending):
         except SiloError:
             refused += 1
     assert refused > 30  # a third of the file and more are values
+
+
+@pytest.mark.parametrize("ending", [".parquet", ".npz", ".mat"])
+def test_what_a_file_says_of_its_log_is_what_was_written(tmp_path, monkeypatch, ending):
+    packed = facts.packed
+    monkeypatch.setattr(f"silo.files.tables.{'parquet' if ending == '.parquet' else 'arrays'}.packed", lambda *given: (
+        packed(*given).replace('"count":400', '"count":0')
+    ))  # fmt: skip
+    with pytest.raises(FileFormatError, match="is damaged: what it says of its log is not what was written"):
+        silo.open_log(written(tmp_path, ending))
+    monkeypatch.setattr(f"silo.files.tables.{'parquet' if ending == '.parquet' else 'arrays'}.packed", lambda *given: (
+        packed(*given).rpartition(',"crc32"')[0] + "}"  # as silo before 0.5 wrote
+    ))  # fmt: skip
+    assert len(silo.open_log(written(tmp_path, ending))["x"]) == 400
 
 
 @pytest.mark.parametrize(

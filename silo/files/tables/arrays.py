@@ -17,12 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording, silent, stamps_of
-from silo.decoding import json_decoder
 from silo.errors import FileFormatError, SaveError
 from silo.files.optional_packages import need, whole_file
 from silo.files.silo.format import FilledEntry, dtype_from
 from silo.files.silo.missing import filled, in_doubles, is_masked
-from silo.files.tables.facts import NAME, Place, TableFacts, packed, restored, told_of
+from silo.files.tables.facts import NAME, Place, packed, restored, told_of, unpacked
 from silo.files.tables.matlab_variables import MatlabVariables
 from silo.files.texts import numbered, presentable, unique_names
 
@@ -172,13 +171,13 @@ def read_mat(path: Path) -> Recording:
         about: Any = variables.read("silo")[0, 0] if "silo" in variables else np.empty(0)
         text = str(about["log"].ravel()[0]) if "log" in (about.dtype.names or ()) else None
         if text is not None:
-            sizes.update(_matlab_sizes(text))
+            sizes.update(_matlab_sizes(path, text))
         return restored(path, text, lambda: int(about["time_ns"].size), lambda: about["time_ns"], values)
 
 
-def _matlab_sizes(text: str) -> dict[str, int]:
+def _matlab_sizes(path: Path, text: str) -> dict[str, int]:
     """How many bytes the variable of each element may have: far more than its samples take, as cells at worst."""
-    facts = json_decoder(TableFacts).decode(text)
+    facts = unpacked(path, text)
     places = iter(facts.places)
     found: Counter[str] = Counter()
     for number, one in enumerate(facts.elements):

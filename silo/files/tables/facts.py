@@ -4,6 +4,7 @@ The text is that beside a CSV file, and where each entry stands. A reader gives 
 when they are asked for.
 """
 
+import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -35,6 +36,9 @@ class TableFacts(CsvFacts, frozen=True, omit_defaults=True):
     own: dict[int, str] = msgspec.field(default_factory=dict)
 
 
+_CHECK = ',"crc32":'  # the last fact: that of the text before it
+
+
 def packed(
     recording: Recording,
     elements: Sequence[RecordedElement],
@@ -42,9 +46,19 @@ def packed(
     own: Mapping[int, str] = MappingProxyType({}),
 ) -> str:
     """The text, of the elements as they are written."""
-    return msgspec.json.encode(
+    text = msgspec.json.encode(
         alike(TableFacts, table_facts(recording, elements), places=tuple(places), own=dict(own))
-    ).decode()
+    ).decode()[:-1]
+    return f"{text}{_CHECK}{zlib.crc32(text.encode())}}}"
+
+
+def unpacked(path: Path, text: str | bytes) -> TableFacts:
+    """The facts of a text, which files before 0.5 have without a checksum. Raises FileFormatError for another text."""
+    text = text if isinstance(text, str) else text.decode()
+    told, check, number = text.rpartition(_CHECK)
+    if check and number != f"{zlib.crc32(told.encode())}}}":
+        raise FileFormatError(f"'{path}' is damaged: what it says of its log is not what was written")
+    return json_decoder(TableFacts).decode(text)
 
 
 @contextmanager
@@ -75,7 +89,7 @@ def restored(
     """
     if text is None:
         raise FileFormatError(f"'{path}' was not written by silo, or by one before 0.2: it doesn't say what is in it")
-    facts = json_decoder(TableFacts).decode(text)
+    facts = unpacked(path, text)
     count = announced()
     if count <= facts.ticks + _SLACK:
         stamps = np.asarray(time_ns()).ravel().astype(np.int64)
