@@ -496,6 +496,8 @@ def _recording(run: _Run, name: str, parts: list[_Part], there: _Folder) -> Iter
     paused: list[Span] = []
     again: list[Span] = []
     rings = {ring.ring: ring for part in parts if part.scan.facts for ring in part.scan.facts.value_rings}
+    first_part = min(parts, key=lambda part: part.number).scan.facts
+    at_first = {ring.ring for ring in first_part.value_rings} if first_part is not None else rings.keys()
     # one that was ended in this run by somebody has what it has, and so have buffers that are full
     full = any(_FULL in event.text and f"'{name}'" in event.text for event in run.events)
     stops = _stops(run, name, there)
@@ -506,7 +508,8 @@ def _recording(run: _Run, name: str, parts: list[_Part], there: _Folder) -> Iter
     for number, ring in rings.items():
         rows = [(first, end - 1) for part in parts for first, end in part.scan.rows.get(number, ())]
         begins = [one.begin for part in parts if part.scan.facts for one in part.scan.facts.rings if one.ring == number]
-        begins += [0] * _is_from_begin(run, name, parts, there)
+        if number in at_first and _is_from_begin(run, name, parts, there):  # not derived since
+            begins.append(0)
         end = max([0, *(last + 1 for _, last in rows)])
         if run.ended and not ended:
             end = max(end, -(-run.ticks // ring.divider))

@@ -8,6 +8,7 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
+import silo
 from silo.cli.codes import EXIT_USAGE
 from silo.cli.main import run
 from silo.client.client import Client
@@ -17,6 +18,7 @@ from silo.recorder.requests import recording_folder
 from silo.recovery.parts import left_parts
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
+from silo.verify.folder import verify
 from tests.ipc.conftest import Heard
 from tests.waiting import wait_until
 from tests.whole_bags import read_bag
@@ -267,3 +269,18 @@ def test_the_shell_begins_lists_and_ends_recordings(robots, tmp_path, capsys) ->
     assert "no recording is called 'other'" in capsys.readouterr().err
     assert run(["record", "bot", "--stop"]) == 0
     assert "recording 'bot' ended" in capsys.readouterr().out
+
+
+def test_a_signal_that_is_derived_while_it_is_recorded_is_missed_nowhere_before(bench, client):
+    folder = Path(bench.logger.options.folder)
+    client.record(name="walk")
+    client.start()
+    bench.ticks(100)
+    wait_until(lambda: client.recorders()[0].samples >= 100)
+    client.derive("late", "x * 2")
+    wait_until(lambda: bench.ticks(5) or client.recorders()[0].parts)
+    bench.logger.close()
+    wait_until(lambda: len([*folder.rglob("*.mcap")]) == 2)
+    assert [one.text for one in verify(folder).problems] == []
+    parts = [silo.open_log(path) for path in sorted(folder.rglob("*.mcap"))]
+    assert ["/log/late" in list(part) for part in parts] == [False, True]
