@@ -3,7 +3,9 @@
 import json
 import subprocess
 import sys
+import zipfile
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -402,3 +404,13 @@ def test_a_disk_that_is_full_leaves_the_old_bag_and_names_it(source, tmp_path, s
         convert(source, target, force=True)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bag.rosbag2", "in.mcap"]
     assert len(silo.open_log(target)) == len(silo.open_log(source))
+
+
+def test_no_name_of_an_element_leads_out_of_the_folder_that_an_archive_is_unpacked_to(tmp_path):
+    names = ("/log/a/../b", "/../x", "..", "/log/a..b/..c")
+    elements = [saved.element(name, np.arange(4.0) + at) for at, name in enumerate(names)]
+    silo.Log(Recording("robot", np.arange(4) * 10**9, 4, elements)).save(tmp_path / "a.npz")
+    with zipfile.ZipFile(tmp_path / "a.npz") as archive:
+        assert not [name for name in archive.namelist() if ".." in Path(name).parts or name == "...npy"]
+    back = silo.open_log(tmp_path / "a.npz")
+    assert [back[name].values[0] for name in names] == [0.0, 1.0, 2.0, 3.0]

@@ -27,6 +27,7 @@ from silo.files.texts import numbered, presentable, unique_names
 
 # MATLAB cuts longer names
 _MATLAB_NAME = 63
+_UP = re.compile(r"(?<![^/])\.\.(?![^/])")  # what unpacks a zip would leave its folder by it
 _MATLAB_BYTES = 2**31 - 1
 _LETTER_BYTES = 4  # of a text of NumPy's own; ours have one
 _MOST_FACTS_BYTES = 64 * 2**20  # and four times as much, of letters
@@ -41,7 +42,7 @@ def write_npz(recording: Recording, path: Path, progress: Progress = silent) -> 
     """
     recording = presentable(recording)
     # file systems and MATLAB don't tell upper from lower case
-    unique = unique_names(lambda name: name.lstrip("/").replace("\0", "_") or "unnamed", str.lower)
+    unique = unique_names(lambda name: _UP.sub("__", name.lstrip("/").replace("\0", "_")) or "unnamed", str.lower)
     total = max(1, len(recording.elements))
     with whole_file(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         _add(archive, unique("time_ns"), recording.time_ns)
