@@ -495,9 +495,9 @@ def _wrong_numbers(request: StartRecorder) -> str:
             f"at most {MOST_PATTERNS} patterns of {MOST_PATTERN_LETTERS} letters together, got {len(request.patterns)}"
         )
     if request.split_bytes and not LEAST_SPLIT_BYTES <= request.split_bytes <= MOST_BYTES:
-        return f"a part must have {LEAST_SPLIT_BYTES} bytes or more, got {request.split_bytes}"
+        return f"a part must have from {LEAST_SPLIT_BYTES} to {MOST_BYTES} bytes, got {request.split_bytes}"
     if request.split_s and not LEAST_SPLIT_S <= request.split_s <= MOST_SPLIT_S:  # also false for NaN
         return f"a part must last from {LEAST_SPLIT_S:g} s to 31 days, got {request.split_s}"
     if request.keep_bytes and not 2 * LEAST_SPLIT_BYTES <= request.keep_bytes <= MOST_BYTES:
-        return f"keep must be {2 * LEAST_SPLIT_BYTES} bytes or more, got {request.keep_bytes}"
+        return f"keep must be from {2 * LEAST_SPLIT_BYTES} to {MOST_BYTES} bytes, got {request.keep_bytes}"
     return ""

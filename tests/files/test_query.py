@@ -331,6 +331,12 @@ def test_programs_are_told_times_to_the_nanosecond(tmp_path):
     assert row["time"] == f"2023-11-14T22:13:20.{digits}Z"
 
 
+def test_of_an_archive_the_shell_asks_its_table_of_runs(archive):
+    refused = CliRunner().invoke(cli, ["query", "select 1", "--in", archive.where, "--where", "kp > 1"])
+    assert refused.exit_code == 2
+    assert "--where is for folders of logs; of an archive ask the table `runs`" in refused.output
+
+
 def test_the_shell_prints_writes_and_counts(written, tmp_path):
     def ran(*arguments, code=0):
         result = CliRunner().invoke(cli, list(map(str, arguments)), standalone_mode=False)

@@ -251,6 +251,22 @@ def test_no_name_leads_out_of_the_folder(tmp_path, name):
     assert sorted(tmp_path.rglob("*")) == before
 
 
+@pytest.mark.parametrize(
+    ("name", "why", "text"),
+    [
+        (".x", RefusedWhy.FORBIDDEN, "'.x' is not the name of a recording in {}; nothing was read or changed"),
+        ("x.silo", RefusedWhy.NOT_FOUND, "there is no recording 'x.silo' in {}"),
+        ("x.rosbag2", RefusedWhy.NOT_FOUND, "there is no recording 'x.rosbag2' in {}"),
+    ],
+)
+def test_what_is_no_recording_is_told(tmp_path, name, why, text):
+    for ask in (lambda: RecordingFolder().parts(str(tmp_path), name),
+                lambda: RecordingFolder().delete(str(tmp_path), "bot", name)):  # fmt: skip
+        with pytest.raises(RequestRefusedError) as told:
+            ask()
+        assert (told.value.why, str(told.value)) == (why, text.format("the logger's folder"))
+
+
 @pytest.mark.parametrize("inner", ["../secret.silo", "..", "", "sub/x", "/etc/passwd", "link.mcap"])
 def test_no_name_leads_out_of_a_bag(tmp_path, inner):
     stem = saved(tmp_path, "bag")

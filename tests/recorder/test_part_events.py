@@ -19,7 +19,7 @@ from silo.cli.main import run
 from silo.core.conditions import Derived
 from silo.core.elements import LoggedEvent, RecorderState
 from silo.datasets.lerobot import write_lerobot
-from silo.errors import FileFormatError
+from silo.errors import FileFormatError, SaveError
 from silo.files.bags.writer import write_bag
 from silo.files.event_log import append_events, event_log_path, older_event_log
 from silo.files.parts.scan import rows_after, scan_part
@@ -245,6 +245,11 @@ def test_events_of_a_part_cut_at_any_byte_are_read_and_closed(robot, tmp_path, t
             assert sum(truth.by_others(closed.path).values()) == closed.samples + len(found.events)
             most = max(most, len(found.events))
     assert most == 4
+    cut.write_bytes(whole)  # whose name another one got
+    stays = f"{cut}: can't get its name, as there is a {closed.path.name}: rename that one and try again"
+    with pytest.raises(SaveError) as told:
+        close_part(cut)
+    assert (str(told.value), cut.exists()) == (stays, True)
 
 
 def test_limits_and_triggers_stand_in_every_part(robot, tmp_path, truth, capsys) -> None:

@@ -421,18 +421,29 @@ def test_what_is_kept_is_a_size() -> None:
             read_keep(wrong)
 
 
+SIZES, KEPT = (f"from {least} to 1000000000000000 bytes" for least in (10**6, 2 * 10**6))
+
+
 @pytest.mark.parametrize(
-    ("option", "fits", "beyond"),
+    ("option", "fits", "beyond", "says"),
     [
-        ("patterns", ["x"] * 1000, ["x"] * 1001), ("patterns", ["x" * 25_000] * 2, ["x" * 25_000, "x" * 25_001]),
-        ("split_bytes", 10**6, 10**6 - 1), ("split_bytes", 10**15, 10**15 + 1), ("split_s", 1.0, 0.999),
-        ("split_s", 31 * 86400.0, 31 * 86400.1), ("split_s", 0.0, float("nan")), ("keep_bytes", 2 * 10**6, 10**6),
-        ("keep_bytes", 10**15, 10**15 + 1), ("name", "dog", "dog/cat"),
+        ("patterns", ["x"] * 1000, ["x"] * 1001, "at most 1000 patterns of 50000 letters together, got 1001"),
+        ("patterns", ["x" * 25_000] * 2, ["x" * 25_000, "x" * 25_001],
+         "at most 1000 patterns of 50000 letters together, got 2"),
+        ("split_bytes", 10**6, 10**6 - 1, f"a part must have {SIZES}, got 999999"),
+        ("split_bytes", 10**15, 10**15 + 1, f"a part must have {SIZES}, got 1000000000000001"),
+        ("split_s", 1.0, 0.999, "a part must last from 1 s to 31 days, got 0.999"),
+        ("split_s", 31 * 86400.0, 31 * 86400.1, "a part must last from 1 s to 31 days, got 2678403.1"),
+        ("split_s", 0.0, float("nan"), "a part must last from 1 s to 31 days, got nan"),
+        ("keep_bytes", 2 * 10**6, 10**6, f"keep must be {KEPT}, got 1000000"),
+        ("keep_bytes", 10**15, 10**15 + 1, f"keep must be {KEPT}, got 1000000000000001"),
+        ("name", "dog", "dog/cat", "'dog/cat' can't be the name of a log: it contains '/' (the folder is an option of "
+         "its own); choose a name like 'first_walk'"),
     ],
 )  # fmt: skip
-def test_what_a_client_may_ask_of_a_recording_has_bounds(option, fits, beyond) -> None:
+def test_what_a_client_may_ask_of_a_recording_has_bounds(option, fits, beyond, says) -> None:
     assert not _wrong_numbers(StartRecorder(**{option: fits}))
-    assert _wrong_numbers(StartRecorder(**{option: beyond}))
+    assert _wrong_numbers(StartRecorder(**{option: beyond})) == says
 
 
 def test_a_cursor_reads_what_there_is_room_for_and_the_rest_next(robot) -> None:

@@ -303,6 +303,8 @@ def test_texts_hang_at_their_time():
 def test_two_texts_in_one_cell_are_told_as_several():
     line = lanes.events_band([(0, "a"), (101, "b"), (111, "c"), (150, "d")], 20, 10, 10)
     assert line[5] == "│"
+    beyond = lanes.events_band([(0, "a"), (201, "b"), (202, "c")], 20, 10, 10)
+    assert beyond == lanes.events_band([(0, "a")], 20, 10, 10)
 
 
 @given(st.lists(st.sampled_from([0.0, 1.0, math.nan]), min_size=20, max_size=20))
