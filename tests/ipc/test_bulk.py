@@ -7,11 +7,13 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from silo.cli.codes import EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE
 from silo.cli.main import run
+from silo.client.bulk import saving
 from silo.core.elements import State
 from silo.fleet.resolving import discover
 from silo.net.session import close, open_router
@@ -91,6 +93,12 @@ def test_with_read_only_nothing_is_changed_by_many_either(desk, robots, capsys) 
 def test_a_glob_that_nobody_fits_is_told(desk, robots, capsys) -> None:
     assert run(["--config", desk, "stop", "mars*/*", "--all"]) == EXIT_NO_LOGGER
     assert "no logger 'mars*/*'" in capsys.readouterr().err
+
+
+def test_a_save_names_its_files_with_their_sizes() -> None:
+    files = [SimpleNamespace(path=f"/logs/x.{ending}", size_bytes=1500) for ending in ("silo", "csv")]
+    client = SimpleNamespace(save=lambda *_: 7, wait_saved=lambda number, _: files if number == 7 else [])
+    assert saving(client, []) == ("saved /logs/x.silo 1.5 kB, /logs/x.csv 1.5 kB", tuple(files))
 
 
 def test_answers_for_machines(desk, robots, capsys) -> None:

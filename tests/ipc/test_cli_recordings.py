@@ -66,7 +66,7 @@ def test_deleting_asks_first(bench, saved):
     told = f"delete walk.rosbag2 on {label} for good? Say --yes to delete without being asked; nothing was deleted"
     assert asked.output.endswith(f"Error: {told}\n")
     assert saved[1].exists()
-    assert run("rm", "bot", "walk", "--yes").output.startswith("deleted walk.rosbag2 (")
+    assert re.fullmatch(r"deleted walk\.rosbag2 \([0-9.]+ kB\)\n", run("rm", "bot", "walk", "--yes").output)
     assert not saved[1].exists()
 
 

@@ -3,6 +3,7 @@
 import fcntl
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -17,6 +18,8 @@ from silo.files.event_log import read_events
 from tests.waiting import DEADLINE_S, wait_until
 
 pytestmark = pytest.mark.slow
+
+SEGMENT = r"/[^ ]+/arm\.[0-9]+\.0\.segment"
 
 DYING = """
 import os, signal, sys
@@ -57,7 +60,8 @@ def test_what_was_left_is_saved_once(tmp_path: Path, capsys: pytest.CaptureFixtu
     die(tmp_path)
     assert run(["recover"]) == 0
     (path,) = tmp_path.glob("*.silo")
-    assert str(path) in capsys.readouterr().out
+    what = rf"{SEGMENT}: saved 5 samples of 1 element over [0-9.e-]+ s, of 5 ticks since start"
+    assert re.fullmatch(rf"{what}\n  {path}  [0-9.]+ kB\n", capsys.readouterr().out)
     assert open_log(path)["/log/x"].values.tolist() == [0, 1, 2, 3, 4]
     assert run(["recover"]) == 0
     assert capsys.readouterr().out == "nothing to recover\n"
@@ -124,7 +128,7 @@ def test_a_program_that_logged_nothing_only_gives_its_memory_back(
 ) -> None:
     die(tmp_path, ticks=0)
     assert run(["recover"]) == 0
-    assert "held no tick" in capsys.readouterr().out
+    assert re.fullmatch(rf"{SEGMENT}: held no tick; its memory was freed\n", capsys.readouterr().out)
     assert run(["recover", "--list"]) == 0
     assert capsys.readouterr().out == "nothing to recover\n"
 
@@ -133,7 +137,8 @@ def test_a_file_that_is_no_segment_is_refused_and_stays(tmp_path: Path, capsys: 
     path = tmp_path / "notes.txt"
     path.write_text("mine")
     assert run(["recover", str(path)]) == EXIT_FAILED
-    assert f"{path}: " in capsys.readouterr().err
+    told = "4 bytes are too few for a segment\nsilo: 1 of 1 segment could not be recovered; they stay as they are\n"
+    assert capsys.readouterr().err == f"{path}: {told}"
     assert path.read_text() == "mine"
 
 

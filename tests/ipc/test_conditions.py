@@ -287,20 +287,29 @@ class TestLimits:
 
 class TestCommands:
     def test_a_trigger_is_set_tried_listed_and_removed(self, bench, client, capsys):
+        bench.logger.set("kept", enabled=False)
         bench.logger.start()
         bench.ticks(60)
         wait_until(lambda: client.status().ticks == 60)
         assert run(["trigger", "bot", "test", "x % 20 == 0"]) == 0
         assert "would have fired 3 times in the last 0.59 s (all that is held); true for 5 %" in capsys.readouterr().out
         assert run(["trigger", "bot", "add", "high", "x > 100", "--pre", "50ms", "--mode", "single"]) == 0
+        bench.logger.trigger("dark", "kept > 0")
         trigger(client, state=TriggerWord.ARMED)
+        trigger(client, "dark", TriggerWord.BLIND)
+        assert capsys.readouterr().out == "trigger 'high' is set\n"
         assert run(["trigger", "ls"]) == 0
-        assert "ARMED" in capsys.readouterr().out
+        assert capsys.readouterr().out == (
+            "STATE  NAME  WHEN         PRE  POST  COUNT   LAST\n"
+            "ARMED  high  x > 100   0.05 s   1 s      0  never\n"
+            "BLIND  dark  kept > 0     0 s   0 s      0  never\n"
+            "dark: /log/kept is off\n"
+        )
         assert run(["trigger", "force", "high"]) == 0
         assert run(["trigger", "disarm", "bot", "high"]) == 0
         assert run(["trigger", "arm", "high"]) == 0
         assert run(["trigger", "rm", "high"]) == 0
-        assert bench.logger._conditions.now.triggers == ()
+        assert [one.name for one in bench.logger._conditions.now.triggers] == ["dark"]
 
     def test_alarms_end_with_5_where_nothing_could_be_judged(self, bench, client, capsys):
         bench.logger.limit("x", (None, None, 40, 100))

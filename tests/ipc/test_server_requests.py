@@ -70,7 +70,8 @@ def test_an_edit_of_some_options_leaves_the_others_of_the_table_as_they_are(benc
     client.apply([Edit("/log/x", size="*2")], -1)
     (now,) = (one.options for one in client.table().elements if one.name == "/log/x")
     assert (now.divider, now.buffer, now.size) == (4, BufferType.FIXED, 100)
-    with pytest.raises(RefusedError, match="somebody changed the table"):
+    whose = rf"\(it is at revision {before + 1}, the edits are based on {before}\)"
+    with pytest.raises(RefusedError, match=f"somebody changed the table meanwhile {whose}: read it again; nothing was"):
         client.apply([Edit("/log/x", divider=9)], before)
     with pytest.raises(RefusedError, match="edited twice"):
         client.apply([edit(client, "/log/x", divider=2), edit(client, "/log/x", divider=3)], -1)
