@@ -92,6 +92,27 @@ def converted(log, tmp_path_factory):
     return to
 
 
+@pytest.fixture(scope="module")
+def parquet(converted):
+    return converted(".parquet")
+
+
+@pytest.fixture(scope="module")
+def variables(converted):
+    return scipy_io.loadmat(converted(".mat"), simplify_cells=True)
+
+
+@pytest.fixture(scope="module")
+def arrays(converted):
+    return np.load(converted(".npz"))
+
+
+@pytest.fixture(scope="module")
+def store(converted):
+    with h5py.File(converted(".h5")) as opened:
+        yield opened
+
+
 @pytest.mark.parametrize("ending", [".parquet", ".mat"])
 def test_long_doubles_that_a_format_rounds_are_told_and_none_of_those_that_it_holds(tmp_path, log, ending):
     third = element("/log/third", [np.full(TICKS, np.longdouble(1) / 3)])
@@ -106,30 +127,26 @@ def test_long_doubles_that_a_format_rounds_are_told_and_none_of_those_that_it_ho
 
 
 class TestParquet:
-    @pytest.fixture(scope="class")
-    def path(self, converted):
-        return converted(".parquet")
-
-    def test_pandas_has_time_stamps_to_the_nanosecond(self, path):
-        frame = pd.read_parquet(path)
+    def test_pandas_has_time_stamps_to_the_nanosecond(self, parquet):
+        frame = pd.read_parquet(parquet)
         assert frame["time_ns"].tolist() == TIMES.tolist()
         assert frame["time"].dt.as_unit("ns").astype("int64").tolist() == TIMES.tolist()
 
-    def test_a_tick_without_sample_is_null_nan_stays_nan_and_a_complex_number_is_two_columns(self, path):
-        table = pq.read_table(path)
+    def test_a_tick_without_sample_is_null_nan_stays_nan_and_a_complex_number_is_two_columns(self, parquet):
+        table = pq.read_table(parquet)
         assert table["/log/z_imag"].to_pylist() == list(range(TICKS))
         assert table["/log/slow"].to_pylist() == [None, 10.5, *[None] * 7, 11.5, *[None] * 7, 12.5, None, None]
         assert np.isnan(table["/log/x"][0].as_py())
         assert table["/log/x"].null_count == 0
         assert table["/log/never"].null_count == TICKS
 
-    def test_polars_has_strings_and_types(self, path):
-        frame = pl.read_parquet(path)
+    def test_polars_has_strings_and_types(self, parquet):
+        frame = pl.read_parquet(parquet)
         assert frame["/log/text"].to_list()[:4] == ["a", "Ω", "", "long one"]
         assert (frame["/log/mode"].dtype, frame["/log/on"].dtype) == (pl.Int8, pl.Boolean)
 
-    def test_units_and_labels_are_metadata_of_the_columns(self, path):
-        about = pq.read_schema(path).field("/log/mode").metadata
+    def test_units_and_labels_are_metadata_of_the_columns(self, parquet):
+        about = pq.read_schema(parquet).field("/log/mode").metadata
         assert about[b"unit"] == b"Nm"
         assert json.loads(about[b"labels"]) == {"0": "stand", "1": "walk"}
 
@@ -141,10 +158,6 @@ class TestParquet:
 
 
 class TestMatlab:
-    @pytest.fixture(scope="class")
-    def variables(self, converted):
-        return scipy_io.loadmat(converted(".mat"), simplify_cells=True)
-
     def test_an_element_is_a_struct_with_its_times_whose_stamps_follow_from_its_first_one_counted_from_1(
         self, variables
     ):
@@ -172,10 +185,6 @@ class TestMatlab:
 
 
 class TestNumpy:
-    @pytest.fixture(scope="class")
-    def arrays(self, converted):
-        return np.load(converted(".npz"))
-
     def test_every_entry_keeps_its_type_and_bits(self, arrays, log):
         for recorded in log.elements:
             for entry in recorded.entries:
@@ -195,11 +204,6 @@ class TestNumpy:
 
 
 class TestHdf5:
-    @pytest.fixture(scope="class")
-    def store(self, converted):
-        with h5py.File(converted(".h5")) as opened:
-            yield opened
-
     def test_values_stand_with_times_shape_and_attributes_under_the_name_and_equal_times_once(self, store):
         assert store["log/slow/values"][:].tolist() == [10.5, 11.5, 12.5]
         assert store["log/slow/time_ns"][:].tolist() == TIMES[1::8].tolist()
