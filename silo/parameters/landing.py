@@ -230,9 +230,9 @@ class Landing:
 
         What can't be done ends itself and not the loop: it may come from anywhere.
         """
-        waiting, place, landed = self.waiting, 0, 0
-        if 0 <= (row := self.next_row()) < n:
-            n = row  # of the tick that was under way at a cut the next stretch has no row
+        waiting, place, landed, row = self.waiting, 0, 0, self.next_row()
+        if row >= 0 and not 0 <= n <= row:
+            n = row  # of the tick that was under way at a cut the next stretch has no row, nor of one before a start
         while place < len(waiting) and landed < MOST_AT_ONCE:
             change = waiting[place]
             landed += not change.landed

@@ -659,6 +659,25 @@ def test_what_lands_in_the_midst_of_a_cut_holds_from_its_row_on(new_logger, monk
         assert part["seen"].values.tolist() == there
 
 
+def test_what_lands_while_a_start_hands_its_run_over_holds_from_the_first_row_on(new_logger, monkeypatch):
+    logger = new_logger(frequency=100, clock=Clock())
+    logger.array("x")
+    kp = logger.parameter("kp", 1.0)
+    logger.start()
+    logger.stop()
+
+    def hand_over():  # the loop turns meanwhile
+        ask(logger, {"kp": 2.0})
+        logger.collect()
+
+    monkeypatch.setattr(logger, "_hand_over", hand_over)
+    logger.start()
+    assert kp.value == 2.0
+    logger.collect()
+    log = silo.open_log(logger.save("silo")[0].path)
+    assert log.parameters.at(0.0)["/log/kp"] == 2.0
+
+
 def test_a_ramp_that_a_lock_ends_stays_where_it_came_to(new_logger):
     ramps = Ramps(new_logger(frequency=100, clock=Clock()))
     ask(ramps.logger, {"slow": 5.0})
