@@ -143,8 +143,7 @@ class RunData:
         if run is None:
             raise StateError("nothing to save: nothing was logged yet; call start() and collect() first")
         before = self._save_cut_off(chosen, name, where)
-        ticks = run.segment.ticks
-        if not ticks:
+        if not run.segment.ticks:
             since = "start()" if run.segment.schema.cut is None else "the cut"
             log.warning("%s: nothing was collected since %s, the file holds no samples", self._options.name, since)
         self.look_for_unheld()
@@ -154,11 +153,11 @@ class RunData:
             with self._life.lock:  # a start(), or close(), of another thread has the memory of this run go
                 self._life.check_open()
                 run = self._present.run or run
-                recording, conditions, ticks = run.reader.snapshot(), self._conditions.now, run.segment.ticks
+                ticks, recording, conditions = run.segment.ticks, run.reader.snapshot(), self._conditions.now
             with self._noting_parts(run, ticks):
                 saved = save_run(recording, run.id, self._options, why, conditions, chosen, name, where)
-        with self._life.lock:
-            self._present.mark_saved(run, ticks)
+            with self._life.lock:  # what the helper process saved, `note_saved` was told
+                self._present.mark_saved(run, ticks)
         return SavedFiles([*before, *saved])
 
     def save_cut_off(self) -> None:

@@ -541,6 +541,42 @@ def test_a_run_that_was_cut_and_had_no_tick_since_is_saved(new_logger, runtime_f
     loop.whole(tmp_path)
 
 
+def test_a_tick_that_comes_while_a_save_copies_the_buffers_is_in_no_file_yet(new_logger, tmp_path, monkeypatch):
+    loop, copied = Loop(new_logger()), SegmentReader.snapshot
+    loop.turn(3)
+
+    def snapshot(reader, *given):
+        made = copied(reader, *given)
+        loop.turn()
+        return made
+
+    with monkeypatch.context() as patched:
+        patched.setattr(SegmentReader, "snapshot", snapshot)
+        loop.logger.save()
+    assert loop.logger.has_unsaved
+
+
+@pytest.mark.slow
+def test_a_stretch_that_is_cut_off_while_the_helper_is_asked_to_save_is_saved_too(
+    new_logger, runtime_folder, tmp_path, monkeypatch
+):
+    logger = new_logger()
+    loop, look = Loop(logger), logger._data.look_for_unheld
+    with logger.serve():
+        loop.turn(5)
+
+        def cut_meanwhile(*given):
+            monkeypatch.setattr(logger._data, "look_for_unheld", look)
+            logger.set("x", divider=2, cut=True)
+            look(*given)
+
+        monkeypatch.setattr(logger._data, "look_for_unheld", cut_meanwhile)
+        logger.save()
+        loop.turn()
+        logger.save()
+        loop.whole(tmp_path)
+
+
 def test_a_run_that_was_saved_before_the_first_tick_after_its_cut_and_again_is_one_line(new_logger, tmp_path):
     logger = new_logger()
     loop = Loop(logger)
