@@ -106,7 +106,8 @@ def test_why_a_recording_is_there_is_told_whoever_saved_it(robots, tmp_path):
         wait_until(lambda: client.status().ticks > 10)
         client.wait_saved(client.save(name="by_hand"))
         robot.kill()
-        heard.wait(EventKind.CRASHED)
+        ended = f"the robot program (process {robot.pid}) ended without close(); saved "
+        assert heard.wait(EventKind.CRASHED).text.startswith(ended)
         listed = {one.stem: one for one in client.recordings().recordings}
         by_hand = listed.pop("by_hand")
         (died,) = listed.values()

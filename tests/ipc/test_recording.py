@@ -125,8 +125,7 @@ def test_of_a_killed_robot_program_everything_is_recorded(robots, tmp_path) -> N
 
     assert span(path)[1] == wait_until(lambda: open_log(log).recording.offset)
     text, *more = happened([path])
-    assert text.startswith("the robot program")
-    assert "ended without close()" in text
+    assert text == f"the robot program (process {robot.pid}) ended without close()"
     assert all(one.startswith("saved ") for one in more)  # told while the part is ended: it may still come into it
 
 

@@ -230,6 +230,7 @@ class Direct:
         """Read what there is room for; False if that is not all."""
         room = self.writing.room_bytes
         if not room:
+            self.drain.is_held_up = True
             return False
         found = self.drain.read(room)
         self.writing.put(self.writing.write, found)

@@ -3,6 +3,7 @@
 import fcntl
 import itertools
 import os
+import re
 import shutil
 import struct
 import threading
@@ -141,7 +142,11 @@ def test_a_recording_stops_with_words_before_the_disk_is_full(robot, tmp_path, t
     direct.step()
     totals = direct.finish()
     assert totals.state is RecorderState.FAILED
-    assert "nearly full: 2.05 MB are free, and 2 MB of it are left to others" in totals.text
+    assert totals.text == (
+        f"the disk of {parts(tmp_path)[0].parent} is nearly full: 2.05 MB are free, and 2 MB of it are left to others; "
+        "the recording ended there, and all its parts are finished; make room, or keep less (--keep), and start it "
+        "again"
+    )
     assert truth.span(read_bag(parts(tmp_path)[0])) == (0, 300)
     assert "0 lost, and the end of a run" in direct.ledger.written.sums().text  # what was collected after that
 
@@ -217,6 +222,11 @@ def test_what_a_slow_disk_costs_is_counted_at_its_place(robot, tmp_path, truth, 
     assert low <= full_at * 5
     assert totals.lost == sum(element.lost for element in found.elements) > 0
     told = next(one for one in direct.told() if "samples were lost, of ticks" in one.told)
+    assert re.fullmatch(
+        rf"[0-9]+ samples were lost, of ticks {low} to [0-9]+: the disk took the rows too slowly, and the ring was "
+        "overwritten before they were read; record fewer elements, make buffers larger, or record to another disk",
+        told.told,
+    )
     assert (told.told_run, told.told_tick) == (robot.log._present.run.id, low)
     assert metadata(path, "silo/totals")[0]["lost"] == str(totals.lost)
     assert "could not keep up" in found.warnings[0]
