@@ -45,7 +45,7 @@ def test_of_a_file_with_a_bit_turned_no_value_is_another_one(tmp_path, ending):
     assert refused > 30  # a third of the file and more are values
 
 
-@pytest.mark.parametrize("ending", [".parquet", ".npz", ".mat"])
+@pytest.mark.parametrize("ending", WRITERS)
 def test_what_a_file_says_of_its_log_is_what_was_written(tmp_path, monkeypatch, ending):
     packed = facts.packed
     monkeypatch.setattr(f"silo.files.tables.{'parquet' if ending == '.parquet' else 'arrays'}.packed", lambda *given: (
