@@ -317,4 +317,4 @@ def _recover(
     elif not paths and not quiet:
         _say_nothing(looked_in)
     if failed:
-        raise SaveError(f"{failed} of {many(len(paths), 'segment')} could not be recovered; they stay as they are")
+        raise SaveError(f"{failed} of {many(len(paths), 'segment')} could not be recovered; what failed stays as it is")
