@@ -369,6 +369,19 @@ def _removed_if_dead(path: Path) -> bool:
     return False
 
 
+def followed(path: Path) -> Path:
+    """Return a path without links. Raises OSError where they lead in a circle, RuntimeError before Python 3.13.
+
+    `Path.resolve` of 3.13 raises nothing for a circle.
+    """
+    try:
+        path.stat()
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise
+    return path.resolve()
+
+
 def nearest(folder: Path) -> Path:
     """Return a folder, or the nearest one above it that is there."""
     return next(place for place in (folder, *folder.parents) if place.exists())

@@ -9,6 +9,7 @@ import msgspec
 from silo.core.arguments import texts
 from silo.core.calls import told_class
 from silo.core.elements import RecorderState
+from silo.core.runtime import followed
 from silo.rpc.declaring import Caller, Do, Done, Lane, Reply, ask
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, paths_refused
 
@@ -172,7 +173,7 @@ def recording_folder(asked: str, own: Path, *, anywhere: bool) -> Path:
     where = f"recordings go to {own} or folders below it; nothing is recorded"
     if ".." in Path(asked).parts or not path.is_relative_to(own):
         raise RequestRefusedError(RefusedWhy.FORBIDDEN, f"{asked}: is outside of the logger's folder; {where}")
-    found = path.resolve()
+    found = followed(path)
     if not found.is_relative_to(own.resolve()):
         raise RequestRefusedError(RefusedWhy.FORBIDDEN, f"{asked}: leads out of the logger's folder by a link; {where}")
     if found.exists() and not found.is_dir():

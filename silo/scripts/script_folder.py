@@ -11,6 +11,7 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
+from silo.core.runtime import followed
 from silo.errors import reason
 from silo.files.atomic import NearlyFullError, asked_left, check_room
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, paths_refused
@@ -153,7 +154,7 @@ def _is_old_script(path: Path, place: Path) -> bool:
 
 
 def _inside(path: Path, folder: Path) -> bool:
-    return path.resolve().is_relative_to(folder.resolve())
+    return followed(path).is_relative_to(folder.resolve())
 
 
 def read_text(path: Path) -> str:

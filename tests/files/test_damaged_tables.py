@@ -32,9 +32,10 @@ def test_of_a_file_with_a_bit_turned_no_value_is_another_one(tmp_path, ending):
     path = written(tmp_path, ending)
     data, rng = path.read_bytes(), np.random.default_rng(5)
     refused = 0
-    for place in rng.integers(0, len(data), 150).tolist():
+    for number, place in enumerate(rng.integers(0, len(data), 150).tolist()):
         damaged = bytearray(data)
         damaged[place] ^= 1 << int(rng.integers(8))
+        path = tmp_path / f"{number}{ending}"  # what is open still is another file
         path.write_bytes(damaged)
         try:
             log = silo.open_log(path)

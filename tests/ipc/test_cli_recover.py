@@ -137,7 +137,9 @@ def test_a_file_that_is_no_segment_is_refused_and_stays(tmp_path: Path, capsys: 
     path = tmp_path / "notes.txt"
     path.write_text("mine")
     assert run(["recover", str(path)]) == EXIT_FAILED
-    told = "4 bytes are too few for a segment\nsilo: 1 of 1 segment could not be recovered; what failed stays as it is\n"
+    told = (
+        "4 bytes are too few for a segment\nsilo: 1 of 1 segment could not be recovered; what failed stays as it is\n"
+    )
     assert capsys.readouterr().err == f"{path}: {told}"
     assert path.read_text() == "mine"
 
