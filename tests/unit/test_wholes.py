@@ -51,6 +51,18 @@ def test_what_signals_of_integers_make_is_what_python_makes_and_the_nearest_floa
             assert OPERATORS[sign](signal("a", [one], left), other).values[0].item() == made, (left, one, other)
 
 
+@pytest.mark.parametrize("sign", ["+", "-", "*", "//", "%", "&", "|", "^", "max", "min"])
+def test_what_64_bits_hold_is_next_to_what_python_makes_also_beside_what_they_do_not(sign):
+    for (left, ones), (right, others) in product(KINDS.items(), repeat=2):
+        pairs = list(product(ones, others))
+        sides = signal("a", [one for one, _ in pairs], left), signal("b", [other for _, other in pairs], right)
+        made = OPERATORS[sign](*sides)
+        for (one, other), number in zip(pairs, made.values.tolist(), strict=True):
+            expected = made_by_python(sign, one, other)
+            if expected is not None and -(2**63) <= expected < 2**64:
+                assert number in (expected, float(expected)), (left, one, right, other)
+
+
 def test_of_whole_numbers_a_division_by_0_is_what_it_is_of_floats():
     for dtype in (np.int64, np.uint64):
         numbers = signal("a", [7, 0], dtype)

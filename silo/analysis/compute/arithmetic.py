@@ -183,6 +183,9 @@ def wholly(function: Callable[..., Any], sign: str) -> Callable[..., Any]:
         sides = [side if np.ma.isMaskedArray(side) else np.asarray(side) for side in given]
         unsigned = any(map(_is_unsigned, sides))
         if all(side.dtype.kind in "iu" for side in sides):
+            if sign in _DIVIDING and not any(map(np.ma.isMaskedArray, sides)) and (none := sides[1] == 0).any():
+                others = made(sides[0], np.where(none, np.ones_like(sides[1]), sides[1]))
+                return np.where(none, function(*_floats(sides)), others)
             of = _of_unsigned if unsigned else _of_signed
             found = of(function, sign, sides)
             if found is not None:

@@ -44,12 +44,12 @@ def nearest(bits: Bits, made: Floats) -> Floats:
 
 def fitting(bits: Bits, made: Floats) -> NDArray[Any]:
     """Return the whole numbers that have these bits and are nearly `made`: int64 or uint64, whichever holds all, else
-    `made`. Where that is NaN they are any number.
+    the float64s next to them. Where `made` is NaN they are any number.
     """
     if not (np.abs(bits - made) >= _HALF).any():
         return bits
     unsigned = bits.astype(np.uint64)
-    return made if (np.abs(unsigned - made) >= _HALF).any() else unsigned
+    return nearest(bits, made) if (np.abs(unsigned - made) >= _HALF).any() else unsigned
 
 
 def _within(whole: NDArray[Any], made: Floats | float) -> NDArray[np.bool_]:
