@@ -140,13 +140,15 @@ async def test_where_a_condition_turns_true_does_not_depend_on_how_much_is_judge
     [
         (0, [], 21, "none, the logger has overwritten what is held here"),
         (2000, range(21, 30), 0, "none, only later ones are told"),
-        (0, [], 5, "none in 15 s held"),
+        (0, [], 0, "none in 20 s held"),
+        (0, [], 5, "none in 15 s held; not looked through further: only the newest 15 s can be searched"),
+        (0, [], 16.7, "none in 3.3 s held; not looked through further: only the newest 3.3 s can be searched"),
     ],
 )
 def test_of_a_pause_it_is_told_what_a_test_of_now_says_nothing_of(fires, times_s, begin_s, says):
     times = [each * 10**9 for each in times_s]
-    tried = TriggerTried(fires, [0] * len(times), times, 0, 1, begin_s * 10**9, 60 * 10**9)
-    assert turned(Search(What.CONDITION, condition="x > 1"), tried, 20 * 10**9).none().endswith(says)
+    tried = TriggerTried(fires, [0] * len(times), times, 0, 1, round(begin_s * 10**9), 60 * 10**9)
+    assert turned(Search(What.CONDITION, condition="x > 1"), tried, (0, 20 * 10**9)).none().endswith(says)
 
 
 async def test_before_the_oldest_moment_that_is_told_it_says_how_many_there_are_and_judges_nothing_anew(monitor):

@@ -288,6 +288,7 @@ async def test_a_moment_that_the_buffers_lost_is_said_with_the_oldest_that_is_he
         await open_torque(screen)
         await screen.do("events", "enter")
         await screen.shows("overwritten, held is from -19.99")
+        await screen.shows(" to 0.000 s")
         assert monitor(screen).window.cursor is None
 
 

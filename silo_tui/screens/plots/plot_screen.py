@@ -353,11 +353,11 @@ class PlotScreen(SiloScreen):
         self.moved(self.window.go_to(time_ns, self.held_ns, self.stack.columns))
 
     def gone_words(self, what: str) -> str:
-        """Return that a moment is overwritten, or not in a file, and from when on there are any."""
+        """Return that a moment is overwritten, or not in a file, and from when to when there are any."""
         first, last = map(self.moment_words, self.held_ns)
         if self.file is not None:
             return f"{what}: not in this file, which goes from {first} to {last}"
-        return f"{what}: overwritten, held is from {first} on"
+        return f"{what}: overwritten, held is from {first} to {last}"
 
     async def jump_to(self, time_ns: int) -> bool:
         """Move the cursor to a moment, and the window so that the moment is in its middle if it was not in it.

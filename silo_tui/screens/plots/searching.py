@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from silo_tui.screens.plots.plot_screen import PlotScreen
 
 MOST_MOMENTS = 1000  # of a signal that are here at a time
+LEAST_PART = 0.01  # of what is held that is worth telling where it is not looked through
 HOLE_S = 0.1  # that is an event: what is shorter is how a busy computer ticks
 
 
@@ -142,17 +143,25 @@ class _Told:
         return value_words(self.entry, self.value)
 
 
-def turned(search: Search, tried: "TriggerTried", end_ns: int) -> SearchResult:
-    """Return the moments until a time at which a condition turned true, as a test of it found them.
+def turned(search: Search, tried: "TriggerTried", held_ns: tuple[int, int]) -> SearchResult:
+    """Return the moments of a stretch that is held at which a condition turned true, as a test of it found them.
 
-    The test judged what is held now: of a pause that may be nothing any more, and only the newest are told.
+    The test judged what the logger holds now: of a pause that may be the newest part or nothing any more, and only the
+    newest are told.
     """
+    begin_ns, end_ns = held_ns
     moments = tuple(Moment(time_ns, "", "turns true") for time_ns in tried.time_ns if time_ns <= end_ns)
     older = tried.fires - len(tried.time_ns)
     gone, unseen = tried.begin_ns > end_ns, older > 0 and not moments
     held_s = 0.0 if gone or unseen else max(0, min(tried.end_ns, end_ns) - tried.begin_ns) / 1e9
-    lost = "the logger has overwritten what is held here" if gone else "only later ones are told" if unseen else ""
-    return SearchResult(search, (), end_ns, moments, held_s, older + len(moments), older, tried.why or lost)
+    why = tried.why
+    if gone:
+        why = why or "the logger has overwritten what is held here"
+    elif unseen:
+        why = why or "only later ones are told"
+    elif tried.begin_ns - begin_ns > (end_ns - begin_ns) * LEAST_PART:
+        why = why or f"only the newest {text.span(held_s, 2)} can be searched"
+    return SearchResult(search, (), end_ns, moments, held_s, older + len(moments), older, why)
 
 
 def _happened(source: HeldRows, plots: Sequence[Plotted], search: Search) -> SearchResult:
@@ -265,7 +274,7 @@ class MomentSearch:
             try:
                 if search.condition:
                     tried = await self.screen.session.turns_true(search.condition)
-                    found = turned(search, tried, self.screen.held_ns[1])
+                    found = turned(search, tried, self.screen.held_ns)
                 else:
                     found = await look(self.screen.pause.held, plots, search, self.screen.session.bounds, now)
             except SiloError as error:
