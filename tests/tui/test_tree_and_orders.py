@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from silo.core.elements import Table
 from silo.live.quantities import FROZEN, NOT_FINITE
 from silo_tui.model.table.facts import Facts
+from silo_tui.model.table.fields import Field
 from silo_tui.model.table.rows import RowList
 from silo_tui.model.table.state import TableState
 from silo_tui.model.table.tree import entry_of, row_of, tree_of
@@ -225,11 +226,15 @@ def test_the_worst_signs_come_first(rows):
     assert list(rows.shown[:2]) == [9, 7]
 
 
-def test_orders_by_settings_turn_round_too(rows):
-    rows.order_by("div")
-    first = rows.shown[0]
-    rows.order_by("div")
-    assert rows.shown[-1] == first
+@pytest.mark.parametrize(("order", "field"), [("div", Field.DIVIDER), ("size", Field.SIZE)])
+def test_orders_by_numbers_of_settings_begin_with_the_largest_and_turn_round_too(rows, order, field):
+    rows.table.edit(np.array([3]), field, 4000)
+    rows.order_by(order)
+    first = list(rows.table.values[field, rows.shown])
+    assert (rows.arrow, first) == ("↓", sorted(first, reverse=True))
+    assert first[0] > first[-1]
+    rows.order_by(order)
+    assert (rows.arrow, list(rows.table.values[field, rows.shown])) == ("↑", first[::-1])
 
 
 @pytest.mark.parametrize("order", ["name", "added"])

@@ -101,6 +101,10 @@ def _by(name: str, letter: str, field: Field, words: str = "") -> tuple[TableOrd
     return (TableOrder(name, letter, lambda table: table.values[field], words),)
 
 
+def _by_number(name: str, letter: str, field: Field) -> tuple[TableOrder, ...]:
+    return (TableOrder(name, letter, lambda table: -table.values[field]),)
+
+
 def _measured(
     name: str, letter: str, quantity: str, *, falling: bool = True, of_norm: bool = False, words: str = "",
     of: Callable[[Floats], Floats] | None = None,
@@ -147,10 +151,10 @@ COLUMNS: tuple[TableColumn, ...] = (
     ),
     TableColumn(
         "div", 4, cells.number(Field.DIVIDER), (*_SETTINGS, *_IN_FILE), right=True, leaves=4, field=Field.DIVIDER,
-        orders=_by("div", "d", Field.DIVIDER), terms=(number_term(("div", "divider"), Field.DIVIDER),),
+        orders=_by_number("div", "d", Field.DIVIDER), terms=(number_term(("div", "divider"), Field.DIVIDER),),
     ),
     TableColumn(
-        "samples", 7, cells.samples, _IN_FILE, live=False, right=True, orders=_by("size", "s", Field.SIZE),
+        "samples", 7, cells.samples, _IN_FILE, live=False, right=True, orders=_by_number("size", "s", Field.SIZE),
     ),
     TableColumn("span s", 6, cells.span, _IN_FILE, live=False, right=True, wide=cells.SPAN_WIDE),
     TableColumn("type", 10, cells.type_cell, _IN_FILE, live=False),
@@ -164,7 +168,7 @@ COLUMNS: tuple[TableColumn, ...] = (
     ),
     TableColumn(
         "size", 6, cells.number(Field.SIZE), _SETTINGS, file=False, right=True, wide=7, leaves=5,
-        field=Field.SIZE, orders=_by("size", "s", Field.SIZE),
+        field=Field.SIZE, orders=_by_number("size", "s", Field.SIZE),
         terms=(number_term(("size",), Field.SIZE),),
     ),
     TableColumn("lost", 5, cells.lost, _IN_FILE, live=False, right=True),
