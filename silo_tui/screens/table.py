@@ -188,7 +188,10 @@ class TableScreen(ElementsScreen):
             self._order_wanted = self._top_wanted = False
         if is_known or rows.filter.measured or (rows.live and now_s - self._typed_s >= QUIET_S):
             before, rows.held = self.table.rows_on_screen(), False
+            at_top = rows.live and not rows.position and rows.anchor is None
             rows.refresh(now_s if rows.filter.measured else None)
+            if at_top:  # who looks at the first ones: with its element one would be led away from them
+                rows.move_to(0)
             self.table.rows_changed()
             if set(self.table.rows_on_screen()) - set(before):
                 self._survey_s = 0.0  # nothing was measured of these yet

@@ -86,6 +86,20 @@ async def test_rows_don_t_move_within_three_seconds_of_a_key_and_the_cursor_stay
         assert rows.row == element
 
 
+async def test_who_stands_at_the_top_of_an_order_stays_there_whichever_row_that_is(fake, opened):
+    async with opened(fake.run()) as screen:
+        await screen.press("o", "v")
+        rows, table = screen.session.rows, screen.session.table
+        await screen.until(lambda: table.facts.of("value", len(table)) is not None)
+        await screen.press("j", "k")
+        order = list(rows.shown)
+        fake.facts = {"value": {table.names[row]: float(place) for place, row in enumerate(order)}}
+        await screen.until(lambda: table.facts.of("value", len(table))[order[-1]] == len(order) - 1)
+        screen.app.screen._typed_s -= 10
+        await screen.until(lambda: list(rows.shown) == order[::-1], "the new order")
+        assert rows.position == 0
+
+
 async def test_a_measured_filter_is_judged_by_itself(fake, opened):
     fake.run()
     fake.facts = {"value": {TORQUE: 1e6}}
