@@ -96,10 +96,14 @@ class LifeCycle:
     def check_stopped(self, what: str) -> None:
         """Raise StateError while it runs, or once it is closed; `what` can't be done then."""
         self.check_open()
-        if self.running and self.begun_by:
-            self.give_way()
+        self.go_before_clients()
         if self.running:
             raise StateError(f"can't {what} while logger '{self.name}' runs: stop() it first; nothing was changed")
+
+    def go_before_clients(self) -> None:
+        """Have a run that a client began give way to what the program does, if no tick came since."""
+        if self.running and self.begun_by:
+            self.give_way()
 
     def tell(self) -> None:
         """Let the helper process know of a new state or table. Never waits."""

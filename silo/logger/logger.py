@@ -318,7 +318,7 @@ class Logger(LoggerNames):
             self._life.tell()
 
     def _begun_by(self, client: str) -> None:
-        """Note whose start the present run has: none of the program's own calls fails for it."""
+        """Note whose start the present run has: until it has a tick, no call of the program fails for it."""
         self._life.begun_by = client
 
     def _give_way(self) -> None:

@@ -430,6 +430,8 @@ class ScriptedTable:
             with self._life.lock:
                 if cut:
                     self._life.wait_for_cut()
+                    if not who:
+                        self._life.go_before_clients()
                 runs, before = cut and self._life.running, self._state
                 if not runs:
                     self._life.check_stopped(what)

@@ -36,7 +36,7 @@ def with_unsaved(bench, client: Client, ticks: int = 20) -> None:
 
 
 @pytest.mark.parametrize("again", [False, True])
-@pytest.mark.parametrize("does", ["start", "set", "update", "remove", "load_script"])
+@pytest.mark.parametrize("does", ["start", "set", "set at a cut", "update", "remove", "load_script"])
 def test_what_a_program_does_while_it_is_set_up_never_fails_for_the_start_of_a_client(
     bench, client, tmp_path, caplog, does, again
 ) -> None:
@@ -46,8 +46,10 @@ def test_what_a_program_does_while_it_is_set_up_never_fails_for_the_start_of_a_c
     logger, run = bench.logger, bench.logger._present.run
     logger.array("late")
     (script := tmp_path / "other.yaml").write_text("log_elements: []\n")
+    call, at, _ = does.partition(" at a cut")
     given = {"set": ["slow"], "remove": ["kept"], "load_script": [script]}
-    getattr(logger, does)(*given.get(does, []), **({"divider": 7} if does == "set" else {}))
+    options = {"divider": 7} | ({"cut": True} if at else {}) if call == "set" else {}
+    getattr(logger, call)(*given.get(call, []), **options)
     assert re.search(
         r"bot: \w+@.* had started it while the program .* that run, without a tick, gives way", caplog.text
     )
