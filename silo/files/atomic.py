@@ -372,7 +372,7 @@ def check_room(
     """
     free, size = room(folder)
     left = left_free(size) if most_left is None else min(left_free(size), most_left)
-    if free - coming_bytes < left:
+    if size and free - coming_bytes < left:  # what is no disk tells of none, and refuses in its own words
         much = f": {size_text(coming_bytes)} more are too much" if free >= left else ""
         raise NearlyFullError(
             f"the disk of {folder} is nearly full: {size_text(free)} are free, and {size_text(left)} of it are left to "

@@ -8,9 +8,10 @@ import contextlib
 import gc
 import logging
 import sys
+import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from silo.core.conditions import Conditions
@@ -104,7 +105,7 @@ class CurrentRun:
 
     def prepare(self, make: Callable[[], Run]) -> Run:
         """Make a run ready that is to go on the present one, whose loop turns meanwhile. Raises SegmentError."""
-        with _unhurried():
+        with _UNHURRIED:
             return self._begin(make, Run.prepare)
 
     def go_on(self, made: Run) -> None:
@@ -241,6 +242,7 @@ class CurrentRun:
 
     def forget(self) -> None:
         """Have no run, in a forked child: those of its parent stay as they are."""
+        _UNHURRIED.forget()
         for run in self.stretches:
             run.forget()
         vars(self).update(vars(CurrentRun()))
@@ -393,15 +395,42 @@ def _lost(run: Run) -> Counter[str]:
     return Counter({element.info.name: reader.ring_lost(element.ring) for element in reader.schema.elements})
 
 
-@contextlib.contextmanager
-def _unhurried() -> Iterator[None]:
-    """Let the loop's thread have the interpreter at once, and no collection of garbage hold it up."""
-    switch_s, collects = sys.getswitchinterval(), gc.isenabled()
-    sys.setswitchinterval(min(switch_s, SWITCH_S))
-    gc.disable()
-    try:
-        yield
-    finally:
+class _Unhurried:
+    """Lets loops' threads have the interpreter at once, and no collection of garbage hold them up, while within.
+
+    It is the process's: of several that are within at once the first changes it, and the last puts it back.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._within = 0
+        self._before = (sys.getswitchinterval(), gc.isenabled())
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if not self._within:
+                self._before = (sys.getswitchinterval(), gc.isenabled())
+                sys.setswitchinterval(min(self._before[0], SWITCH_S))
+                gc.disable()
+            self._within += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._within -= 1
+            if not self._within:
+                self._put_back()
+
+    def _put_back(self) -> None:
+        switch_s, collects = self._before
         sys.setswitchinterval(switch_s)
         if collects:
             gc.enable()
+
+    def forget(self) -> None:
+        """Nobody is within, in a forked child, whose parent's threads may have been."""
+        if self._within:
+            self._put_back()
+        self._lock, self._within = threading.Lock(), 0
+
+
+_UNHURRIED = _Unhurried()

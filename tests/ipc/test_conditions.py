@@ -297,7 +297,7 @@ class TestCommands:
         bench.logger.trigger("dark", "kept > 0")
         trigger(client, state=TriggerWord.ARMED)
         trigger(client, "dark", TriggerWord.BLIND)
-        assert capsys.readouterr().out == "trigger 'high' is set\n"
+        assert capsys.readouterr().out == "trigger 'high' is set; of its captures the newest 100 stay\n"
         assert run(["trigger", "ls"]) == 0
         assert capsys.readouterr().out == (
             "STATE  NAME  WHEN         PRE  POST  COUNT   LAST\n"

@@ -1,6 +1,7 @@
 """A run that is cut: changed while it goes on, tick by tick, in another stretch."""
 
 import errno
+import gc
 import itertools
 import re
 import sys
@@ -24,6 +25,7 @@ from silo.journal.format import list_journals
 from silo.journal.holdings import segment_holdings
 from silo.journal.reader import JournalReader
 from silo.logger.current_run import MOST_CUT_OFF, MOST_ELEMENTS, CurrentRun
+from silo.loop.run import Run
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
 from tests.stand_ins.saved import element
@@ -331,6 +333,32 @@ def test_a_cut_that_is_interrupted_anywhere_is_whole_or_never_was(new_logger, ru
         if not came:
             break
     assert count > 100
+
+
+def test_of_two_loggers_that_are_cut_at_once_the_last_puts_the_interpreter_back(new_logger, monkeypatch):
+    before = sys.getswitchinterval(), gc.isenabled()
+    loops = [Loop(new_logger(name)) for name in ("one", "two")]
+    for loop in loops:
+        loop.turn(2)
+    first, second = (loop.logger for loop in loops)
+    begun, over, prepare = threading.Event(), threading.Event(), Run.prepare
+
+    def overlapping(run):
+        prepare(run)
+        if run.segment.schema.logger == "one":
+            other.start()
+            assert begun.wait(DEADLINE_S)
+        else:
+            begun.set()
+            assert over.wait(DEADLINE_S)
+
+    other = threading.Thread(target=lambda: second.set("x", divider=2, cut=True))
+    monkeypatch.setattr(Run, "prepare", overlapping)
+    first.set("x", divider=2, cut=True)
+    assert (sys.getswitchinterval(), gc.isenabled()) != before, "the other is at it still"
+    over.set()
+    other.join()
+    assert (sys.getswitchinterval(), gc.isenabled()) == before
 
 
 def test_of_two_who_cut_at_once_the_second_waits_for_the_first(new_logger, tmp_path, monkeypatch):
