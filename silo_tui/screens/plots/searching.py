@@ -73,6 +73,10 @@ class SearchResult:
         at = neighbour(times, now_ns - 1, 1)
         return at if at is not None else neighbour(times, now_ns, -1)
 
+    def leads_on(self, now_ns: int, step: int, last: int) -> bool:
+        """Return whether there is one more that way from where `last` led."""
+        return self.place(now_ns, step, last) is not None or self.ends_before(now_ns, step)
+
     def ends_before(self, now_ns: int, step: int) -> bool:
         """Return whether the next one isn't here, but there may be more that way."""
         if self.search.condition or self.place(now_ns, step) is not None:
@@ -310,8 +314,10 @@ class MomentSearch:
         plotted = (*(each.name for each in self.screen.stack.plots), moment.name)
         name, *_ = names = tuple(map(self.screen.session.short_name, reversed(plotted)))
         name = fitted_among(name, names, room)
-        if not step and found.total > 1:  # who goes on knows them
-            told += f" ({' '.join(map(key_of, others))}: others)"
+        ways = zip((1, -1), others, strict=True)
+        on = [key_of(command) for way, command in ways if found.leads_on(moment.time_ns, way, place)]
+        if not step and on:  # who goes on knows them
+            told += f" ({' '.join(on)}: others)"
         self.screen.say(
             f"{words} in {name}{told}" if len(self.screen.stack.plots) > 1 and moment.name else f"{words}{told}"
         )
