@@ -1,5 +1,6 @@
 """The runs of a folder on the screen: what the index knows, narrowed, ordered, opened, over each other."""
 
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.screens.lists.runs import ComparisonScreen, RunsScreen
 from tests.stand_ins.saved import cut_in_two, recorded_in_two
+from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -121,6 +123,27 @@ async def test_marked_runs_lie_over_each_other(fake, opened, folder):
         await screen.enter("push")
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
         assert list(screen.app.screen.file.table.names) == [f"/log/tau/run{number}" for number in range(3)]
+        await screen.do("back")
+        await screen.until(lambda: isinstance(screen.app.screen, RunsScreen))
+        await screen.until(lambda: "reading 3 runs" not in screen.text, "no word of what is over")
+
+
+async def test_while_runs_that_are_to_lie_over_each_other_are_read_that_is_said_and_esc_keeps_the_marks(
+    fake, opened, folder, monkeypatch
+):
+    reads, read = threading.Event(), ListedRun.open
+    monkeypatch.setattr(ListedRun, "open", lambda one: reads.wait(DEADLINE_S) and read(one))
+    async with opened(fake) as screen:
+        await on_runs(screen, folder)
+        await screen.do("*", "overlay_runs")
+        await screen.enter("push")
+        await screen.shows("reading 3 runs")
+        await screen.do("back")
+        await screen.shows("given up")
+        reads.set()
+        assert len(screen.app.screen.marks.keys) == 3
+        await screen.do("back")
+        await screen.until(lambda: not screen.app.screen.marks.keys, "no marks, of which nothing is read")
 
 
 async def test_two_marked_runs_are_compared(fake, opened, folder):

@@ -45,6 +45,7 @@ class RunsScreen(ComparesTwo[ListedRun]):
         self.found: RunList | None = None
         self.values: dict[str, dict[str, float]] = {}  # of columns more, by expression and path
         self._holding: set[str] | None = None  # those for which the filter's condition holds
+        self._reading = False  # runs that are to lie over each other
         self._failed = ""
 
     def begin(self) -> None:
@@ -189,7 +190,22 @@ class RunsScreen(ComparesTwo[ListedRun]):
             logs = [(one.name, one.open()) for one in targets]
             return Log(rows.together(logs, event), str(Path(self._folder) / " + ".join(one.name for one in targets)))
 
-        await show_read(self.context, read, "these runs can't lie over each other")
+        self.say(f"reading {many(len(targets), 'run')} … {key_of('back')} gives it up")
+        self._reading = True
+        try:
+            await show_read(self.context, read, "these runs can't lie over each other")
+            if self.app.screen is not self:  # they are shown; else it was told why not
+                self.say("")
+        finally:
+            self._reading = False
+
+    def command_back(self) -> None:
+        """Give up what is read to lie over each other, before anything else."""
+        if not self._reading:
+            super().command_back()
+            return
+        self.workers.cancel_group(self, "opening")
+        self.say("given up; what was marked is marked still")
 
 
 async def show_differences(screen: SiloScreen, ways: Sequence[Opener]) -> None:
