@@ -168,8 +168,11 @@ def beyond_all(name: str, entry: Entry, low: float, high: float) -> str:
     if entry.labels or not math.isfinite(high - low):
         return ""
     tenth = (high - low or abs(high) or 1.0) / 10
+    if not tenth or not math.isfinite((high + tenth) / tenth):
+        return ""
     step = 10.0 ** math.floor(math.log10(tenth))
-    return f"{name} > {(math.floor((high + tenth) / step) + 1) * step:.15g}"
+    level = (math.floor((high + tenth) / step) + 1) * step
+    return f"{name} > {level:{'.15g' if float(f'{level:.15g}') > high else '.17g'}}"
 
 
 MODES, SLOPES = ("normal", "single"), ("rising", "falling", "level", "enter", "leave")
