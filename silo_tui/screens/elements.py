@@ -9,7 +9,7 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Static
 
-from silo.core.names import glob_of_regex
+from silo.core.names import did_you_mean, glob_of_regex, nearest
 from silo.core.quantities.writing import many
 from silo.rpc.frames import Frame
 from silo_tui.actions import key_of
@@ -17,6 +17,7 @@ from silo_tui.context import SiloScreen
 from silo_tui.modal import ask
 from silo_tui.model.table import filter as filters
 from silo_tui.model.table.columns import NAME, TREE, TableColumn
+from silo_tui.model.table.tree import parts_of
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.model.words.names import next_levels
 from silo_tui.screens.dialogs.questions import Choice, OrderDialog, Question
@@ -444,14 +445,18 @@ class ElementsScreen(SiloScreen):
         notes.update("\n".join([*above, f"{'' if len(last) >= room else last:<{max(0, room)}}{count}"]))
 
     def _why_none(self) -> str:
-        """Return which term takes everything away."""
-        blocked = self.session.rows.filter.blocked_by(self.session.table, self.session.rows.marked)
+        """Return which terms take everything away, and the names that are most like what has none."""
+        table, rows = self.session.table, self.session.rows
+        blocked, none = rows.filter.blocked_by(table, rows.marked), rows.filter.without_any(table, rows.marked)
+        levels = {level.casefold(): level for name in table.names for level in parts_of(self.session.short_name(name))}
+        near = did_you_mean(levels[one] for term in none for one in nearest(term.casefold(), levels))
         if blocked is None:
-            return f"0 of {len(self.session.table)}: each of two terms takes all away"
+            why = f"nothing has {' or '.join(none)}{near}" if none else "each term has some, no element has all"
+            return f"0 of {len(table)}: {why}"
         term, count = blocked
         if glob := glob_of_regex(term):
-            return f"0 of {len(self.session.table)}: {term} is no glob; {glob} is one, ~{term} a regular expression"
-        return f"0 of {len(self.session.table)}; without {term}: {count}"
+            return f"0 of {len(table)}: {term} is no glob; {glob} is one, ~{term} a regular expression"
+        return f"0 of {len(table)}; without {term}: {count}{near}"
 
     def _back_to_table(self) -> None:
         self.query_one("#filter-notes").display = False

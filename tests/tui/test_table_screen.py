@@ -373,6 +373,14 @@ async def test_a_term_that_can_t_be_read_is_underlined_and_one_that_leaves_nothi
         await screen.press("escape")
         await screen.type("/torque$")
         await screen.shows("torque$ is no glob; *torque is one, ~torque$ a regular expression")
+        for typed, says in (
+            ("left hip torque", "nothing has left or hip; did you mean 'LF'?"),
+            ("LF torqe", "; did you mean 'torque'?"),
+            ("LF RF LH", "each term has some, no element has all"),
+        ):
+            await screen.press("escape")
+            await screen.type(f"/{typed}")
+            await screen.shows(says)
 
 
 async def test_the_namespace_of_what_is_shown_stands_once_in_the_head_where_names_do_not_fit(new_fake, opened):

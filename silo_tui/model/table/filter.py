@@ -88,6 +88,10 @@ class Filter(msgspec.Struct, frozen=True):
         most = max(left, default=0)
         return (self.conditions[left.index(most)].text, most) if most else None
 
+    def without_any(self, table: TableState, marked: Mask) -> list[str]:
+        """Return the terms that nothing passes, each by itself."""
+        return [each.text for each in self.conditions if not each.test(table, marked).any()]
+
 
 def parse(text: str) -> Filter:
     """Read a filter; never raises."""
