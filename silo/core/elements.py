@@ -496,7 +496,7 @@ class Table(msgspec.Struct, frozen=True):
     """The element table at one revision. Order is that of registration and never changes while the logger lives.
 
     `derived` are signals that are computed from them, to be watched as elements are; nobody edits their options.
-    `given` are the options that the program began with, by name, of those elements which have others now.
+    `given` are the options that the program gave, by name, of those elements which have others now by a client's wish.
     """
 
     revision: int

@@ -10,8 +10,9 @@ import logging
 import sys
 import threading
 import time
+import weakref
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from silo.core.conditions import Conditions
@@ -105,7 +106,7 @@ class CurrentRun:
 
     def prepare(self, make: Callable[[], Run]) -> Run:
         """Make a run ready that is to go on the present one, whose loop turns meanwhile. Raises SegmentError."""
-        with _UNHURRIED:
+        with _unhurried():
             return self._begin(make, Run.prepare)
 
     def go_on(self, made: Run) -> None:
@@ -242,7 +243,7 @@ class CurrentRun:
 
     def forget(self) -> None:
         """Have no run, in a forked child: those of its parent stay as they are."""
-        _UNHURRIED.forget()
+        _unhurried.forget()
         for run in self.stretches:
             run.forget()
         vars(self).update(vars(CurrentRun()))
@@ -395,6 +396,10 @@ def _lost(run: Run) -> Counter[str]:
     return Counter({element.info.name: reader.ring_lost(element.ring) for element in reader.schema.elements})
 
 
+class _Within:
+    """That a thread prepares a stretch: as long as this is there, whatever interrupts it."""
+
+
 class _Unhurried:
     """Lets loops' threads have the interpreter at once, and no collection of garbage hold them up, while within.
 
@@ -402,35 +407,41 @@ class _Unhurried:
     """
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._within = 0
-        self._before = (sys.getswitchinterval(), gc.isenabled())
+        self._lock = threading.RLock()
+        self._within: set[weakref.ref[_Within]] = set()
+        self._before: tuple[float, bool] | None = None  # how it was
 
-    def __enter__(self) -> None:
+    @contextlib.contextmanager
+    def __call__(self) -> Iterator[None]:
+        mine = _Within()
         with self._lock:
-            if not self._within:
+            self._within.add(weakref.ref(mine, self._over))
+            if self._before is None:
                 self._before = (sys.getswitchinterval(), gc.isenabled())
                 sys.setswitchinterval(min(self._before[0], SWITCH_S))
                 gc.disable()
-            self._within += 1
+        try:
+            yield
+        finally:
+            del mine
 
-    def __exit__(self, *_: object) -> None:
+    def _over(self, one: "weakref.ref[_Within]") -> None:
         with self._lock:
-            self._within -= 1
+            self._within.discard(one)
             if not self._within:
                 self._put_back()
 
-    def _put_back(self) -> None:
-        switch_s, collects = self._before
-        sys.setswitchinterval(switch_s)
-        if collects:
-            gc.enable()
-
     def forget(self) -> None:
-        """Nobody is within, in a forked child, whose parent's threads may have been."""
-        if self._within:
-            self._put_back()
-        self._lock, self._within = threading.Lock(), 0
+        """Nobody is within, in a forked child; its parent's threads may have been."""
+        self._lock, self._within = threading.RLock(), set()
+        self._put_back()
+
+    def _put_back(self) -> None:
+        before, self._before = self._before, None
+        if before is not None:
+            sys.setswitchinterval(before[0])
+            if before[1]:
+                gc.enable()
 
 
-_UNHURRIED = _Unhurried()
+_unhurried = _Unhurried()

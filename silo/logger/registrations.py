@@ -143,8 +143,11 @@ class Registrations:
         near = self._known.near(name, 1, more=[element.info.name for element in self.pending])
         return did_you_mean(near, f"the table has {many(len(self._known.names), 'element')}")
 
-    def change(self, changes: Mapping[int, ElementOptions]) -> int:
-        """Give elements new options, all or none. Returns how many differ; the revision grows if any does."""
+    def change(self, changes: Mapping[int, ElementOptions], *, by_client: bool = False) -> int:
+        """Give elements new options, all or none. Returns how many differ; the revision grows if any does.
+
+        What the program itself gives is no client's change any more.
+        """
         changed = {
             place: checked(self.elements[place].info.name, options)
             for place, options in changes.items()
@@ -154,15 +157,22 @@ class Registrations:
             elements = list(self.elements)
             for place, options in changed.items():
                 element = elements[place]
-                elements[place] = Element(msgspec.structs.replace(element.info, options=options), element.parts)
+                given = (element.given or element.info.options) if by_client else None
+                info = msgspec.structs.replace(element.info, options=options)
+                elements[place] = Element(info, element.parts, given if given != options else None)
             self.elements = tuple(elements)
             self.revision += 1
         return len(changed)
+
+    @property
+    def given(self) -> dict[str, ElementOptions]:
+        """The options that the program gave, by name, of elements that have others now by a client's wish."""
+        return {element.info.name: element.given for element in self.elements if element.given is not None}
 
     def problems(self, edits: Iterable[Edit]) -> list[Problem]:
         """Why edits from outside can't be applied, one per field; empty when they can."""
         return edit_problems(edits, self._known.places)
 
-    def apply(self, edits: Iterable[Edit]) -> int:
+    def apply(self, edits: Iterable[Edit], *, by_client: bool = False) -> int:
         """Apply edits without `problems`. Returns how many elements changed."""
-        return self.change({self._known.places[edit.name]: edit.options for edit in edits})
+        return self.change({self._known.places[edit.name]: edit.options for edit in edits}, by_client=by_client)

@@ -25,6 +25,7 @@ from silo.core.elements import (
     DEFAULT_OPTIONS,
     Edit,
     ElementInfo,
+    ElementOptions,
     FieldChange,
     LoggerOptions,
     Problem,
@@ -146,6 +147,11 @@ class ScriptedTable:
     def elements(self) -> list[ElementInfo]:
         """The rows of the table."""
         return self._table.infos
+
+    @property
+    def given(self) -> dict[str, ElementOptions]:
+        """The options that the program gave elements which have others now by a client's wish."""
+        return self._table.given
 
     def problems(self, edits: Iterable[Edit]) -> list[Problem]:
         """Return why edits can't be applied, one per field; empty when they can."""
@@ -559,7 +565,7 @@ class ScriptedTable:
             if problems:
                 raise ElementError(refusal(problems))
             size, state = self._buffers_take(), self._table.state
-            changed = self._table.apply(edits)
+            changed = self._table.apply(edits, by_client=bool(who))
             if who and (why := self._no_room(size)):
                 self._table.state = state
                 raise ElementError(f"{why}; nothing was changed")

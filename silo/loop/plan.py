@@ -33,10 +33,14 @@ MAX_TIER_SIZES = 128  # distinct sizes that are considered before sizes are merg
 
 @dataclass(frozen=True)
 class Element:
-    """An element of the table with the sources of its parts."""
+    """An element of the table with the sources of its parts.
+
+    `given` are the program's own options where a client's hold.
+    """
 
     info: ElementInfo
     parts: tuple[Component, ...]
+    given: ElementOptions | None = None
 
 
 @dataclass(frozen=True)

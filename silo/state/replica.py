@@ -20,7 +20,6 @@ import msgspec
 from silo.core.elements import (
     Control,
     ElementInfo,
-    ElementOptions,
     LoggerOptions,
     Present,
     State,
@@ -176,7 +175,6 @@ class Replica:
         self._known: set[str] = set()  # paths of all runs that were handed over
         self.segment = ""  # path of the present run's segment, empty before the first start and while it is let go of
         self.run = ""  # its id
-        self._given: dict[str, ElementOptions] = {}  # of each element, as it was seen first
         self.over: deque[tuple[str, int]] = deque(maxlen=MOST_OVER)  # runs before it, with how many ticks they had
         self.now = self._made_of(first, None)
         self._follow(first)
@@ -214,7 +212,7 @@ class Replica:
         table = robot.table or (before.table if before else Table(robot.revision, []))
         if robot.table is not None or before is None or robot.conditions.derived != before.robot.conditions.derived:
             derived = derived_infos(table.elements, _options(robot).prefix, robot.conditions.derived)
-            table = Table(robot.revision, table.elements, derived, self._given_otherwise(table.elements))
+            table = Table(robot.revision, table.elements, derived, table.given)
         unchanged = before is not None and table is before.table
         if not unchanged or (before is not None and robot.segment != before.robot.segment):
             self._generation += 1
@@ -229,11 +227,6 @@ class Replica:
             table_reply=msgspec.msgpack.encode(TableReply(table)),
             generation=self._generation,
         )
-
-    def _given_otherwise(self, elements: Iterable[ElementInfo]) -> dict[str, ElementOptions]:
-        """Return what elements were given as they came, of those that are logged otherwise now."""
-        begun = ((info, self._given.setdefault(info.name, info.options)) for info in elements)
-        return {info.name: given for info, given in begun if given != info.options}
 
     def _follow(self, robot: RobotState) -> None:
         """Open a segment by its path, where the run could not be handed over."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from silo.core.conditions import Conditions
-from silo.core.elements import Edit, ElementInfo, Problem
+from silo.core.elements import Edit, ElementInfo, ElementOptions, Problem
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn
 from silo.segment.retention import large_text
@@ -28,6 +28,8 @@ class TableOfLogger(Protocol):
     def revision(self) -> int: ...
     @property
     def elements(self) -> list[ElementInfo]: ...
+    @property
+    def given(self) -> dict[str, ElementOptions]: ...
 
     def problems(self, edits: list[Edit], /) -> list[Problem]: ...
     def apply(

@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import signal
 import threading
 from pathlib import Path
 
@@ -28,7 +29,7 @@ from silo.rpc.published import EventKind
 from silo.rpc.versions import PROTOCOL
 from silo.state.requests import ApplyEdits
 from tests.examples import examples
-from tests.waiting import DEADLINE_S
+from tests.waiting import DEADLINE_S, answered, wait_until
 
 
 def options(client: Client, name: str) -> ElementOptions:
@@ -62,6 +63,19 @@ def test_the_table_has_what_elements_were_given_that_are_logged_otherwise_now(be
     assert client.table().given == {"/log/x": begun}
     client.apply([Edit("/log/x", begun)], -1)
     assert client.table().given == {}
+    bench.logger.set("x", divider=9)
+    assert client.table().given == {}, "the program's own settings are no edits"
+    client.apply([edit(client, "/log/x", divider=5), edit(client, "/log/q", divider=5)], -1)
+    bench.logger.remove("x")
+    bench.logger.array("x", divider=4)
+    bench.logger.update()
+    assert list(client.table().given) == ["/log/q"]
+    client.start()
+    bench.ticks(2)
+    client.apply([edit(client, "/log/kept", divider=3)], -1, cut=True)
+    assert sorted(client.table().given) == ["/log/kept", "/log/q"]
+    os.kill(bench.serving.helper_pid, signal.SIGKILL)
+    wait_until(lambda: sorted(answered(lambda: client.table().given) or ()) == ["/log/kept", "/log/q"])
 
 
 def test_an_edit_of_some_options_leaves_the_others_of_the_table_as_they_are(bench, client):

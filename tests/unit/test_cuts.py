@@ -24,6 +24,7 @@ from silo.helper.journaling import Journaling
 from silo.journal.format import list_journals
 from silo.journal.holdings import segment_holdings
 from silo.journal.reader import JournalReader
+from silo.logger import current_run
 from silo.logger.current_run import MOST_CUT_OFF, MOST_ELEMENTS, CurrentRun
 from silo.loop.run import Run
 from silo.rpc.published import EventKind
@@ -315,6 +316,7 @@ def interrupted_at(count, *places):
 
 
 def test_a_cut_that_is_interrupted_anywhere_is_whole_or_never_was(new_logger, runtime_folder):
+    before = sys.getswitchinterval(), gc.isenabled()
     for count in itertools.count(1, 11):
         logger = new_logger(f"bot{count}")
         loop = Loop(logger)
@@ -332,6 +334,9 @@ def test_a_cut_that_is_interrupted_anywhere_is_whole_or_never_was(new_logger, ru
         assert list(runtime_folder.glob("*.segment")) == [], came
         if not came:
             break
+        if not re.search("_over|_put_back", came[0]):
+            assert (sys.getswitchinterval(), gc.isenabled()) == before, came
+        current_run._unhurried.forget()  # else the next cut does
     assert count > 100
 
 
@@ -355,9 +360,10 @@ def test_of_two_loggers_that_are_cut_at_once_the_last_puts_the_interpreter_back(
     other = threading.Thread(target=lambda: second.set("x", divider=2, cut=True))
     monkeypatch.setattr(Run, "prepare", overlapping)
     first.set("x", divider=2, cut=True)
-    assert (sys.getswitchinterval(), gc.isenabled()) != before, "the other is at it still"
+    within = sys.getswitchinterval(), gc.isenabled()
     over.set()
     other.join()
+    assert within != before, "the other was at it still"
     assert (sys.getswitchinterval(), gc.isenabled()) == before
 
 

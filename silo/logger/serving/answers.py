@@ -56,8 +56,9 @@ def robot_state(logger: Served, by: str, table_sent: int, changes: int = 0) -> R
 
     `changes` were counted before this call.
     """
-    with logger._scripted.lock:
-        revision = logger._scripted.revision
+    table = logger._scripted
+    with table.lock:
+        revision = table.revision
         return RobotState(
             logger=logger.options.name,
             pid=os.getpid(),
@@ -69,7 +70,7 @@ def robot_state(logger: Served, by: str, table_sent: int, changes: int = 0) -> R
             segment=logger._present.path,
             reason=logger.stop_reason,
             by=by,
-            table=Table(revision, logger._scripted.elements) if revision != table_sent else None,
+            table=Table(revision, table.elements, given=table.given) if revision != table_sent else None,
             conditions=logger._conditions.now,
             saved=logger._present.saved_before,
             cut_off=logger._present.unsaved_before,
