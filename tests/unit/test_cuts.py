@@ -213,6 +213,7 @@ def test_nobody_waits_for_a_stretch_that_is_prepared_and_what_others_changed_mea
     assert kp == [[1.0]] * 3 + [[2.0]] * 5
     part = silo.open_log(next(tmp_path.glob("*_part2.silo")), alone=True)
     assert [list(part.parameters.at(time_s).values()) for time_s in part.times] == [[2.0]] * 3
+    assert [event.change.values for event in part.parameters.changes] == [(("/log/kp", 1.0, 2.0),)]
 
 
 def test_what_others_changed_meanwhile_is_not_replaced_by_a_script(new_logger, tmp_path, monkeypatch):
@@ -248,6 +249,7 @@ def test_a_logger_is_stopped_while_a_stretch_is_prepared_and_the_next_start_has_
         assert not logger.is_running
         starting = threading.Thread(target=lambda: began.append(logger.start(unsaved="save")))
         starting.start()
+        wait_until(lambda: logger._life._cut_over._waiters)
         began.append(starting)
 
     with (
@@ -365,6 +367,14 @@ def test_of_two_loggers_that_are_cut_at_once_the_last_puts_the_interpreter_back(
     other.join()
     assert within != before, "the other was at it still"
     assert (sys.getswitchinterval(), gc.isenabled()) == before
+
+
+def test_a_stretch_that_is_not_gone_on_with_leaves_nothing(new_logger, runtime_folder, monkeypatch):
+    logger = new_logger()
+    Loop(logger).turn(2)
+    with while_prepared(monkeypatch, logger.stop), pytest.raises(StateError, match="stopped on request, just when"):
+        logger.set("x", divider=2, cut=True)
+    assert (len([*runtime_folder.glob("*.segment")]), logger._present._own) == (1, logger._present.stretches)
 
 
 def test_of_two_who_cut_at_once_the_second_waits_for_the_first(new_logger, tmp_path, monkeypatch):
