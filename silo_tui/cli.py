@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 # measured: OpenBLAS starts a thread per core when NumPy is imported, 70 ms that nothing here needs
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+WEB = "pip install 'silo-logger[web]'"  # what --serve needs
 EXAMPLES = """\b
 Examples:
   silo-tui                 the only logger here, or a list
@@ -59,7 +60,9 @@ Examples:
     help="Take the mouse. Default: yes, but not over SSH, where it prevents selecting text; or as set (F2).",
 )
 @click.option(
-    "--serve", is_flag=True, help="Show it in a browser of this computer instead: prints the address to open."
+    "--serve",
+    is_flag=True,
+    help=f"Show it in a browser of this computer instead: prints the address to open. Needs {WEB}.",
 )
 @click.option(
     "--port", default=0, type=click.IntRange(0, 65535), help="With --serve: a fixed port. Default: a free one."
@@ -136,7 +139,7 @@ def _serve(arguments: list[str], port: int, *, control: bool) -> None:
     try:
         from silo_tui.web.serving import serve
     except ImportError as error:
-        raise click.ClickException(f"--serve needs more: pip install 'silo-logger[web]' ({error})") from error
+        raise click.ClickException(f"--serve needs more: {WEB} ({error})") from error
     try:
         serve(arguments, port, control=control, tell=click.echo)
     except SiloError as error:

@@ -106,6 +106,7 @@ def test_help_tells_how_a_file_is_meant():
     text = CliRunner().invoke(command, ["--help"]).output
     assert "LOGGER | FILE" in text
     assert "run.silo" in text
+    assert "Needs pip install 'silo-logger[web]'" in " ".join(text.split())
 
 
 def test_a_file_is_a_file_wherever_one_looks_for_loggers(folder):
