@@ -258,6 +258,17 @@ async def test_a_tick_that_came_late_is_a_hole_and_no_event():
     assert [moment.time_ns for moment in found.moments] == [late[2999]]
 
 
+async def test_of_a_loop_that_jitters_the_holes_well_above_that_are_found_and_how_many_are_left_out():
+    late = recording().time_ns.copy()
+    for at in range(10, 2990, 10):
+        late[at:] += 2_000_000
+    session = FileSession(Log(replace(recording(), time_ns=late), "robot.silo"))
+    plots = plots_of(session.source.elements[:1])
+    found = await look(session.source, plots, Search(What.HOLE), {}, 0)
+    assert [moment.time_ns for moment in found.moments] == [late[2999]]
+    assert (found.search, found.partly) == (Search(What.HOLE), "298 up to 14 ms left out")
+
+
 async def test_two_cursors_tell_what_lies_between(monitor):
     async with monitor("LF/torque", "position", size=(120, 40)) as (screen, _):
         await screen.do("home", "cursor_b", *["shift+right"] * 3)

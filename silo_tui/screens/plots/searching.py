@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 MOST_MOMENTS = 1000  # of a signal that are here at a time
 LEAST_PART = 0.01  # of what is held that is worth telling where it is not looked through
+MANY_HOLES = 20  # from so many on those that are as long as most are how a loop jitters
+WELL_ABOVE = 3  # times as long as most
 HOLE_S = 0.1  # that is an event: what is shorter is how a busy computer ticks
 
 
@@ -105,6 +107,14 @@ async def look(
     ends = [one.end_ns for one in found.values() if one.end_ns]
     held_s = (max(ends) - min(begins)) / 1e9 if ends else 0.0
     moments, before, total = merged(found, entries, search.what)
+    if search.what is What.HOLE and not search.least_s and total > MANY_HOLES:
+        usual_ns = np.median(np.concatenate([one.values for one in found.values()]))
+        longer = await look(
+            source, plots, replace(search, least_s=float(WELL_ABOVE * usual_ns / 1e9)), bounds, around_ns
+        )
+        if longer.total:
+            others = f"{total - longer.total} up to {text.span(longer.search.least_s, 2)} left out"
+            return replace(longer, search=search, partly="; ".join(filter(None, [others, longer.partly])))
     return SearchResult(search, names, source.end_ns, moments, held_s, total, before, partly)
 
 
