@@ -174,6 +174,17 @@ async def test_a_signal_is_derived_changed_and_forgotten_without_leaving_the_tab
         await screen.until(lambda: not fake.derived and len(screen.session.table) == len(fake.elements))
 
 
+async def test_that_a_filter_hides_a_new_one_is_said_until_another_one_is_taken(fake, opened):
+    async with opened(fake.run()) as screen:
+        await screen.press("/")
+        await screen.enter("LF")
+        await screen.enter(":derive power = 2 * imu/acceleration")
+        await screen.shows("the filter hides it")
+        await screen.press("/")
+        await screen.enter("power")
+        await screen.until(lambda: "the filter hides it" not in screen.text, "no word of another filter")
+
+
 async def test_tab_makes_a_name_whole_and_then_goes_on(fake, opened):
     async with opened(fake.run()) as screen:
         await screen.press("colon", *"derive", "enter")
