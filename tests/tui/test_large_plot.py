@@ -185,6 +185,18 @@ async def test_an_x_y_plot_says_how_long_what_both_have_is_and_the_unit_of_its_l
         assert re.search(r"loop area \S+ rad\^2/s", screen.text)
 
 
+async def test_in_an_x_y_plot_signals_have_the_letters_that_they_had_in_the_plots(new_fake, opened):
+    names = [f"/log/{name}" for name in ("position", "velocity")]
+    async with opened(new_fake([scalar(name, "rad") for name in names]).run(3), size=(120, 40)) as screen:
+        await screen.press("asterisk", "m")
+        await screen.curves()
+        await screen.press("j")  # that of the cursor is x
+        await screen.press("enter", "tab")
+        await screen.shows("x  b /velocity")
+        await screen.shows("b /velocity [rad]  a /position [rad]  X-Y")
+        assert "y  a /position" in screen.text
+
+
 async def test_what_the_cursor_reads_has_room_on_a_small_screen(fake, opened):
     async with opened(fake.run(20), size=(80, 24)) as screen:
         await open_large(screen)

@@ -166,7 +166,10 @@ class DetailScreen(MonitorScreen):
             title.update("  ".join(parts))
 
     def _letter(self, place: int) -> str:
-        return f"{LETTERS[place]} " if self.count > 1 or self.mode == "x-y" else ""
+        if self.mode == "x-y":  # they stand alone below each other: the letters are those that they had there
+            letter = self.below.stack.letter(self.plots[place])
+            return f"{letter} " if letter else ""
+        return f"{LETTERS[place]} " if self.count > 1 else ""
 
     def _place(self) -> str:
         if self.file is not None:
@@ -265,7 +268,7 @@ class DetailScreen(MonitorScreen):
             raise ValueError(f"{len(found.x)} held, 2 needed of both at the same time")
         drawn = big_plot.of_pair(found, self.plot.plot_size)
         units = [plotted.element.unit for plotted in (x, y)]
-        notes = [f"x  a {self._label(x)}", f"y  b {self._label(y)} over x"]
+        notes = [f"x  {self._letter(0)}{self._label(x)}", f"y  {self._letter(1)}{self._label(y)} over x"]
         if math.isnan(found.correlation):
             notes.append("r: one of them is constant")
         else:
