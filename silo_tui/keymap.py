@@ -254,7 +254,7 @@ def _way_to(place: str, scope: str) -> str:
 
 
 def clashes(keymap: str, keys: Mapping[str, str]) -> Iterator[tuple[str, str, str, str]]:
-    """Yield a command that `keys` gives a key, the one that has it on the same screen, the key, and that screen.
+    """Yield a command that `keys` gives a key, the one that has it on the same screen, the key, and that screen's name.
 
     The letter of a menu is taken by its commands: who wants it for another one gives these others first.
     """
@@ -266,7 +266,7 @@ def clashes(keymap: str, keys: Mapping[str, str]) -> Iterator[tuple[str, str, st
                 other = taken.setdefault(key, command.id)
                 if other != command.id:
                     mine, theirs = (command.id, other) if command.id in keys else (other, command.id)
-                    yield mine, theirs, key, scope
+                    yield mine, theirs, key, PLACES.get(scope, scope)
 
 
 @cache

@@ -79,6 +79,7 @@ MISTAKES = [
     ("keys:\n  filter: shift+f", "write 'F'"),
     ("keys:\n  filter: #", "needs a key; a sign such as # needs quotes"),
     ("keys:\n  filter: e", "e of filter is edit (Edit) already (table)"),
+    ("keys:\n  cursor_left: space", "space of cursor_left is pause (Pause) already (plots)"),
     ('keys:\n  filter: "?"', "? of filter is help (Help) already"),
 ]
 
