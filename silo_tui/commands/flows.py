@@ -358,6 +358,8 @@ async def save_script(context: Context, path: str | None = None) -> None:
         current = session.status.script.rpartition("/")[2]
         scripts = await context.link.read(lambda client: client.scripts())
         body = f"as a script in {scripts.folder}, on the robot"
+        if current:
+            body += f"\n{current} is what the program reads when it starts again."
         if fields:
             body += f"\n{many(fields, 'pending edit')} will not be in it: apply them first."
         prompt = Prompt("Save the configuration", body, current, "name.yaml", label="name")

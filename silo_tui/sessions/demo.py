@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import tempfile
+import time
 from pathlib import Path
 
 from silo.core.child import own_program
@@ -18,6 +19,7 @@ class Demo:
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self._output = Path()
+        self._began_s = 0.0
         self.farewell = ""  # what it said when it was ended
 
     def start(self) -> None:
@@ -29,6 +31,7 @@ class Demo:
         with self._output.open("wb") as output:
             # a session of its own: Ctrl-C and a closed terminal reach us alone, and we end it in order
             # with its parent: if we are killed, nobody else ends it
+            self._began_s = time.time()
             program = [*own_program("silo.cli"), "demo", "--folder", str(folder), "--with-parent", str(os.getpid())]
             self._process = subprocess.Popen(
                 program, stdin=subprocess.DEVNULL, stdout=output,
@@ -38,6 +41,13 @@ class Demo:
     def owns(self, pid: int) -> bool:
         """Return whether a logger is the one that we started."""
         return self._process is not None and self._process.pid == pid
+
+    def begun_with(self, script: str) -> str:
+        """Return what to say where its script was there when it began: others saved it."""
+        with contextlib.suppress(OSError):
+            if script and Path(script).stat().st_mtime < self._began_s:
+                return f"the demo began with {Path(script).name}, a configuration that was saved before"
+        return ""
 
     def ended(self) -> str:
         """Return why the child is gone; empty while it runs."""

@@ -389,8 +389,9 @@ def test_a_script_has_no_pending_edits_and_says_so_before_and_after(saved):
     desk = Desk(saved, "walk.yaml").edit()
     said = desk.does(flows.save_script(desk))
     assert desk.asked == [
-        "Save the configuration\nas a script in /home/ann/config, on the robot\n1 pending edit will not be in it: "
-        "apply them first.\nrobot.yaml"
+        "Save the configuration\nas a script in /home/ann/config, on the robot\n"
+        "robot.yaml is what the program reads when it starts again.\n"
+        "1 pending edit will not be in it: apply them first.\nrobot.yaml"
     ]
     assert said == f"1 pending edit not in it; saved /home/ann/config/walk.yaml; {SEES}"
 

@@ -99,6 +99,16 @@ def test_a_file_as_it_is_typed_gets_an_ending_where_it_has_none(tmp_path):
             paths.typed_file("the view", folder, ".yaml")
 
 
+def test_a_demo_tells_that_it_began_with_what_was_saved_before(tmp_path):
+    demo, script = Demo(), tmp_path / "demo.yaml"
+    assert demo.begun_with("") == demo.begun_with(str(script)) == ""
+    script.touch()
+    demo._began_s = script.stat().st_mtime + 1.0
+    assert demo.begun_with(str(script)) == "the demo began with demo.yaml, a configuration that was saved before"
+    demo._began_s -= 2.0
+    assert demo.begun_with(str(script)) == ""
+
+
 @pytest.mark.slow
 def test_a_demo_that_ended_tells_how_and_what_it_said(tmp_path):
     demo = Demo()
