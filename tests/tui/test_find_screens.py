@@ -138,7 +138,7 @@ async def test_where_a_condition_turns_true_does_not_depend_on_how_much_is_judge
 @pytest.mark.parametrize(
     ("fires", "times_s", "begin_s", "says"),
     [
-        (0, [], 21, "none, the logger has overwritten what is held here"),
+        (0, [], 21, "has overwritten what is held here; f x looks for a crossing there"),
         (2000, range(21, 30), 0, "none, only later ones are told"),
         (0, [], 0, "none in 20 s held"),
         (0, [], 5, "none in 15 s held; not looked through further: only the newest 15 s can be searched"),

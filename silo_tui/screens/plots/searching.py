@@ -170,7 +170,8 @@ def turned(search: Search, tried: "TriggerTried", held_ns: tuple[int, int]) -> S
     held_s = 0.0 if gone or unseen else max(0, min(tried.end_ns, end_ns) - tried.begin_ns) / 1e9
     why = tried.why
     if gone:
-        why = why or "the logger has overwritten what is held here"
+        crossing = f"{key_of('find')} {What.CROSSING.value} looks for a crossing there"
+        why = why or f"the logger, which judges it, has overwritten what is held here; {crossing}"
     elif unseen:
         why = why or "only later ones are told"
     elif tried.begin_ns - begin_ns > (end_ns - begin_ns) * LEAST_PART:
