@@ -377,6 +377,8 @@ class Logger(LoggerNames):
                 if self._life.running and self._collect is collect:  # Ctrl-C: who comes is on the way there already
                     run.end_by_cut()
                     self._go_on(made, wanted, collect)
+                elif present.run is run:
+                    run.take_changes()
             if present.run is not made:
                 present.let_go(made)
             raise
