@@ -60,9 +60,8 @@ async def test_a_view_keeps_axes_of_powers_of_ten(new_fake, opened):
         await screen.press("m")
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
         await screen.settled()
-        monitor = screen.app.screen
         await screen.do("log_axis")
-        await screen.until(lambda: monitor.window.log_scales, "a scale")
+        await screen.until(lambda: screen.app.screen.window.log_scales, "a scale of the screen that is there")
         await screen.do("scale")
         kept = capture(screen.app.context)
         assert kept.logs == ("/legs/LF/HAA/torque",)
