@@ -48,6 +48,8 @@ def ask(of: DOMNode, dialog: Screen[ResultT | None], then: Callable[[ResultT], o
 class Leaving(Guarded, Screen[ResultT]):
     """A screen whose workers end before its widgets go: none of them wakes up to a screen without widgets."""
 
+    _unmade = False
+
     @property
     def is_there(self) -> bool:
         """Whether the screen has its widgets: it was made, and neither it nor the program has begun to go."""
@@ -68,8 +70,11 @@ class Leaving(Guarded, Screen[ResultT]):
             self._settling.pop(what).stop()
 
     async def on_event(self, event: events.Event) -> None:
-        """Leave out what comes to a screen that gets no widgets, as the program ends before they were made."""
-        if self.is_attached or self.children or isinstance(event, events.Unmount):
+        """Leave out what comes to a screen that gets no widgets: it, or the program, ends before they were made."""
+        if isinstance(event, events.Mount):
+            self._unmade = self._pruning  # closed before it was drawn: what it was made of has gone, or never comes
+        told = isinstance(event, events.Callback) if self._unmade else self.is_attached or self.children
+        if told or isinstance(event, events.Unmount):
             await super().on_event(event)
 
     def _compositor_refresh(self) -> None:

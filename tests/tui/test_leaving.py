@@ -14,6 +14,7 @@ from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import FileType, SavedFile, State
 from silo.rpc.published import EventKind
 from silo_tui.commands.flows import left_words
+from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.screens.lists.recordings import RecordingsScreen
 from silo_tui.screens.lists.settings import SettingsScreen
 from silo_tui.screens.lists.triggers import TriggersScreen
@@ -110,6 +111,36 @@ async def test_a_screen_that_was_asked_for_as_the_program_ends_is_not_made(opene
     async with opened(fake) as screen:
         screen.app.post_message(events.Key(key, None))
         screen.app.post_message(events.Key("ctrl+q", None))
+
+
+@pytest.mark.parametrize("key", ["F", "E", "T", "A", "m", "f2", "question_mark", "enter", "colon", "o", "asked"])
+async def test_a_screen_that_is_closed_while_it_is_made_is_told_nothing_of_it(opened, fake, tmp_path, monkeypatch, key):
+    fake.logs = tmp_path
+    async with opened(fake, size=(100, 30)) as screen:
+        app, push = screen.app, screen.app.push_screen
+
+        async def close(turns):
+            for _ in range(turns):  # nearer to where it is drawn
+                await asyncio.sleep(0)
+            app.pop_screen()
+
+        closed = []
+
+        def push_and_close(*given):
+            closed.append(asyncio.create_task(close(len(closed))))
+            return push(*given)
+
+        monkeypatch.setattr(app, "push_screen", push_and_close)
+        for turns in range(12):
+            if key == "asked":
+                app.push_screen(Question("Stop logging?", "", [Choice("stop", "Stop", "s")]))
+            else:
+                await screen.press(key)
+            await screen.until(lambda asked=turns: len(closed) > asked, key)
+            await closed[turns]
+            await screen.settled()
+            assert len(closed) == turns + 1
+            assert not app.unforeseen.errors
 
 
 async def test_behind_a_dialog_one_sees_the_screen_that_it_is_about(opened, fake):
