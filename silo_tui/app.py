@@ -290,9 +290,9 @@ class SiloApp(Guarded, App[None]):
 
     async def _regain(self, session: Session, *, quiet: bool = False) -> None:
         with self.context.quiet():
-            before = session.status.pid
+            before = session.status
             words = await session.regain()
-            if session.status.pid != before:
+            if not before.is_of_program(session.status):
                 self.context.tell(lambda screen: screen.say(""))  # what was answered was of the program that is gone
             if not quiet:
                 self.context.hear(words)

@@ -471,6 +471,11 @@ class Status(msgspec.Struct, frozen=True):
     held_bytes_most: int = 0
     begun_ns: int = 0  # when the run began that cuts went on, and how many ticks it had before the last of them;
     before_ticks: int = 0  # both 0 without a cut: `started_ns` and `ticks` are since the last one
+    program: str = ""  # drawn once in the life of a logger, as pids come again; empty from an older silo
+
+    def is_of_program(self, other: "Status") -> bool:
+        """Whether both are of one life of a robot program."""
+        return (self.pid, self.program) == (other.pid, other.program)
 
     @property
     def run_began_ns(self) -> int:

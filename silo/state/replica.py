@@ -387,6 +387,7 @@ class Replica:
             host=self.host,
             user=self.user,
             helper_pid=os.getpid(),
+            program=options.id,
             state=now.state,
             revision=now.table.revision,
             frequency_hz=options.frequency_hz,

@@ -30,9 +30,9 @@ class KeptEdits(msgspec.Struct, frozen=True):
 
 
 class KeptConditions(msgspec.Struct, frozen=True):
-    """What the robot program of a process has, and what that before it had alone."""
+    """What a robot program has, and what that before it had alone."""
 
-    pid: int
+    program: str
     there: Conditions
     gone: Conditions = NO_CONDITIONS
 

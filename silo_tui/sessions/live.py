@@ -595,7 +595,7 @@ class Session:
         await self._read_all()
         self.lost_since, self._said_closed = None, False
         self.connection.watch_again()
-        if before.pid == self.status.pid:
+        if before.is_of_program(self.status):
             return "the link is back"
         self.knobs.forget()
         with suppress(RefusedError):  # an older silo has none
@@ -615,16 +615,16 @@ class Session:
 
     def keep_conditions(self) -> str:
         """Keep what is judged and derived for the next start; return what went since the last one. Raises OSError."""
-        before, host, told = self._kept, self.status.host, ""
+        before, host, program, told = self._kept, self.status.host, self.status.program or str(self.status.pid), ""
         if before is None:
             before = kept.conditions_of(host, self.name)
         if self._kept is None and before is not None:
-            is_new = before.pid != self.status.pid
+            is_new = before.program != program
             self._note_gone({**self._by_words(before.there if is_new else before.gone), **self.gone})
             told = f"gone with the program before: {self.gone_words()}" if is_new and self.gone else ""
         there = Conditions(*self._judged())
         gone = Conditions(self._gone(Derived), self._gone(SignalLimits), self._gone(TriggerOptions))
-        self._kept = KeptConditions(self.status.pid, there, gone)
+        self._kept = KeptConditions(program, there, gone)
         if self._kept != before:
             kept.keep_conditions(host, self.name, self._kept)
         return told

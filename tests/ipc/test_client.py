@@ -211,12 +211,19 @@ def test_a_client_that_is_closed_during_a_look_at_its_link_lets_the_session_go(b
     assert not client.connected
 
 
-def test_logger_that_is_served_again_is_found_again(bench, client, until) -> None:
+def test_logger_that_is_served_again_is_found_again(bench, client, until, tmp_path) -> None:
+    before = client.status()
     bench.serving.close()
     until(lambda: not client.connected)
     bench.logger.serve()
     until(lambda: client.connected)
     assert client.status().logger == "bot"
+    assert client.status().is_of_program(before)
+    bench.logger.close()
+    again = silo.Logger("bot", folder=tmp_path)
+    with again.serve(), Client.connect("bot") as newer:
+        assert newer.status().pid == before.pid  # as those of containers are
+        assert not newer.status().is_of_program(before)
 
 
 @pytest.mark.slow

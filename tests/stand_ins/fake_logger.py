@@ -54,7 +54,7 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions, FakeParameters):
     def __init__(self, elements: list[ElementInfo] | None = None, name: str = "robot") -> None:
         self.elements = robot_elements() if elements is None else elements
         self.measured_hz = HZ
-        self.name, self.pid, self.revision = name, 4711, 1
+        self.name, self.pid, self.program, self.revision = name, 4711, "a1", 1
         self._state, self.now_ns, self.started_ns, self.lost = State.STOPPED, START_NS, 0, 0
         self.saved, self.may_edit, self.connected, self.reason = True, True, True, ""
         self.durable_ticks = -1  # as without storage="disk"
@@ -244,7 +244,7 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions, FakeParameters):
             folder="/home/ann/logs", script=f"{FOLDER}/robot.yaml", reason=self.reason, saved=self.saved,
             durable_ticks=self.durable_ticks, held_samples=sum(self._kept()), held_s=max(self._kept(), default=0) / HZ,
             recorders=sum(not one.state.over for one in self.recorder_infos), control=self.controlled,
-            clients=list(self.clients),
+            clients=list(self.clients), program=self.program,
         )  # fmt: skip
 
     def table(self) -> Table:

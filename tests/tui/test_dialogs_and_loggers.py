@@ -66,7 +66,10 @@ async def test_edits_are_kept_when_the_robot_program_was_started_again(fake, ope
         assert "gone with it" not in screen.text
 
 
-async def test_conditions_that_a_new_program_knows_nothing_of_are_named(fake, opened):
+# pids count anew in each container
+@pytest.mark.parametrize(("pid", "program"), [(5000, ""), (4711, "b2")])
+async def test_conditions_that_a_new_program_knows_nothing_of_are_named(pid, program, fake, opened):
+    fake.program = "a1" if program else ""  # of an older silo
     fake.trigger_statuses = [
         TriggerStatus(TriggerOptions(name, "legs/LF/HAA/torque > 3", 5.0, 1.0), TriggerWord.ARMED)
         for name in ("fall", "slip")
@@ -75,7 +78,7 @@ async def test_conditions_that_a_new_program_knows_nothing_of_are_named(fake, op
         await screen.until(lambda: len(screen.session.triggers) == 2, "what is judged")
         fake.cut()
         await screen.shows("No link")
-        fake.pid, fake.trigger_statuses = 5000, fake.trigger_statuses[:1]
+        fake.pid, fake.program, fake.trigger_statuses = pid, program, fake.trigger_statuses[:1]
         fake.mend()
         await screen.shows("as no script of it has them: trigger slip; :restore sets them")
         assert "fall" not in screen.text
@@ -86,12 +89,14 @@ async def test_conditions_that_a_new_program_knows_nothing_of_are_named(fake, op
         await screen.shows("nothing is gone")
 
 
-async def test_conditions_that_went_with_the_program_are_named_at_the_next_start_too(fake, opened):
+@pytest.mark.parametrize(("pid", "program"), [(5000, ""), (4711, "b2")])
+async def test_conditions_that_went_with_the_program_are_named_at_the_next_start_too(pid, program, fake, opened):
+    fake.program = "a1" if program else ""
     made = [TriggerOptions(name, "legs/LF/HAA/torque > 3", 5.0, 1.0) for name in ("fall", "slip")]
     fake.trigger_statuses = [TriggerStatus(one, TriggerWord.ARMED) for one in made]
     async with opened(fake) as screen:
         await screen.until(lambda: kept.conditions_of("anymal", "robot"), "what is kept")
-    fake.pid, fake.trigger_statuses, fake.connected = 5000, fake.trigger_statuses[:1], True
+    fake.pid, fake.program, fake.trigger_statuses, fake.connected = pid, program, fake.trigger_statuses[:1], True
     async with opened(fake) as screen:
         await screen.shows("gone with the program before: trigger slip; :restore sets them")
     fake.connected = True
