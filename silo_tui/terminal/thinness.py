@@ -149,10 +149,13 @@ class Busyness:
 
 def head_words(thinness: Thinness, painted: Painted, link: list[str], room: int, *, busy: bool = False) -> str:
     """Return what the head says, in `room` cells: that the link is thin, or the processors are busy, the rate, what is
-    known of the link.
+    known of the link. Where neither is known to be why, the rate says all.
     """
-    why = ["BUSY" if busy else "SCREEN", painted.words] if painted.words else []
-    parts = list(filter(None, ["THIN", painted.words, *link])) if thinness.step else why
+    if not thinness.step and not painted.words:
+        return ""
+    if not thinness.step and not busy:
+        return told if len(told := f"DRAWN {painted.words}") <= room else ""
+    parts = list(filter(None, ["THIN", painted.words, *link])) if thinness.step else ["BUSY", painted.words]
     while len(parts) > 1 and len(" ".join(parts)) > room:
         parts.pop()  # a number that is cut would be another one
     return " ".join(parts)

@@ -417,7 +417,9 @@ def test_a_narrow_head_leaves_whole_words_out(room, words):
         slow.note(5.0, painted=False, now_s=tick / 5)
     assert head_words(thin, slow, ["64 kbit/s", "210 ms"], room) == words
     thin.step = 0
-    assert head_words(thin, slow, ["64 kbit/s", "210 ms"], 60) == "SCREEN 0 of 5 Hz"
+    assert head_words(thin, slow, ["64 kbit/s", "210 ms"], 60) == "DRAWN 0 of 5 Hz"
+    assert head_words(thin, slow, [], 6) == ""  # alone the word says nothing
+    assert head_words(thin, slow, [], 6, busy=True) == "BUSY"
 
 
 def test_nothing_is_told_of_a_rate_before_it_was_measured():
