@@ -186,6 +186,36 @@ def test_a_table_of_another_tool_is_read(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("cells", "values", "rows", "told"),
+    [
+        (["1", "null", "3"], [1, 3], [0, 2], ""),
+        (["1.5", "NA", "n/a", "-inf"], [1.5, -np.inf], [0, 3], ""),
+        (["true", "None", "False"], [True, False], [0, 2], ""),
+        (["NA", "none"], [b"NA", b"none"], [0, 1], ""),
+        (
+            ["1", "x", "null", "4"],
+            [b"1", b"x", b"null", b"4"],
+            [0, 1, 2, 3],
+            "2 of 4 cells are no numbers, the first is 'x'",
+        ),
+        (["1_2", "13", "5"], [b"1_2", b"13", b"5"], [0, 1, 2], "1 of 3 cells are no numbers, the first is '1_2'"),
+        (["a", "7", "b"], [b"a", b"7", b"b"], [0, 1, 2], ""),
+        (['"1"', '"2"'], [b"1", b"2"], [0, 1], ""),
+    ],
+)
+@pytest.mark.parametrize("times", ["{}", '"{}"'])
+def test_words_for_what_is_missing_leave_numbers_and_other_words_are_told(cells, values, rows, told, times, tmp_path):
+    lines = [f"{times.format(at)},{cell}\n" for at, cell in enumerate(cells)]
+    (tmp_path / "x.csv").write_text("time,x\n" + "".join(lines))
+    read = read_csv(tmp_path / "x.csv")
+    if times != "{}" and cells[0].startswith('"'):
+        values = [1, 2]  # who quotes times quotes everything
+    found = read.elements[0]
+    assert list(read.warnings) == [f"column 'x' is taken as texts: {told}"] * bool(told)
+    assert (found.entries[0].values.tolist(), found.stamp_indices.tolist()) == (values, rows)
+
+
+@pytest.mark.parametrize(
     ("text", "expected"),
     [
         ("time_s,x\n0,1\n1,2\n", {"x": [1, 2]}),

@@ -117,6 +117,8 @@ def as_numbers(cells: Words, dtype: np.dtype[Any]) -> NDArray[Any]:
     if whole and len(cells) and b"." in bytes(cells[0]):
         raise ValueError("no whole number")
     text = b"[%b]" % b",".join(cells.tolist())
+    if b"_" in text:  # digits of Python alone; elsewhere a name, as `1_2`
+        raise ValueError("no number")
     if not whole or not any(point in text for point in (b".", b"e", b"E")):
         with contextlib.suppress(msgspec.DecodeError):
             found: list[Any] = (json_decoder(list[int]) if whole else json_decoder(list[float])).decode(text)

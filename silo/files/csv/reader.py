@@ -35,6 +35,7 @@ _CELL = re.compile(rb'(?:("(?:[^"]|"")*"?)[^,]*|([^,]*))(?:,|$)')
 _DECIMAL = re.compile(rb"([+-]?)(\d+)(?:\.(\d*))?")
 _TRUTHS = {b"true", b"false"}
 _NO_TIME = (b"", b"nan", b"-nan", b"nat", b"null", b"none")
+_NO_VALUE = (*_NO_TIME, b"na", b"n/a", b"#n/a", b"<na>")
 _ZONE = re.compile(r"(.*\d:\d.*?) ?(?:Z|([+-])(\d\d):?(\d\d)?)")  # behind the time of a day
 _MOST_TOLD = 5
 
@@ -199,15 +200,17 @@ def _from_columns(
     cells, sizes = _timed(cells, sizes, warnings)
     longest, shortest, letters = sizes.max(axis=0, initial=0), sizes.min(axis=0, initial=1), cells.letters()
     everywhere = np.arange(len(sizes))
+    words = cells.column(0)
+    bare = len(words) > 0 and bytes(words[0]).startswith(QUOTE)  # who quotes times quotes everything
+    column = (lambda number, rows: np.char.lstrip(cells.column(number, rows), QUOTE)) if bare else cells.column
     columns = []
     for number in range(width):
         places = everywhere if shortest[number] else np.flatnonzero(sizes[:, number])
         # of texts of other letters the type must be looked at: dates have signs, too
         surely = not cells.sampled and letters[number] == DIGITS and longest[number] <= _MOST_DIGITS
         kind = np.dtype(np.int64) if surely else None
-        columns.append(Column(places, partial(cells.column, number, places), kind, int(letters[number])))
+        columns.append(Column(places, partial(column, number, places), kind, int(letters[number])))
     names = [_text(cell) for cell in head]
-    words = cells.column(0)
     if width > 1 and names[-1] == TIME_NS and len(columns[-1].places) == len(words):
         counted, seconds = _numbers(columns[-1].words()), _converted(words, np.dtype(np.float64))
         # else somebody edited the seconds, or the file was cut there
@@ -362,6 +365,34 @@ def _values(words: Callable[[], Words]) -> NDArray[Any]:
     return np.array([cell.removeprefix(QUOTE) for cell in cells.tolist()], "S") if values is None else values
 
 
+def _looked_at(name: str, column: Column, warnings: list[str]) -> tuple[Column, NDArray[Any]]:
+    """A column with its type, and its values. Where a word says that one is missing, it is as if its cell was empty.
+
+    Of texts that are numbers but for a few it is told which made texts of all.
+    """
+    values = _values(column.words)
+    if values.dtype.kind == "S":
+        cells = column.words()
+        kept = np.flatnonzero(~np.isin(np.char.lower(np.char.strip(cells)), _NO_VALUE))
+        others = _values(partial(cells.__getitem__, kept))
+        if len(kept) and others.dtype.kind != "S":
+            column, values = column._replace(places=column.places[kept]), others
+        elif told := _why_texts(cells):
+            warnings.append(f"column '{name}' is taken as texts: {told}")
+    return column._replace(dtype=values.dtype), values
+
+
+def _why_texts(cells: Words) -> str:
+    """What keeps most cells of a column from being the numbers that they look like; empty where they don't."""
+    words, first, counts = np.unique(cells, return_index=True, return_counts=True)
+    is_number = np.array([_numbers([word]) is not None for word in words.tolist()], bool)
+    numbers = int(counts[is_number].sum())
+    if numbers * 2 < len(cells):
+        return ""
+    odd = cells[first[~is_number].min()]
+    return f"{len(cells) - numbers:,} of {len(cells):,} cells are no numbers, the first is '{_text(odd)}'"
+
+
 def _stepping(places: NDArray[np.intp], rows: int) -> tuple[int, int, int]:
     """The first row of a column, how many lie between two, and how many there are; 0, 1 and all without a pattern."""
     steps = np.diff(places)
@@ -387,10 +418,9 @@ def _recording(
     found = []
     for name, column in zip(names, columns, strict=True):
         if len(column.places):
-            values = _values(column.words) if column.dtype is None else None
+            known, values = _looked_at(name, column, warnings) if column.dtype is None else (column, None)
             load = partial(_values, column.words) if values is None else partial(np.asarray, values)
-            known = column if values is None else column._replace(dtype=values.dtype)
-            found.append((name, _stepping(column.places, stamps), known, load))
+            found.append((name, _stepping(known.places, stamps), known, load))
     elements: list[RecordedElement] = []
     for group in regroup([name for name, *_ in found], [(*steps, one.dtype.kind) for _, steps, one, _ in found]):
         members = found[group.start : group.start + len(group.suffixes)]
