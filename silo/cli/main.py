@@ -29,6 +29,9 @@ def _say_version() -> int:
         print(f"silo, version {VERSION}", flush=True)
     except BrokenPipeError:
         return _end_unread()
+    except OSError as error:
+        print(f"silo: {reason(error)}", file=sys.stderr)
+        return EXIT_FAILED
     return 0
 
 
@@ -49,8 +52,7 @@ def run(arguments: list[str]) -> int:
         return EXIT_USAGE
     try:
         code = cli.main(arguments, prog_name="silo", standalone_mode=False)
-        if sys.stdout is not None:  # closed by the shell
-            sys.stdout.flush()
+        print(end="", flush=True)  # nothing where the shell has closed it
         return code if isinstance(code, int) else 0
     except click.UsageError as error:
         error.show()

@@ -188,7 +188,10 @@ def test_what_is_warned_of_is_a_line_of_words_without_a_place_in_the_code(folder
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("line", ["info good.silo", "stats good.silo", "plot good.silo x", "ls", "--help", "info nope"])
+@pytest.mark.parametrize("line", [
+    "info good.silo", "stats good.silo", "plot good.silo x", "ls", "--help", "info nope", "--version",
+    "check good.silo --never 'x > -1e9'",
+])  # fmt: skip
 @pytest.mark.parametrize("end", [">&-", ">/dev/full", "2>&-", "<&-", "| head -c 1"])
 def test_a_closed_or_full_end_is_no_traceback(line, end, folder, runtime_folder):
     bare = {"LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}

@@ -1,6 +1,5 @@
 """`silo alarms`: which signals are, or were in this run, beyond their limits, with an exit code for scripts."""
 
-import sys
 import time
 from typing import TYPE_CHECKING
 
@@ -129,5 +128,5 @@ def _show_changes(found: "Alarms", known: "dict[str, LimitStatus]", *, as_json: 
             count = f", {_count(one)}x" if _count(one) else ""
             why = f": {one.why}" if one.why else ""
             click.echo(f"{one.word.value} {one.name}{value}{worst}{count}{why}")
-    sys.stdout.flush()
+    print(end="", flush=True)
     return {one.name: one for one in found.limits}

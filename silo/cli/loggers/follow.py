@@ -156,7 +156,7 @@ def _tell_changes(fleet: "Fleet", pattern: str, *, as_json: bool) -> None:
         else:
             for line in told_lines(news, chosen, now_s, time.time_ns()):
                 click.echo(printable(f"{wall_clock(time.time_ns())}  {line}"))
-        sys.stdout.flush()
+        print(end="", flush=True)
 
 
 def told_lines(

@@ -1,6 +1,5 @@
 """`silo check FILE`: limits and conditions judged on a log, with an exit code for scripts."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -117,7 +116,7 @@ def _show(found: "list[Finding]", *, as_json: bool) -> None:
     blind = sum(one.worst == "UNOBSERVABLE" for one in found)
     judged = f"{len(found) - blind} judged" + (f", {blind} unobservable" if blind else "")
     click.echo(f"{violated} of {len(found)} violated" if violated else f"nothing violated ({judged})")
-    sys.stdout.flush()
+    print(end="", flush=True)
 
 
 def _at(seconds: float | None) -> str:
