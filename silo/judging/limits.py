@@ -350,22 +350,29 @@ class Limit:
             state.alarm = level
 
     def _freshen(self, state: EntryState, time_ns: Ints, values: Floats, missing: NDArray[np.bool_]) -> None:
-        """Note when values were new, and how often one came too late."""
+        """Note when values were new, and how often one came too late. A clock that is set back makes none younger."""
+        begin_ns = int(time_ns[0])
+        state.fresh_ns = begin_ns if state.fresh_ns is None else min(state.fresh_ns, begin_ns)
+        steps = np.diff(time_ns, prepend=begin_ns)
+        back_ns = np.cumsum(np.where(steps < 0, -steps, 0))
+        time_ns = time_ns + back_ns  # as the clock had gone on
         known = values[~missing]
         stamps = time_ns[~missing][known != np.concatenate([[state.last], known[:-1]])]
-        if state.fresh_ns is None:
-            state.fresh_ns = int(time_ns[0])
         if len(stamps):
             late = np.diff(stamps, prepend=state.fresh_ns) > self.rule.stale_ns
             self._note_stale(state, int(late.sum()) - int(state.stale and late[0]))
             state.fresh_ns, state.stale = int(stamps[-1]), False
         if len(known):
             state.last = float(known[-1])
-        self._check_stale(state, int(time_ns[-1]))
+        state.fresh_ns -= int(back_ns[-1])
+        self._check_stale(state, int(time_ns[-1] - back_ns[-1]))
 
     def _check_stale(self, state: EntryState, now_ns: int) -> bool:
         rule = self.rule
-        if not rule.stale_ns or state.stale or state.fresh_ns is None or now_ns - state.fresh_ns <= rule.stale_ns:
+        if not rule.stale_ns or state.stale or state.fresh_ns is None:
+            return False
+        state.fresh_ns = min(state.fresh_ns, now_ns)
+        if now_ns - state.fresh_ns <= rule.stale_ns:
             return False
         state.stale = True
         self._note_stale(state, 1)

@@ -200,6 +200,23 @@ def test_each_scalar_of_a_vector_has_a_state_of_its_own():
     assert limit.worst() is Level.RED_LOW
 
 
+@pytest.mark.parametrize("cuts", [[], [100], [105], [110], [111, 112], [110, 115]])
+@pytest.mark.parametrize("at", [100, 101, 110, 155])
+def test_a_value_that_froze_before_the_clock_was_set_back_is_stale_in_time(at, cuts):
+    ticks, values = np.arange(300), np.minimum(np.arange(300.0), 99.0)  # it freezes at tick 99
+    time_ns = ticks * 10_000_000 + 10**18
+    time_ns[at:] -= 3600 * 10**9
+    limit = Limit(LimitRule(stale_ns=500_000_000), 1)
+    told = 0
+    for some in np.split(ticks, cuts):
+        for tick in some if len(some) > 150 else [some]:  # the rest tick by tick
+            limit.feed(np.atleast_1d(tick), time_ns[np.atleast_1d(tick)], values[np.atleast_1d(tick)])
+            told = told or (int(np.max(tick)) if limit.states[0].stale else 0)
+    assert 150 <= told <= at + 51  # of a step between two looks its length isn't known
+    assert not (cuts and at < cuts[0]) or told <= 151
+    assert limit.states[0].stale_count == 1
+
+
 def test_a_value_that_stays_the_same_too_long_is_stale_until_it_is_new():
     rule = LimitRule(stale_ns=2 * MS)
     limit, _ = fed(rule, [1, 1, 1, 1, 1])
