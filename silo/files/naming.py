@@ -7,10 +7,12 @@ folder of the logs, under a lock, so that several processes may save at once.
 import glob
 import os
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from datetime import datetime
 from itertools import islice
+from operator import itemgetter
 from pathlib import Path
+from typing import Any, TypeVar
 
 from silo.core.arguments import check_name
 from silo.core.quantities.writing import and_more
@@ -24,6 +26,7 @@ _TABLE_ENDINGS = {end for one in FORMATS if one.reader and one.writer and not on
 _OF_TRIGGER = re.compile(r"_.+_\d+")  # behind the stem: a capture
 
 Tell = Callable[[str], object]
+T = TypeVar("T")
 
 
 def next_run_number(folder: str | os.PathLike[str], logger: str) -> int:
@@ -232,20 +235,36 @@ def run_of(path: Path) -> int:
 
 
 def _by_age(paths: Iterable[Path]) -> list[Path]:
-    """The oldest first. Of one logger's logs in a folder the run number decides: local time goes back once a year.
-
-    Captures, which come within a run, stand by their date.
-    """
     keys = {path: _age_and_preference(path) for path in paths}
-    newest: dict[tuple[Path, str], float] = {}
-    made: dict[Path, float] = {}
-    for path in sorted(keys, key=lambda path: (run_of(path), keys[path])):
-        age, match = keys[path][0], _STEM.fullmatch(path.stem)
-        if match:
-            of = (path.parent, match["logger"])
-            age = newest[of] = max(newest.get(of, age), age)
-        made[path] = age
-    return sorted(keys, key=lambda path: (made[path], *keys[path][1:]))
+    return in_order(keys, counted_by, run_of, keys.__getitem__)
+
+
+def counted_by(path: Path) -> tuple[Path, str] | None:
+    """Whose run number is in a name: a logger in a folder; None for a capture, which comes within a run, and others."""
+    match = _STEM.fullmatch(path.stem)
+    return (path.parent, match["logger"]) if match else None
+
+
+def in_order(
+    found: Iterable[T],
+    counted: Callable[[T], Hashable],
+    number: Callable[[T], int],
+    key: Callable[[T], tuple[Any, ...]],
+) -> list[T]:
+    """Return what was made at some time, the oldest first, by a key that begins with the time.
+
+    Of what one counts the number decides: clocks are set back, and local time goes back once a year. What nobody
+    counts, None, stands by its time.
+    """
+    newest: dict[Hashable, float] = {}
+    keyed: list[tuple[tuple[Any, ...], T]] = []
+    for one in sorted(found, key=lambda one: (number(one), key(one))):
+        time, *more = key(one)
+        of = counted(one)
+        if of is not None:
+            time = newest[of] = max(newest.get(of, time), time)
+        keyed.append(((time, *more), one))
+    return [one for _, one in sorted(keyed, key=itemgetter(0))]
 
 
 def _age_and_preference(path: Path) -> tuple[float, int, int]:

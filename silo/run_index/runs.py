@@ -14,6 +14,7 @@ from silo.core.arguments import shown
 from silo.core.calls import told, told_names
 from silo.core.quantities.writing import and_more, many, size_text
 from silo.errors import ElementError
+from silo.files.naming import counted_by, in_order, run_of
 from silo.run_index import labels
 from silo.run_index.facts import SignalFacts
 from silo.run_index.index import RunIndex, Told
@@ -282,7 +283,12 @@ def runs(
     for index in indexes:
         index.refresh(told, anew=rebuild)
         every += listed(index.root, index.runs(), said, index.of_run)
-    every.sort(key=lambda run: (run.facts.begun_ns, run.facts.path))
+    every = in_order(
+        every,
+        lambda run: counted_by(run.path),
+        lambda run: run_of(run.path),
+        lambda run: (run.facts.begun_ns, run.facts.path),
+    )
     found = RunList(every, indexes).between(since, until)
     return found.where(where) if where else found
 

@@ -10,6 +10,7 @@ import sqlite3
 import subprocess
 import sys
 import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -403,6 +404,21 @@ def test_what_changed_is_read_again_and_nothing_else(root, monkeypatch):
     read.clear()
     silo.runs(root, rebuild=True)
     assert len(read) == RUNS
+
+
+def test_of_one_logger_the_run_number_decides_which_run_is_older(tmp_path, new_logger):
+    zero_ns = time.time_ns() // 10**9 * 10**9
+    for name, begins_s in (("arm", (30,)), ("bot", (50, 20, 60))):
+        for begin_s in begins_s:  # the clock was set back before the second
+            clock = itertools.count(zero_ns + begin_s * 10**9, 10**7).__next__
+            log = new_logger(name, folder=tmp_path, clock=clock)
+            log.array("x")
+            log.start()
+            log.collect()
+            log.save()
+    runs = silo.runs(tmp_path)
+    found = [(run.name.partition("_")[0], (run.facts.begun_ns - zero_ns) // 10**9) for run in runs]
+    assert found == [("arm", 30), ("bot", 50), ("bot", 20), ("bot", 60)]
 
 
 def test_a_log_that_can_not_be_read_is_listed_with_the_reason(root):

@@ -4,6 +4,7 @@ import math
 import shlex
 import time
 from collections.abc import Iterator, Sequence
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -133,15 +134,17 @@ def _of_file(path: str) -> Sequence[LoggedEvent]:
 
 def _of_folder(folder: Path, *, follow: bool, as_json: bool) -> None:
     from silo.files.event_log import loggers_with_events, read_events
+    from silo.files.naming import in_order
 
     loggers = loggers_with_events(folder)
     if not loggers:
         raise LogNotFoundError(f"{folder}: there is no event log; helper processes write one where their logger saves")
     seen: set[LoggedEvent] = set()
     while True:
-        found = [event for logger in loggers for event in read_events(folder, logger)]
-        _print(sorted((one for one in found if one not in seen), key=lambda one: (one.clock_ns, one.number)), as_json)
-        seen.update(found)
+        found = [(logger, event) for logger in loggers for event in read_events(folder, logger)]
+        told = in_order(found, itemgetter(0), lambda one: one[1].number, lambda one: (one[1].clock_ns,))
+        _print([event for _, event in told if event not in seen], as_json)
+        seen.update(event for _, event in found)
         if not follow:
             return
         time.sleep(FOLLOW_S)
