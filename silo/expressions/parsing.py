@@ -8,7 +8,9 @@ signals yet: `silo.expressions.binding` looks names up.
 import ast
 import keyword
 import math
+import os
 import re
+import threading
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -239,13 +241,32 @@ class Expression:
         return ExpressionError(reason, self.text, node.at, node.end)
 
 
+_locks = [threading.RLock()]  # one
+
+
+def _renew() -> None:
+    _locks[0] = threading.RLock()
+
+
+os.register_at_fork(after_in_child=_renew)  # another thread of the parent may have held it
+
+
+def _tree(python: str) -> ast.Expression:
+    """Return what Python reads, one after the other, whichever threads ask.
+
+    Python 3.11 counts how deep it is in a tree for all threads together, and ends with SystemError where they take
+    turns in it; and what warnings are left out is put back for all of them.
+    """
+    with _locks[0], warnings.catch_warnings():
+        warnings.simplefilter("ignore", SyntaxWarning)  # of `1 (2)`: refused in our words
+        return ast.parse(python, mode="eval")
+
+
 def parse(text: str, functions: Mapping[str, Function] = FUNCTIONS) -> Expression:
     """Return an expression as a tree, with these functions. Raises ExpressionError with the place."""
     found = tokens(text)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SyntaxWarning)  # of `1 (2)`: refused below in our words
-            tree = ast.parse(found.python.strip(), mode="eval")
+        tree = _tree(found.python.strip())
     except SyntaxError as error:
         skipped = len(found.python) - len(found.python.lstrip())
         why = _why(error, found)

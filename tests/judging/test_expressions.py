@@ -1,7 +1,12 @@
 """Reading and binding expressions: what they mean, and errors that show the place."""
 
+import ast
+import contextlib
 import math
 import re
+import threading
+import warnings
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +70,21 @@ def test_a_division_that_lacks_a_blank_is_told():
         assert (error.at, pointed_at(error)[0]) == (at, "/")
     assert refusal("base/roll/joints/tau_0").reason.startswith("no signal")
     assert "roll / x" in str(refusal("roll/x"))
+
+
+def test_threads_that_read_at_once_do_so_one_after_the_other(monkeypatch):
+    both, read, before = threading.Barrier(2), ast.parse, list(warnings.filters)
+
+    def read_together(*given, **named):
+        with contextlib.suppress(threading.BrokenBarrierError):  # the other one waits for us
+            both.wait(0.1)
+        return read(*given, **named)
+
+    with monkeypatch.context() as patch, ThreadPoolExecutor() as pool:
+        patch.setattr(ast, "parse", read_together)
+        list(pool.map(parse, ["a + 1", "a + 2"]))
+    assert both.broken
+    assert warnings.filters == before
 
 
 @pytest.mark.parametrize("text", ["any(legs/*/slip)", "max(*/slip)", "max(joints/tau_*)", "sum(acc*)", "any(l[LR]/x)"])
