@@ -39,7 +39,7 @@ def capture(context: Context) -> KeptLayout | None:
         _components_of(context.session),
         table.inspector_wanted,
     )
-    if monitor is None or not monitor.is_mounted:
+    if monitor is None:
         return layout
     stack, window = monitor.stack, monitor.window
     held = {key: ends for key, ends in window.scales.items() if window.logs.isdisjoint(key.split("|"))}
