@@ -486,7 +486,7 @@ async def test_marked_ones_are_deleted_together_and_what_another_logger_wrote_is
         await screen.shows("Delete 2 recordings, ")
         await screen.press("y")
         await screen.until(lambda: [path.name for path in logs.glob("*.silo")] == ["arm_20260921_14-00-00_00003.silo"])
-        await screen.until(lambda: not lines_with(screen, "trigger fall"), "the list without them")
+        await screen.until(lambda: [one.own for one in screen.app.screen.all] == [False], "the list without them")
         await screen.do("G", "delete_recording")
         await screen.shows("(the logger arm wrote")
     assert ("delete", "arm_20260921_14-00-00_00003") not in fake.calls
