@@ -13,6 +13,7 @@ from silo.core.recording import Recording
 from silo.files import event_log
 from silo.files.event_log import append_events, event_log_path, loggers_with_events, read_events
 from silo.state.events import EventLog
+from tests.waiting import DEADLINE_S
 
 
 def line(number, run="r1", text="x"):
@@ -176,20 +177,20 @@ def test_lines_that_waited_while_another_process_wrote_are_numbered_on_and_waite
 
     def slow(*batch):
         begun.release()
-        assert going.acquire(timeout=20)
+        assert going.acquire(timeout=DEADLINE_S)
         return append(*batch)
 
     monkeypatch.setattr("silo.state.events.append_events", slow)
     first = log.add(line(0, text="a"))
-    assert begun.acquire(timeout=20)
+    assert begun.acquire(timeout=DEADLINE_S)
     last = log.add(line(0, text="b"))
     append(tmp_path, "bot", [line(1, text="other"), line(2, text="another")])
     going.release()
-    assert begun.acquire(timeout=20)  # the second batch
+    assert begun.acquire(timeout=DEADLINE_S)  # the second batch
     assert log.settled(first, 0).number == 3
     assert log.settled(last, 0) is None
     going.release()
-    assert (log.settled(last, 20).number, log.settle(0)) == (4, 4)
+    assert (log.settled(last, DEADLINE_S).number, log.settle(0)) == (4, 4)
     going.release(9)
     log.stop()
     assert [(event.text, event.number) for event in read_events(tmp_path, "bot")] == [

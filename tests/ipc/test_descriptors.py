@@ -18,7 +18,7 @@ from silo.net.knocking import Door
 from silo.net.lingering import descriptors, sockets
 from silo.recorder.server import EndlessRecordings
 from silo.rpc.published import EventKind
-from tests.waiting import wait_until
+from tests.waiting import DEADLINE_S, wait_until
 
 NONE_MORE = 8
 
@@ -117,10 +117,10 @@ class Listener:
         """Have so many connect; until the stack is closed."""
         with ExitStack() as ends:
             for _ in range(count):
-                came = ends.enter_context(socket.create_connection(self._socket.getsockname(), timeout=5))
+                came = ends.enter_context(socket.create_connection(self._socket.getsockname(), timeout=DEADLINE_S))
                 came.sendall(says)
                 taken = ends.enter_context(self._socket.accept()[0])
-                taken.settimeout(5)
+                taken.settimeout(DEADLINE_S)
                 self._taken = taken, came
             return ends.pop_all()
 

@@ -32,7 +32,7 @@ from silo.net.configuration import FORCED, insert
 from silo.net.keys import LOCAL_SENDER, Root
 from silo.net.session import Beside, close, open_router, open_server
 from tests.thin_net import free_port
-from tests.waiting import wait_until
+from tests.waiting import DEADLINE_S, wait_until
 
 MINE, OTHER = Root("robot3", "anymal", "3fa977b2e0"), Root("robot4", "anymal", "3fa9000000")
 USERS = {"alice": OPERATOR, "bob": VIEWER, "robot3": ROBOT, "robot4": ROBOT, SHARED: ROBOT}
@@ -89,7 +89,7 @@ class Attempt:
         """Wait until the hub has taken all that was sent before."""
         before = self._passed
         if self._asks:
-            list(self.session.get(self._barrier, timeout=5))
+            list(self.session.get(self._barrier, timeout=DEADLINE_S))
         else:
             self.session.put(self._barrier, b"barrier")
         wait_until(lambda: self._passed > before)
@@ -130,18 +130,18 @@ class Attempt:
         self.wait()
         for key in self.keys:
             full = self.full(key)
-            list(mine.get(full, payload=b"try", timeout=5))
-            for reply in hub.get(full, payload=b"hub asks", target=zenoh.QueryTarget.ALL, timeout=5):
+            list(mine.get(full, payload=b"try", timeout=DEADLINE_S))
+            for reply in hub.get(full, payload=b"hub asks", target=zenoh.QueryTarget.ALL, timeout=DEADLINE_S):
                 if reply.ok is not None and reply.ok.payload.to_bytes() == b"forged":
                     self.note("answer", full)
-            for reply in hub.liveliness().get(full, timeout=5):
+            for reply in hub.liveliness().get(full, timeout=DEADLINE_S):
                 if reply.ok is not None:
                     self.note("token", full)
         self._undeclare_tokens()
         tokens = [hub.liveliness().declare_token(self.full(key)) for key in self.keys]
         for key in self.keys:
             hub.put(self.full(key), b"hub")
-            for reply in mine.liveliness().get(self.full(key), timeout=5):
+            for reply in mine.liveliness().get(self.full(key), timeout=DEADLINE_S):
                 if reply.ok is not None:
                     self.note("look", self.full(key))
         wait_until(lambda: expected <= self.through)

@@ -8,6 +8,7 @@ from msgspec.structs import replace
 
 from silo.core.tuning.parameters import ParameterInfo, ParameterKind, ParameterValue, Wave, Writable
 from silo.parameters.requests import ExcitationState, ParametersSet, ParameterTable
+from tests.waiting import DEADLINE_S
 
 FLOAT = ParameterKind.FLOAT
 PARAMETERS = [
@@ -35,7 +36,7 @@ class FakeParameters:
 
     def set(self, values: Mapping[str, ParameterValue]) -> ParametersSet:
         self.calls.append(("set_parameters", dict(values)))
-        assert self.answers.wait(60)
+        assert self.answers.wait(DEADLINE_S)
         self.put(values)
         return ParametersSet("a", 17)
 

@@ -9,6 +9,7 @@ import pytest
 from silo_tui.model.table.fields import Field
 from silo_tui.screens.dialogs.questions import Question
 from silo_tui.sessions import kept
+from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -26,7 +27,7 @@ def slow(fake):
             answer = getattr(fake, name)
 
             def waiting(*arguments, answer=answer, **options):
-                assert gate.wait(60)
+                assert gate.wait(DEADLINE_S)
                 return answer(*arguments, **options)
 
             setattr(fake, name, waiting)

@@ -12,6 +12,7 @@ from silo.core.arrays.columns import Gap, hole_mark
 from silo.core.elements import State
 from silo.rpc.published import EventKind
 from silo_tui.model.drawing.dots import BLANK
+from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -141,7 +142,7 @@ async def test_a_wider_span_has_no_blank_though_its_history_comes_late(fake, ope
     def late(*asked):
         found = history(*asked)  # as it was when it was asked for
         # frames are made of it too, by the screen's own thread
-        assert threading.current_thread() is threading.main_thread() or gate.wait(20)
+        assert threading.current_thread() is threading.main_thread() or gate.wait(DEADLINE_S)
         return found
 
     fake.history = late

@@ -22,6 +22,7 @@ from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.screens.lists.recordings import FIRST, RecordingsScreen
 from silo_tui.screens.plots.monitor import MonitorScreen
 from silo_tui.screens.table import TableScreen
+from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -440,7 +441,7 @@ async def test_a_fetch_shows_how_far_it_is_and_the_keys_go_on(opened, fake, logs
     def fetch(name, folder, progress=None, **how):
         progress(0, 1000)
         progress(620, 1000)
-        assert go_on.wait(60)
+        assert go_on.wait(DEADLINE_S)
         return Path(folder) / name
 
     monkeypatch.setattr(fake, "fetch", fetch)
@@ -549,7 +550,7 @@ async def test_while_the_older_ones_are_asked_for_a_filter_says_so(opened, fake,
 
     def recordings(most=1000):
         if most > FIRST:
-            assert answers.wait(60)
+            assert answers.wait(DEADLINE_S)
         return msgspec.structs.replace(told(most), count=FIRST + 1)
 
     monkeypatch.setattr(fake, "recordings", recordings)
