@@ -619,27 +619,34 @@ def shell(*arguments):
     return CliRunner().invoke(cli, [str(one) for one in arguments])
 
 
+def said(*arguments):
+    done = shell(*arguments)
+    assert (done.exit_code, done.stderr) == (0, "")
+    return done.stdout
+
+
 def test_the_shell_lists_tags_and_notes(root, monkeypatch):
     monkeypatch.chdir(root / "monday")
-    assert shell("tag", "run2", "slip", "wet").stdout == "run2: slip, wet\n"
-    assert shell("tag", "run2.silo", "wet", "--remove").stdout == "run2: slip\n"
-    assert shell("note", "run2", "on", "the", "floor").stdout == "run2: 1 note\n"
-    listed = shell("runs", root, "--tag", "slip", "--show", "max(joints/tau)")
-    assert listed.stdout.splitlines()[-1].startswith("1 run, ")
-    head, row = listed.stdout.splitlines()[:2]
+    assert said("tag", "run2", "slip", "wet") == "run2: slip, wet\n"
+    assert said("tag", "run2.silo", "wet", "--remove") == "run2: slip\n"
+    assert said("note", "run2", "on", "the", "floor") == "run2: 1 note\n"
+    listed = said("runs", root, "--tag", "slip", "--show", "max(joints/tau)")
+    assert listed.splitlines()[-1].startswith("1 run, ")
+    head, row = listed.splitlines()[:2]
     assert head.split()[:3] == ["RUN", "ROBOT", "BEGUN"]
     assert row.split()[0] == "monday/run2.silo"
     assert row.endswith("#slip on the floor")
-    (told,) = json.loads(shell("runs", root, "-w", "floor", "--json").stdout)
+    (told,) = json.loads(said("runs", root, "-w", "floor", "--json"))
     assert (told["tags"], told["notes"], told["robot"], told["lost"]) == (["slip"], ["on the floor"], "anymal", 0)
-    assert shell("note", "run2", "--undo").stdout == "run2: took back note 'on the floor'\n"
-    assert shell("runs", root, "--where", "kp > 99").stdout == "no run; look in another folder, or ask for less\n"
+    assert said("note", "run2", "--undo") == "run2: took back note 'on the floor'\n"
+    assert said("runs", root, "--where", "kp > 99") == "no run; look in another folder, or ask for less\n"
 
 
 @pytest.mark.parametrize("given", [("note", "run2"), ("note", "run2", "words", "--undo")])
 def test_a_note_is_words_or_an_undo(root, given, monkeypatch):
     monkeypatch.chdir(root / "monday")
-    assert shell(*given).exit_code == 2
+    told = shell(*given)
+    assert (told.exit_code, told.stderr.splitlines()[-1]) == (2, "Error: write what is to be noted, or --undo")
 
 
 def test_a_run_that_is_not_there_is_named(root, monkeypatch):

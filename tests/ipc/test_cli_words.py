@@ -26,8 +26,10 @@ from silo.core.elements import Action, BufferType, ElementOptions, LoggedEvent, 
 from silo.core.quantities.writing import duration_text, wall_clock
 from silo.core.runtime import RECORDERS_SUFFIX
 from silo.errors import ElementError
+from silo.fleet.fleet import FleetNow
 from silo.fleet.member import Member
 from silo.fleet.resolving import Discovery
+from silo.fleet.routers import RouterTold
 from silo.net.found import LoggerAddress
 from silo.settings.typed import ElementSettings, RelativeValue, apply_settings, read_settings
 from silo.version import VERSION
@@ -259,6 +261,17 @@ def test_a_logger_in_place_of_the_words_is_no_mark(bench, capsys):
 def test_machines_are_told_why_a_logger_has_no_status():
     (fact,) = _facts([Member(LoggerAddress("bot", 4711, "", "ann", host="robot3"), problem="hangs", mute="no answer")])
     assert (fact["state"], fact["error"]) == ("no answer", "hangs")
+
+
+def test_of_many_hosts_that_are_gone_the_first_are_told_behind_what_routers_refused(capsys):
+    of = importlib.import_module("silo.cli.loggers.ls")
+    lost = [Member(LoggerAddress("arm", 0, "", "", "lab", f"rob{n:02}"), here=False, since_s=5.0) for n in range(23)]
+    of._tell_gone(FleetNow(routers=(RouterTold("desk9", 2, "eve"),)), lost)
+    out, told = capsys.readouterr()
+    router, *hosts, more = told.splitlines()
+    assert (out, router) == ("", "router desk9: 2 logins refused within the last hour, the last: eve")
+    assert [line.partition("/arm: unreachable since ")[0] for line in hosts] == [f"rob{n:02}" for n in range(20)]
+    assert more == "and 3 hosts more"
 
 
 def test_a_column_that_one_logger_needs_has_a_word_for_nothing_at_the_others(monkeypatch, capsys):

@@ -459,8 +459,11 @@ class TestPrograms:
     @pytest.mark.slow
     def test_a_port_that_is_taken_is_said_and_no_helper_is_left(self, runtime_folder, tmp_path):
         with bound("127.0.0.1", 0) as taken, silo.Logger("bot", frequency=100, folder=tmp_path) as log:
-            with pytest.raises(silo.SiloError, match="can't listen at"):
-                log.serve(foxglove=taken.getsockname()[1])
+            port = taken.getsockname()[1]
+            words = f"can't listen at 127.0.0.1 port {port}: Address already in use; port 0 takes one that is free"
+            with pytest.raises(silo.SiloError) as refused:
+                log.serve(foxglove=port)
+            assert str(refused.value) == words
             log.serve().close()
 
     @pytest.mark.slow

@@ -1,18 +1,22 @@
 """A helper process that stands still holds nobody up for ever: the program saves by itself, or is told."""
 
 import contextlib
+import io
 import os
 import signal
 import socket
+from types import SimpleNamespace
 
+import msgspec
 import pytest
 
 import silo
 from silo.core.elements import State
 from silo.errors import SaveError
-from silo.link.channel import Beat, Goodbye, LinkChannel, LinkRequest
+from silo.link.channel import Beat, Goodbye, LinkChannel, LinkReply, LinkRequest
 from silo.logger.serving import process, serving
 from silo.logger.serving.process import DEAF_ROUNDS, FROZEN_ROUNDS, Patience
+from silo.rpc.refusals import Refused, RefusedWhy
 from silo.state.handover import RobotState
 from tests.stand_ins.ticking import collect
 from tests.waiting import freeze, wait_until
@@ -110,6 +114,16 @@ def test_a_link_whose_other_end_reads_is_not(monkeypatch):
         for message in (Beat(), Goodbye()):
             LinkChannel(ours).send(message, lambda: True)
             assert LinkChannel(theirs).receive() == message
+
+
+def test_a_message_that_comes_in_pieces_is_whole_and_one_that_breaks_off_is_none():
+    reply = LinkReply(7, Refused(RefusedWhy.FAILED, "no"))
+    body = msgspec.msgpack.encode(reply)
+    whole = len(body).to_bytes(4, "little") + body
+    for end, found in ((len(whole), reply), (len(whole) - 1, None), (3, None), (0, None)):
+        pieces = io.BytesIO(whole[:end])
+        channel = LinkChannel(SimpleNamespace(recv_into=lambda view: pieces.readinto(view[:2])))  # noqa: B023
+        assert channel.receive() == found
 
 
 @pytest.mark.slow

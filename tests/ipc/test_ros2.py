@@ -291,6 +291,20 @@ class TestGraph:
         wait_until(lambda: not any("%bot%log%q" in token for token in tokens(other)))
         assert all(token.split("/")[-2] == "TypeHashNotSupported" for token in tokens(other) if "/MP/" in token)
 
+    def test_a_topic_of_other_elements_than_before_is_made_of_those(self, join, tmp_path):
+        graph = join().graph
+        wait_until(lambda: graph._topics)  # it has begun
+        log = silo.Logger("all", frequency=100, folder=tmp_path)
+        for name in ("q", "velocity", "tau"):
+            log.add(np.zeros(3), f"legs/{name}")
+        log.update()
+        whole = log.elements
+        log.close()
+        for some in (whole, [whole[0], whole[2]]):
+            graph._renew("bot", some)
+            (states,) = [one.outlet for one in graph._topics.values() if one.outlet.topic.endswith("joint_states")]
+            assert states.elements == tuple(one.name for one in some)
+
 
 def call(session: zenoh.Session, name: str) -> tuple[bool, str]:
     """Call a service of type Trigger, as rmw_zenoh's clients do."""

@@ -23,12 +23,16 @@ def test_a_number_is_read_as_a_value_as_an_array_and_in_expressions(new_logger):
 
 
 @pytest.mark.parametrize(
-    ("default", "other"),
-    [(1.5, 2.0), (3, 4), (True, False), (Gait.STAND, Gait.TROT), ("walk", "trot"), ([1.0, 2.0], [3.0, 4.0])],
-)
-def test_every_kind_of_value_is_set_and_read_back(new_logger, default, other):
+    ("default", "other", "words"),
+    [
+        (1.5, 2.0, 1), (3, 4, 1), (True, False, 1), (Gait.STAND, Gait.TROT, 1), ("walk", "trot", 8),
+        ([1.0, 2.0], [3.0, 4.0], 2), ([True] * 9, [False] * 9, 2),
+    ],
+)  # fmt: skip
+def test_every_kind_of_value_is_set_and_read_back_and_takes_the_words_that_it_needs(new_logger, default, other, words):
     logger = new_logger()
     one = logger.parameter("one", default)
+    assert one.info.words == words
     one.value = other
     assert np.array_equal(one.value, other)
     logger.parameters.reset()

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 import silo
 from silo.core.elements import PARAMETER, LoggedEvent
-from silo.core.parameter_images import FOR_EVER, Unknown, image_until, unknown_ticks
+from silo.core.parameter_images import FOR_EVER, Unknown, image_until, unknown_of_runs, unknown_ticks
 from silo.core.recording import Recording
 from silo.core.tuning.parameters import ParameterChange
 from silo.errors import ElementError
@@ -49,6 +49,14 @@ IMAGE = told(8, None, 5.0, 4, span=5)
 )
 def test_where_changes_are_missing_nothing_is_known_until_an_image_comes(events, unknown):
     assert unknown_ticks(events) == unknown
+
+
+def test_of_several_runs_each_is_looked_at_by_its_ticks_whatever_the_clock_was_set_to():
+    events = [START, IMAGE, told(12, None, 7.0, 6, span=3)]
+    alone = unknown_ticks(events)
+    assert alone == [Unknown(3, 8, 4, True), Unknown(9, 12, 2, True)]
+    back = [replace(event, time_ns=-event.time_ns, run=run) for run in "rs" for event in reversed(events)]
+    assert unknown_of_runs(back) == 2 * alone
 
 
 def test_of_an_image_behind_the_last_tick_all_of_whose_changes_are_there_too_nothing_stays():

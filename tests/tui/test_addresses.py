@@ -25,7 +25,9 @@ def test_an_address_of_a_logger_that_runs_wins_over_a_path(tmp_path, monkeypatch
     Path("robot3").mkdir()
     Path("robot3/anymal").mkdir()
     assert file_meant("robot3/anymal", lambda: FAR) is None
-    assert also_a_file("robot3/anymal").endswith("silo-tui ./robot3/anymal")
+    assert also_a_file("robot3/anymal") == (
+        "robot3/anymal is the logger; there is a file of that path, too: silo-tui ./robot3/anymal"
+    )
     assert also_a_file("robot4/anymal") == ""
 
 

@@ -177,12 +177,30 @@ async def test_a_spectrum_of_a_short_time_says_that_more_seconds_make_it_finer(f
         await screen.shows("Hz, finer of more seconds: Tab, -")
 
 
-async def test_an_x_y_plot_says_how_long_what_both_have_is_and_the_unit_of_its_loop(new_fake, opened):
+TOLD = {
+    "xy": [
+        "x  a /a [rad]", "y  b /b [rad/s] over x", "r = -0.264  slope -0.319 rad/s/rad", "loop area 12.2 rad^2/s",
+        "newest ●  older • ∙ ·   1200 samples in 2.998 s",
+    ],
+    "spectrum": [
+        "a peak 1  0.9 ±0.17 Hz  4 rad", "2  9.7 Hz  0.2 rad", "resolution 0.333 Hz, finer of more seconds: Tab, -",
+        "3 s of 400 Hz, jitter 0 us", "unit rad",
+    ],
+    "histogram": [
+        "1 200 samples", "mean -0.0109", "std 2.91", "min -4.2", "1 % -4.16", "median -0.014", "99 % 4.16", "max 4.2",
+    ],
+}  # fmt: skip
+
+
+async def test_each_way_of_drawing_fills_the_plot_and_says_what_it_is_of(new_fake, opened):
     async with opened(new_fake([scalar("/log/a", "rad"), scalar("/log/b", "rad/s")]).run(3), size=(120, 40)) as screen:
         await screen.press("asterisk", "m", "minus", "minus", "J", "enter", "tab")
         await screen.until(lambda: large(screen).window.span_s > 10)
-        await screen.until(lambda: "1200 samples in 2.998 s" in screen.text)
-        assert re.search(r"loop area \S+ rad\^2/s", screen.text)
+        for mode, notes in TOLD.items():
+            await screen.until(lambda: large(screen)._found.notes == notes, mode)  # noqa: B023
+            plot = large(screen).plot
+            assert (max(map(len, plot.plot.lines)), len(plot.plot.lines)) == plot.plot_size
+            await screen.press("tab")
 
 
 async def test_in_an_x_y_plot_signals_have_the_letters_that_they_had_in_the_plots(new_fake, opened):

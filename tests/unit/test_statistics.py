@@ -1,5 +1,7 @@
 """Statistics of a survey: over every sample, whatever its type, and signs that follow from them."""
 
+import itertools
+
 import msgspec
 import numpy as np
 import pytest
@@ -271,6 +273,10 @@ def test_who_asks_for_statistics_is_told_once_that_they_failed_and_begin_anew(ro
         refused = wait_until(lambda: isinstance(answer := answered(lambda: surveyor.answer(asked)), Refused) and answer)
         assert "the statistics failed and begin anew: ValueError: shapes" in refused.text
         assert isinstance(surveyor.answer(asked), Survey)
+        askers = (msgspec.structs.replace(asked, client=str(number)) for number in itertools.count())
+        answers = (answered(lambda: surveyor.answer(next(askers))) for _ in itertools.count())
+        refused = wait_until(lambda: isinstance(answer := next(answers), Refused) and answer)
+        assert refused.text == "no survey: 8 clients have statistics; close one first"
     finally:
         surveyor.stop()
 
