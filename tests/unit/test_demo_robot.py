@@ -149,6 +149,13 @@ def test_the_demo_has_five_hundred_elements_of_distinct_names() -> None:
     assert len({(signal.group, signal.name) for signal in chosen}) == len(chosen)
 
 
+def test_the_demo_says_in_words_what_the_letters_of_legs_and_joints_stand_for() -> None:
+    said = {f"{one.group}/{one.name}": one.row.description for one in make_robot(DemoOptions())[1]}
+    assert said["legs/LF/HFE/torque"] == "left front hip flexion: measured at the joint"
+    assert said["legs/RH/KFE/friction_torque"] == "right hind knee flexion"
+    assert said["legs/LH/contact"] == "left hind: whether the foot carries"
+
+
 @pytest.mark.parametrize("wanted", [8, 10, 500, 501, 10_000])
 def test_the_number_of_elements_is_as_asked_for(wanted: int) -> None:
     assert len(make_robot(DemoOptions(elements=wanted))[1]) + LOOP_ELEMENTS == wanted

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-LEGS = ("LF", "RF", "LH", "RH")
-JOINTS = ("HAA", "HFE", "KFE")  # hip abduction, hip flexion, knee flexion
+LEGS_IN_WORDS = {"LF": "left front", "RF": "right front", "LH": "left hind", "RH": "right hind"}
+JOINTS_IN_WORDS = {"HAA": "hip abduction", "HFE": "hip flexion", "KFE": "knee flexion"}
+LEGS, JOINTS = tuple(LEGS_IN_WORDS), tuple(JOINTS_IN_WORDS)
 
 HEIGHT_M = 0.48  # hip above ground in the nominal stance
 STEP_HEIGHT_M = 0.08

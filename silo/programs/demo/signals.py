@@ -5,13 +5,13 @@ attribute where a variable is no number (`attr`).
 """
 
 import enum
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from silo.core.elements import Action, BufferType
-from silo.programs.demo.gait import HEIGHT_M, JOINTS, LEGS, Gait
+from silo.programs.demo.gait import HEIGHT_M, JOINTS, JOINTS_IN_WORDS, LEGS, LEGS_IN_WORDS, Gait
 
 LIVE = Action.SAVE_AND_PUBLISH
 SAVE = Action.SAVE
@@ -260,8 +260,12 @@ class Variables:
 
 def signals(robot: Variables) -> list[LoggedSignal]:
     """Return every element of the robot, the most telling ones first; about 500."""
-    legs = (f"legs/{leg}" for leg in LEGS)
-    joints = (f"legs/{leg}/{joint}" for leg in LEGS for joint in JOINTS)
+    legs = {f"legs/{leg}": called for leg, called in LEGS_IN_WORDS.items()}
+    joints = {
+        f"legs/{leg}/{joint}": f"{called} {words}"
+        for leg, called in LEGS_IN_WORDS.items()
+        for joint, words in JOINTS_IN_WORDS.items()
+    }
     return [
         *(_single(robot, row) for row in _BODY),
         *_each(robot.legs, _LEG, legs),
@@ -280,11 +284,12 @@ def _single(robot: Variables, row: DemoSignal) -> LoggedSignal:
     return LoggedSignal(group, name, found if is_array else whole, row, None if is_array else variable)
 
 
-def _each(of: Part, rows: Iterable[DemoSignal], groups: Iterable[str]) -> Iterator[LoggedSignal]:
-    listed = list(rows)
-    for place, group in enumerate(groups):
-        for row in listed:
-            yield LoggedSignal(group, row.name, getattr(of, row.name)[place, ...], row)
+def _each(of: Part, rows: Sequence[DemoSignal], groups: Mapping[str, str]) -> Iterator[LoggedSignal]:
+    """Elements of each group, which say of what they are: nobody has to know what its letters stand for."""
+    for place, (group, of_what) in enumerate(groups.items()):
+        for row in rows:
+            told = row._replace(description=": ".join(filter(None, [of_what, row.description])))
+            yield LoggedSignal(group, row.name, getattr(of, row.name)[place, ...], told)
 
 
 def divider_at(divider: int, frequency_hz: float) -> int:

@@ -1,7 +1,7 @@
 """The filter language: words, name globs, regular expressions and `field:value` terms, all of which must hold.
 
     torque LF  LF|RF       all words somewhere in the name, in any order and case; either of them; a word that no name
-                           has is looked for in what the program says of its elements
+                           has is looked for in what the program says of its elements, all of them where none has all
     "two words"  -word     quoted; not
     /log/*/q  joint?_tau   globs, as commands mean them: on the whole name when they begin with `/` (with or without the
                            logger's prefix), else behind any `/`, or anywhere where there is none
@@ -58,7 +58,14 @@ class Filter(msgspec.Struct, frozen=True):
         return any(condition.quantities for condition in self.conditions)
 
     def mask(self, table: TableState, marked: Mask) -> Mask:
-        """Return shape `(n,)`: the elements that pass every term."""
+        """Return shape `(n,)`: the elements that pass every term.
+
+        Where no name has all words, each of them may be in the name or in the description.
+        """
+        steady = [each.test(table, marked) for each in self.conditions if not each.quantities]
+        if steady and not np.logical_and.reduce(steady).any() and not table.said_too:
+            table = copy(table)
+            table.said_too = True
         result = np.ones(len(table), np.bool_)
         for condition in self.conditions:
             result &= condition.test(table, marked)
@@ -163,7 +170,9 @@ def _word(word: str) -> Test | str | None:
 
     def test(table: TableState, marked: Mask) -> Mask:
         found = by_name(table, marked)
-        return found if found.any() else np.fromiter((folded in one for one in table.described), np.bool_, len(table))
+        if found.any() and not table.said_too:
+            return found
+        return found | np.fromiter((folded in one for one in table.described), np.bool_, len(table))
 
     return test
 

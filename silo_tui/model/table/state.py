@@ -65,6 +65,7 @@ class TableState:
         self.names: list[str] = []
         self.searched: list[list[str]] = []  # what each row is found by, in small letters: its name, its components
         self.described: list[str] = []  # what the program says of each, in small letters
+        self.said_too = False  # whether words of a filter are looked for in that and names alike
         self._levels: tuple[list[str], str, frozenset[str]] = ([], "", frozenset())  # of which names and prefix
         self.prefix = ""  # that all names share, without a slash at its end; not shown
         self.facts = NOTHING  # the newest survey
