@@ -256,6 +256,26 @@ def test_undo_wants_back_what_was_before_it_was_applied():
     assert state.pending_count == (0, 0)
 
 
+def test_undo_goes_back_to_what_was_applied_before_too():
+    state = fresh()
+    for at, divider in enumerate((5, 9)):
+        state.edit([1, 1 + at], Field.DIVIDER, divider)
+        kept = state.kept()
+        state.load(table(2 + at, *(ElementOptions(divider=int(each)) for each in state.values[Field.DIVIDER])))
+        state.note_applied(kept)
+    assert state.undo() == "what was applied to 2"
+    state.edit([3], Field.DIVIDER, 7)
+    state.undo()
+    assert state.undo() == "what was applied to 1"
+    told = [(change.name, change.old, change.new, change.theirs) for change in state.changes()]
+    assert told == [(state.names[1], "9", "1", None), (state.names[2], "9", "1", None)]
+    assert state.undo() is None
+    state.redo()
+    assert [(change.old, change.new) for change in state.changes()] == [("9", "5"), ("9", "1")]
+    state.redo()
+    assert state.pending_count == (3, 3)  # the 7, too
+
+
 def test_what_somebody_else_set_since_it_was_applied_is_a_conflict_as_it_is_wanted_back():
     state = fresh()
     state.edit([1, 2], Field.DIVIDER, 5)

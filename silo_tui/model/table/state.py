@@ -49,12 +49,16 @@ class _Layer(msgspec.Struct, frozen=True):
 
 
 class _Step(msgspec.Struct, frozen=True):
-    """One undo step: the edits of `rows` before and after."""
+    """One undo step: the edits of `rows` before and after; of what was `applied` before is what is to be wanted back.
+
+    That comes on top of whatever is wanted when the step is taken back.
+    """
 
     label: str
     rows: Rows
     before: _Layer
     after: _Layer
+    applied: bool = False
 
 
 class TableState:
@@ -317,8 +321,9 @@ class TableState:
         self.version += 1
 
     def note_applied(self, applied: Sequence[KeptEdit]) -> None:
-        """Have one undo step in the place of those before: to want back what the logger had before it was applied."""
-        self._forget_history()
+        """Have one undo step in the place of the edits: to want back what the logger had before; earlier ones stay."""
+        self._undo[:] = [step for step in self._undo if step.applied]
+        self._redo.clear()
         known = [(edit, row) for edit in applied if (row := self.row(edit.name)) is not None]
         known = [(edit, row) for edit, row in known if self.server[edit.field, row] == edit.new]
         if not known:
@@ -328,11 +333,7 @@ class TableState:
         for edit, row in known:
             at = int(edit.field), int(np.searchsorted(rows, row))
             before.edited[at], before.wanted[at], before.based_on[at] = True, edit.old, edit.new
-        self._undo.append(_Step(f"{APPLIED} to {len(rows)}", rows, before, now))
-
-    def _forget_history(self) -> None:
-        self._undo.clear()
-        self._redo.clear()
+        self._undo.append(_Step(f"{APPLIED} to {len(rows)}", rows, before, now, applied=True))
 
     # ------------------------------------------------------------------------------------------------ inside
 
@@ -347,7 +348,8 @@ class TableState:
         self._edited, self._wanted, self._based_on = edited, wanted, based_on
         self.names = names
         self._row_of = {name: row for row, name in enumerate(names)}
-        self._forget_history()  # its steps speak of rows that are no more
+        self._undo.clear()  # its steps speak of rows that are no more
+        self._redo.clear()
 
     def _layer(self, rows: Rows) -> _Layer:
         return _Layer(self._edited[:, rows].copy(), self._wanted[:, rows].copy(), self._based_on[:, rows].copy())
@@ -362,6 +364,14 @@ class TableState:
             return None
         step = source.pop()
         layer = step.before if back else step.after
+        if step.applied and back:
+            now, mine = self._layer(step.rows), step.before.edited
+            layer = _Layer(
+                now.edited | mine,
+                np.where(mine, step.before.wanted, now.wanted),
+                np.where(mine & ~now.edited, step.before.based_on, now.based_on),
+            )
+            step = msgspec.structs.replace(step, after=now)
         self._edited[:, step.rows] = layer.edited
         self._wanted[:, step.rows] = layer.wanted
         self._based_on[:, step.rows] = layer.based_on
