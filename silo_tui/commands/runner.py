@@ -78,7 +78,10 @@ class CommandRunner:
             "scripts": lambda: context.script_names,
             "settings": lambda: completions(begun),
             "sorts": lambda: list(context.session.rows.orders),
-            "names": lambda: context.session.table.names,
+            "names": lambda: [
+                *map(context.session.short_name, context.session.table.names),
+                *context.session.table.names,
+            ],
             "derived": lambda: [one.name for one in context.session.table.elements[context.session.table.own :]],
             "types": lambda: SAVED_NAMES,
             "views": lambda: ["save", *([LAST] if context.left_view else []), *BY_NAME, *files.names()],

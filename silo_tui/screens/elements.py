@@ -227,9 +227,17 @@ class ElementsScreen(SiloScreen):
         self.context.table_changed()
 
     def command_goto(self, typed: Spelled) -> None:
-        """Go to an element; a part of its name is enough."""
-        table, rows, name = self.session.table, self.session.rows, typed.rest
-        row = table.row(name)
+        """Go to an element; a part of its name is enough. In a tree to a name space, too."""
+        self._go_to(typed.rest)
+        self.context.table_changed()
+        self.table.show_cursor(self.table.size.height // 2)  # a name space with what it holds
+
+    def _go_to(self, name: str) -> None:
+        table, rows = self.session.table, self.session.rows
+        row = next((at for each in (name, table.prefix + name) if (at := table.row(each)) is not None), None)
+        if row is None and rows.move_to_space(name) and rows.branch is not None:
+            self.say(f"{rows.branch.path}: keys are about all {many(len(rows.branch.rows), 'element')} of it")
+            return
         if row is None:
             found = [at for at, names in enumerate(table.searched) if any(name.casefold() in each for each in names)]
             if not found or not name:
@@ -240,7 +248,6 @@ class ElementsScreen(SiloScreen):
         if not rows.move_to_row(row):
             rows.set_filter("")
             rows.move_to_row(row)
-        self.context.table_changed()
 
     def command_sort(self, typed: Spelled = BY_KEY) -> None:
         rows = self.session.rows

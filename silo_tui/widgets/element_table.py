@@ -278,12 +278,12 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         self.virtual_size = Size(self.size.width, len(self.rows.tree.lines))
         self.show_cursor()
 
-    def show_cursor(self) -> None:
-        """Scroll so that the cursor is on the screen, and draw where it was and where it is."""
+    def show_cursor(self, below: int = 0) -> None:
+        """Scroll so that the cursor is on the screen with lines below it, and draw where it was and where it is."""
         self._shown_rows = self.size.height
         height = max(1, self.size.height)
         top, position = round(self.scroll_y), self.rows.position
-        wanted = min(max(top, position - height + 1), position)
+        wanted = min(max(top, position + below - height + 1), position)
         wanted = max(0, min(wanted, max(0, len(self.rows.tree.lines) - height)))
         if wanted != top:
             self.scroll_to(y=wanted, animate=False, force=True, immediate=True)

@@ -423,6 +423,24 @@ async def test_an_order_by_name_leaves_the_cursor_on_its_element_and_one_by_valu
         assert screen.session.rows.position > 0
 
 
+async def test_in_a_tree_goto_leads_to_a_name_space_itself_with_what_it_holds_below_it(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("o", "n")
+        await screen.enter(":goto RF")
+        await screen.shows("/legs/RF: keys are about all 16 elements of it")
+        assert screen.session.rows.branch.path == "/legs/RF"
+        assert "▼ HAA" in screen.text.partition("▼ RF")[2]
+        await screen.enter(":goto /log/legs/LF/KFE", "z")
+        assert "/legs/LF/KFE" in screen.session.rows.folded
+        await screen.enter(":goto LF", "z")
+        await screen.enter(":goto legs/lf/kfe/")
+        await screen.until(lambda: screen.session.rows.branch.path == "/legs/LF/KFE")  # in one that was folded
+        await screen.enter(":goto /KFE")
+        assert screen.session.rows.branch is None, "no name space of the first level"
+        await screen.enter(":goto /imu/temperature")
+        assert screen.session.rows.row == screen.session.table.row("/log/imu/temperature")
+
+
 async def test_the_inspector_has_the_value_of_its_row_where_statistics_stand_beside_it(fake, opened):
     fake.run()
     async with opened(fake, size=(160, 40)) as screen:

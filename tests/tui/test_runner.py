@@ -380,6 +380,7 @@ def test_a_file_to_open_is_asked_for_by_an_example(fake):
         (":view no", ["view noisiest"]),
         (":view wa", ["view walk"]),
         (":goto /log/imu/t", ["goto /log/imu/temperature"]),
+        (":goto /imu/t", ["goto /imu/temperature"]),  # as the table has it
         (":load q", ["load quiet.yaml"]),
         (":nothing a", []),
     ],

@@ -269,6 +269,21 @@ class RowList:
             self._lay_lines()
         return self._move_to_line(row)
 
+    def move_to_space(self, name: str) -> bool:
+        """Put the cursor on a name space, by its path or the end of it; False where none is shown of that name.
+
+        Branches that hide it are unfolded.
+        """
+        whole = below(self.table.prefix, name.rstrip("/")).casefold()
+        paths = [each.path for each in self.tree.branches]
+        found = [path for path in paths if path.casefold() == whole or path.casefold().endswith(f"/{whole}")]
+        if not whole or not found:
+            return False
+        path = min(found, key=len)
+        self.folded -= {each for each in self.folded if path.startswith(f"{each}/")}
+        self._lay_lines()
+        return self._move_to_branch(path)
+
     def move_to_target(self) -> bool:
         """Put the cursor on the nearest row that an edit is about; False where it is on one, or none is shown."""
         targets = self.targets()
