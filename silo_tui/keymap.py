@@ -55,6 +55,7 @@ _TABLE = (
     ("tab,p a", "arrange_plots"),
     ("tab,p v", "mode response_mode"),
     # ------------------------------------------------------------------------------- what changes something
+    ("ctrl+r,U", "redo"),
     ("w,p w", "export_plots"),
     (DESTROYS, "delete_recording forget_derived"),
     (f"{DESTROYS},e x", "trigger_remove alarm_remove"),

@@ -320,12 +320,17 @@ class TableScreen(ElementsScreen):
     # ------------------------------------------------------------------------------------------------------ its edits
 
     def command_left(self) -> None:
-        self._field_chosen = True
-        self._choose_field(self.table.field_beside(-1))
+        self._to_field_beside(-1)
 
     def command_right(self) -> None:
+        self._to_field_beside(1)
+
+    def _to_field_beside(self, step: int) -> None:
+        """Choose another field, and say which: the line of a name space has no cells, and not all see colours."""
         self._field_chosen = True
-        self._choose_field(self.table.field_beside(1))
+        self._choose_field(self.table.field_beside(step))
+        if now := self._values_of(self.table.field):
+            self.say(f"{self.table.field.label}: {and_more(now, 3)}; {key_of('edit')} edits it")
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
         """Return what applies edits too, where a mode would leave it out."""

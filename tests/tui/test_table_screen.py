@@ -93,6 +93,17 @@ async def test_enter_lets_a_value_of_the_field_under_the_cursor_be_chosen(fake, 
         assert screen.value(FIRST, Field.ACTION) == "publish"
 
 
+async def test_the_field_that_is_chosen_is_told_in_words_with_its_value_and_the_key_that_edits_it(fake, opened):
+    """On the line of a name space there is no cell to be seen, and without colours none anywhere."""
+    async with opened(fake) as screen:
+        await screen.press("right")
+        await screen.shows("divider: 1; e edits it")
+        await screen.press("o", "n", "right")
+        await screen.shows("action: save and publish; e edits it")
+        await screen.do("asterisk", "right")
+        await screen.shows("buffer: looping, fixed, growing; e edits it")
+
+
 async def test_undo_and_redo(fake, opened):
     async with opened(fake) as screen:
         await screen.do("asterisk", "toggle", "u")

@@ -41,6 +41,12 @@ def test_a_key_that_is_given_holds_on_all_screens_that_have_the_same_where_it_is
         use_keys("two-layer", {})
 
 
+@pytest.mark.parametrize("scope", ["table", "parameters"])
+def test_a_capital_turns_undo_round(scope):
+    use_keys("two-layer", {})
+    assert [keymap.command_of(key, scope).id for key in ("u", "U", "ctrl+r")] == ["undo", "redo", "redo"]
+
+
 def check():
     """Refuse a table in which something stands twice, or nowhere."""
     eaten = ("ctrl+h", "ctrl+i", "ctrl+j", "ctrl+m", "ctrl+enter", "alt+")
