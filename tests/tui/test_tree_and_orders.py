@@ -271,13 +271,24 @@ def test_what_is_asked_of_all_elements_is_what_order_and_filter_need(rows):
 
 
 def test_rows_that_a_measured_filter_lets_go_stay_for_two_seconds(rows):
-    measure(rows, value=np.full(len(rows.table), 70.0))
+    measure(rows, signs=np.zeros(len(rows.table)), value=np.full(len(rows.table), 70.0))
     rows.set_filter("value>60")
-    measure(rows, value=[50.0, *[70.0] * (len(rows.table) - 1)])
+    measure(rows, signs=np.zeros(len(rows.table)), value=[50.0, *[70.0] * (len(rows.table) - 1)])
     rows.refresh(10.0)
     assert (0 in rows.shown, rows.leaving) == (True, frozenset({0}))
     rows.refresh(12.5)
     assert (0 in rows.shown, rows.leaving) == (False, frozenset())
+
+
+def test_rows_that_were_shown_only_as_nothing_was_measured_yet_go_at_once(rows):
+    rows.set_filter("changed<1s")
+    assert len(rows.shown) == len(rows.table)
+    measure(rows, signs=np.zeros(len(rows.table)), changed=[0.5, *[110.0] * (len(rows.table) - 1)])
+    rows.refresh(10.0)
+    assert (rows.shown.tolist(), rows.leaving) == ([0], frozenset())
+    measure(rows, signs=np.zeros(len(rows.table)), changed=np.full(len(rows.table), 110.0))
+    rows.refresh(11.0)
+    assert rows.leaving == {0}
 
 
 @pytest.mark.slow

@@ -60,6 +60,7 @@ class RowList:
         self._order: Rows = np.zeros(0, np.intp)
         self._names: list[str] = []
         self._passed_s: dict[int, float] = {}  # when rows that are leaving passed last
+        self._was_measured = False  # as the filter was judged last: else all were shown
 
     # -------------------------------------------------------------------------------------------- what is shown
 
@@ -76,10 +77,11 @@ class RowList:
             row = min(row, len(self.table) - 1) if row is not None and len(self.table) else None
         self._order = self._sorted()
         mask = self.filter.mask(self.table, self.marked)
-        if now_s is None:
+        if now_s is None or not self._was_measured:
             self._passed_s, self.leaving = {}, frozenset()
         else:
             mask = self._with_leaving(mask, now_s)
+        self._was_measured = self.is_measured
         self.shown = self._order[mask[self._order]]
         self._lay_lines()
         self._place(line, row, path)
