@@ -170,6 +170,18 @@ async def test_data_is_saved_in_the_types_that_are_chosen(fake, opened):
         await screen.shows("o Opens it")
 
 
+async def test_a_save_says_that_it_is_of_all_elements_though_some_are_marked_and_what_a_part_is(fake, opened):
+    async with opened(fake.run()) as screen:
+        await screen.do("mark", "mark", "save_data")
+        await screen.shows("all elements, not the 2 marked alone; the configuration: Esc, then W")
+        await screen.do("down", "down", "down")
+        await screen.type("walk_part4")
+        await screen.press("enter")
+        await screen.shows("walk_part4.silo")
+        await screen.shows("a part: each change that is applied while it logs begins one, and")
+        await screen.shows("whoever opens one has the whole run")
+
+
 def after(job, done):
     """Returns a job that tells when it was done."""
 

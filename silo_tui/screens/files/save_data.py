@@ -1,7 +1,9 @@
 """The dialog that writes logged data to files: which types, which name, progress, and what came of it."""
 
 import asyncio
+import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import ClassVar
 
 from rich.text import Text
@@ -51,6 +53,8 @@ class CheckLine(Guarded, Widget, can_focus=True):
 
 
 FOLLOW_S = 0.05
+_PART = re.compile(r"_part\d+$")
+A_PART = "a part: each change that is applied while it logs begins one, and whoever opens one has the whole run"
 KEYS = f"↑↓ Move  space {' '.join(name[0] for name in SAVED_NAMES)} Tick  Enter Saves  Esc Back"
 
 
@@ -88,7 +92,9 @@ class SaveDialog(Form[list[SavedFile]]):
     def above(self) -> ComposeResult:
         folder = self.context.session.status.folder or "the folder of the logger"
         yield Static(f"in {folder}, on the robot", classes="quiet", markup=False)
-        elsewhere = f"what was logged; the configuration: {key_of('back')}, then {key_of('save_script')}"
+        marked = self.context.session.rows.marked_count
+        all_of_it = f"all elements, not the {marked} marked alone" if marked else "what was logged"
+        elsewhere = f"{all_of_it}; the configuration: {key_of('back')}, then {key_of('save_script')}"
         yield Static(elsewhere, classes="quiet", markup=False)
         for kind, one in SAVED.items():
             yield CheckLine(f"{one.name:<5} {one.about}", kind in self._types, f"type-{one.name}")
@@ -234,6 +240,7 @@ class SaveDialog(Form[list[SavedFile]]):
                 self.dismiss(self._files)
                 return
             where = [f"{file.path}\n  {size_text(file.size_bytes)}" for file in event.files]
+            where += [A_PART] * any(_PART.search(Path(file.path).stem) is not None for file in event.files)
             self._result("\n".join(where))
             self.KEYS_HERE = "o Opens it  Enter Esc Close"
             if (screen := self.context.upper_screen) is not None:
