@@ -96,7 +96,7 @@ def test_a_level_is_typed_with_its_direction():
     assert parse_crossing(" >20 ") == Search(What.CROSSING, 20.0, 1)
     assert parse_crossing("<-1e-3") == Search(What.CROSSING, -1e-3, -1)
     told = [parse_crossing(words).words for words in (">20", "<-1e-3", "5")]
-    assert told == ["crossing of 20 rising", "crossing of -0.001 falling", "crossing of 5"]
+    assert told == ["crossing of 20 rising", "crossing of -0.001 falling", "crossing of 5 either way"]
     assert parse_crossing("0").direction == 0
     with pytest.raises(ValueError, match="'fast' is no number"):
         parse_crossing("fast")

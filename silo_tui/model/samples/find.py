@@ -41,7 +41,7 @@ WORDS = {
     What.HIGHEST: "highest",
     What.LOWEST: "lowest",
     What.PEAK: "peak of a swing",
-    What.CROSSING: "crossing of a value",
+    What.CROSSING: "crossing of a value, up or down",
     What.EDGE: "edge",
     What.CHANGE: "change",
     What.NOT_FINITE: "nan or inf",
@@ -109,7 +109,7 @@ class Search:
         """The search as it is read."""
         if self.what is not What.CROSSING:
             return self.condition or WORDS[self.what]
-        way = {1: " rising", -1: " falling", 0: ""}[self.direction]
+        way = {1: " rising", -1: " falling", 0: " either way"}[self.direction]
         return f"crossing of {text.short(self.level, 6)}{way}"
 
 
