@@ -551,7 +551,7 @@ class Logger(LoggerNames):
 
     def close(self, *, discard: bool = False) -> None:
         """Stop, end the helper process and free the buffers. What was not saved is gone, which is said; closing twice
-        is fine.
+        is fine. After a `save()` that failed it is kept as at the end of a `with`.
 
         Args:
             discard: what was not saved is to go: nothing is said of it.
@@ -562,9 +562,14 @@ class Logger(LoggerNames):
                     self._free()  # it was interrupted
                 return
             self.stop()
-            self._data.look_for_unheld()
-            self._freeing = self._life.closed = True  # in this order: an interrupt may come between
+            kept = self._data.save_failed and self.has_unsaved and not discard
+            if not kept:
+                self._data.look_for_unheld()
+                self._freeing = self._life.closed = True  # in this order: an interrupt may come between
             dropped = 0 if discard else self._present.unsaved_ticks
+        if kept:
+            self._abandon()
+            return
         if dropped:
             say_dropped(self.options.name, dropped)
         self._free()

@@ -1,5 +1,6 @@
 """What does nothing says so: ticks while a logger stands still, calls before there is one, ends without a save."""
 
+import errno
 import itertools
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 import silo
 from silo.cli.main import run
 from silo.errors import ArgumentError, ElementError, SegmentError
+from silo.files.silo import writer
 from silo.logger import default
 from silo.logger.null import NullLogger
 from tests.stand_ins.ticking import Robot, collect, warnings_of
@@ -150,6 +152,42 @@ def test_closing_with_unsaved_ticks_says_once_how_many_are_dropped_and_what_keep
     assert said.count("silo: logger 'walk' was closed without save(): 3 ticks that were not saved are dropped") == 1
     assert "save() before close() keeps it, or the end of a `with silo.Logger(...)`" in said
     assert list(tmp_path.glob("*.silo")) == []
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_what_a_save_failed_to_write_outlives_closing(closing, tmp_path, capsys, again):
+    log = closing(3)
+    (tmp_path / "file").touch()
+    with pytest.raises(silo.SaveError):
+        log.save(folder=tmp_path / "file")
+    if again:
+        log.save()
+        collect(log, 2)
+    log.close()
+    said = capsys.readouterr().err
+    if again:  # that one stands in a file, and what came later is dropped as ever
+        assert "2 ticks that were not saved are dropped" in said
+    else:
+        assert "dropped" not in said
+        assert "silo: logger 'walk' ended without save() or close(); saved " in said
+    (path,) = tmp_path.glob("*.silo")
+    assert len(silo.open_log(path).times) == 3
+
+
+def test_what_nobody_could_write_waits_for_recover_behind_closing(closing, tmp_path, capsys, monkeypatch):
+    log = closing(3)
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(writer, "write_all", full)
+    with pytest.raises(silo.SaveError):
+        log.save()
+    log.close()
+    log.close()
+    said = capsys.readouterr().err
+    assert "silo recover" in said
+    assert "dropped" not in said
 
 
 def test_of_what_was_saved_only_the_ticks_after_that_are_told_of(closing, capsys):
