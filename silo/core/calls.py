@@ -241,8 +241,14 @@ def no_attribute(what: str, name: str, cls: type, others: Mapping[str, str], way
     if not found and not name.startswith("_"):
         known = (*dir(cls), *getattr(cls, "__dataclass_fields__", ()), *getattr(cls, "__struct_fields__", ()))
         found = did_you_mean(nearest(name, [one for one in known if not one.startswith("_")], 0.7))[2:]
-    homes = (home for home in ("silo", "silo.types") if hasattr(import_module(home), cls.__name__))
-    found = found or way_out or f"help({next(homes, cls.__module__)}.{cls.__name__}) lists what there is"
+    public = (
+        f"{home}.{one.__name__}"
+        for one in cls.__mro__
+        for home in ("silo", "silo.types")
+        if getattr(import_module(home), one.__name__, None) is one
+    )
+    home = next(public, f"{cls.__module__}.{cls.__name__}")
+    found = found or way_out or f"help({home}) lists what there is"
     raise UnknownNameError(f"{what} has no '{name}': {found}", name=name)
 
 

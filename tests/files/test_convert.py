@@ -328,6 +328,15 @@ def test_what_is_no_source_or_target_says_which_are(source, tmp_path, given, tar
         convert(tmp_path / given, tmp_path / target)
 
 
+def test_of_what_can_not_be_read_at_all_nothing_is_written_and_the_last_warning_says_why(tmp_path, log, monkeypatch):
+    nothing = replace(log, elements=[], warnings=("one topic is left out", "another is left out"))
+    monkeypatch.setattr("silo.files.convert.read_recording", lambda *_, **__: nothing)
+    with pytest.raises(FileFormatError) as refused:
+        convert("in.mcap", tmp_path / "out.csv")
+    assert str(refused.value) == "'in.mcap': nothing in it can be read, nothing was written: another is left out"
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(("ending", "module"), [(".parquet", "pyarrow"), (".mat", "scipy.io"), (".h5", "h5py")])
 def test_a_missing_library_says_what_to_install(ending, module, source, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, module, None)

@@ -13,7 +13,7 @@ from silo.cli.edits import select
 from silo.core.elements import BufferType
 from silo.core.names import matching
 from silo.core.recording import Recording
-from silo.errors import ElementError, LogNotFoundError, LogWarning, UnknownSignalError
+from silo.errors import ElementError, LogNotFoundError, LogWarning, UnknownNameError, UnknownSignalError
 from silo.files import write
 from silo.files.silo.reader import read_silo
 from silo.files.silo.writer import write_silo
@@ -60,6 +60,19 @@ class TestLog:
         with pytest.raises(UnknownSignalError, match=r"no signal '/log/imu/ac'; did you mean '/log/imu/acc"):
             log["/log/imu/ac"]
         assert log.get("none") is None
+
+    def test_what_lacks_a_name_says_what_it_is_and_where_names_are_listed(self, log, tmp_path):
+        for thing, what, listed in (
+            (log, "a log", "silo.Log"),
+            (log["imu/acc"], "a signal", "silo.Signal"),
+            (log.recording, "a recording", "silo.Recording"),
+            (silo.ElementOptions(), "options", "silo.ElementOptions"),
+            (silo.compare(log, log), "a comparison", "silo.types.Comparison"),
+            (silo.runs(tmp_path), "a list of runs", "silo.run_index.runs.RunList"),
+        ):
+            with pytest.raises(UnknownNameError) as refused:
+                _ = thing.qqq
+            assert str(refused.value) == f"{what} has no 'qqq': help({listed}) lists what there is"
 
     def test_patterns_and_namespaces(self, log):
         assert log.names("*/state/*") == ["/log/state/mode", "/log/state/text", "/log/state/on"]

@@ -1,18 +1,23 @@
 """Whatever way entries are picked out of rows, they are what stands there byte by byte."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from silo.core.arrays.values import as_floats
-from silo.core.elements import BufferType, Entry
+from silo.core.elements import BufferType, ElementInfo, ElementOptions, Entry
+from silo.history.picking import _why_missing
 from silo.segment.layout import EntrySchema, RingSchema
 from silo.segment.picking import STAMPS, Packer, RowPicker, shaped
 from silo.segment.rows import Rows
 
+LIVE = ElementInfo("/log/x", "m", "scalar", (), (Entry("", "<f8"),), ElementOptions())
+OF_OTHERS = replace(LIVE, expression="x / 2", description="= x / 2 (off: no signal 'x' (of 2))")
 TYPES = ("<f8", "<f4", "<i8", "<u2", "|i1", "|b1", "<c16", "|S5", "<U3", "<f2")
 
 
@@ -129,3 +134,17 @@ def test_samples_have_the_shape_of_their_element_where_it_fits(
     assert shaped(np.zeros((5, 4)), (2,), parts=True).dtype == np.complex128
     assert shaped(np.zeros((5, 4), "f2"), (2,), parts=True).shape == (5, 4)
     assert shaped(np.zeros((5, 3)), (2,), parts=True).shape == (5, 3)
+
+
+@pytest.mark.parametrize(
+    ("info", "schema", "why"),
+    [
+        (replace(LIVE, options=ElementOptions(enabled=False)), None, "it is off"),
+        (replace(OF_OTHERS, options=ElementOptions(enabled=False)), None, "no signal 'x' (of 2)"),
+        (LIVE, None, "nothing was logged yet"),
+        (None, None, "nothing was logged yet"),
+        (LIVE, "schema", "it is not in this recording, start again"),
+    ],
+)
+def test_why_there_are_no_samples_of_a_name_is_said(info, schema, why):
+    assert _why_missing("/log/x", SimpleNamespace(element={"/log/x": info}.get), schema) == why

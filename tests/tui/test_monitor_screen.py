@@ -10,6 +10,7 @@ import pytest
 
 from silo.core.arrays.columns import Gap, hole_mark
 from silo.core.elements import State
+from silo.errors import RefusedError
 from silo.rpc.published import EventKind
 from silo_tui.model.drawing.dots import BLANK
 from tests.waiting import DEADLINE_S
@@ -44,6 +45,16 @@ async def test_plots_are_full_the_moment_they_open_show_a_spike_of_one_sample_an
         fake.cut()
         await screen.shows("No link to robot")
         assert not stack.fresh
+
+
+async def test_why_no_values_come_is_said(fake, opened, monkeypatch):
+    def view(*_):
+        raise RefusedError("1000 views are open")
+
+    async with opened(fake.run(2)) as screen:
+        monkeypatch.setattr(fake, "view", view)
+        await screen.enter("/LF/HAA/torque", "m")
+        await screen.shows("no live values: 1000 views are open")
 
 
 async def test_a_curve_goes_on_by_whole_cells_so_that_its_cells_stay_as_they_are(fake, opened):

@@ -129,6 +129,10 @@ class TestScreens:
             await screen.until(lambda: not screen.app.screen.is_modal)
             await screen.enter(":record nobody")
             await screen.shows("no element matches 'nobody'")
+            await screen.press("escape")
+            await screen.until(lambda: not screen.app.screen.is_modal)
+            await screen.enter(":record marked")
+            await screen.shows("nothing is marked: mark elements in the table, or write all, or names")
             assert not fake.recorder_infos
 
     async def test_what_was_typed_stands_in_the_lines_again_where_it_is_refused(self, fake, opened, monkeypatch):

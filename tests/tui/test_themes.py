@@ -84,6 +84,14 @@ def test_curves_are_told_from_their_ground_and_from_each_other(of):
     assert len(set(colors)) == len(set(_IN_16)) == 8
 
 
+@pytest.mark.parametrize(
+    ("name", "style"),
+    [("warning", "bold red"), ("own", "bold none"), ("hex", "bold #123456"), ("gone", "bold none"), ("", "")],
+)
+def test_a_word_that_is_to_be_seen_is_bold_in_its_colour_and_plain_without_a_name(name, style):
+    assert theme.bold({"warning": "ansi_red", "own": "ansi_default", "hex": "#123456"}, name) == style
+
+
 def test_colours_are_named_in_one_place_only():
     folder = Path(theme.__file__).parent
     sheets = [*folder.rglob("*.tcss"), *(set(folder.rglob("*.py")) - {folder / "theme.py"})]

@@ -139,3 +139,35 @@ def test_every_public_name_has_a_home(name: str) -> None:
 def test_an_unknown_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="module 'silo' has no attribute 'loger'"):
         silo.loger  # noqa: B018
+
+
+NEEDED = {  # the extra -> what needs which packages of it
+    "analysis": "pandas: tables, tables of runs; polars: tables; scipy: rotations; xarray: tables",
+    "archive": "fsspec: Archives; polars: Archives; pyarrow: Archives",
+    "bags": "pyulog: ULogs; rosbags: bags of ROS 1, bags of others",
+    "convert": "h5py: HDF5 files; pyarrow: Data sets, Parquet files; scipy: .mat files",
+    "mcp": "mcp: servers for agents; mcp_types: servers for agents",
+    "plot": "matplotlib: pictures, plots on a screen",
+    "query": "duckdb: SQL over runs; polars: SQL over runs, Tables of runs",
+    "rerun": "rerun: .rrd files",
+}
+
+
+def test_a_package_that_is_missing_is_in_the_extra_that_is_named():
+    found = {}
+    for path in sorted((ROOT / "silo").rglob("*.py")):
+        words = {}
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "need" and hasattr(node.args[0], "value"):
+                words = words or vars(importlib.import_module(".".join(path.relative_to(ROOT).with_suffix("").parts)))
+                module, extra, what = (words.get(ast.unparse(one), getattr(one, "value", "")) for one in node.args)
+                found.setdefault(extra, {}).setdefault(module.partition(".")[0], set()).add(what)
+    told = {
+        extra: "; ".join(f"{package}: {', '.join(sorted(whats))}" for package, whats in sorted(packages.items()))
+        for extra, packages in sorted(found.items())
+    }
+    assert told == NEEDED
+    extras = (ROOT / "pyproject.toml").read_text().partition("[project.optional-dependencies]")[2]
+    for extra, packages in found.items():
+        installed = extras.partition(f"\n{extra} = [")[2].partition("]")[0].replace("-sdk", "")
+        assert all(f'"{package.partition("_")[0]}>=' in installed for package in packages)
