@@ -95,6 +95,11 @@ def test_a_total_says_how_many_are_in_which_state_as_far_as_it_is_known() -> Non
         (member(ticks=0), False, []),
         (member(state=State.STOPPED, reason="by ann"), True, ["by ann"]),
         (member(here=False), True, ["silent since ", "118 024 ticks, not saved"]),
+        (member(measured_hz=300.0), True, ["<< slow: 300 of 400 Hz"]),  # the sign of its column in words
+        (member(lost=3), True, ["XX ticks were lost"]),
+        (member(alarm="LL", alarms=2), True, ["LL 2 alarms: a value is below its red limit"]),
+        (member(alarm="==", alarms=1), True, ["== 1 alarm: a value is stale"]),
+        (member(alarm="H", alarms=1), True, ["H 1 alarm: a value is above its yellow limit"]),
     ],
 )
 def test_below_the_list_stands_what_its_columns_do_not_say(one, unsaved, says) -> None:

@@ -5,9 +5,10 @@ from collections.abc import Sequence
 
 import msgspec
 
+from silo.conditions.standing import LimitWord
 from silo.core.elements import State
 from silo.core.quantities.writing import duration_text, idle_words, many, size_text, wall_clock
-from silo.fleet.member import NO_TICK, Member, Stands, segments
+from silo.fleet.member import NO_TICK, RED, Member, Stands, segments
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
 from silo_tui.model.words.names import fitted_among
@@ -146,10 +147,27 @@ def down(lines: Sequence[FoundLogger], now_s: float, now_ns: int) -> list[str]:
     return [one.words(now_s, now_ns) for one in segments(line.member for line in lines)]
 
 
+def _sign_in_words(member: Member) -> str:
+    """Return the sign of the worst with what it means; empty where another word of the line says it."""
+    told = member.summary
+    if told is None:
+        return ""
+    color, way = "red" if told.alarm in RED else "yellow", "above" if told.alarm.startswith("H") else "below"
+    how = "stale" if told.alarm == LimitWord.STALE.value else f"{way} its {color} limit"
+    alarms = f"{many(told.alarms, 'alarm')}: a value is {how}"
+    meanings = {
+        Stands.SLOW: f"slow: {text.short(told.measured_hz)} of {text.short(told.frequency_hz)} Hz",
+        Stands.LOST: "ticks were lost", Stands.FULL: "the disk is nearly full",
+        Stands.RED: alarms, Stands.YELLOW: alarms,
+    }  # fmt: skip
+    meaning = meanings.get(member.stands, "")
+    return f"{member.sign} {meaning}" if meaning else ""
+
+
 def details(one: FoundLogger) -> str:
     """Return what the columns don't say of a logger."""
     member, told = one.member, one.member.summary
-    parts = [f"{one.address}: {one.where}"]
+    parts = [f"{one.address}: {one.where}", *filter(None, [_sign_in_words(member)])]
     if member.problem:
         parts.append(member.problem.replace("\n", " "))
     if told is not None:
