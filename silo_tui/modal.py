@@ -1,16 +1,25 @@
 """What screens and dialogs have in common: their work ends before their widgets go."""
 
 import math
+import time
 from collections.abc import Callable, Coroutine
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any, ParamSpec, TypeVar, cast
 
+from rich.segment import Segment
+from rich.style import Style
 from textual import events
 from textual.await_complete import AwaitComplete
+from textual.color import Color
+from textual.css.styles import RulesMap
 from textual.dom import DOMNode
 from textual.geometry import Region
+from textual.renderables.background_screen import BackgroundScreen
 from textual.screen import ModalScreen, Screen
+from textual.strip import Strip
+from textual.style import Style as ContentStyle
 from textual.timer import Timer
+from textual.visual import RenderOptions, Visual
 from textual.widgets import OptionList
 
 from silo_tui.unforeseen import Guarded
@@ -18,6 +27,7 @@ from silo_tui.unforeseen import Guarded
 ResultT = TypeVar("ResultT")
 Given = ParamSpec("Given")
 Work = Callable[Given, Coroutine[Any, Any, object]]
+BEHIND_S = 1.0  # what lies behind a dialog is drawn so often at the most: all of it each time, and keys wait
 
 
 def run_aside(of: DOMNode, group: str, work: Work[Given], *given: Given.args, **named: Given.kwargs) -> None:
@@ -49,6 +59,7 @@ class Leaving(Guarded, Screen[ResultT]):
     """A screen whose workers end before its widgets go: none of them wakes up to a screen without widgets."""
 
     _unmade = False
+    _shone_s = -math.inf  # when it was drawn last, also behind a dialog
 
     @property
     def is_there(self) -> bool:
@@ -80,7 +91,10 @@ class Leaving(Guarded, Screen[ResultT]):
     def _compositor_refresh(self) -> None:
         if self.app._batch_count:  # Textual draws all of it, and then shows nothing
             self._repaint_required = True
+        elif self.app.screen is not self and (wait_s := self._shone_s + BEHIND_S - time.monotonic()) > 0:
+            self.once_settled("behind", wait_s, self._compositor_refresh)
         else:
+            self._shone_s = time.monotonic()
             super()._compositor_refresh()
 
     async def _message_loop_exit(self) -> None:
@@ -100,6 +114,38 @@ class Choices(Guarded, OptionList):
         """Go to the choice below."""
         if self.highlighted is None or self.highlighted < self.option_count - 1:
             super().action_cursor_down()
+
+
+@lru_cache(maxsize=4096)
+def _tinted(style: Style | None, base: Style, tint: Color) -> Style:
+    """Return a style as it shines through a dialog. Few styles make a screen, of thousands of pieces."""
+    (piece,) = BackgroundScreen.process_segments([Segment(" ", style)], tint)
+    return base + piece.style
+
+
+class Behind(Visual):
+    """The screen behind a dialog, as Textual draws it, which takes up to 0.1 s a time for it: it mixes colours anew for
+    each piece of it, whenever a value changes there.
+    """
+
+    def __init__(self, screen: Screen[Any], tint: Color) -> None:
+        self._screen, self._tint = screen, tint
+
+    def get_optimal_width(self, rules: RulesMap, container_width: int) -> int:
+        """Take all that there is."""
+        return container_width
+
+    def get_height(self, rules: RulesMap, width: int) -> int:
+        """Be as high as the screen."""
+        return self._screen.size.height
+
+    def render_strips(self, width: int, height: int | None, style: ContentStyle, options: RenderOptions) -> list[Strip]:
+        """Draw it."""
+        base, tint = style.rich_style, self._tint
+        return [
+            Strip([Segment(words, _tinted(its, base, tint)) for words, its, _ in strip], strip.cell_length)
+            for strip in self._screen._compositor.render_strips()
+        ]
 
 
 class Dialog(ModalScreen[ResultT], Leaving[ResultT]):  # in this order: Textual finds styles by the first base
@@ -125,6 +171,11 @@ class Dialog(ModalScreen[ResultT], Leaving[ResultT]):  # in this order: Textual 
     def action_leave(self) -> None:
         """Leave; nothing is done."""
         self.dismiss(None)
+
+    def render(self) -> Any:
+        """Draw what is behind."""
+        found = super().render()
+        return Behind(found.screen, found.color) if isinstance(found, BackgroundScreen) else found
 
     def refresh(
         self, *regions: Region, repaint: bool = True, layout: bool = False, recompose: bool = False

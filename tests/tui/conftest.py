@@ -28,7 +28,7 @@ from textual.screen import ModalScreen
 from textual.strip import Strip
 
 from silo.core.elements import Action, ElementInfo
-from silo_tui import actions
+from silo_tui import actions, modal
 from silo_tui.actions import BY_ID, with_keys
 from silo_tui.app import SiloApp
 from silo_tui.keymap import BASES, DEFAULT, keys_in, use_keys
@@ -163,6 +163,14 @@ def painted_when_looked_at() -> Iterator[None]:
         patch.setattr(App, "pop_screen", pop_painted)
         patch.setattr(Compositor, "render_update", paint_later)
         patch.setattr(Compositor, "render_strips", strips_of_now)
+        yield
+
+
+@for_all
+def seen_through_at_once() -> Iterator[None]:
+    """Draw what is behind a dialog whenever it changes, not once a second: what a test sees stands still."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(modal, "BEHIND_S", 0.0)
         yield
 
 

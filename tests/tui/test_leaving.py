@@ -2,18 +2,29 @@
 
 import asyncio
 import gc
+import math
 import threading
+import time
 import warnings
+from types import SimpleNamespace
 
 import pytest
 from msgspec import structs
 from textual import events
+from textual.color import Color
+from textual.renderables.background_screen import BackgroundScreen
+from textual.screen import Screen as TextualScreen
+from textual.strip import Strip
+from textual.style import Style
+from textual.visual import RichVisual
 
 from silo.conditions.standing import TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import FileType, SavedFile, State
 from silo.rpc.published import EventKind
+from silo_tui import modal
 from silo_tui.commands.flows import left_words
+from silo_tui.modal import Behind
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.screens.lists.recordings import RecordingsScreen
 from silo_tui.screens.lists.settings import SettingsScreen
@@ -148,6 +159,38 @@ async def test_behind_a_dialog_one_sees_the_screen_that_it_is_about(opened, fake
         await screen.press("t", "q")
         await screen.shows("Quit without applying?")
         await screen.shows("/base/position")
+
+
+async def test_what_is_behind_a_dialog_is_drawn_as_textual_draws_it_and_once_a_second(opened, fake, monkeypatch):
+    async with opened(fake) as screen:
+        table = screen.app.screen
+        await screen.press("question_mark")
+        tint = Color(10, 20, 30, 0.5)
+        base = Style(Color(1, 2, 3), Color(4, 5, 6), bold=True)
+        mine = Behind(table, tint).render_strips(80, 24, base, None)
+        theirs = RichVisual(table, BackgroundScreen(table, tint)).render_strips(80, 24, base, None)
+        assert [Strip(one).simplify() for one in mine] == [Strip(one).simplify() for one in theirs]
+        assert len({style for strip in mine for _, style, _ in strip}) > 3
+
+        drawn, now = [], [100.0]
+        table._shone_s = -math.inf
+        monkeypatch.setattr(modal, "BEHIND_S", 1.0)
+        monkeypatch.setattr(time, "monotonic", lambda: now[0])
+        monkeypatch.setattr(TextualScreen, "_compositor_refresh", lambda one: drawn.append((one, now[0])))
+        monkeypatch.setattr(
+            type(table), "set_timer", lambda one, wait_s, do: drawn.append((do, wait_s)) or SimpleNamespace(stop=int)
+        )
+        for now_s in (100.0, 100.4, 100.9, 101.0):
+            now[0] = now_s
+            table._compositor_refresh()
+        assert drawn[0] == (table, 100.0)
+        assert [round(wait_s, 3) for do, wait_s in drawn[1:3] if do == table._compositor_refresh] == [0.6, 0.1]
+        assert drawn[3:] == [(table, 101.0)]
+        screen.app.pop_screen()
+        table._compositor_refresh()  # in front it is drawn whenever something changes
+        assert drawn[-1] == (table, 101.0)
+        assert len(drawn) == 5
+        monkeypatch.undo()
 
 
 @pytest.mark.parametrize(("is_demo", "words"), [(True, "The demo robot ends"), (False, "The logger goes on")])
