@@ -407,7 +407,7 @@ class Recorder:
             self._tell_clients(f"nothing of this run is recorded: no element matches {' '.join(self._order.patterns)}")
         elif names := ending(layout):
             self._tell_clients(
-                f"{len(names)} elements come to an end when their buffers are full ({and_more(names, 5)}), those that "
+                f"elements come to an end when their buffers are full ({and_more(names, 5)}), those that "
                 "grow when there is no memory: set buffer=looping to record them without end"
             )
         self._happening = EventTail(drain.reader, since)

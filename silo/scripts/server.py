@@ -90,9 +90,9 @@ class ScriptServer(Server, does=[requests]):
         applied = apply_edits(self.robot, turn, request, now, fit=True)
         text = f"script {found} loaded: {many(applied.changed, 'element')} changed"
         if unknown:
-            text += f", {len(unknown)} names are not in the table"
+            text += f", {many(len(unknown), 'name')} not in the table"
         if script.unknown_keys:
-            text += f", {len(script.unknown_keys)} keys are unknown and were left alone"
+            text += f", {many(len(script.unknown_keys), 'unknown key')} left alone"
         if conditions is not None:
             text += f"; {conditions_text(conditions)}"
         self.events.publish(EventKind.SCRIPT_LOADED, text, by=turn.by)

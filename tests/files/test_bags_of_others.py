@@ -398,7 +398,7 @@ class TestOtherFiles:
         with pytest.warns(silo.LogWarning) as told:
             log = silo.open_log(bag)
         (text,) = [str(one.message) for one in told]
-        assert "2 topics are left out: /state (their_msgs/msg/Thing: its definition is not in the bag), /camera" in text
+        assert "2 topics left out: /state (their_msgs/msg/Thing: its definition is not in the bag), /camera" in text
         assert "imu/angular_velocity" in log
         assert "state/on" not in log
 

@@ -152,7 +152,7 @@ def test_a_ulog_is_read_as_it_was_written(tmp_path):
     assert log["/battery_0/cell/on"].values.tolist() == [[True, False]] * 10
     np.testing.assert_allclose(log["/battery_1/voltage"].times, np.arange(10) * 0.02 + 2e-6)
     assert log.recording.about["sys_name"] == "PX4 1"
-    assert log.warnings == ("its logger lost 0.03 s in 1 dropouts",)
+    assert log.warnings == ("its logger lost 0.03 s in 1 dropout",)
 
 
 def test_silo_tui_shows_a_ulog_and_a_bag_of_ros_1_at_any_moment(types, tmp_path):

@@ -268,6 +268,11 @@ def test_values_are_read_only_views_of_the_file(small, tmp_path):
     assert isinstance(values, np.ndarray)
 
 
+def test_a_header_that_ends_otherwise_is_told(small, tmp_path):
+    recording = opened(small.replace(form.DATA_LINE, b"# Binary Date\n", 1), tmp_path)
+    assert recording.warnings == ("the header is damaged: its last line is not '# Binary Data'",)
+
+
 def test_a_header_whose_checksum_is_gone_is_told_where_it_has_facts_of_silo(small, tmp_path):
     begin = small.index(form.CHECK)
     recording = opened(small[:begin] + small[small.index(b"\n", begin) + 1 :], tmp_path)

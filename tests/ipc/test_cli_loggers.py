@@ -278,6 +278,8 @@ def test_ticks_are_of_the_whole_run_as_its_time_is(log: silo.Logger, command: Ru
     wait_until(lambda: log.ticks > 10)
     log.set("q", divider=2, cut=True)
     wait_until(lambda: not log._present.cut_off)
+    # while it runs, too
+    wait_until(lambda: "  cut: /log/joints/q divider 1 -> 2  (arm)\n" in command("events", "arm").out)
     said = command("stop", "arm").out
     whole = log.ticks
     assert f"arm: stopped, {whole} ticks" in said

@@ -507,8 +507,16 @@ def test_a_host_that_can_not_be_is_refused(mine, capsys, host) -> None:
     ],
 )
 def test_a_user_or_robot_who_can_not_be_is_refused(of, word) -> None:
-    with pytest.raises(SiloError, match="nothing was made"):
+    words = {
+        role_of: "--user takes NAME:ROLE, of letters and digits and viewer or operator or robot, got '{}'",
+        robot_of: "--robot takes the host name of one robot, letters, digits, _ . and -, and not 'local' or 'robots', "
+        "got '{}'",
+    }[of].format(word)
+    if word.startswith("local:"):
+        words = "the user 'local' is who works on the robot itself; take another name"
+    with pytest.raises(SiloError) as refused:
         of(word)
+    assert str(refused.value) == f"{words}; nothing was made"
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="makes certificates with openssl")

@@ -135,7 +135,7 @@ def test_a_password_is_printed_by_no_command(guarded, capsys, words) -> None:
         said = capsys.readouterr()
         assert '"..."' in said.out
         assert "look" not in said.out + said.err.replace("looking", "")
-        assert "--to FILE" in said.err
+        assert 'a password is left out ("..."): --to FILE writes all of it, for you alone\n' in said.err
 
 
 def test_a_configuration_with_a_password_is_a_file_of_its_user_alone(guarded, tmp_path, capsys) -> None:

@@ -5,6 +5,7 @@ import dataclasses
 import functools
 import os
 import threading
+import zlib
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
@@ -19,7 +20,7 @@ from silo.conditions.captures.writer import CaptureWriter
 from silo.conditions.left_captures import recover_captures
 from silo.conditions.segment_judge import SegmentJudge
 from silo.conditions.state_file import KeptCapture, note_begun, read_state, state_path, store_state
-from silo.errors import SaveError
+from silo.errors import SaveError, SegmentError
 from silo.files import naming
 from silo.files.atomic import check_room, claimed, sweep_parts
 from silo.files.manifest import CaptureList
@@ -158,6 +159,16 @@ def test_what_a_judge_stores_while_its_run_is_noted_as_begun_stays(robot, monkey
     note_begun(judge.reader.schema)
     stored.join()
     assert read_state(path).until == 500
+    magic, body = path.read_bytes()[: len(state_file._MAGIC)], b"\xc1"
+    for text, words in (
+        (magic + b"1234" + body, "damaged, or of another silo"),
+        (magic + zlib.crc32(body).to_bytes(4, "little") + body,
+         r"damaged (MessagePack data is malformed: invalid opcode '\xc1' (byte 0))"),
+    ):  # fmt: skip
+        path.write_bytes(text)
+        with pytest.raises(SegmentError) as damaged:
+            read_state(path)
+        assert str(damaged.value) == f"{path}: the state of the triggers is {words}"
 
 
 @pytest.mark.slow

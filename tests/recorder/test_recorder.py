@@ -5,6 +5,7 @@ import signal
 import socket
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -274,6 +275,27 @@ def test_what_no_buffer_has_any_more_is_told_as_lost_for_want_of_a_recorder(reco
     (element,) = read_bag(parts(tmp_path)[-1]).elements
     assert element.lost == report.lost > 0
     assert [f"of ticks 500 to {499 + report.lost}: no recorder read them in time" in one for one in told] == [True]
+
+
+@pytest.mark.parametrize(
+    ("names", "full", "words"),
+    [
+        ([], [], ["nothing of this run is recorded: no element matches joints/* imu"]),
+        (["x"], [], []),
+        (["x"], ["/log/x"], ["elements come to an end when their buffers are full (/log/x), those that grow when there "
+                             "is no memory: set buffer=looping to record them without end"]),
+    ],
+)  # fmt: skip
+def test_what_of_a_run_is_not_recorded_without_end_is_told(tmp_path, monkeypatch, names, full, words) -> None:
+    told: list[str] = []
+    monkeypatch.setattr("silo.recorder.recorder.EventTail", lambda *_: None)
+    monkeypatch.setattr("silo.recorder.recorder.ending", lambda _: full)
+    writing = SimpleNamespace(put=lambda *_: None, begin_run=None)
+    made = SimpleNamespace(_tell_clients=told.append, _writing=writing, _gone="", _missed=[])
+    made._order = order(tmp_path, patterns=["joints/*", "imu"])
+    run = SimpleNamespace(layout=SimpleNamespace(elements=names), reader=None, begun_with={})
+    Recorder._announce(made, run, 0)
+    assert told == words
 
 
 def test_a_frozen_spare_is_passed_over_and_ended(robot, tmp_path) -> None:

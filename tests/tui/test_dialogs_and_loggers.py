@@ -573,7 +573,7 @@ class SlowDemo:
 async def test_while_the_demo_starts_nobody_is_told_that_no_logger_runs(opened):
     demo = SlowDemo()
     async with opened(demo=demo, ready=False) as screen:
-        await screen.shows("The demo is starting")
+        await screen.shows("The demo is starting: a simulated legged robot, which opens here by itself.")
         assert "No logger is running" not in screen.text
         demo.said = "The demo ended with exit code 1:\nno room"
         await screen.shows("The demo ended with exit code 1")

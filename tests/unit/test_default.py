@@ -36,6 +36,13 @@ def test_before_init_nothing_is_logged():
     assert silo.array("q", 2).tolist() == [0, 0]
 
 
+def test_a_function_is_documented_as_the_method_that_it_calls():
+    for name in ("add", "start", "save"):
+        function, method = getattr(silo, name), getattr(Logger, name)
+        assert function.__doc__ == f"`Logger.{name}` of the default logger.\n\n{inspect.getdoc(method)}"
+        assert function.__qualname__ == name
+
+
 def test_init_makes_the_logger_that_the_functions_use(init):
     log = init()
     q = silo.array("q", 2)

@@ -74,6 +74,12 @@ def test_an_element_without_samples_says_so(log):
     assert "newest none" in repr(log["joints/q"])
 
 
+def test_an_element_that_is_off_holds_nothing_of_this_run(log):
+    log.set("mode", enabled=False)
+    off = turned(log, 7)["mode"]
+    assert (off.held, off.lost, off.failures, off.newest, off.time_ns) == (0, 0, 0, None, None)
+
+
 def test_an_element_is_looked_at_while_the_logger_runs(log):
     log.start()
     log.q[:] = 5

@@ -24,6 +24,7 @@ from silo.bridges.messages import live_topics
 from silo.bridges.services import Call, Connect, Tune, audit
 from silo.core.elements import ElementInfo
 from silo.core.names import grouped
+from silo.core.quantities.writing import many
 from silo.core.tuning.parameters import ParameterInfo
 from silo.errors import SiloError
 from silo.history.arrays import SampleArrays
@@ -336,7 +337,7 @@ class ViewerServer:
             if samples.missed:
                 topic = offer.topic.channel.topic
                 viewer.tell(
-                    StatusLevel.WARNING, f"{samples.missed} samples of {topic} were lost on the way to the bridge"
+                    StatusLevel.WARNING, f"{many(samples.missed, 'sample')} of {topic} lost on the way to the bridge"
                 )
 
     def _told(self, text: str) -> None:

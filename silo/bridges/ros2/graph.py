@@ -21,6 +21,7 @@ from silo.bridges.ros2.parameters import EVENT, EVENT_HASH, EVENTS, NodeParamete
 from silo.bridges.ros2.standard import Outlet, outlets_of
 from silo.bridges.services import Call, Tune, audit, trigger_response
 from silo.core.elements import ElementInfo
+from silo.core.quantities.writing import many
 from silo.core.tuning.parameters import ParameterInfo
 from silo.errors import ConnectionLostError, SiloError
 from silo.history.arrays import SampleArrays
@@ -220,12 +221,12 @@ class Graph:
                     topic.publish(time_ns, message)
                 if topic.pairing is not None and topic.pairing.unpaired:
                     self._tell(
-                        f"{topic.pairing.unpaired} ticks of {topic.outlet.topic} were left out: not all had them"
+                        f"{many(topic.pairing.unpaired, 'tick')} of {topic.outlet.topic} left out: not all had them"
                     )
                     topic.pairing.unpaired = 0
             for name, samples in batch.items():
                 if samples.missed:
-                    self._tell(f"{samples.missed} samples of {name} were lost on the way to the bridge")
+                    self._tell(f"{many(samples.missed, 'sample')} of {name} lost on the way to the bridge")
         finally:
             taken()
 

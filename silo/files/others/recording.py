@@ -16,7 +16,7 @@ import yaml
 from numpy.typing import NDArray
 
 from silo.core.elements import BufferType, Entry
-from silo.core.quantities.writing import and_more
+from silo.core.quantities.writing import and_more, many
 from silo.core.recording import DamageNotes, RecordedElement, Recording, common_axis, lazy_entry
 from silo.core.yaml_depth import ShallowLoader
 from silo.errors import FileFormatError, LogNotFoundError, reason
@@ -78,7 +78,7 @@ def open_others(path: FilePath) -> Recording:
         if not readers and damaged:
             why = f"{_some(_named(unknown))}{_because(told)}"
             raise FileFormatError(f"{path}: damaged, nothing in it can be read: {why}")
-        lacks = [f"{len(unknown)} topics are left out: {_some(_named(unknown))}"] if unknown else []
+        lacks = [f"{many(len(unknown), 'topic')} left out: {_some(_named(unknown))}"] if unknown else []
         lacks += [f"bytes, lists of messages and of lists are no signals: {_some(left)}"] if left else []
         if lacks:
             told.add("; ".join(lacks))

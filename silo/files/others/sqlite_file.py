@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.quantities.writing import many
 from silo.errors import FileFormatError
 from silo.files.others.topics import Bad, Equal, FileTopic, equal
 
@@ -95,7 +96,7 @@ class SqliteTopic:
             if isinstance(number, int) and isinstance(stamp, int) and -(2**63) <= stamp < 2**63
         )
         if len(whole) < len(found):
-            why = f"{len(found) - len(whole)} messages have no time"
+            why = f"{many(len(found) - len(whole), 'message')} without a time"
         return [number for _, number in whole], np.array([stamp for stamp, _ in whole], np.int64), why
 
     def stamps(self) -> NDArray[np.int64]:

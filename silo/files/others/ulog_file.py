@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from silo.core.elements import BufferType, Entry, LoggedEvent, join_name
 from silo.core.kinds import index_suffixes, kind_by_shape
+from silo.core.quantities.writing import many
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, common_axis
 from silo.core.tuning.parameters import ParameterChange
 from silo.errors import FileFormatError
@@ -57,7 +58,7 @@ def _recording(path: Path, found: Any) -> Recording:
         order = np.argsort(micros, kind="stable")
         order = order[micros[order] <= _MOST_MICROS]
         if len(order) < len(micros):
-            warnings.append(f"{name}: {len(micros) - len(order)} messages have no time: they are left out")
+            warnings.append(f"{name}: {many(len(micros) - len(order), 'message')} without a time left out")
         stamps.append(micros[order].astype(np.int64) * 1000)
         elements += _elements(name, {field: values[order] for field, values in one.data.items()}, stamps[-1])
     axis = common_axis(stamps)
@@ -65,7 +66,7 @@ def _recording(path: Path, found: Any) -> Recording:
         warnings.append("the file is damaged: what follows the damage may be missing")
     lost_s = sum(one.duration for one in found.dropouts) * 1e-3
     if lost_s:
-        warnings.append(f"its logger lost {lost_s:g} s in {len(found.dropouts)} dropouts")
+        warnings.append(f"its logger lost {lost_s:g} s in {many(len(found.dropouts), 'dropout')}")
     return Recording(
         logger=path.stem,
         time_ns=axis,
@@ -119,7 +120,7 @@ def _events(found: Any, axis: Stamps) -> Iterator[LoggedEvent]:
     if known:
         values = tuple((name, None, value) for name, value in sorted(known.items()))
         told.append(
-            (int(axis[0]) if len(axis) else 0, "parameter", f"{len(values)} parameters", ParameterChange(values))
+            (int(axis[0]) if len(axis) else 0, "parameter", many(len(values), "parameter"), ParameterChange(values))
         )
     for micros, name, value in found.changed_parameters:
         new = _number(value)
