@@ -125,17 +125,18 @@ def whole(argument: str, value: object, low: int, high: int) -> int:
     number = whole_number(value)
     if number is not None and low <= number <= high:
         return number
-    raise ElementError(
-        f"{argument} must be a whole number from {low} to {high}, got {shown(value)}{whole_hint(argument, value)}"
-    )
+    hint = whole_hint(argument, value, low, high)
+    raise ElementError(f"{argument} must be a whole number from {low} to {high}, got {shown(value)}{hint}")
 
 
-def whole_hint(argument: str, value: object) -> str:
-    """What to write instead of a float that is whole; empty for all else."""
-    if isinstance(value, numbers.Real) and not isinstance(value, numbers.Integral) and float(value).is_integer():
-        number = int(float(value))
-        return f"; write {argument}={number}" if argument.isidentifier() else f"; write {number}"
-    return ""
+def whole_hint(argument: str, value: object, low: float, high: float) -> str:
+    """What to write instead of a float that is whole, from `low` to `high`; empty for all else."""
+    if not isinstance(value, numbers.Real) or isinstance(value, numbers.Integral):
+        return ""
+    number = float(value)
+    if not number.is_integer() or not low <= number <= high:
+        return ""
+    return f"; write {argument}={int(number)}" if argument.isidentifier() else f"; write {int(number)}"
 
 
 def truth(value: object) -> bool | None:

@@ -117,6 +117,8 @@ def _none(which: str | os.PathLike[str], place: Path) -> LogNotFoundError:
     inside = place / which
     if inside.is_dir():
         return LogNotFoundError(f"no log in '{_whole(inside)}'{_what_is_there(inside)}")
+    if inside.name and inside.parent.is_dir():  # where it would lie, which may be another folder
+        which, place = inside.name, inside.parent
     return LogNotFoundError(f"no log '{which}' in '{_whole(place)}'{_what_is_there(place)}")
 
 

@@ -234,7 +234,7 @@ def _hint(option: ElementOption, value: object) -> str:
     if isinstance(value, Action | BufferType):
         other = OPTION["action" if isinstance(value, Action) else "buffer"]
         return f", which is for {other.name}: write {other.name}={other.word_of(value).word!r}"
-    return "" if option.words else whole_hint(option.name, value)
+    return "" if option.words else whole_hint(option.name, value, *RANGES[option.name])
 
 
 def read_options(options: Mapping[str, object], name: str = "") -> ElementSettings:

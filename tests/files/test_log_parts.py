@@ -136,42 +136,58 @@ def test_a_part_is_plotted_by_the_times_of_the_whole(log, capsys):
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda log, folder: log.clip("a"), "start_s must be from"),
+        (lambda log, folder: log.clip("a"), "start_s must be from -1e+09 and below 1e+09 s since start, got 'a'"),
         (lambda log, folder: log.clip(90, 99), "the log has no tick from 90 s to 99 s; it goes from 0 to 4.9 s"),
-        (lambda log, folder: log.clip(t0=1), "did you mean 'start_s'?"),
-        (lambda log, folder: log.resample("a"), "must be numbers"),
-        (lambda log, folder: log.resample(0), "the rate must be more than 0"),
-        (lambda log, folder: log.resample(5, "cubic"), "choose 'hold' or 'linear'"),
-        (lambda log, folder: log.save("x.docx"), ".docx"),
-        (lambda log, folder: log.save(5), "path must be a path"),
-        (lambda log, folder: log.save(folder), "folder"),
-        (lambda log, folder: log.plot(), "say what to plot"),
-        (lambda log, folder: log.plot("nope"), "no signal matches 'nope'"),
-        (lambda log, folder: log.plot(5), "pattern must be a text"),
-        (lambda log, folder: log.plot("x", start_s=50.0), "no sample to plot"),
-        (lambda log, folder: log.signals, "list(log) has the names"),
-        (lambda log, folder: log.to_csv("x"), "it is log.save('x.csv')"),
-        (lambda log, folder: log.duration, "it is .duration_s"),
-        (lambda log, folder: log.clp(1), "did you mean 'clip'?"),
-        (lambda log, folder: silo.compare(log), "silo.compare() needs b"),
-        (lambda log, folder: silo.compare(log, 5.5), "which log must be"),
-        (lambda log, folder: silo.compare(log, log, event=5), "event must be a function of a log"),
+        (lambda log, folder: log.clip(t0=1), "log.clip() has no argument 't0', did you mean 'start_s'?; "
+         "nothing was done"),
+        (lambda log, folder: log.resample("a"), "times of 'the log' must be numbers, in seconds since start "
+         "(or a rate in Hz), got 'a'"),
+        (lambda log, folder: log.resample(0), "can't resample 'the log' at 0 Hz: the rate must be more than 0, "
+         "and finite"),
+        (lambda log, folder: log.resample(5, "cubic"), "unknown method 'cubic' to resample a log: choose "
+         "'hold' or 'linear'"),
+        (lambda log, folder: log.save("x.docx"), "'x.docx': silo can't write .docx, only .silo, .mcap, "
+         ".rosbag2 (a folder; .bag, too), .csv, .parquet, .mat, .npz, .h5 and .rrd"),
+        (lambda log, folder: log.save(5), "path must be a path, got 5; write path='some/path'"),
+        (lambda log, folder: log.save(folder), "'FOLDER' is a folder: it is not replaced; choose another name"),
+        (lambda log, folder: log.plot(), "say what to plot: log.plot('/log/joints/*'); it has 4 elements, see "
+         "list(log)"),
+        (lambda log, folder: log.plot("nope"), "no signal matches 'nope'; there are 4 elements, such as "
+         "/log/x, /log/mode, /log/q"),
+        (lambda log, folder: log.plot(5), "pattern must be a text, got 5 (int); write log.plot('/log/joints/*')"),
+        (lambda log, folder: log.plot("x", start_s=50.0), "there is no sample to plot in that window; the log "
+         "goes from 0 to 4.9 s"),
+        (lambda log, folder: log.signals, "a log has no 'signals': list(log) has the names, log['/log/x'] is "
+         "one of them, log.glob('*') are all"),
+        (lambda log, folder: log.to_csv("x"), "a log has no 'to_csv': it is log.save('x.csv')"),
+        (lambda log, folder: log.duration, "a log has no 'duration': it is .duration_s"),
+        (lambda log, folder: log.clp(1), "a log has no 'clp': did you mean 'clip'?"),
+        (lambda log, folder: silo.compare(log), "silo.compare() needs b: write silo.compare(a, b, pattern=..., "
+         "event=..., signal=..., ...)"),
+        (lambda log, folder: silo.compare(log, 5.5), "which log must be a path, the start of a file name or a "
+         "run number, got 5.5; write silo.open_log('logs/robot_2026')"),
+        (lambda log, folder: silo.compare(log, log, event=5), "event must be a function of a log, got 5; write "
+         "event=lambda log: log['x'] > 1"),
         (
             lambda log, folder: silo.compare(log, log, event=lambda one: one["x"] > 99),
-            "doesn't happen in the first run",
+            "the event '(/log/x > 99)' doesn't happen in the first run, which has samples from 0 to 4.9 s",
         ),
-        (lambda log, folder: silo.compare(log, log, signal="nope"), "no signal 'nope'"),
-        (lambda log, folder: silo.compare(log, log, signal="q"), "name one of them, such as '/log/q_0'"),
-        (lambda log, folder: silo.compare(log, log, event=abs, signal="x"), "not both"),
-        (lambda log, folder: silo.compare(log, log, tolerance="a"), "tolerance must be"),
-        (lambda log, folder: silo.compare(log, log).plot(), "nothing differs"),
-        (lambda log, folder: silo.open_logs(folder / "nope"), "no log"),
+        (lambda log, folder: silo.compare(log, log, signal="nope"), "the log has no signal 'nope'; it has 4 "
+         "elements, see list(log)"),
+        (lambda log, folder: silo.compare(log, log, signal="q"), "'/log/q' has components: name one of them, "
+         "such as '/log/q_0'"),
+        (lambda log, folder: silo.compare(log, log, event=abs, signal="x"),
+         "compare takes event= or signal=, not both"),
+        (lambda log, folder: silo.compare(log, log, tolerance="a"), "tolerance must be from 0 and below inf, "
+         "got 'a'"),
+        (lambda log, folder: silo.compare(log, log).plot(), "nothing differs: no plot"),
+        (lambda log, folder: silo.open_logs(folder / "nope"), "no log 'nope' in 'FOLDER'; there are: LOG"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_done_is_told_of(call, words, log, folder):
     with pytest.raises(silo.SiloError) as caught:
         call(log, folder)
-    assert words in str(caught.value)
+    assert str(caught.value) == words.replace("FOLDER", str(folder)).replace("LOG", next(folder.glob("*.silo")).name)
 
 
 # ------------------------------------------------------------------------------------------------------ two runs

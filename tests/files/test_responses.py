@@ -182,16 +182,17 @@ def test_a_step_with_a_ramp_is_as_high_as_it_comes_to():
 @pytest.mark.parametrize(
     ("ask", "words"),
     [
-        (lambda log: log.bode("tau", "q", 3.0, 3.01), "too few"),
-        (lambda log: log.bode("tau", "q", 1.0, 5.0), "no power"),
-        (lambda log: log.step("tau", "q", 1.0, 5.0), "no step"),
-        (lambda log: log.bode("tau", "q", 100.0, 101.0), "no sample"),
-        (lambda log: log.bode("tau", "nothing"), "no signal"),
+        (lambda log: log.bode("tau", "q", 3.0, 3.01), "5 samples of both are too few, at least 64 are needed"),
+        (lambda log: log.bode("tau", "q", 1.0, 5.0), "the input has no power from 0 to 250 Hz"),
+        (lambda log: log.step("tau", "q", 1.0, 5.0), "the input has no step"),
+        (lambda log: log.bode("tau", "q", 100.0, 101.0), "'/log/tau' has no sample from 100 to 101 s"),
+        (lambda log: log.bode("tau", "nothing"), "the log has no signal 'nothing'; it has 2 elements, see list(log)"),
     ],
-)
+)  # fmt: skip
 def test_what_can_not_be_told_is_said(ask, words):
-    with pytest.raises(ElementError, match=words):
+    with pytest.raises(ElementError) as caught:
         ask(silo.Log(logged(CHIRP, FirstOrder)))
+    assert str(caught.value) == words
 
 
 def chirp_then_step():

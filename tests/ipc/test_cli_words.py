@@ -64,14 +64,16 @@ def test_patterns_name_elements(patterns: str, places: list[int]) -> None:
 @pytest.mark.parametrize(
     ("patterns", "words"),
     [
-        ("/log/bas", r"^no element matches '/log/bas'"),  # half a name is no namespace
-        ("/log/base/twits", r"^no element matches '/log/base/twits'; did you mean '/log/base/twist'\?$"),
-        ("nobody /log/base/twist", r"no element matches 'nobody'; .*; no logger of that name runs here"),
+        ("/log/bas", "no element matches '/log/bas'; did you mean '/log/base/pose'?"),  # half a name is no namespace
+        ("/log/base/twits", "no element matches '/log/base/twits'; did you mean '/log/base/twist'?"),
+        ("nobody /log/base/twist", "no element matches 'nobody'; `silo info -e` lists them; no logger of that "
+         "name runs here: `silo ls`"),
     ],
-)
+)  # fmt: skip
 def test_a_pattern_that_names_nothing_tells_the_nearest_name_or_that_no_logger_has(patterns: str, words: str) -> None:
-    with pytest.raises(ElementError, match=words):
+    with pytest.raises(ElementError) as caught:
         names_of(*patterns.split())
+    assert str(caught.value) == words
 
 
 @pytest.mark.parametrize(

@@ -51,6 +51,7 @@ class Hostile:
         ("real", True, [0, 9, "s of time"], "it must be from 0 and below 9 s of time, got True"),
         ("whole", 8, [1, 7], "it must be a whole number from 1 to 7, got 8"),
         ("whole", 3.0, [1, 7], "it must be a whole number from 1 to 7, got 3.0; write it=3"),
+        ("whole", 9.0, [1, 7], "it must be a whole number from 1 to 7, got 9.0"),
         ("whole", 2.5, [1, 7], "it must be a whole number from 1 to 7, got 2.5"),
         ("whole", True, [0, 7], "it must be a whole number from 0 to 7, got True"),
         ("switch", 1, [], "it must be True or False, got 1"),
@@ -88,4 +89,4 @@ def test_a_number_may_have_to_be_above_its_lower_end():
 
 
 def test_more_than_an_identifier_is_told_to_be_written_as_a_number_alone():
-    assert arguments.whole_hint("the divider", 3.0) == "; write 3"
+    assert arguments.whole_hint("the divider", 3.0, 1, 7) == "; write 3"

@@ -111,7 +111,8 @@ def element_name(source: object, name: object, attr: object) -> str:
     """Return the name of an element, told by its attribute or function where none is given. Raises ElementError."""
     if isinstance(source, str) and name is not None and not isinstance(name, str):
         raise ElementError(
-            f"log.add takes the variable first and its name second, got {shown(source)} and a {type(name).__name__}; "
+            f"log.add takes the variable first and its name second, got {shown(source)} and "
+            f"{shown(name)} ({type(name).__name__}); "
             f'write log.add({source if source.isidentifier() else "variable"}, "{source}")'
         )
     if name is None and attr is None and isinstance(source, str):
