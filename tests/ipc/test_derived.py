@@ -74,13 +74,16 @@ class TestTable:
         client.derive("a", "x + 1")
         client.derive("b", "a + 1")
         client.derive("of/d", "x")
+        client.derive("größe", "x")
+        client._remove_derived("größe")
         for name, expression, words in (
             ("a", "b + 1", "would be computed from itself: /log/a = b .* 1, /log/b = a .* 1"),
             ("c", "c + x", "would be computed from itself"),
             ("c", "nope + 1", "no signal is named 'nope'"),
             ("c", "of + 1", "no signal is named 'of'"),
             ("x", "q", "is an element already"),
-            ("", "x", "needs a name"),
+            ("/", "x", "a derived signal needs a name; nothing was changed$"),
+            ("a\n", "x", r"signal name 'a\\n': write a name of printable characters; nothing was changed$"),
         ):
             with pytest.raises(RefusedError, match=words):
                 client.derive(name, expression)

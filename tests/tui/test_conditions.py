@@ -332,6 +332,14 @@ class TestScreens:
             await screen.do("plot_conditions")
             await screen.shows("the first 6 of 9 signals: mark others")
 
+    async def test_an_alarm_of_what_is_no_signal_of_the_table_is_not_plotted(self, fake, opened):
+        fake.limit_statuses = [LimitStatus("/log/gone", "/log/gone", LimitWord.RED_HIGH, value=9.0, count=1)]
+        async with opened(fake) as screen:
+            await screen.press("A")
+            await screen.shows("/gone")
+            await screen.do("plot_conditions")
+            await screen.shows("nothing of it can be plotted: it is no signal of the table")
+
     async def test_limits_are_edited_from_what_they_are_and_keep_it(self, fake, opened):
         given = SignalLimits("/log/LF/HAA/torque", (None, None, 60.0, 80.0), 3, 1.0, 0.5, "x > 1")
         fake.limit_statuses = [HOT.given(given)]
@@ -348,6 +356,16 @@ class TestScreens:
             await screen.press("enter")
             await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
         assert next(call for call in fake.calls if call[0] == "set_limits")[1] == given
+
+    async def test_what_limits_without_a_bound_do_is_said(self, fake, opened):
+        async with opened(fake) as screen:
+            await screen.press("A")
+            await screen.press("N")
+            await screen.shows("Limits of a signal")
+            await screen.type("legs/LF/HAA/torque")
+            await screen.press(*["tab"] * 7)
+            await screen.type("1s")
+            await screen.shows("no bound: it is an alarm where it stays the same for so long")
 
     async def test_limits_of_a_name_that_is_typed_keep_what_is_not_named(self, fake, opened):
         given = SignalLimits("/log/LF/HAA/torque", (None, None, 60.0, 80.0), 3, 1.0, 0.5, "x > 1")

@@ -1,6 +1,7 @@
 """The large plot is the monitor with one plot: the same keys, the same pause, the same window."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -201,6 +202,16 @@ async def test_each_way_of_drawing_fills_the_plot_and_says_what_it_is_of(new_fak
             plot = large(screen).plot
             assert (max(map(len, plot.plot.lines)), len(plot.plot.lines)) == plot.plot_size
             await screen.press("tab")
+
+
+async def test_where_there_is_too_little_for_a_way_of_drawing_that_is_said(new_fake, opened, monkeypatch):
+    monkeypatch.setattr("silo_tui.screens.plots.detail.pair_of", lambda *_: SimpleNamespace(x=[1.0]))
+    monkeypatch.setattr("silo_tui.screens.plots.detail.as_floats", lambda values: np.full(7, np.nan))
+    async with opened(new_fake([scalar("/log/a", "rad"), scalar("/log/b", "rad/s")]).run(3), size=(120, 40)) as screen:
+        await screen.press("asterisk", "m", "J", "enter", "tab")
+        await screen.shows("1 held, 2 needed of both at the same time")
+        await screen.press("tab", "tab")
+        await screen.shows("7 held, none is a finite number")
 
 
 async def test_in_an_x_y_plot_signals_have_the_letters_that_they_had_in_the_plots(new_fake, opened):

@@ -1,6 +1,7 @@
 """Holding the picture: what is pinned stays, whatever becomes of buffers, link and robot."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from textual.widgets import Input
 from silo.core.elements import BufferType
 from silo.history.requests import PinOpened
 from silo_tui.screens.dialogs.questions import Prompt
+from silo_tui.screens.plots.plot_screen import PlotScreen
 from tests.stand_ins.fake_signals import HZ, START_NS, scalar, signal
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
@@ -552,3 +554,18 @@ async def test_what_the_plot_showed_stays_to_be_seen_where_the_buffers_hold_it_n
         assert filled(screen)
         await screen.do("oldest")
         await screen.until(lambda: monitor(screen).window.at_ns == monitor(screen).held_ns[0], "the oldest drawn")
+
+
+@pytest.mark.parametrize(("at_ns", "found_ns"), [(None, None), (5, 10), (10, 10), (50, 50)])
+async def test_a_cursor_over_what_was_overwritten_goes_to_the_oldest_that_is_held(at_ns, found_ns):
+    async def look(*_):
+        pass
+
+    window = SimpleNamespace(at_ns=at_ns, column_ns=lambda _: 1, span_ns=100)
+    source = SimpleNamespace(look=look)
+    plots = SimpleNamespace(
+        window=window, stack=SimpleNamespace(columns=100), shown_ns=(50, 150), held_ns=(10, 150),
+        pause=SimpleNamespace(source=source), _show_held=lambda _: None, _empty=lambda: None, _read_moment=lambda: None,
+    )  # fmt: skip
+    await PlotScreen._look(plots)
+    assert window.at_ns == found_ns

@@ -9,6 +9,7 @@ import pytest
 
 import silo
 from silo.errors import UnknownNameError
+from silo.logger.serving.serving import Serving
 
 MOST = {silo.Logger: 32, silo.Client: 50, silo.Signal: 45}
 
@@ -75,6 +76,8 @@ def test_a_member_of_before_is_refused_with_what_to_write(kind, name, new_logger
         (silo.Signal("q", np.arange(3.0), np.arange(3)), "last", r"it is \[-1\]"),
         (silo.NullLogger(), "set_divider", r"log.set\('x', divider=2\)"),
         (silo.NullLogger(), "param", "log.parameter"),
+        (object.__new__(Serving), "url", "^serving has no 'url': `silo address LOGGER` in a shell prints it$"),
+        (object.__new__(Serving), "stop", r"^serving has no 'stop': it is \.close\(\)$"),
     ],
 )
 def test_what_newcomers_guess_is_told_of_in_the_right_word(kind, name, words):
