@@ -262,7 +262,7 @@ def _cant_refer(value: object, name: str) -> str:
         )
     if isinstance(value, bool | int | float | complex | np.generic | str | bytes | enum.Enum):
         return (
-            f"{name}: a {type(value).__name__} is a value, not a variable: it would never change in the log; "
+            f"{name}: a value of type {type(value).__name__} is no variable: it would never change in the log; "
             f'write {short} = log.array("{short}", ...) and set {short}[...], '
             f'or log an attribute: log.add(owner, attr="{short}"), or a function: log.add(lambda: {short}, "{short}")'
         )
@@ -272,8 +272,8 @@ def _cant_refer(value: object, name: str) -> str:
             f"use a NumPy array: {short} = np.array([...], float), and change it in place: {short}[:] = ..."
         )
     return (
-        f"{name}: don't know how to log a {type(value).__name__}; log a NumPy array, an attribute (attr=...), "
-        f"a function, or register the type once: silo.register({type(value).__name__}, 'field', ...)"
+        f"{name}: don't know how to log what is of type {type(value).__name__}; log a NumPy array, an attribute "
+        f"(attr=...), a function, or register the type once: silo.register({type(value).__name__}, 'field', ...)"
     )
 
 

@@ -16,6 +16,7 @@ import silo
 from silo.cli.group import cli
 from silo.files.bags.metadata import pack_times, unpack_facts, unpack_times
 from silo.files.mcap import chunks as mcap_chunks
+from silo.files.mcap.damage import told_damage
 from silo.files.mcap.index import read_index
 
 START = 1_700_000_000 * 10**9
@@ -24,6 +25,21 @@ SPLIT = "=" * 80
 NUMBER = "float64 data\n"
 LIST = "int64[] data\n"
 MODES = f"my_msgs/Modes m\nuint8 mode\nuint8 fault\nuint8 level\n{SPLIT}\nMSG: my_msgs/Modes\nuint8 A=1\nuint8 B=2\n"
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (ValueError("17 bytes are no message"), "17 bytes are no message"),
+        (KeyError("imu"), "damaged: it names 'imu', which isn't there"),
+        (struct.error("unpack requires 4 bytes"), "damaged: unpack requires 4 bytes"),
+        (EOFError(), "damaged: EOFError"),
+        (UnicodeDecodeError("utf-8", b"a", 0, 1, "odd"), "damaged: 'utf-8' codec can't decode byte 0x61 in position 0: "
+                                                         "odd"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_file_is_said_in_words(error, words):
+    assert told_damage(error) == words
 
 
 def number(value):

@@ -253,14 +253,24 @@ class TestCharts:
     @pytest.mark.parametrize(
         ("spec", "words"),
         [
-            (ChartSpec(["torqeu"]), r"'torqeu'.*/log/LF/torque"),  # names close ones
-            (ChartSpec(["LF/torque"], start=77), r"0 to 3\.99 s"),
-            (ChartSpec(["base_y"], x="torque"), r"'torque' must be one signal.*matches 2"),
+            (
+                ChartSpec(["torqeu"]),
+                "no signal matches 'torqeu'; there are 9 elements, such as /log/RF/torque, /log/LF/torque",
+            ),  # names close ones
+            (
+                ChartSpec(["LF/torque"], start=77),
+                "there is no sample to plot in that window; the log goes from 0 to 3.99 s",
+            ),
+            (
+                ChartSpec(["base_y"], x="torque"),
+                "'torque' must be one signal for the x axis, but matches 2: /log/LF/torque, /log/RF/torque ...",
+            ),
         ],
     )
     def test_what_can_not_be_drawn_is_said(self, log, spec, words):
-        with pytest.raises(ElementError, match=words):
+        with pytest.raises(ElementError) as caught:
             make_chart(log, spec)
+        assert str(caught.value) == words
 
     @pytest.mark.parametrize("window", [{"start_s": "1"}, {"stop_s": float("nan")}])
     def test_a_window_that_is_no_time_is_refused_in_words(self, log, window):

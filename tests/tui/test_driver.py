@@ -221,8 +221,10 @@ def test_who_is_not_asked_is_not_waited_for(driver):
 )
 def test_each_frame_ends_with_what_the_terminal_answers(answers, query, driver):
     asked(driver)
+    came_s, answered = [], driver.pacer.answered
+    driver.pacer.answered = lambda now_s: (came_s.append(now_s), answered(now_s))
     driver.answer(*answers)
-    assert driver.pacer.answers == 1
+    assert (driver.pacer.answers, came_s) == (1, [driver.clock.s])
     assert driver.paint("abc").endswith(query)
     driver.answer(ANSWER if query == QUERY else ALIVE_ANSWER)
     assert driver.pacer.answers == 2
