@@ -35,7 +35,7 @@ from silo.core.episodes.words import Episode
 from silo.core.kinds import SCALAR
 from silo.core.names import did_you_mean, is_glob
 from silo.core.parameter_images import NOT_KNOWN
-from silo.core.quantities.writing import html_table
+from silo.core.quantities.writing import html_table, many
 from silo.core.recording import (
     RecordedElement,
     Recording,
@@ -424,7 +424,7 @@ class Log(Mapping[str, Signal]):
         spec = ChartSpec(list(patterns), list(right), x, "", window[0], window[1], MOST_CURVES)
         chart, left_out = make_chart(self.recording, spec, title or os.path.basename(self.path))  # noqa: PTH119
         if left_out:
-            warn_outside(f"{left_out} more signals match and are not drawn")
+            warn_outside(f"not drawn: {many(left_out, 'more signal')} of these patterns")
         return show(chart, ax, path, terminal)
 
     def bode(

@@ -181,7 +181,7 @@ def _set(
         click.echo(warning, err=True)
     show_changes(changes[:MOST_CHANGES])
     if len(changes) > MOST_CHANGES:
-        click.echo(f"... and {len(changes) - MOST_CHANGES} more changes")
+        click.echo(f"... and {many(len(changes) - MOST_CHANGES, 'more change')}")
     click.echo(f"changed {what} (revision {applied.revision}){'; logging again' if runs else ''}")
 
 

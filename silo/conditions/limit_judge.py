@@ -18,6 +18,7 @@ from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.arrays.values import EXACT
 from silo.core.conditions import SignalLimits
 from silo.core.names import grouped
+from silo.core.quantities.writing import many
 from silo.errors import ElementError
 from silo.expressions.binding import OFF, BoundExpression, BoundSignal, ScalarPlace, means_else
 from silo.expressions.evaluation import Evaluator, EvaluatorMemory, SourceRows
@@ -357,7 +358,7 @@ class LimitJudge:
             found.sort(key=lambda due: (-_severity(due[1]), due[1].told_s))
         news = [text for due in found[:most] for text in _news(*due)]
         if last and len(found) > most:
-            news.append(LimitNews(True, f"{len(found) - most} more signals changed; `silo alarms` lists them"))
+            news.append(LimitNews(True, f"{many(len(found) - most, 'more signal')} changed; `silo alarms` lists them"))
         return news
 
 

@@ -8,6 +8,7 @@ import logging
 import threading
 
 from silo.core.elements import NOTED, LoggedEvent
+from silo.core.quantities.writing import many
 from silo.core.recording import unheld_text
 from silo.errors import SegmentError
 from silo.files.event_log import lacking
@@ -114,5 +115,5 @@ class MarkReader:
             if text not in logged:  # else a helper process before this one told it
                 self._events.publish(EventKind.UNHELD, text, tick=found[name], run=run)
         if len(fresh) > MOST_UNHELD:
-            text = f"nobody but silo holds the arrays of {len(fresh) - MOST_UNHELD} more elements either"
+            text = f"nobody but silo holds the arrays of {many(len(fresh) - MOST_UNHELD, 'more element')} either"
             self._events.publish(EventKind.UNHELD, text, run=run)

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from silo.core.elements import ElementInfo
+from silo.core.quantities.writing import many
 from silo.core.recording import KEPT_ALIKE, NEVER_CHANGED, NEWEST_ALIKE, unheld_text
 from silo.loop.plan import Element
 from silo.loop.sources import HeldArrays, Reference
@@ -142,7 +143,8 @@ class Unheld:
         for name in fresh[:MOST_TOLD]:
             logger.warning("%s: %s", name, unheld_text(tick, same(found[name])))
         if len(fresh) > MOST_TOLD:
-            logger.warning("nobody but silo holds the arrays of %d more elements either", len(fresh) - MOST_TOLD)
+            more = many(len(fresh) - MOST_TOLD, "more element")
+            logger.warning("nobody but silo holds the arrays of %s either", more)
 
 
 def _same(reader: SegmentReader, one: ElementSchema) -> str:

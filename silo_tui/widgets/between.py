@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from rich.text import Text
 from textual.widgets import Static
 
+from silo.core.quantities.writing import many
 from silo.expressions.span import Between
 from silo_tui.actions import key_of
 from silo_tui.model.words import text
@@ -37,7 +38,7 @@ class BetweenTable(Guarded, Static):
             lines.append("".join(f"{word:>{column}}" for word in words_of(found, column)))
         if len(facts) > MOST_LINES:
             isolates, removes = f"{key_of('isolate_plot')} isolates one", f"{key_of('drop_plot')} takes one away"
-            lines.append(f"\n {len(facts) - MOST_LINES} more signals: {isolates}, {removes}")
+            lines.append(f"\n {many(len(facts) - MOST_LINES, 'more signal')}: {isolates}, {removes}")
         if partly:
             lines.append(f"\n {partly}")
         self.update(lines)

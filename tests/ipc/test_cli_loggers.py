@@ -165,12 +165,18 @@ def test_set_changes_what_matches_in_one_transaction(log: silo.Logger, command: 
     assert options["/log/mode"].divider == 1
 
 
-def test_set_shows_each_field_that_changes(log: silo.Logger, command: Run) -> None:
+def test_set_shows_each_field_that_changes_of_many_the_first(
+    log: silo.Logger, command: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
     lines = command("set", "*/tau", "divider=2", "off").out.splitlines()
     assert [line.split() for line in lines[:2]] == [
         ["/log/joints/tau", "enabled", "on", "->", "off"],
         ["/log/joints/tau", "divider", "1", "->", "2"],
     ]
+    monkeypatch.setattr("silo.cli.edits.MOST_CHANGES", 1)
+    lines = command("set", "*/tau", "divider=1", "on").out.splitlines()
+    assert lines[0].split() == ["/log/joints/tau", "enabled", "off", "->", "on"]
+    assert lines[1] == "... and 1 more change"
 
 
 @pytest.mark.parametrize("entry", ["joints/tau_y", "tau_y", "/log/joints/tau_y", "joints/tau/y"])

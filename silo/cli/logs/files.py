@@ -426,7 +426,9 @@ def plot_command(
         # room for the prompt
         print_chart(chart, width or size.columns, height or size.lines - 2)
     if left_out:
-        click.echo(f"{left_out} more signals match; the first {_MOST_CURVES} are drawn", err=True)
+        click.echo(
+            f"not drawn: {many(left_out, 'more signal')} of these patterns, behind the first {_MOST_CURVES}", err=True
+        )
     _warn(path, recording)
 
 
