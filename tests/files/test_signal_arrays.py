@@ -260,6 +260,14 @@ def test_other_functions_take_the_plain_values(log):
     assert np.fft.rfft(x).shape == (11,)
 
 
+@pytest.mark.parametrize("dtype", ["int64", "uint64"])
+def test_beside_a_division_by_zero_rests_of_large_numbers_are_right_to_the_last_digit(dtype):
+    large = [2**62 + 1, 7, 2**62 + 5]
+    one = silo.Signal("one", np.array(large, dtype), np.arange(3))
+    rest = one % silo.Signal("other", np.array([1000, 0, 7], dtype), np.arange(3))
+    np.testing.assert_array_equal(rest.values, [large[0] % 1000, np.nan, large[2] % 7])
+
+
 def test_a_signal_is_converted_by_its_unit(log):
     assert log["x"].to("mm")[3] == 3000
     assert log["q"].to("deg").unit == "deg"

@@ -15,11 +15,13 @@ import pytest
 
 import silo
 from silo.conditions import state_file
+from silo.conditions.captures.buffer import bytes_per_tick
 from silo.conditions.captures.files import write_capture
 from silo.conditions.captures.writer import CaptureWriter
 from silo.conditions.left_captures import recover_captures
 from silo.conditions.segment_judge import SegmentJudge
 from silo.conditions.state_file import KeptCapture, note_begun, read_state, state_path, store_state
+from silo.core.elements import Action, BufferType, ElementOptions
 from silo.errors import SaveError, SegmentError
 from silo.files import naming
 from silo.files.atomic import check_room, claimed, sweep_parts
@@ -29,6 +31,18 @@ from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
 
 LONG_S = 1.0  # what the first one waits for may never come: then it goes on
+
+
+def test_what_a_capture_takes_for_each_tick_is_what_is_saved_without_end_by_its_dividers():
+    def ring(row_words, divider, buffer_type=BufferType.LOOPING):
+        return SimpleNamespace(row_words=row_words, divider=divider, buffer_type=buffer_type)
+
+    def element(ring, action=Action.SAVE):
+        return SimpleNamespace(ring=ring, info=SimpleNamespace(options=ElementOptions(action=action)))
+
+    rings = [ring(2, 1), ring(6, 4), ring(50, 1, BufferType.FIXED), ring(10, 1)]
+    elements = [element(1), element(2), element(3, Action.PUBLISH)]
+    assert bytes_per_tick(SimpleNamespace(rings=rings, elements=elements)) == 8 * (2 + 6 / 4)
 
 
 @pytest.fixture

@@ -17,6 +17,7 @@ from silo_tui.model.lists.runs import COMPARED, ORDERS
 from silo_tui.model.table.changes import Cost
 from silo_tui.model.table.state import PendingChange
 from silo_tui.screens.dialogs import recorder
+from silo_tui.screens.dialogs.form import Form
 from silo_tui.screens.dialogs.questions import (
     LARGEST,
     MAX_GROUPS,
@@ -28,6 +29,7 @@ from silo_tui.screens.dialogs.questions import (
 )
 from silo_tui.screens.dialogs.recorder import RecordDialog, Wish
 from silo_tui.screens.dialogs.scripts import script_diff_text, scripts_question
+from silo_tui.screens.files.save_data import SaveDialog
 from tests.stand_ins.desk import ESC, Desk, Straight
 from tests.stand_ins.fake_signals import scalar
 
@@ -299,3 +301,15 @@ def test_orders_whose_words_fit_beside_one_another_stand_in_two_columns_others_b
         "b begun, the newest first       s span, the longest first       ",
         "n name  ↓                       l lost, the most first          ",
     ]
+
+
+@pytest.mark.parametrize(
+    ("failed", "words", "style"), [(True, "no room", "failed"), (False, "no room", "quiet"), (True, "2 files", "quiet")]
+)
+def test_a_save_that_failed_stands_as_such_however_often_it_is_said(monkeypatch, failed, words, style):
+    told = []
+    monkeypatch.setattr(Form, "tell", lambda _, words, style="": told.append((words, style)))
+    dialog = SaveDialog.__new__(SaveDialog)
+    dialog._result("no room", failed=failed)
+    dialog.tell(words, "quiet")
+    assert told == [("no room", "failed" if failed else ""), (words, style)]

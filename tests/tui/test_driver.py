@@ -311,7 +311,7 @@ def test_what_a_key_changed_goes_first(driver, clock, monkeypatch):
 def test_what_is_typed_or_clicked_is_urgent_and_passed_on(message, urgent, driver, clock):
     driver.process_message(message)
     assert driver.posted == [message]
-    assert (driver._urgent_until_s == clock.s + URGENT_S) is urgent
+    assert (driver._urgent_until_s == clock.s + 1.0) is urgent
     assert driver.pacer._keys_since is urgent
 
 
