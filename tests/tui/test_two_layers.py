@@ -282,6 +282,7 @@ def test_a_letter_that_has_no_use_here_says_where_it_has_one_and_how_one_gets_th
          "others")),
         ("episode", "settings", ("table", "it is a key of table (g h), plots (g h, then m), large plot (g h, then m, "
          "then Enter) and others")),
+        ("plot_conditions", "loggers", ("triggers", "it is a key of triggers, alarms, parameters")),
         ("fold", "loggers", ("table", "it is a key of table (g h)")),
         ("goto", "loggers", ("", "it is a key of ")),
     ],
