@@ -228,7 +228,7 @@ def fixed_text(elements: Sequence[ElementInfo]) -> str:
     if not fixed:
         return ""
     more = f" and {len(fixed) - 1} more keep" if len(fixed) > 1 else " keeps"
-    return f"'{fixed[0]}'{more} first samples only (buffer=fixed): captures have those alone, nothing of the moment"
+    return f"'{fixed[0]}'{more} first samples only (buffer=fixed), in captures too"
 
 
 def bounds_given(name: str, bounds: object) -> tuple[float | None, float | None, float | None, float | None]:

@@ -292,7 +292,7 @@ class TestCommands:
         bench.ticks(60)
         wait_until(lambda: client.status().ticks == 60)
         assert run(["trigger", "bot", "test", "x % 20 == 0"]) == 0
-        assert "would have fired 3 times in the last 0.59 s (all that is held); true for 5 %" in capsys.readouterr().out
+        assert "would have fired 3 times in the 0.59 s that are held; true for 5 %" in capsys.readouterr().out
         assert run(["trigger", "bot", "add", "high", "x > 100", "--pre", "50ms", "--mode", "single"]) == 0
         bench.logger.trigger("dark", "kept > 0")
         trigger(client, state=TriggerWord.ARMED)

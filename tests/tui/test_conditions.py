@@ -168,7 +168,7 @@ class TestWords:
     def test_a_test_shows_where_it_would_have_fired(self, fake):
         tried = fake.try_trigger(FALL.options)
         first, places = tried_lines(tried, 60)
-        assert first == "would have fired 3 × in the last 60 s (all that is held)"
+        assert first == "would have fired 3 × in the 60 s that are held"
         assert places.count("│") == 3
         size = capture_words(tried, FALL.options)
         assert size.startswith("each capture about")
@@ -190,7 +190,7 @@ class TestWords:
         said, _, blind_words = says.partition("; ")
         for lasts, counted in (("", "would have been violated 0 ×"), ("one violation", "one violation")):
             first = tried_lines(tried, 60, "would have been violated", "beyond", lasts=lasts)[0]
-            told = f"{said} in the last 60 s (all that is held), from its begin on: {counted}"
+            told = f"{said} in the 60 s that are held, from its begin on: {counted}"
             assert first == told + (f"; {blind_words}" if blind_words else "")
 
 

@@ -168,4 +168,4 @@ def tried_text(tried: "TriggerTried") -> str:
     held_s = (tried.end_ns - tried.begin_ns) / 1e9
     blind = f"; blind at {tried.blind} of {tried.judged} ticks" if tried.blind else ""
     held = f"; true {share_words(tried.held, tried.judged - tried.blind)}" if tried.held else ""
-    return f"would have fired {times} in the last {held_s:.3g} s (all that is held){held}{blind}"
+    return f"would have fired {times} in the {held_s:.3g} s that are held{held}{blind}"
