@@ -245,7 +245,7 @@ class Context:
     def hear(self, words: str) -> None:
         """Tell news of the robot, on a line of their own."""
         if words:
-            self._unread.append(self.note(words, is_news=True))
+            self._unread.append(self.note(self.shown(words), is_news=True))
             self.tell_upper(lambda screen: screen.show_news(self.news))
 
     @property

@@ -246,8 +246,7 @@ async def _carry_out(context: Context, *, around: bool, cut: bool, unsaved: Unsa
 
 def _warn(context: Context, applied: EditsApplied) -> None:
     """Tell of what works and is likely not meant, as the shell does: buffers of gigabytes."""
-    if applied.warnings:
-        context.app.notify("\n".join(applied.warnings[:6]), severity="warning", timeout=6, markup=False)
+    context.hear("; ".join(applied.warnings))
 
 
 async def _settle_conflicts(context: Context) -> bool:

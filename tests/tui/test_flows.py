@@ -268,14 +268,14 @@ def test_a_new_run_has_triggers_watch_again_that_fired(fired, words, running):
     assert f"its buffers begin empty.{words} Stopping ends" in desk.asked[0]
 
 
-def test_what_is_likely_not_meant_is_told_beside_the_rest_up_to_six_lines(saved):
+def test_what_is_likely_not_meant_is_told_beside_the_rest_with_names_as_the_table_has_them(saved):
     desk = Desk(saved, "a").edit()
     apply = saved.apply
     saved.apply = lambda *given, **named: msgspec.structs.replace(
-        apply(*given, **named), warnings=[f"line {each}" for each in range(9)]
+        apply(*given, **named), warnings=["large", "trigger 'slip': '/log/imu/temperature' holds less"]
     )
     desk.does(flows.apply(desk))
-    assert desk.noted == ["line 0\nline 1\nline 2\nline 3\nline 4\nline 5"]
+    assert desk.news.endswith("large; trigger 'slip': '/imu/temperature' holds less")
 
 
 # ----------------------------------------------------------------------------------------------------------- scripts
