@@ -464,6 +464,8 @@ class ElementsScreen(SiloScreen):
         term, count = blocked
         if glob := glob_of_regex(term):
             return f"0 of {len(table)}: {term} is no glob; {glob} is one, ~{term} a regular expression"
+        if set(term) & set("(^$+\\") and not term.lstrip("-").startswith("~"):
+            return f"0 of {len(table)}: {term} has signs of a regular expression, which begins with ~"
         return f"0 of {len(table)}; without {term}: {count}{near}"
 
     def _back_to_table(self) -> None:

@@ -369,7 +369,10 @@ class TableScreen(ElementsScreen):
         return int(targets[0]) if len(targets) == 1 and self.session.table.derived[targets[0]] else None
 
     def command_derive(self, typed: Spelled = BY_KEY) -> None:
-        self.derive(typed.first, " ".join(typed.arguments[1:]).removeprefix("= "))
+        rows, names, given = self.session.rows, self.session.table.names, typed.arguments[1:]
+        marked = [self.session.short_name(names[row]).lstrip("/") for row in rows.targets()] if not given else []
+        two = " * ".join(marked) if len(marked) == 2 and not typed.first else ""
+        self.derive(typed.first, " ".join(given).removeprefix("= ") or two)
 
     def derive(self, name: str = "", expression: str = "") -> None:
         """Make a derived signal, or change the one of that name; what isn't said is asked for."""

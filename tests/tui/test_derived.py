@@ -1,5 +1,6 @@
 """Derived signals on the screen: rows with a sign, whose options are nobody's to edit, plotted as elements are."""
 
+import asyncio
 import re
 
 import numpy as np
@@ -134,6 +135,41 @@ def test_a_unit_that_follows_is_not_typed_again(table):
     assert derived.present(table) == (Derived("/log/double", "2 * imu/acceleration"),)
     assert derived.named(table, "double").expression == "2 * imu/acceleration"
     assert derived.named(table, "new") == Derived("new", "")
+
+
+async def test_of_two_that_are_marked_the_product_is_offered(fake, opened):
+    async with opened(fake.run()) as screen:
+        await screen.enter("/LF/HAA position|torque")
+        await screen.do("mark", "mark")
+        await screen.enter(":derive")
+        await screen.shows("legs/LF/HAA/position * legs/LF/HAA/torque")
+
+
+async def test_what_was_wrong_goes_as_soon_as_something_else_is_typed(fake, opened, monkeypatch):
+    """However long it takes until that is looked at; and what was looked at meanwhile says nothing of it."""
+    async with opened(fake.run()) as screen:
+        await screen.enter(":derive p")
+        await screen.shows("Derive a signal on robot")
+        await screen.type("n")
+        await screen.shows("no signal is named 'n'")
+        form = screen.app.screen
+        monkeypatch.setattr(form, "look_soon", lambda: None)
+        await screen.type("orm(base/position)")
+        await screen.until(lambda: "no signal is named" not in screen.text)
+        looked, look = asyncio.Event(), form.look
+
+        async def slowly():
+            words = await look()
+            await looked.wait()
+            return words
+
+        monkeypatch.setattr(form, "look", slowly)
+        looking = asyncio.create_task(form._look_now())
+        await screen.type(" + 1")
+        looked.set()
+        await looking
+        await screen.settled()
+        assert "in m, every tick" not in screen.text
 
 
 async def test_a_signal_is_derived_changed_and_forgotten_without_leaving_the_table(fake, opened):

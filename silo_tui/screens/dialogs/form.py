@@ -107,6 +107,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         self._problem = problem
         typed = {name: values.get(name, "").strip() for line in lines for name in line}
         self._refused = typed if problem else None  # what was typed then
+        self._is_wrong = False  # what is said below: it is of what is typed no more as soon as that is another thing
         self._title, self._lines, self._values, self._hints = title, lines, values, hints
 
     def compose(self) -> ComposeResult:
@@ -175,7 +176,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
 
     def tell(self, words: str, style: str = "") -> None:
         """Say something of what is typed; the style is "quiet" or "failed", or as all else."""
-        words = self._table.shown(words) if self._table is not None else words
+        words, self._is_wrong = self._table.shown(words) if self._table is not None else words, bool(style)
         for line in self.query("#form-told").results(Static):  # none of a dialog that was left
             line.set_classes(style)
             line.update(Text(words))
@@ -190,6 +191,8 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
     def changed(self) -> None:
         """Look at it when the keys rest: what was refused is another thing now."""
         self._problem, self._refused = "", None
+        if self._is_wrong:
+            self.tell("")
         self.look_soon()
 
     def look_soon(self) -> None:
@@ -197,11 +200,14 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         self.once_settled("look", self.AFTER_S, lambda: run_alone(self, "look", self._look_now))
 
     async def _look_now(self) -> None:
-        if self.fields and not self._problem:  # that stands until something is typed
+        typed, style = self.fields, ""
+        if typed and not self._problem:  # that stands until something is typed
             try:
-                self.tell(await self.look())
+                words = await self.look()
             except (SiloError, ValueError) as error:
-                self.tell(self.wrong(error), "quiet")
+                words, style = self.wrong(error), "quiet"
+            if self.fields == typed:
+                self.tell(words, style)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         self.answer()
