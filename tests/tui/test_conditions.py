@@ -1,6 +1,7 @@
 """Triggers and alarms on the screen: how they stand, what is done with them, what a condition would have done."""
 
 import asyncio
+import re
 
 import numpy as np
 import pytest
@@ -273,6 +274,20 @@ class TestScreens:
             await screen.do("triggers")
             await screen.until(lambda: getattr(screen.app.screen, "scope", "") == "triggers", "the list")
             await screen.until(lambda: screen.app.screen.chosen_key == fake.trigger_statuses[-1].options.name)
+
+    async def test_in_live_plots_too_a_trigger_begins_at_the_level_under_the_cursor(self, fake, opened):
+        async with opened(fake.run(20)) as screen:
+            await screen.enter(":goto LF/HAA/torque")
+            await screen.do("monitor")
+            await screen.shows("live")
+            await screen.do(*["cursor_left"] * 4, "plot_trigger")
+            await screen.shows("New trigger")
+            await screen.shows("PAUSED")  # as what is found: the cursor's moment would move on
+            line = next(line for line in screen.text.splitlines() if "when" in line)
+            level = float(re.search(r"torque > (\S+)", line)[1])
+            plots = screen.app.context.upper_screen
+            shown = (await plots.readings_here())["/log/legs/LF/HAA/torque"].newest[0]
+            assert level == pytest.approx(shown, rel=1e-4)
 
     async def test_they_are_asked_for_again_where_no_answer_came(self, fake, opened, monkeypatch):
         fake.limit_statuses = [HOT]

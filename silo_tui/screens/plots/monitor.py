@@ -214,7 +214,9 @@ class MonitorScreen(PlotScreen):
     async def _ask_trigger(self) -> None:
         from silo_tui.screens.dialogs.trigger_editor import ask_trigger
 
-        chosen, at_cursor = self.stack.chosen_plot, self.window.paused and self.window.cursor is not None
+        chosen, at_cursor = self.stack.chosen_plot, self.window.cursor is not None
+        if at_cursor:
+            self.pause_here()  # its moment would move on
         level = value_here(chosen, await self.readings_here()) if at_cursor else ""
         await ask_trigger(self.context, await self.session.new_trigger(chosen.name, level))
 
