@@ -84,6 +84,9 @@ class MenuReader:
             self.close()
             return
         entries = in_menu(self._menu, screen.scope).get(key)
+        if entries is None and back is not None and back.id in MENUS:
+            screen.action_command(back.id)
+            return
         if entries is None:
             self.draw()
             screen.context.say(f"{key_text(key)} is not in the menu; {key_of('back')} leaves it")

@@ -96,6 +96,15 @@ def test_a_letter_that_is_in_no_menu_leaves_it_open(reading):
     assert reading.sheet.told[-3:] == ["the menu goes", "keys", "toggle"]
 
 
+def test_the_key_of_another_menu_opens_that_one_where_it_is_no_letter_of_this(reading):
+    reading.typed("v")
+    reading.timer.do()
+    reading.typed("g")
+    assert "menu_go" in reading.sheet.told, "one that is open, and was refused something, is no trap"
+    reading.typed("g")  # a letter of that menu: to the top
+    assert reading.sheet.told[-1] == "top"
+
+
 def test_a_menu_of_a_screen_that_is_left_is_left_too(reading):
     reading.typed("e")
     other = Asked()
