@@ -183,9 +183,9 @@ def test_a_mode_stands_behind_the_state_and_is_shortened_before_it_goes(width, l
 @pytest.mark.parametrize(
     ("word", "alarm", "words", "style"),
     [
-        ("HH", True, "1 alarm HH", "alarm"),
-        ("H", True, "1 alarm H", "warning"),
-        ("H", False, "1 alarm H seen", "warning"),
+        ("HH", True, "1 alarm (HH)", "alarm"),
+        ("H", True, "1 alarm (H)", "warning"),
+        ("H", False, "1 alarm (H) seen", "warning"),
     ],
 )
 def test_an_alarm_stands_in_the_head_and_its_words_give_way_at_last(word, alarm, words, style, desk):

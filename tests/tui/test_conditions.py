@@ -77,18 +77,18 @@ class TestWords:
 
     def test_the_head_tells_the_worst_alarm_and_how_many_triggers_watch(self):
         assert head_words([FALL, BLIND], [HOT]) == (
-            ("1 alarm HH", "HH 1"), True, ("1 trigger armed", "1 armed"),
+            ("1 alarm (HH)", "HH 1"), True, ("1 trigger armed", "1 armed"),
         )  # fmt: skip
         seen = replace(HOT, alarm=False, seen_by="ann")
-        assert head_words([], [seen])[0] == ("1 alarm HH seen", "HH 1")
-        assert head_words([], [HOT, seen, seen])[0] == ("3 alarms HH", "HH 3")
+        assert head_words([], [seen])[0] == ("1 alarm (HH) seen", "HH 1")
+        assert head_words([], [HOT, seen, seen])[0] == ("3 alarms (HH)", "HH 3")
         over = replace(HOT, word=LimitWord.OK)
         assert head_words([], [over, replace(over, alarm=False)]) == (
             ("1 alarm ended unseen", "1 alarm unseen"),
             False,
             ("", ""),
         )
-        assert head_words([], [over, seen])[0] == ("1 alarm HH seen, 1 ended unseen", "HH 1+")
+        assert head_words([], [over, seen])[0] == ("1 alarm (HH) seen, 1 ended unseen", "HH 1+")
         assert head_words([], []) == (("", ""), False, ("", ""))
         assert head_words([BLIND], []) == (("", ""), False, ("", ""))  # none is armed: nothing to tell
         assert head_words([replace(FALL, state=TriggerWord.FIRING)], [])[2][0] == "trigger fall fires"
@@ -301,14 +301,14 @@ class TestScreens:
 
         monkeypatch.setattr(fake, "alarms", lost_once)
         async with opened(fake.run()) as screen:
-            await screen.shows("1 alarm HH")
+            await screen.shows("1 alarm (HH)")
             assert len(asked) == 2
             assert not screen.app.screen.session.conditions_due
 
     async def test_alarms_are_listed_and_acknowledged_and_their_limits_deleted_after_a_question(self, fake, opened):
         fake.limit_statuses = [HOT, LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0)]
         async with opened(fake) as screen:
-            await screen.shows("1 alarm HH")
+            await screen.shows("1 alarm (HH)")
             await screen.press("A")
             await screen.shows("86.31")
             assert "1 over limits now │ 2 limits" in screen.text
@@ -519,7 +519,7 @@ class TestScreens:
         fake.limit_statuses = [LimitStatus(name, name, LimitWord.RED_HIGH, value=9.0, count=1)]
         async with opened(fake, size=(120, 24)) as screen:
             await screen.until(lambda: screen.session.beyond == {fake.elements[0].name: "HH"})
-            await screen.shows("1 alarm HH")
+            await screen.shows("1 alarm (HH)")
 
     async def test_a_plot_makes_a_trigger_at_its_level(self, fake, opened):
         async with opened(fake.run(20)) as screen:

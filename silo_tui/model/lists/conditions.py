@@ -152,7 +152,7 @@ def head_words(
     if worst is not None:
         more = f", {missed} ended unseen" if missed else ""
         alarm = (
-            f"{many(len(over), 'alarm')} {worst.value}{seen}{more}",
+            f"{many(len(over), 'alarm')} ({worst.value}){seen}{more}",
             f"{worst.value} {len(over)}{'+' * bool(more)}",
         )
     return alarm, worst in (LimitWord.RED_HIGH, LimitWord.RED_LOW), watching
