@@ -15,7 +15,7 @@ from silo.core.elements import FieldChange
 from silo.core.quantities.writing import and_more, duration, many
 from silo.errors import RefusedError
 from silo.rpc.refusals import RefusedWhy
-from silo.state.requests import EditsApplied, Unsaved
+from silo.state.requests import Unsaved
 from silo_tui.actions import key_of
 from silo_tui.context import GONE, Context
 from silo_tui.model.table.changes import cost_of
@@ -235,18 +235,11 @@ async def _carry_out(context: Context, *, around: bool, cut: bool, unsaved: Unsa
         raise
     if around:
         await session.start(unsaved)
-    context.say(
-        f"applied to {many(applied.changed, 'element')}"
-        + (", logging again" if around else ", it goes on" if cut else "")
-        + (f"; {key_of('undo')} takes it back, as edits to apply" if session.table.can_undo else "")
-    )
-    _warn(context, applied)
+    went = ", logging again" if around else ", it goes on" if cut else ""
+    back = [f"{key_of('undo')} takes it back, as edits to apply"] * session.table.can_undo
+    # beside it what works and is likely not meant, as the shell tells it: buffers of gigabytes
+    context.say("; ".join([f"applied to {many(applied.changed, 'element')}{went}", *applied.warnings, *back]))
     return True
-
-
-def _warn(context: Context, applied: EditsApplied) -> None:
-    """Tell of what works and is likely not meant, as the shell does: buffers of gigabytes."""
-    context.hear("; ".join(applied.warnings))
 
 
 async def _settle_conflicts(context: Context) -> bool:
@@ -329,8 +322,8 @@ async def load_script(context: Context, path: str = "") -> None:
     if conditions:
         await session.refresh_conditions()
     told = f"{many(loaded.changed, 'element')} changed{_conditions_words(conditions)}{_unknown_words(loaded.unknown)}"
-    context.say(f"loaded {name}: {told}{'; it goes on' if cut else '; logging again' if around else ''}")
-    _warn(context, loaded)
+    went = ["it goes on" if cut else "logging again"] * (cut or around)
+    context.say("; ".join([f"loaded {name}: {told}", *went, *loaded.warnings]))
 
 
 def _conditions_words(conditions: Sequence[FieldChange]) -> str:

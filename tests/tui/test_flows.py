@@ -268,14 +268,14 @@ def test_a_new_run_has_triggers_watch_again_that_fired(fired, words, running):
     assert f"its buffers begin empty.{words} Stopping ends" in desk.asked[0]
 
 
-def test_what_is_likely_not_meant_is_told_beside_the_rest_with_names_as_the_table_has_them(saved):
+def test_what_is_likely_not_meant_is_told_with_what_was_applied(saved):
     desk = Desk(saved, "a").edit()
     apply = saved.apply
     saved.apply = lambda *given, **named: msgspec.structs.replace(
         apply(*given, **named), warnings=["large", "trigger 'slip': '/log/imu/temperature' holds less"]
     )
-    desk.does(flows.apply(desk))
-    assert desk.news.endswith("large; trigger 'slip': '/imu/temperature' holds less")
+    said = desk.does(flows.apply(desk))
+    assert said.startswith("applied to 1 element; large; trigger 'slip': '/log/imu/temperature' holds less; u takes")
 
 
 # ----------------------------------------------------------------------------------------------------------- scripts

@@ -131,7 +131,7 @@ async def test_apply_shows_the_difference_sends_one_transaction_and_tells_of_buf
         assert [(call[0], len(call[1])) for call in fake.calls] == [("apply", 2)]
         await screen.shows("applied to 2 elements")
         assert screen.session.table.pending_count == (0, 0)
-        await screen.shows(large)
+        await screen.until(lambda: large in " ".join(screen.text.split()))
 
 
 async def test_the_editor_lies_over_a_row_that_is_edited(fake, opened):
