@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from silo.core.elements import Table
 from silo.live.quantities import FROZEN, NOT_FINITE
+from silo_tui.model.table.columns import TREE
 from silo_tui.model.table.facts import Facts
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.rows import RowList
@@ -269,6 +270,16 @@ def test_what_is_asked_of_all_elements_is_what_order_and_filter_need(rows):
     rows.order_by("|value|")
     rows.set_filter("std>1 rate<95% torque")
     assert rows.wanted() == {"signs", "value", "std", "rate", "share"}
+
+
+def test_a_filter_leads_to_the_first_element_that_passes_in_a_tree_too(rows):
+    """Not to the name space above it: plots, edits and triggers are of what was looked for."""
+    rows.order_by(TREE)
+    rows.set_filter("LF torque")
+    assert rows.row == rows.shown[0]
+    rows.folded = frozenset({"/legs"})
+    rows.set_filter("LF velocity")
+    assert rows.branch is not None, "what is folded stays so"
 
 
 def test_rows_that_a_measured_filter_lets_go_stay_for_two_seconds(rows):

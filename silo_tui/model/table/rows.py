@@ -109,12 +109,13 @@ class RowList:
         return [below(self.table.prefix, name) for name in self.table.names]
 
     def set_filter(self, text: str) -> None:
-        """Show what passes this filter, with the cursor on the first; without one it stays on its element."""
+        """Show what passes this filter, with the cursor on the first element; without one it stays on its element."""
         row, before = self.row, self.filter.text
         self.filter = filters.parse(text)
         self.refresh()
         if row is None or self.row != row or (text and text != before):
-            self.move_to(0)
+            elements = np.flatnonzero(self.tree.lines >= 0).tolist() if text else []
+            self.move_to(elements[0] if elements else 0)
 
     def order_by(self, sort: str) -> None:
         """Take an order; the same once more turns it round."""
