@@ -96,9 +96,10 @@ class ConditionServer(Server, does=[requests]):
     def acknowledge(self, turn: Turn, names: list[str], who: str) -> str:
         who = plain(on_behalf(turn.by, who))
         count = self.judge.acknowledge(names, who, time.time_ns())
+        if not count:
+            return "no alarm waits to be seen"
         text = f"{many(count, 'alarm')} seen by {who}"
-        if count:
-            self.events.publish(EventKind.CONDITIONS, text, by=turn.by)
+        self.events.publish(EventKind.CONDITIONS, text, by=turn.by)
         return text
 
     def _no_trigger(self, name: str) -> RequestRefusedError:

@@ -82,7 +82,9 @@ class CommandRunner:
                 *map(context.session.short_name, context.session.table.names),
                 *context.session.table.names,
             ],
-            "derived": lambda: [one.name for one in context.session.table.elements[context.session.table.own :]],
+            "derived": lambda: [
+                context.session.short_name(name) for name in context.session.table.names[context.session.table.own :]
+            ],
             "types": lambda: SAVED_NAMES,
             "views": lambda: ["save", *([LAST] if context.left_view else []), *BY_NAME, *files.names()],
             "logs": lambda: command_line.logs(begun, context.session.status.folder if context.has_session else ""),

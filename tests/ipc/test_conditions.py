@@ -229,6 +229,7 @@ class TestLimits:
         bench.ticks(25)
         assert alarm(client, word=LimitWord.YELLOW_HIGH).alarm
         assert client.acknowledge(["/log/x"], who="anna") == "1 alarm seen by anna"
+        assert client.acknowledge(["/log/x"], who="anna") == "no alarm waits to be seen"
         found = alarm(client)
         assert (found.alarm, found.seen_by, found.count) == (False, "anna", 1)
         bench.ticks(10)

@@ -393,6 +393,11 @@ def test_a_line_is_completed_by_what_it_may_become(line, lines, fake):
     assert CommandRunner(desk).complete(line) == lines
 
 
+def test_a_derived_signal_completes_a_line_as_the_table_has_it(fake):
+    fake.derived = (Derived("/log/power", "2 * imu/acceleration"),)
+    assert CommandRunner(Desk(fake)).complete(":derive /") == ["derive /power"]
+
+
 @pytest.mark.parametrize("line", ["goto /log/imu/t", "sort di"])
 def test_without_a_logger_nothing_of_it_completes_a_line(line, fake):
     desk = Desk(fake)
