@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from silo.conditions.standing import LimitStatus, LimitWord
+from silo.core.conditions import Derived
 from silo.errors import RefusedError
 from silo.rpc.refusals import RefusedWhy
 from silo_tui.commands import runner
