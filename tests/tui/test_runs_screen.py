@@ -22,6 +22,7 @@ from silo_tui.model.lists import runs
 from silo_tui.model.lists.runs import together
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.screens.files.file_table import FileTableScreen
+from silo_tui.screens.lists import runs as runs_screen
 from silo_tui.screens.lists.runs import ComparisonScreen, RunsScreen
 from tests.stand_ins.saved import cut_in_two, recorded_in_two
 from tests.waiting import DEADLINE_S
@@ -66,6 +67,25 @@ async def test_a_recording_of_several_files_is_one_run_and_opens_whole(fake, ope
 async def on_runs(screen, folder):
     await screen.press(":", *f"runs {folder}", "enter")
     await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 3)
+
+
+async def test_while_a_folder_is_read_it_says_how_far_that_is(fake, opened, folder, monkeypatch):
+    go_on, read = threading.Event(), runs_screen.runs
+
+    def slowly(folder, told):
+        told(2, 9)
+        go_on.wait(DEADLINE_S)
+        return read(folder, told=told)
+
+    monkeypatch.setattr(runs_screen, "runs", slowly)
+    async with opened(fake) as screen:
+        try:
+            await screen.press(":", *f"runs {folder}", "enter")
+            await screen.shows("2 of 9 new files")
+            await screen.shows("each is read once")
+        finally:
+            go_on.set()
+        await screen.until(lambda: len(screen.app.screen.shown) == 3)
 
 
 async def test_runs_are_listed_narrowed_by_what_was_measured_and_opened(fake, opened, folder):

@@ -47,6 +47,7 @@ class RunsScreen(ComparesTwo[ListedRun]):
         self._holding: set[str] | None = None  # those for which the filter's condition holds
         self._reading = False  # runs that are to lie over each other
         self._failed = ""
+        self._far = ""  # how many files that are new were read
 
     def begin(self) -> None:
         self.command_list_read()
@@ -57,13 +58,22 @@ class RunsScreen(ComparesTwo[ListedRun]):
     async def _read(self) -> None:
         try:
             folder = typed_path("the folder", self._folder)
-            self.found, self._failed = await asyncio.to_thread(runs, folder), ""
+            self.found, self._failed = await asyncio.to_thread(runs, folder, told=self._is_at), ""
             for expression in list(self.values):
                 del self.values[expression]  # which the runs that are there now may know nothing of
                 self._add(expression)
         except (SiloError, OSError) as error:
             self._failed = str(error)
         self.show()
+
+    def _is_at(self, done: int, total: int) -> None:
+        """Take how far the reading is, of its thread."""
+        self._far = f"\n{done} of {total} new files; each is read once"
+
+    def second_passed(self) -> None:
+        super().second_passed()
+        if self.found is None:
+            self.show()
 
     # ------------------------------------------------------------------------------------------------------- lines
 
@@ -126,7 +136,7 @@ class RunsScreen(ComparesTwo[ListedRun]):
         if self._failed:
             return f"{self._folder}: {self._failed}"
         if self.found is None:
-            return f"Reading what is known of {self._folder} …"
+            return f"Reading what is known of {self._folder} …{self._far}"
         if len(self.found):
             return super().advice()
         return f"There is no run in {self._folder}. Save one, or look elsewhere: :runs FOLDER"
