@@ -304,10 +304,10 @@ class Session:
         """Return what a trigger would have done in all that is held. Raises a SiloError where that can't be told."""
         return await self.connection.read(lambda client: client.try_trigger(trigger))
 
-    async def new_trigger(self, name: str, level: str = "") -> TriggerOptions:
+    async def new_trigger(self, name: str, level: str = "", *, falling: bool = False) -> TriggerOptions:
         """Return a new trigger on a scalar, at a level, or at one beyond all of the last minute: it would not fire."""
         short = self.short_name(name).lstrip("/")
-        when = f"{short} > {level}" if level else await self._beyond_all(name, short)
+        when = f"{short} {'<' if falling else '>'} {level}" if level else await self._beyond_all(name, short)
         return new_trigger(short.rpartition("/")[2], when)
 
     async def _beyond_all(self, name: str, short: str) -> str:

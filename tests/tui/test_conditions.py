@@ -289,6 +289,21 @@ class TestScreens:
             shown = (await plots.readings_here())["/log/legs/LF/HAA/torque"].newest[0]
             assert level == pytest.approx(shown, rel=1e-4)
 
+    async def test_where_a_level_was_looked_for_a_trigger_begins_at_that_one(self, fake, opened):
+        """Not at the sample that crossed it."""
+        async with opened(fake.run(20)) as screen:
+            await screen.enter(":goto LF/HAA/torque")
+            await screen.do("monitor")
+            await screen.shows("live")
+            await screen.press("f", "x", *"<2", "enter")
+            await screen.shows("crossing of 2 falling")
+            await screen.do("plot_trigger")
+            await screen.shows("legs/LF/HAA/torque < 2 ")
+            await screen.press("escape")
+            await screen.do("cursor_left", "cursor_left", "plot_trigger")  # elsewhere it is that of the cursor
+            await screen.shows("New trigger")
+            assert "torque < 2 " not in screen.text
+
     async def test_they_are_asked_for_again_where_no_answer_came(self, fake, opened, monkeypatch):
         fake.limit_statuses = [HOT]
         asked, alarms = [], fake.alarms

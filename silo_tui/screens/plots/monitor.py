@@ -217,8 +217,11 @@ class MonitorScreen(PlotScreen):
         chosen, at_cursor = self.stack.chosen_plot, self.window.cursor is not None
         if at_cursor:
             self.pause_here()  # its moment would move on
+        sought = self.search.crossing_here(chosen.name) if at_cursor else None
         level = value_here(chosen, await self.readings_here()) if at_cursor else ""
-        await ask_trigger(self.context, await self.session.new_trigger(chosen.name, level))
+        level = level if sought is None else text.short(sought.level, 6)
+        falling = sought is not None and sought.direction < 0
+        await ask_trigger(self.context, await self.session.new_trigger(chosen.name, level, falling=falling))
 
     def command_zero(self) -> None:
         run_aside(self, "zero", self._zero)

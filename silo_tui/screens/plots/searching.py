@@ -256,6 +256,12 @@ class MomentSearch:
 
         ask(self.screen, dialog, chosen)
 
+    def crossing_here(self, name: str) -> Search | None:
+        """Return the search for a level of a signal that led to where one is; None where none did."""
+        found, place = self._last
+        led = found is not None and found.search.what is What.CROSSING and found.moments[place]
+        return found.search if led and found and (led.name, led.time_ns) == (name, self.screen.now_ns) else None
+
     async def _go_to_typed(self, words: str) -> None:
         await self.screen.pause.settled()  # what the times are counted from
         if await self.screen.jump_to(self.screen.moment_typed(words)):
