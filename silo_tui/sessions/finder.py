@@ -4,11 +4,13 @@ Zenoh is loaded when the first look around is made, in a thread.
 """
 
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import msgspec
+from msgspec.structs import replace
 
 from silo.errors import SiloError
 from silo_tui.model.lists.fleet import FoundLogger
@@ -17,9 +19,11 @@ if TYPE_CHECKING:
     from silo.client.bulk import Job, Outcome
     from silo.client.client import Client
     from silo.fleet.fleet import Fleet
+    from silo.fleet.member import Member
     from silo.net import found
 
 FIRST_LOOK_S = 10.0
+OLD_S = 3.0  # so long what was told before nobody looked is waited for anew
 
 
 class Found(msgspec.Struct, frozen=True):
@@ -41,6 +45,7 @@ class ClientFinder:
         self.own_name = ""  # how events speak of us; empty before the first look
         self._fleet: Fleet | None = None
         self._looking = threading.Lock()
+        self._rested, self._since_s = False, 0.0  # and since when it attends again
 
     def begin(self) -> None:
         """Look around in a thread, while the screen is still being loaded; `find` waits for it."""
@@ -66,10 +71,12 @@ class ClientFinder:
                 self._fleet = Fleet(self._config)
                 there = self._fleet.wait_ready(FIRST_LOOK_S)
             else:
+                self._since_s = time.monotonic() if self._rested else self._since_s
+                self._rested = False
                 self._fleet.attend(attentive=True)
                 there = self._fleet.now()
         loggers = []
-        for one in there.members:
+        for one in map(self._as_of_now, there.members):
             each = one.found
             self._seen[one.key] = each
             alike = sum((other.found.host, other.found.name) == (each.host, each.name) for other in there.members) > 1
@@ -83,9 +90,16 @@ class ClientFinder:
         advice += [router.words for router in there.routers]
         return Found(tuple(loggers), tuple(advice))
 
+    def _as_of_now(self, one: "Member") -> "Member":
+        """Return it without what it told before nobody looked, for a moment: it may stand otherwise by now."""
+        is_old = self._since_s and one.here and one.told_s < self._since_s
+        is_old = is_old and time.monotonic() - self._since_s < OLD_S
+        return replace(one, summary=None) if is_old else one
+
     def rest(self) -> None:
         """Follow no more than who comes and goes, until somebody looks again."""
         if self._fleet is not None:
+            self._rested = True
             self._fleet.attend(attentive=False)
 
     def look_again(self) -> None:

@@ -8,13 +8,15 @@ import pytest
 from click.testing import CliRunner
 from msgspec.structs import replace
 
+from silo.core.elements import State
 from silo.errors import ConnectionLostError, LogNotFoundError, VersionError
 from silo.fleet.member import Member
 from silo.net.found import LoggerAddress
+from silo.rpc.published import Summary
 from silo_tui.cli import command
 from silo_tui.commands.opening import Opener
 from silo_tui.model.lists.fleet import FoundLogger
-from silo_tui.sessions.finder import FIRST_LOOK_S, ClientFinder, Found
+from silo_tui.sessions.finder import FIRST_LOOK_S, OLD_S, ClientFinder, Found
 from silo_tui.sessions.target import also_a_file, file_meant
 
 FAR = ("anymal", "robot3/anymal", "robot3~3fa977b2e0/anymal")
@@ -175,6 +177,25 @@ def test_a_look_around_waits_once_and_tells_which_are_alike_and_which_are_closed
         "lab.json5", ("wait_ready", FIRST_LOOK_S), ("attend", True), ("now",), ("attend", False), ("look_again",),
         ("close",),
     ]  # fmt: skip
+
+
+def test_what_was_told_before_nobody_looked_is_not_shown_as_what_is(monkeypatch):
+    """A demo that was just starting then stood as stopped for a second, while it ran for minutes."""
+    now_s = 100.0
+    monkeypatch.setattr("silo_tui.sessions.finder.time.monotonic", lambda: now_s)
+    monkeypatch.setattr("silo.fleet.fleet.Fleet", Members)
+    finder = ClientFinder()
+    finder.find()
+    told = Member(LoggerAddress("demo", 7, "", ""), summary=Summary(state=State.STOPPED), told_s=99.0)
+    finder._fleet.found.members = [told]
+    assert finder.find().loggers[0].member is told, "nobody looked away"
+    finder.rest()
+    assert finder.find().loggers[0].member.word == "..."
+    finder._fleet.found.members = [replace(told, told_s=100.5)]
+    assert finder.find().loggers[0].member.word == "stopped"
+    finder._fleet.found.members = [told]
+    now_s += OLD_S
+    assert finder.find().loggers[0].member is told, "it tells no more, as an older one"
 
 
 class Far:
