@@ -279,11 +279,11 @@ class SiloApp(Guarded, App[None]):
         """Follow what happened in the logger while a file lay over it."""
         session = self._live_session
         if session is not None and session.link is not None:
-            self._follow_link(session, session.link.connected, quiet=session.lost_since is None)
+            self._follow_link(session, session.link.connected)
 
-    def _follow_link(self, session: Session, is_there: bool, *, quiet: bool = False) -> None:
-        if is_there:
-            run_alone(self, "regain", self._regain, session, quiet=quiet)
+    def _follow_link(self, session: Session, is_there: bool) -> None:
+        if is_there:  # quiet where nobody was told that it was lost, or all was read since
+            run_alone(self, "regain", self._regain, session, quiet=session.lost_since is None)
         else:
             session.lose()
             self.context.status_changed()
@@ -292,9 +292,10 @@ class SiloApp(Guarded, App[None]):
         with self.context.quiet():
             before = session.status
             words = await session.regain()
-            if not before.is_of_program(session.status):
+            is_new = not before.is_of_program(session.status)
+            if is_new:
                 self.context.tell(lambda screen: screen.say(""))  # what was answered was of the program that is gone
-            if not quiet:
+            if is_new or not quiet:
                 self.context.hear(words)
         self.context.table_changed()
         self.context.status_changed()

@@ -159,6 +159,7 @@ class Session:
         self.overlay: Overlay | None = None  # a saved run over the plots
         self._said_closed = False  # the program that is connected, since it is
         self.gone: dict[str, Condition] = {}  # what went with the program before, by words
+        self._left: tuple[Status, dict[str, Condition]] | None = None  # with the link, until all is read anew
         self._kept: KeptConditions | None = None  # of what it judges and derives, for the next start
         self.refused_trigger: TriggerOptions | None = None  # and left, to mend why
         self.made_trigger = ""  # the one that was made last
@@ -583,24 +584,30 @@ class Session:
         """Note that the link is lost; everything stays as it was."""
         if self.lost_since is None:
             self.lost_since = time.monotonic()
+            self._left = self._now()
+
+    def _now(self) -> "tuple[Status, dict[str, Condition]]":
+        return self.status, {**self.gone, **self._conditions()}
 
     async def regain(self) -> str:
         """Follow a link that is back: read everything again, rebase pending edits.
 
         Returns what to say: the client goes over to a new robot program of the same name by itself.
         """
-        before, had = self.status, {**self.gone, **self._conditions()}
+        before, had = self._left = self._left or self._now()  # not what the new program told meanwhile
         self.conditions_due = True
         self.saves.clear()  # another helper process counts from 1 again
         await self._read_all()
-        self.lost_since, self._said_closed = None, False
+        is_new = not before.is_of_program(self.status)
+        if is_new:
+            self.knobs.forget()
+            with suppress(RefusedError):  # an older silo has none
+                await self.refresh_conditions()
+            self._note_gone(had)
+        self._left, self.lost_since, self._said_closed = None, None, False
         self.connection.watch_again()
-        if before.is_of_program(self.status):
+        if not is_new:
             return "the link is back"
-        self.knobs.forget()
-        with suppress(RefusedError):  # an older silo has none
-            await self.refresh_conditions()
-        self._note_gone(had)
         told = f"; gone with it, as no script of it has them: {self.gone_words()}" if self.gone else ""
         return f"started again; before, {before.reason or 'nothing is known of how it ended'}{told}"
 

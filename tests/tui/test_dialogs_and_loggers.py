@@ -6,13 +6,14 @@ import pkgutil
 
 import numpy as np
 import pytest
+from msgspec import structs
 from textual.geometry import Size
 
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
 from silo.core.conditions import SignalLimits, TriggerOptions, TriggerWord
 from silo.core.elements import BufferType, Entry, FileType
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
-from silo.errors import RefusedError
+from silo.errors import ConnectionLostError, RefusedError
 from silo.files import write
 from silo_tui import screens as every_screen
 from silo_tui.actions import BY_WORD, COMMANDS, footer_for
@@ -68,7 +69,8 @@ async def test_edits_are_kept_when_the_robot_program_was_started_again(fake, ope
 
 # pids count anew in each container
 @pytest.mark.parametrize(("pid", "program"), [(5000, ""), (4711, "b2")])
-async def test_conditions_that_a_new_program_knows_nothing_of_are_named(pid, program, fake, opened):
+@pytest.mark.parametrize("how", ["at once", "in part first", "to a question from before", "before it is told"])
+async def test_conditions_that_a_new_program_knows_nothing_of_are_named(pid, program, how, fake, opened, monkeypatch):
     fake.program = "a1" if program else ""  # of an older silo
     fake.trigger_statuses = [
         TriggerStatus(TriggerOptions(name, "legs/LF/HAA/torque > 3", 5.0, 1.0), TriggerWord.ARMED)
@@ -79,8 +81,25 @@ async def test_conditions_that_a_new_program_knows_nothing_of_are_named(pid, pro
         fake.cut()
         await screen.shows("No link")
         fake.pid, fake.program, fake.trigger_statuses = pid, program, fake.trigger_statuses[:1]
+        if how == "in part first":
+            table = fake.table
+
+            def not_yet():
+                monkeypatch.setattr(fake, "table", table)
+                raise ConnectionLostError("no answer")
+
+            monkeypatch.setattr(fake, "table", not_yet)
+        elif how == "to a question from before":
+            screen.session.triggers = fake.trigger_statuses
+            screen.session.take_status(structs.replace(screen.session.status, pid=pid, program=program))
+        elif how == "before it is told":
+            fake.connected = True
+            screen.app._second()
+            await screen.until(lambda: screen.session.connected, "the link")
         fake.mend()
         await screen.shows("as no script of it has them: trigger slip; :restore sets them")
+        await screen.settled()
+        assert "as no script of it has them: trigger slip" in screen.text
         assert "fall" not in screen.text
         await screen.enter(":restore")
         await screen.shows("set again: trigger slip")
