@@ -1,8 +1,9 @@
 """What screens and dialogs have in common: their work ends before their widgets go."""
 
+import asyncio
 import math
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine
 from functools import cached_property, lru_cache, partial
 from typing import Any, ParamSpec, TypeVar, cast
 
@@ -43,6 +44,15 @@ def run_alone(of: DOMNode, group: str, work: Work[Given], *given: Given.args, **
     """Do the same, and end what is still done of its group."""
     of.workers.cancel_group(of, group)
     run_aside(of, group, work, *given, **named)
+
+
+async def settled(change: Awaitable[object]) -> None:
+    """Wait until a screen has gone or come.
+
+    The app waits for it, too: where who waits here is cancelled, Textual would have that cancel the change, and with it
+    the app's own loop, through which no later key would come.
+    """
+    await asyncio.shield(change)
 
 
 def ask(of: DOMNode, dialog: Screen[ResultT | None], then: Callable[[ResultT], object]) -> None:

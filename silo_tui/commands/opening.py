@@ -12,7 +12,7 @@ from silo_tui.commands.runner import LAST, view_left, view_shown
 from silo_tui.context import Context
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout
-from silo_tui.modal import run_alone
+from silo_tui.modal import run_alone, settled
 from silo_tui.model.lists.fleet import FoundLogger
 from silo_tui.screens.table import TableScreen
 from silo_tui.sessions.demo import Demo
@@ -160,12 +160,12 @@ class Opener:
         context.take_session(session)
         screen = TableScreen(session)
         while len(app.screen_stack) > 2:
-            await app.pop_screen()
+            await settled(app.pop_screen())
         shown = asyncio.Event()
         filling = asyncio.ensure_future(self._fill(screen, logger, shown))
         try:
             with app.batch_update():  # painted once, where the values come at once
-                await (app.switch_screen if len(app.screen_stack) > 1 else app.push_screen)(screen)
+                await settled((app.switch_screen if len(app.screen_stack) > 1 else app.push_screen)(screen))
                 shown.set()
                 await asyncio.wait([filling], timeout=AT_ONCE_S)
             await filling
@@ -175,7 +175,7 @@ class Opener:
             self._again_s[logger.key] = time.monotonic() + AGAIN_S if passes else math.inf
             context.take_session(None)
             if app.screen_stack:
-                await app.switch_screen(self.first_screen)
+                await settled(app.switch_screen(self.first_screen))
             return False
         finally:
             filling.cancel()  # of an opening that was given up

@@ -7,6 +7,7 @@ import msgspec
 
 from silo_tui.context import Context
 from silo_tui.layouts.layout import KeptLayout
+from silo_tui.modal import settled
 from silo_tui.model.drawing.window import SPANS_S
 from silo_tui.model.table.columns import TREE
 from silo_tui.sessions.live import Session
@@ -121,7 +122,7 @@ async def show(context: Context, layout: KeptLayout) -> str:
     session = context.session
     missing = show_table(table, layout)
     while context.app.screen is not table and len(context.app.screen_stack) > 1:
-        await context.app.pop_screen()
+        await settled(context.app.pop_screen())
     entries = {
         session.short_name(element.name + entry.suffix): (element.name, element.name + entry.suffix)
         for element in (session.table.elements if layout.plots else ())

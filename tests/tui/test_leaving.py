@@ -24,7 +24,9 @@ from silo.core.elements import FileType, SavedFile, State
 from silo.rpc.published import EventKind
 from silo_tui import modal
 from silo_tui.commands.flows import left_words
-from silo_tui.modal import Behind
+from silo_tui.layouts import views
+from silo_tui.layouts.layout import KeptLayout
+from silo_tui.modal import Behind, run_aside
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.screens.lists.recordings import RecordingsScreen
 from silo_tui.screens.lists.settings import SettingsScreen
@@ -152,6 +154,30 @@ async def test_a_screen_that_is_closed_while_it_is_made_is_told_nothing_of_it(op
             await screen.settled()
             assert len(closed) == turns + 1
             assert not app.unforeseen.errors
+
+
+@pytest.mark.parametrize("what", ["a logger", "a view"])
+async def test_what_closes_screens_may_end_meanwhile_and_the_program_goes_on(new_fake, opened, monkeypatch, what):
+    async with opened(new_fake(name="arm"), new_fake(name="legs"), name="arm") as screen:
+        app = screen.app
+        await screen.press("m")
+        await screen.until(lambda: app.screen.is_there, "the plots")
+        pop = app.pop_screen
+
+        def pop_and_end():
+            asyncio.get_running_loop().call_soon(app.workers.cancel_group, app, "closing")
+            return pop()
+
+        monkeypatch.setattr(app, "pop_screen", pop_and_end)
+        if what == "a view":
+            run_aside(app, "closing", views.show, app.context, KeptLayout())
+        else:
+            (legs,) = [one for one in app._finder.find().loggers if one.name == "legs"]
+            run_aside(app, "closing", app._opener._open, legs)
+        await screen.until(lambda: all(one.is_finished for one in app.workers if one.group == "closing"), "its end")
+        heard = []
+        app.call_later(heard.append, "a message")
+        await screen.until(lambda: heard, "what the program hears")
 
 
 async def test_behind_a_dialog_one_sees_the_screen_that_it_is_about(opened, fake):
