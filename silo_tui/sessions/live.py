@@ -326,6 +326,7 @@ class Session:
 
     async def say_of_episode(self, word: str, name: str) -> LoggedEvent:
         """Mark that an episode begins or ends, or how it went. Raises ElementError where there is none."""
+        await self.learn_events()  # one that began may be on its way
         marks = next_marks(self.happened, word, name)
         return [await self.mark(text, 0) for text in marks][-1]
 

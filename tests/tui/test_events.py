@@ -1,5 +1,6 @@
 """Marks and events on the screen: M, E, lines in plots, find, jump there."""
 
+import threading
 import time
 from types import SimpleNamespace
 
@@ -29,6 +30,7 @@ from silo_tui.model.lists.happened import (
 )
 from silo_tui.screens.lists.events import EventsScreen
 from silo_tui.sessions.recorded import open_file
+from tests.waiting import DEADLINE_S
 
 SECOND = 10**9
 
@@ -399,6 +401,17 @@ async def test_a_key_says_how_an_episode_went(running, opened, keys, mark):
         await screen.press(*keys)
         await screen.until(lambda: [call[1] for call in running.calls if call[0] == "mark"] == [mark])
         await screen.shows(mark)
+
+
+async def test_of_an_episode_one_may_say_how_it_went_before_it_was_told_that_it_began(running, opened, monkeypatch):
+    running.happen("marker", 'episode "pick" begin', running.now_ns)
+    told, events = threading.Event(), running.events
+    monkeypatch.setattr(running, "events", lambda *given: events(*given) if told.wait(DEADLINE_S) else [])
+    async with opened(running, ready=False) as screen:
+        await screen.until(lambda: screen.app.context.has_session and len(screen.session.table), "the table")
+        await screen.press("f7")
+        told.set()
+        await screen.until(lambda: [call[1] for call in running.calls if call[0] == "mark"] == ['episode "pick" redo'])
 
 
 async def test_without_an_episode_it_is_said_that_there_is_none(running, opened):
