@@ -531,6 +531,12 @@ def screen_of() -> Callable[..., Any]:
     return _screen_of
 
 
+def is_filled(app: SiloApp) -> bool:
+    """Whether all that was read of a logger is on the screen, or a question that stands above it."""
+    there = app._opener._view_is_there or getattr(app.screen, "is_modal", False)
+    return app.context.has_session and len(app.context.session.table) > 0 and there
+
+
 @pytest.fixture
 def opened() -> Callable[..., Any]:
     """`async with opened(fake, size=(80, 24)) as screen:` waits until the table is there."""
@@ -543,7 +549,7 @@ def opened() -> Callable[..., Any]:
         app = SiloApp(FakeFinder(*fakes), **{"rate_hz": 10.0, **options})
         async with _screen_of(app, size) as screen:
             if ready:
-                await screen.until(lambda: app.context.has_session and len(app.context.session.table) > 0, "the table")
+                await screen.until(lambda: is_filled(app), "the table")
                 await screen.pilot.pause()
             yield screen
 
