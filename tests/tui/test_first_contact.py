@@ -138,6 +138,7 @@ async def test_without_colours_nothing_is_suggested_behind_what_is_typed(fake, o
 
 
 async def test_for_one_logger_alone_no_list_is_made(fake, opened, monkeypatch):
+    monkeypatch.setattr("silo_tui.commands.opening.AT_ONCE_S", DEADLINE_S)  # a busy machine takes longer
     monkeypatch.setattr("silo_tui.commands.opening.Opener._list", lambda *_: pytest.fail("a list was made"))
     async with opened(fake) as screen:
         assert screen.app.screen.scope == "table"
