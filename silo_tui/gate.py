@@ -51,8 +51,14 @@ class Gate:
 
     def keeps(self, typed: Typed) -> bool:
         """Whether what was typed must wait, or is dropped; else it is carried out now."""
-        if typed is self._through or not self._app.screen_stack:
+        if not self._app.screen_stack:
             return False
+        if typed is self._through:
+            if self._app.screen.is_mounted:
+                return False
+            self._kept.appendleft(typed)  # a screen that is being made opened by itself meanwhile
+            self._through = None
+            return True
         key = typed.key if isinstance(typed, events.Key) else ""
         waits = isinstance(self._app.screen, Dialog) and self._app.screen.waits
         if key in AT_ONCE or (waits and key in LETS_GO):

@@ -17,6 +17,7 @@ class Pump:
     """What does one thing after the other."""
 
     _task = None
+    is_mounted = True
 
     def call_later(self, do: Callable[[], object]) -> bool:
         asyncio.get_running_loop().call_soon(do)

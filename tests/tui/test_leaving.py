@@ -28,6 +28,7 @@ from silo_tui.layouts import views
 from silo_tui.layouts.layout import KeptLayout
 from silo_tui.modal import Behind, run_aside
 from silo_tui.screens.dialogs.questions import Choice, Question
+from silo_tui.screens.lists.messages import MessagesScreen
 from silo_tui.screens.lists.recordings import RecordingsScreen
 from silo_tui.screens.lists.settings import SettingsScreen
 from silo_tui.screens.lists.triggers import TriggersScreen
@@ -116,6 +117,23 @@ async def test_news_leave_a_screen_alone_that_is_being_made(opened, fake, tmp_pa
         screen.app.push_screen(RecordingsScreen(screen.session))
         screen.app._second()
         await screen.shows("Nothing is saved")
+
+
+async def test_a_key_waits_for_a_screen_that_opens_by_itself_and_is_being_made(opened, fake):
+    async with opened(fake) as screen:
+        gate, let_through = screen.app.gate, screen.app.gate._let_through
+
+        def opens_meanwhile():
+            last = gate._kept[0].key == "escape"
+            let_through()
+            if last:
+                del gate._let_through
+                screen.app.push_screen(MessagesScreen())
+
+        gate._let_through = opens_meanwhile
+        screen.app.post_message(events.Key("down", None))
+        await screen.press("escape")
+        assert isinstance(screen.app.screen, TableScreen)
 
 
 @pytest.mark.parametrize("key", ["F", "E", "T", "A", "f2", "question_mark", "enter", "D"])
