@@ -178,9 +178,8 @@ class SiloApp(Guarded, App[None]):
     def release(self) -> str:
         """End what was started: the demo's process and the connection; return how the logger that was open is left."""
         demo, session = self._opener.demo, self.context.logger_session
-        ends = (
-            self.context.has_demo() and session is not None and not session.dead
-        )  # one that died says where its data is
+        # one that died says where its data is
+        ends = self.context.has_demo() and session is not None and not session.dead
         words = flows.left_words(session) if session is not None and not ends else ""
         if demo is not None:
             demo.stop()

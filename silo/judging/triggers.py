@@ -15,9 +15,8 @@ from silo.core.conditions import TriggerWord
 from silo.errors import ElementError
 from silo.expressions.evaluation import FALSE, TRUE, UNOBSERVABLE
 
-MOST_CAPTURE_BYTES = (
-    256 * 2**20
-)  # of rows: they stay in memory until the capture is whole, and twice while it is written
+# of rows: they stay in memory until the capture is whole, and twice while it is written
+MOST_CAPTURE_BYTES = 256 * 2**20
 NO_END = 2**62
 SLACK_S = 1.0  # what a ring must hold beyond `pre`, so that a late judge still finds the oldest row
 

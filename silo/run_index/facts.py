@@ -171,9 +171,8 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
     ticks = len(stamps)
     span_s = lasted_s(stamps)
     happened = _happened(recording.events)
-    began = max(
-        recording.started_ns, int(stamps[0]) if ticks and stamps[0] >= EPOCH_FROM_NS else 0
-    )  # buffers hold the end
+    # buffers hold the end
+    began = max(recording.started_ns, int(stamps[0]) if ticks and stamps[0] >= EPOCH_FROM_NS else 0)
     return RunFacts(
         path=name,
         prefix=recording.prefix,

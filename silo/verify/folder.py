@@ -102,17 +102,15 @@ class _Run:
     captured: list[tuple[Path, Recording]] = field(default_factory=list)
     memory: list[Span] = field(default_factory=list)  # of which any ring has a row
     held: list[Span] = field(default_factory=list)  # of which any value has its row
-    newest: dict[str, list[Span]] = field(
-        default_factory=dict
-    )  # by looping element, what saves and memory have of it, from its first sample there on
+    # by looping element, what saves and memory have of it, from its first sample there on
+    newest: dict[str, list[Span]] = field(default_factory=dict)
     dividers: dict[str, int] = field(default_factory=dict)  # of these elements, the largest that there was
     slack: int = 1  # ticks by which buffers differ that are rounded up to whole samples
     trimmed: dict[str, tuple[list[Span], bool]] = field(default_factory=dict)  # by recorder, what its list says it had
     ended: bool = False  # nobody logs in it any more
     lacks: dict[str, int] = field(default_factory=dict)  # by recording, samples that are in no part
-    lost: dict[tuple[int, str], int] = field(
-        default_factory=dict
-    )  # by stretch and element, as saved logs and memory count them
+    # by stretch and element, as saved logs and memory count them
+    lost: dict[tuple[int, str], int] = field(default_factory=dict)
     paused: list[Span] = field(default_factory=list)  # what came while somebody had stopped a recording
 
     @property

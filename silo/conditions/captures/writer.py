@@ -37,9 +37,8 @@ class WaitingCaptures:
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
-        self._turns: OrderedDict[tuple[str, str], deque[CaptureBuffer]] = (
-            OrderedDict()
-        )  # by run and trigger, next one first
+        # by run and trigger, next one first
+        self._turns: OrderedDict[tuple[str, str], deque[CaptureBuffer]] = OrderedDict()
         self._under_way: CaptureBuffer | None = None
         # numbers of the first and the last, how many, and why
         self._dropped: dict[tuple[str, str], tuple[int, int, int, str]] = {}

@@ -143,9 +143,8 @@ def open_part(file: Path, data: memoryview, index: Index, facts: PartFacts, chec
             damaged.append(lost_chunk(chunk.at, error))
     filled = [ring for ring in rings.values() if ring.stretches]
     if index.definitions and any(ring.count > ring.there or ring.first > ring.facts.begin for ring in filled):
-        return open_part(
-            file, data, walked_index(data), facts, check
-        )  # who closed it left out of its summary what is damaged
+        # who closed it left out of its summary what is damaged
+        return open_part(file, data, walked_index(data), facts, check)
     first = min((ring.first * ring.facts.divider for ring in filled), default=0)
     end = max(((ring.end - 1) * ring.facts.divider + 1 for ring in filled), default=0)
     ring_by_channel = {channel: ring for ring in rings.values() for channel in ring.facts.channels}

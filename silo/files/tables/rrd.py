@@ -29,9 +29,8 @@ def write_rrd(recording: Recording, path: Path, progress: Progress = silent) -> 
     stream = rerun.RecordingStream(recording.logger or "silo", recording_id=str(recording.started_ns))
     total = max(1, len(recording.elements))
     with whole_file(path) as file:
-        stream.save(
-            f"/proc/self/fd/{file.fileno()}"
-        )  # Rerun takes a path: of the file that is to be whole or not at all
+        # Rerun takes a path: of the file that is to be whole or not at all
+        stream.save(f"/proc/self/fd/{file.fileno()}")
         stream.send_recording_name(path.stem)
         for key, value in recording.told_about.items():
             stream.send_property(f"about/{key}", rerun.TextDocument(value))

@@ -257,9 +257,8 @@ def branch_sign(sight: Sight, rows: Rows) -> Cell:
 
 
 def _style(letters: str) -> str:
-    return (
-        "lost" if letters in BAD else "caution" if letters else ""
-    )  # where rows are reversed a blank shows its colour
+    # where rows are reversed a blank shows its colour
+    return "lost" if letters in BAD else "caution" if letters else ""
 
 
 def statistic(sight: Sight, row: int, width: int, title: str) -> Cell:
