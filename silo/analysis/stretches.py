@@ -374,14 +374,9 @@ def _events(pieces: Sequence[_Piece], begin: int) -> list[LoggedEvent]:
         goes_on = {id(piece) for before, piece in pairwise(filled) if _first(piece.part) <= before.part.offset}
         for piece in group:
             again = id(piece) in goes_on
-            told = (event for event in piece.part.events if not (again and _is_image(event)))
+            told = (one for one in piece.part.events if not (again and one.change is not None and one.change.is_image))
             found += [_moved(event, filled, firsts, begin, place) for event in told]
     return found
-
-
-def _is_image(event: LoggedEvent) -> bool:
-    """Whether it tells what all parameters were at a begin, and of no change."""
-    return event.change is not None and all(old is None for _, old, _ in event.change.values)
 
 
 def _moved(event: LoggedEvent, pieces: Sequence[_Piece], firsts: Sequence[int], begin: int, place: int) -> LoggedEvent:
