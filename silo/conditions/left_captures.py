@@ -136,10 +136,8 @@ def _recovered(reader: SegmentReader, state: JudgeState, folder: str, found: Rec
         try:
             done = write_capture(buffer, folder, listed, read_events(schema.folder, schema.logger, schema.run))
         except (SiloError, OSError) as error:
-            text, kind = (
-                f"capture {capture.number} of '{buffer.trigger}' was not saved: {error}",
-                EventKind.SAVE_FAILED,
-            )
+            text = f"capture {capture.number} of '{buffer.trigger}' was not saved: {error}"
+            kind = EventKind.SAVE_FAILED
             found.is_whole = False
         else:
             found.files.extend(done.files)

@@ -397,10 +397,8 @@ def disk_room(place: Path | int) -> tuple[int, int]:
 
 
 # the limit, what is used, and how sums over all groups below begin in `memory.stat`
-_V1_FILES, _V2_FILES = (
-    ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_"),
-    ("memory.max", "memory.current", ""),
-)
+_V1_FILES = "memory.limit_in_bytes", "memory.usage_in_bytes", "total_"
+_V2_FILES = "memory.max", "memory.current", ""
 _GIVEN_BACK = ("active_file", "inactive_file", "slab_reclaimable")  # where memory is scarce, as in `MemAvailable`
 
 

@@ -307,10 +307,8 @@ class Window:
         if turn >= memory.first:
             self._turn_at(memory.first, turn)
             after = self._extended(self._nothing(), self._part(turn, memory.first + self._high))
-            self._after, self._next = (
-                _Side(after.counts[-1:], after.parts[-1:], after.center),
-                memory.first + self._high,
-            )
+            self._after = _Side(after.counts[-1:], after.parts[-1:], after.center)
+            self._next = memory.first + self._high
 
 
 def _deviation(squares: Floats, counts: Floats | float) -> Floats:

@@ -385,10 +385,8 @@ def _tell_changes(events: EventNotifier, before: LoggerSnapshot, now: LoggerSnap
         else:
             events.publish(EventKind.STARTED, "started", by=by, tick=0)
     if now.table.revision != before.table.revision:
-        count, derived = (
-            _changed(before, now),
-            derived_text(before.robot.conditions.derived, now.robot.conditions.derived),
-        )
+        count = _changed(before, now)
+        derived = derived_text(before.robot.conditions.derived, now.robot.conditions.derived)
         told = [f"{many(count, 'element')} changed"] if count or not derived else []
         events.publish(EventKind.EDITED, "; ".join([*told, *filter(None, [derived])]), by=by)
     if not by and (text := conditions_text(before.robot.conditions, now.robot.conditions)):

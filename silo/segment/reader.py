@@ -95,10 +95,8 @@ class SegmentReader:
         try:
             self._remap()
             self.schema = self._read_schema()
-            self._control, self._directory = (
-                self._words_at(HeaderWord.CONTROL_OFFSET),
-                self._words_at(HeaderWord.CHUNKS_OFFSET),
-            )
+            self._control = self._words_at(HeaderWord.CONTROL_OFFSET)
+            self._directory = self._words_at(HeaderWord.CHUNKS_OFFSET)
             self._directory_words = int(self._words[HeaderWord.CHUNKS_LIMIT])
             self._chunk_data = 8 * self._words_at(HeaderWord.CHUNK_DATA_OFFSET)
             self._check_layout()
