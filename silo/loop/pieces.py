@@ -9,6 +9,7 @@ Facts that decide it:
 
 import itertools
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,16 +48,10 @@ def memory_window(addresses: Words, scratch_words: Words) -> tuple[Words, int]:
     return words_at(low, high - low), low
 
 
-class _Window:
-    """Memory as NumPy takes it."""
-
-    def __init__(self, low: int, count: int) -> None:
-        self.__array_interface__ = {"data": (8 * low, True), "shape": (count,), "typestr": "<i8", "version": 3}
-
-
 def words_at(low: int, count: int) -> Words:
     """An array over words of memory, by the word address of the first."""
-    return np.asarray(_Window(low, count))
+    memory = {"data": (8 * low, True), "shape": (count,), "typestr": "<i8", "version": 3}
+    return np.asarray(SimpleNamespace(__array_interface__=memory))
 
 
 def row_pieces(words: Words, stamp: int, memory: Words, base: int) -> list[RowPiece]:
@@ -77,7 +72,8 @@ def row_pieces(words: Words, stamp: int, memory: Words, base: int) -> list[RowPi
     if -(-len(columns) // GATHER_WORDS) > -(-len(words) // GATHER_WORDS):
         gathered = STAMP_WORDS  # the stamp would cost a gather of its own
         pieces.append(RowPiece(0, STAMP_WORDS))
-    for begin, end in _long_runs(columns):
+    cuts = np.concatenate([[0], np.flatnonzero(np.diff(columns) != 1) + 1, [len(columns)]])
+    for begin, end in [(int(a), int(b)) for a, b in itertools.pairwise(cuts) if b - a >= RUN_WORDS]:  # side by side
         pieces += _gather(columns, gathered, begin)
         pieces.append(RowPiece(begin, end, memory[columns[begin] : columns[end - 1] + 1].data))
         gathered = end
@@ -91,9 +87,3 @@ def _gather(columns: Words, begin: int, end: int) -> list[RowPiece]:
         RowPiece(start, stop, indices=np.ascontiguousarray(columns[start:stop], np.intp))
         for start, stop in zip(starts, stops, strict=True)
     ]
-
-
-def _long_runs(columns: Words) -> list[tuple[int, int]]:
-    """Stretches of at least RUN_WORDS consecutive words, as places in `columns`."""
-    cuts = np.concatenate([[0], np.flatnonzero(np.diff(columns) != 1) + 1, [len(columns)]])
-    return [(int(a), int(b)) for a, b in itertools.pairwise(cuts) if b - a >= RUN_WORDS]

@@ -254,11 +254,8 @@ def _capacity(kind: BufferType, size: int, divider: int, frequency_hz: float) ->
 def _with_chunk_rows(ring: RingPlan, chunk_bytes: int) -> RingPlan:
     if ring.schema.buffer_type is not BufferType.GROWING:
         return ring
-    schema = ring.schema
-    rows = chunk_bytes // (8 * schema.row_words)
-    return RingPlan(
-        RingSchema(schema.ring, schema.divider, schema.buffer_type, rows, schema.row_words, 0, schema.live), ring.words
-    )
+    rows = chunk_bytes // (8 * ring.schema.row_words)
+    return RingPlan(msgspec.structs.replace(ring.schema, capacity=rows, offset=0), ring.words)
 
 
 def _first_rows(rings: _Rings, placed: list[_Placed], time: TimeBuffer) -> dict[int, int]:
