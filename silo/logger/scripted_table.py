@@ -46,7 +46,7 @@ from silo.loop.plan import Element, time_buffer
 from silo.loop.sources import OwnMemory, VariableSet
 from silo.loop.types import as_numbers, describe, kind_of, label_map
 from silo.segment.layout import STAMP_WORDS
-from silo.segment.retention import large_text, total_bytes
+from silo.segment.retention import buffer_bytes, large_text
 from silo.settings.options import refusal
 from silo.settings.typed import ElementSettings, apply_settings, diff_options, rate_words, read_options
 
@@ -498,7 +498,7 @@ class ScriptedTable:
     def _buffers_take(self) -> int:
         infos, options = self._table.infos, self._options
         stamps = time_buffer([info.options for info in infos], options.frequency_hz, options.max_time_s)
-        return total_bytes(infos) + 8 * STAMP_WORDS * stamps.size
+        return sum(map(buffer_bytes, infos)) + 8 * STAMP_WORDS * stamps.size
 
     def _no_room(self, before: int) -> str:
         """Say why a client may not have the buffers take what they do now: memory is touched when a stretch begins."""

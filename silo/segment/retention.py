@@ -44,11 +44,6 @@ def buffer_bytes(info: ElementInfo) -> int:
     return info.options.size * sum(_item_bytes(entry.dtype) for entry in info.entries)
 
 
-def total_bytes(infos: Iterable[ElementInfo]) -> int:
-    """Return what the buffers of a run take."""
-    return sum(map(buffer_bytes, infos))
-
-
 @functools.lru_cache(maxsize=256)
 def _item_bytes(dtype: str) -> int:
     return np.dtype(dtype).itemsize
