@@ -58,8 +58,9 @@ class ChildProcess:
 
         Raises OSError.
         """
+        given = os.environ.get("PYTHONPATH", "").split(os.pathsep)
         own = {
-            "PYTHONPATH": _search(),
+            "PYTHONPATH": os.pathsep.join(dict.fromkeys([_HOME, *given])).strip(os.pathsep),  # first where this silo is
             "PYTHONSAFEPATH": "1",  # heeded from Python 3.11 on
             "PYTHONFAULTHANDLER": "1",  # one that dies of a fault in compiled code says where it stood
         }
@@ -129,12 +130,6 @@ class ChildProcess:
 def end_with_parent(number: int) -> None:
     """Have the kernel send this process a signal when the thread ends that started it; 0: none."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number)
-
-
-def _search() -> str:
-    """Where a child looks for modules: first where this silo is."""
-    given = os.environ.get("PYTHONPATH", "").split(os.pathsep)
-    return os.pathsep.join(dict.fromkeys([_HOME, *given])).strip(os.pathsep)
 
 
 # ------------------------------------------------------------------------------------------- of a parent that is gone

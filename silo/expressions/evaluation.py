@@ -142,17 +142,14 @@ class _Grid:
         if self.alike:
             return None
         if source not in self._missing:
-            lost = self.ticks - self._held_ticks(source) >= self._steps(source)
+            before = self._known[source].tick
+            with_before = np.concatenate([[_NEVER if before is None else before], self._ticks_of(source)])
+            lost = self.ticks - np.asarray(with_before[self.places(source) + 1], np.int64) >= self._steps(source)
             self._missing[source] = lost if lost.any() else None
         return self._missing[source]
 
     def _ticks_of(self, source: int) -> Ints:
         return self._rows.get(source, _NO_ROWS).ticks
-
-    def _held_ticks(self, source: int) -> Ints:
-        before = self._known[source].tick
-        with_before = np.concatenate([[_NEVER if before is None else before], self._ticks_of(source)])
-        return np.asarray(with_before[self.places(source) + 1], np.int64)
 
     def _steps(self, source: int) -> Ints | int:
         known, rows = self._known[source], self._rows.get(source)

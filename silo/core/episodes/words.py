@@ -119,7 +119,8 @@ def begin_marks(name: object, about: Mapping[str, object]) -> list[str]:
     marks: list[str] = []
     word, facts = BEGIN, dict[str, Fact]()
     for key, value in about.items():
-        given = _fact(value)
+        one = value.item() if isinstance(value, np.generic) else value
+        given = one if isinstance(one, str | int) or (isinstance(one, float) and math.isfinite(one)) else str(one)
         if len(_mark(called, ABOUT, {key: given}).encode()) > MOST_BYTES:
             raise ElementError(f"{key} of episode '{called}' is too long: {shown(value)}; what doesn't fit is a mark")
         if len(_mark(called, word, {**facts, key: given}).encode()) > MOST_BYTES:
@@ -249,11 +250,6 @@ def _stretches(events: Iterable[ToldEvent]) -> list[_Stretch]:
 def _mark(name: str, word: str, facts: Mapping[str, Fact] | None = None) -> str:
     text = f"episode {_ENCODE(name).decode()} {word}"
     return f"{text} {_ENCODE(facts).decode()}" if facts else text
-
-
-def _fact(value: object) -> Fact:
-    one = value.item() if isinstance(value, np.generic) else value
-    return one if isinstance(one, str | int) or (isinstance(one, float) and math.isfinite(one)) else str(one)
 
 
 def _facts(text: str) -> dict[str, Fact]:
