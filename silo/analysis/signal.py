@@ -534,6 +534,11 @@ class Signal(Samples, _Operators):
         stop = INT64[1] if stop_s is None else int(self._bound("stop_s", stop_s))
         return within(self.time_ns, start, stop)
 
+    def _none_between(self, start_s: float | None, stop_s: float | None) -> ElementError:
+        low = "its start" if start_s is None else f"{start_s:g} s"
+        high = "its end" if stop_s is None else f"{stop_s:g} s"
+        return ElementError(f"'{self.name}' has no sample from {low} to {high}; it {self._span}")
+
     def _bound(self, argument: str, given: float) -> NDArray[np.int64]:
         time = self._seconds(given)
         if time.ndim or np.isnan(time):
@@ -550,9 +555,7 @@ class Signal(Samples, _Operators):
     ) -> Any:
         values = self._numbers("take statistics of")[self._window(start_s, stop_s)]
         if not len(values):
-            low = "its start" if start_s is None else f"{start_s:g} s"
-            high = "its end" if stop_s is None else f"{stop_s:g} s"
-            raise ElementError(f"'{self.name}' has no sample from {low} to {high}; it {self._span}")
+            raise self._none_between(start_s, stop_s)
         if isinstance(values, np.ma.MaskedArray) and not (exact and values.count(axis=0).all()):
             values = taken(values)
         if isinstance(values, np.ma.MaskedArray):

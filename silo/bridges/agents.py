@@ -10,7 +10,7 @@ import math
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,8 @@ import numpy as np
 
 from silo.analysis.log import Log
 from silo.analysis.reports import ends, is_whole, report, statistics
-from silo.core.arguments import real
+from silo.core.arguments import real, shown
+from silo.core.calls import call_problem
 from silo.core.names import matching
 from silo.core.quantities.writing import infinite_as_text, many
 from silo.errors import ElementError, SiloError
@@ -60,9 +61,9 @@ class Shelf:
         signals; span lost limits triggers marks; tags; parameters). `words` must all occur in name, task, tags, notes.
         """
         found = self._runs(where, since, until).find(*words.split())
-        shown = list(found)[::-1][: _bounded("limit", limit, MOST_ROWS)]
-        rows = [_row(run, self._name(run)) for run in shown]
-        return _told({"runs": rows}, len(found) - len(shown), "runs", f"{_MORE}, or narrow by where, words, since")
+        newest = list(found)[::-1][: _bounded("limit", limit, MOST_ROWS)]
+        rows = [_row(run, self._name(run)) for run in newest]
+        return _told({"runs": rows}, len(found) - len(newest), "runs", f"{_MORE}, or narrow by where, words, since")
 
     def describe_run(self, run: str) -> dict[str, Any]:
         """Tell what is in a run: its elements with units, types and rates, parameters, warnings, what is lost."""
@@ -112,7 +113,9 @@ class Shelf:
             self._check_size(log, name)
         signal = log.eval(expression)
         if start_s is not None or stop_s is not None:
-            signal = signal.clip(start_s, stop_s)
+            whole, signal = signal, signal.clip(start_s, stop_s)
+            if not len(signal):
+                raise whole._none_between(start_s, stop_s)
         values = signal.values if is_whole(signal.values) else np.asarray(signal, float)
         if values.ndim > 1:
             raise ElementError(f"'{expression}' has {values.shape[1]} numbers per sample: name one, or take norm(...)")
@@ -135,9 +138,9 @@ class Shelf:
             for name, given, end in (("start_s", start_s, -math.inf), ("stop_s", stop_s, math.inf))
         )
         events = [one for one in log.events if low <= one.seconds <= high]
-        shown = events[: _bounded("limit", limit, MOST_ROWS)]
-        rows = [{"time_s": one.seconds, "kind": one.kind, "text": one.text, "who": one.who} for one in shown]
-        return _told({"run": run, "lost": log.recording.lost, "events": rows}, len(events) - len(shown), "events",
+        first = events[: _bounded("limit", limit, MOST_ROWS)]
+        rows = [{"time_s": one.seconds, "kind": one.kind, "text": one.text, "who": one.who} for one in first]
+        return _told({"run": run, "lost": log.recording.lost, "events": rows}, len(events) - len(first), "events",
                      f"{_MORE}, or begin later (start_s)")  # fmt: skip
 
     def plot(self, run: str, signals: list[str], start_s: float | None = None, stop_s: float | None = None) -> bytes:
@@ -168,14 +171,14 @@ class Shelf:
             names = matching(list(table), [signals])
             if not names:
                 raise ElementError(f"'{logger}' has no element '{signals}' that is on")
-            shown = names[:MOST_ROWS]
-            frame = _newest(client, shown)
-        entries = [(table[name], entry) for name in shown for entry in table[name].entries]
+            some = names[:MOST_ROWS]
+            frame = _newest(client, some)
+        entries = [(table[name], entry) for name in some for entry in table[name].entries]
         rows = [
             {"name": info.name + entry.suffix, "unit": info.unit, **_value(frame, place, entry)}
             for place, (info, entry) in enumerate(entries)
         ]
-        return _told({"logger": logger, "values": rows}, len(names) - len(shown), "elements", "name fewer")
+        return _told({"logger": logger, "values": rows}, len(names) - len(some), "elements", "name fewer")
 
     def _runs(self, where: str = "", since: str = "", until: str = "") -> RunList:
         found = runs(*self.folders, where=where, since=since or None, until=until or None)
@@ -264,7 +267,21 @@ def server(shelf: Shelf) -> Any:
     errors: Any = need("mcp.server.mcpserver.exceptions", "mcp", "servers for agents")
     types: Any = need("mcp_types", "mcp", "servers for agents")
     hints = types.ToolAnnotations(read_only_hint=True, idempotent_hint=True, open_world_hint=False)
-    app = sdk.MCPServer("silo", instructions=INSTRUCTIONS)
+    base: Any = need("mcp.server.mcpserver.tools", "mcp", "servers for agents").Tool
+
+    class Tool(base):  # type: ignore[misc]  # of a package that need not be there
+        """A tool that says in silo's words what is wrong in a call; the SDK drops arguments that it doesn't know."""
+
+        async def run(self, arguments: dict[str, Any], *args: Any, **kwargs: Any) -> Any:
+            if problem := call_problem(self.name, self.fn, (), arguments):
+                raise errors.ToolError(problem)
+            try:
+                return await super().run(arguments, *args, **kwargs)
+            except errors.ToolError as error:
+                wrong: list[Any] = getattr(error.__cause__, "errors", list)()
+                if not wrong:
+                    raise
+                raise errors.ToolError(f"{self.name}: {'; '.join(map(_mistake, wrong))}") from error.__cause__
 
     def told(function: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(function)
@@ -283,8 +300,17 @@ def server(shelf: Shelf) -> Any:
             content.Image(data=shelf.plot(run, signals, start_s, stop_s), format="png"),
         ]
 
-    for function in (shelf.list_runs, shelf.describe_run, shelf.signal_statistics, shelf.evaluate, shelf.run_events,
-                     shelf.list_loggers, shelf.newest_values):  # fmt: skip
-        app.tool(annotations=hints)(told(function))
-    app.tool(annotations=hints, structured_output=False)(told(plot))
-    return app
+    tools = [
+        Tool.from_function(told(function), annotations=hints, structured_output=False if function is plot else None)
+        for function in (shelf.list_runs, shelf.describe_run, shelf.signal_statistics, shelf.evaluate,
+                         shelf.run_events, shelf.list_loggers, shelf.newest_values, plot)
+    ]  # fmt: skip
+    for tool in tools:
+        tool.parameters["additionalProperties"] = False
+    return sdk.MCPServer("silo", instructions=INSTRUCTIONS, tools=tools)
+
+
+def _mistake(wrong: Mapping[str, Any]) -> str:
+    """What is wrong with a value, as pydantic tells it."""
+    where = ".".join(map(str, wrong["loc"]))
+    return f"{where}: {wrong['msg'][:1].lower()}{wrong['msg'][1:]}, got {shown(wrong['input'])}"

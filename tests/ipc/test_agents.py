@@ -170,6 +170,23 @@ def test_what_is_not_there_or_too_much_is_refused_in_words(shelf, ask, words):
     assert str(caught.value) == words
 
 
+@pytest.mark.parametrize(
+    ("ask", "words"),
+    [
+        (lambda shelf: shelf.evaluate("run0.silo", "flag", start_s=99),
+         "'flag' has no sample from 99 s to its end; it has samples from 0 to "),
+        (lambda shelf: shelf.signal_statistics("run0.silo", "flag", 99),
+         "the log has no tick from 99 s to its end; it goes from 0 to "),
+        (lambda shelf: shelf.plot("run0.silo", ["flag"], start_s=99),
+         "there is no sample to plot in that window; the log goes from 0 to "),
+    ],
+)  # fmt: skip
+def test_a_window_behind_the_end_of_a_run_is_refused_with_where_it_ends(shelf, ask, words):
+    with pytest.raises(silo.SiloError) as caught:
+        ask(shelf)
+    assert str(caught.value).startswith(words)
+
+
 def test_signals_that_are_too_large_are_refused(shelf, monkeypatch):
     monkeypatch.setattr(agents, "MOST_SAMPLES", 50)
     with pytest.raises(silo.ElementError, match="hold 100 samples: name fewer"):
@@ -193,6 +210,42 @@ def test_the_protocol_serves_them_read_only(shelf):
     assert all(tool.annotations.read_only_hint for tool in tools)
     assert json.loads(listed.content[0].text)["runs"][0]["run"] == "run2.silo"
     assert (refused.is_error, "list_runs has the names" in refused.content[0].text) == (True, True)
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments", "words"),
+    [
+        (
+            "signal_statistics",
+            {"run": "run0.silo", "signals": "flag", "start": 3, "stop": 4},
+            "did you mean 'start_s'?",
+        ),
+        (
+            "list_runs",
+            {"nosuch": 1},
+            "list_runs() has no argument 'nosuch', it takes where, words, since, until, limit",
+        ),
+        ("list_loggers", {"host": "arm"}, "list_loggers() takes no arguments, got 'host'"),
+        ("plot", {"run": "run0.silo", "signals": ["flag"], "stop": 1}, "did you mean 'stop_s'?"),
+        ("describe_run", {}, "describe_run() needs run: write describe_run(run)"),
+        ("list_runs", {"limit": "x"}, "list_runs: limit: input should be a valid integer"),
+        ("plot", {"run": "run0.silo", "signals": [1]}, "plot: signals.0: input should be a valid string, got 1"),
+    ],
+)
+def test_a_call_that_is_wrong_is_refused_in_words_and_not_answered_without_what_was_meant(
+    shelf, tool, arguments, words
+):
+    mcp = pytest.importorskip("mcp")
+
+    async def talk():
+        async with mcp.Client(server(shelf)) as client:
+            tools = {tool.name: tool for tool in (await client.list_tools()).tools}
+            return tools[tool], await client.call_tool(tool, arguments)
+
+    known, refused = asyncio.run(talk())
+    assert (refused.is_error, words in refused.content[0].text) == (True, True), refused.content[0].text
+    assert "pydantic" not in refused.content[0].text
+    assert known.input_schema["additionalProperties"] is False
 
 
 def test_a_plot_is_a_picture(shelf):
