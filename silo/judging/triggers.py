@@ -169,7 +169,8 @@ class Trigger:
         end, until, known = self.holdoff_end, self.patient_until, self.capture
         if known is not None:
             fire = known.fires[-1]
-            end = fire.tick + self.rule.holdoff if self.rule.slope is Slope.LEVEL else end
+            # only the holdoff lasts: not until the end of a capture that is over, nor anew in each part that follows
+            end = min(end, fire.tick + self.rule.holdoff) if self.rule.slope is Slope.LEVEL else end
             known = replace(known, first=-1, last=-1, fires=(replace(fire, tick=-1),))
         return replace(
             self, capture=known, before=None, tick=-1, fired=[], _new=[], holdoff_end=max(end - ticks, 0),

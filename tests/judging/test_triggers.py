@@ -1,10 +1,11 @@
 """Triggers and captures: fires by the rule, exact spans, the same for any cut of the results."""
 
+import dataclasses
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
@@ -115,6 +116,33 @@ def test_any_cut_fires_as_row_by_row(rule, condition, rearm, data):
     assert [(fire.tick, fire.forced) for capture in captures for fire in capture.fires] == slow.fires
     assert [[capture.first, capture.last] for capture in captures] == slow.captures
     assert trigger.fires == len(slow.fires)
+
+
+@settings(max_examples=examples(400))
+@given(rules, codes, st.lists(st.integers(0, 60), max_size=4).map(sorted))
+@example(TriggerRule(0, 0, Slope.LEVEL, holdoff=5), [T, *[F] * 9, T], [8, 9])
+def test_no_cut_of_the_run_changes_what_fires(rule, condition, cuts):
+    if (
+        rule.slope is Slope.LEVEL
+    ):  # what lasts begins a capture of its own behind a cut, without its holdoff ticks count
+        rule = dataclasses.replace(rule, holdoff=max(rule.holdoff, rule.post + 1))
+    trigger, fired = Trigger(rule), []
+    ends = [0, *(cut for cut in cuts if cut < len(condition)), len(condition)]
+    for low, high in pairwise(ends):
+        ticks = np.arange(high - low)
+        trigger.feed(ticks, ticks * 1000, np.array(condition[low:high], np.int8))
+        fired += [low + fire.tick for fire in trigger.fired]
+        trigger = trigger.shifted(high - low)
+    assert fired == fires(rule, condition)
+
+
+def test_a_level_that_was_armed_by_hand_in_its_holdoff_fires_at_once_behind_a_cut_too():
+    trigger = fed(TriggerRule(0, 0, Slope.LEVEL, holdoff=9), [T, T, F])[0]
+    trigger.disarm()
+    trigger.arm(3)
+    trigger = trigger.shifted(3)
+    trigger.feed(np.arange(2), np.arange(2), np.array([T, T], np.int8))
+    assert [fire.tick for fire in trigger.fired] == [0]
 
 
 AT_ONCE = TriggerRule(0, 0)
