@@ -79,6 +79,8 @@ class Judge:
         # runs to be judged, and whether they ended while there was no helper process; in the order in which they came
         self._due: dict[tuple[str, bool], None] = {}
         self._judge: SegmentJudge | None = None
+        self._before: SegmentJudge | None = None  # the newest that came to the end of its run
+        self._judged_left: set[str] = set()  # runs of which that is done
         self._run = self._why = ""
         self._late_s = math.inf
         self._closed = False  # captures of a run that stopped are closed
@@ -320,11 +322,15 @@ class Judge:
         due = sorted(self._due.copy(), key=lambda one: not one[1])
         for run, left in due:
             try:
-                (self._judge_left if left else self._next_run)(run)
+                if not left:
+                    self._next_run(run)
+                elif (reader := self._held.open(run)) is not None:
+                    self._judge_left(reader)
             finally:
                 del self._due[run, left]  # not what is said of it meanwhile: that it is over
         if not due:
             self._next_run(present)  # let go of, without triggers, or not handed over
+            self._before = None  # its memory is needed
         self._adopt()
         if self._memory is not None:
             self._memory.forget_others(lambda run: run == self._run or self._is_due(run))
@@ -368,34 +374,59 @@ class Judge:
         reader = self._held.open(run)
         if run and reader is None:
             return
-        before = self._judge
-        if before is not None and not (reader is not None and reader.schema.follows(before.reader.schema)):
-            before = None
-        self._end_run("a new run began" if before is None else "the run was cut")
-        self._run, self._closed, self._failed = run, False, ""
+        is_cut = self._judge is not None and reader is not None and reader.schema.follows(self._judge.reader.schema)
+        self._end_run("the run was cut" if is_cut else "a new run began")
+        is_first, self._run, self._closed, self._failed = not self._run, run, False, ""
         if reader is not None:
-            self._go_over(reader, before)
+            self._go_over(reader, is_first=is_first)
 
-    def _go_over(self, reader: SegmentReader, before: "SegmentJudge | None") -> None:
-        """Judge the run that has just begun; `before` judged the stretch that it goes on, if it does."""
+    def _go_over(self, reader: SegmentReader, *, is_first: bool) -> None:
+        """Judge the run that has just begun."""
         run, conditions = reader.schema.run, self.leased.beside(reader.schema.conditions)
         if self._go_on(reader) or not conditions.judged:
             return
         # of a damaged state nobody knows what it had fired for: nothing fires twice
         is_damaged = self._memory is not None and self._memory.was_damaged(run)
-        self._begin(reader, conditions, since=reader.ticks if is_damaged else 0, after=before)
+        if is_first:
+            self._catch_up(reader)
+        self._begin(reader, conditions, since=reader.ticks if is_damaged else 0, after=self._followed(reader))
 
-    def _judge_left(self, run: str) -> None:
+    def _followed(self, reader: SegmentReader) -> "SegmentJudge | None":
+        """What judged the stretch that this run goes on, if it does."""
+        before = self._before
+        return before if before is not None and reader.schema.follows(before.reader.schema) else None
+
+    def _catch_up(self, reader: SegmentReader) -> None:
+        """Judge the stretches that this run goes on, as far as nobody did: what holds there holds here, too.
+
+        Their program has them until they are saved; only then they are found as runs that were left.
+        """
+        from silo.segment.held_runs import all_runs
+
+        chain, part = reader.schema.stretch
+        options = self._replica.now.options
+        with contextlib.suppress(SegmentError):  # no runtime folder: then there is nothing in it either
+            found = list(all_runs(options.name, options.id)) if part > 1 else []
+            for one in sorted(found, key=lambda each: each.schema.stretch):
+                if one.schema.served and one.schema.stretch[0] == chain and one.schema.stretch[1] < part:
+                    self._judge_left(one)
+                else:
+                    one.close()
+
+    def _judge_left(self, reader: SegmentReader) -> None:
         """Judge a run that is over, from where a predecessor stood; told is what nobody told before."""
 
-        memory, reader = self._remembering(), self._held.open(run)
-        if reader is None:
+        memory, run = self._remembering(), reader.schema.run
+        if run in self._judged_left:
             return
+        self._judged_left.add(run)
         state = memory.left(run)
         conditions, until = (reader.schema.conditions, 0) if state is None else (state.conditions, state.until)
         try:
             judge = self._made(reader, conditions, until)
             whole = judge.recall(state) if state is not None else []
+            if state is None and (before := self._followed(reader)) is not None:
+                judge.follow(before)
             found = judge.end(reader.stop_reason or "a new run began", self._is_late)
         except (SiloError, ValueError, KeyError, IndexError) as error:
             log.exception("a run that ended while there was no helper process can't be judged")
@@ -404,6 +435,7 @@ class Judge:
         else:
             found.blind[:0] = judge.problems
             found.whole[:0] = whole
+            self._before = judge
             memory.keep(judge, found, closed=True, failed="")
             memory.tell_new(found, judge)
             self._writer.add(*found.whole)
@@ -485,7 +517,7 @@ class Judge:
         self._closed = True
         self._bring(judge, found)
         self._standing = self._stands()
-        self._judge = None
+        self._judge, self._before = None, judge
 
     def _bring(self, judge: "SegmentJudge", found: "JudgedStep") -> None:
         """Store what is known by now, then tell what was found and have it written: never the other way round."""

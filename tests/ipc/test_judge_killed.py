@@ -102,6 +102,31 @@ def test_each_spike_fires_and_is_captured_exactly_once(bench, client, tmp_path):
     assert wait_until(lambda: (now := answered(client.alarms)) and now.limits)[0].count == len(spikes)
 
 
+@pytest.mark.parametrize("until_present", [False, True])
+def test_cuts_while_there_was_no_helper_process_change_nothing_of_what_fires(bench, client, until_present):
+    bench.logger.trigger("level", "x >= 0", save=(), edge="level", holdoff="100s")
+    bench.logger.trigger("turn", "x > 35", save=())
+    bench.logger.limit("x", (None, None, 10.0, 2000.0))
+    bench.logger.start()
+    bench.ticks(30)
+    assert judged(client, bench)["level"].fires == 1
+    freeze(bench.serving.helper_pid)
+    for place in range(3):
+        bench.ticks(6)
+        bench.logger.set("x", size=900 + place, cut=True)
+    kill_helper(bench)
+    if until_present:
+        bench.ticks(6)
+    end = bench.logger._present.run.id, 6 if until_present else 0
+
+    def find():
+        found = answered(client.triggers)
+        return found if found is not None and (found.run, found.tick) == end else None
+
+    assert [(one.options.name, one.fires) for one in wait_until(find).triggers] == [("level", 1), ("turn", 1)]
+    assert client.alarms().limits[0].count == 1
+
+
 def test_what_somebody_has_seen_stays_seen(bench, client):
     bench.logger.limit("x", (None, None, 10.0, 20.0))
     bench.logger.start()

@@ -142,7 +142,7 @@ def test_what_is_said_of_a_run_while_it_is_taken_up_is_not_forgotten(tmp_path, r
         if len(taken) == 1:
             judge.take(run, left=is_over)  # the main thread, at this very moment
 
-    judge._next_run, judge._judge_left = takes_up, lambda run: taken.append((run, True))
+    judge._next_run, judge._judge_left = takes_up, lambda reader: taken.append((reader.schema.run, True))
     try:
         judge.take(run)
         judge._step()
