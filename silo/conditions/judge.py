@@ -28,6 +28,7 @@ from silo.core.runtime import runtime_dir
 from silo.errors import ElementError, SegmentError, SiloError
 from silo.rpc.leases import Leases
 from silo.rpc.published import EventKind
+from silo.segment.held_runs import all_runs, number_of
 from silo.segment.reader import SegmentReader
 from silo.state.events import EventNotifier
 from silo.state.held_runs import HeldRuns
@@ -86,7 +87,7 @@ class Judge:
         self._closed = False  # captures of a run that stopped are closed
         self._writer = CaptureWriter(replica, events)
         self._memory: JudgeMemory | None = None
-        self._looked = False  # for what a predecessor left
+        self._looked = self._caught_up = False  # for, and with, what a predecessor left
         self._hands_over = False
         self._orders: deque[tuple[Callable[[], Any], concurrent.futures.Future[Any]]] = deque()
         self._standing = Standing()  # at the end of the last run
@@ -319,6 +320,10 @@ class Judge:
             self._looked = True
             self._look_back()
         present = self._replica.run  # first: those before it are due by then
+        if not self._caught_up:
+            self._caught_up = True
+            with contextlib.suppress(SegmentError):  # no runtime folder: then there is nothing in it either
+                self._catch_up(present)
         due = sorted(self._due.copy(), key=lambda one: not one[1])
         for run, left in due:
             try:
@@ -376,19 +381,17 @@ class Judge:
             return
         is_cut = self._judge is not None and reader is not None and reader.schema.follows(self._judge.reader.schema)
         self._end_run("the run was cut" if is_cut else "a new run began")
-        is_first, self._run, self._closed, self._failed = not self._run, run, False, ""
+        self._run, self._closed, self._failed = run, False, ""
         if reader is not None:
-            self._go_over(reader, is_first=is_first)
+            self._go_over(reader)
 
-    def _go_over(self, reader: SegmentReader, *, is_first: bool) -> None:
+    def _go_over(self, reader: SegmentReader) -> None:
         """Judge the run that has just begun."""
         run, conditions = reader.schema.run, self.leased.beside(reader.schema.conditions)
         if self._go_on(reader) or not conditions.judged:
             return
         # of a damaged state nobody knows what it had fired for: nothing fires twice
         is_damaged = self._memory is not None and self._memory.was_damaged(run)
-        if is_first:
-            self._catch_up(reader)
         self._begin(reader, conditions, since=reader.ticks if is_damaged else 0, after=self._followed(reader))
 
     def _followed(self, reader: SegmentReader) -> "SegmentJudge | None":
@@ -396,22 +399,26 @@ class Judge:
         before = self._before
         return before if before is not None and reader.schema.follows(before.reader.schema) else None
 
-    def _catch_up(self, reader: SegmentReader) -> None:
-        """Judge the stretches that this run goes on, as far as nobody did: what holds there holds here, too.
+    def _catch_up(self, present: str) -> None:
+        """Judge what a predecessor left of runs that are over, in their order: what held in one holds in the next.
 
-        Their program has them until they are saved; only then they are found as runs that were left.
+        So are stretches of the present run that nobody judged, whether they were left or not: their program has them
+        until they are saved.
         """
-        from silo.segment.held_runs import all_runs
-
-        chain, part = reader.schema.stretch
-        options = self._replica.now.options
-        with contextlib.suppress(SegmentError):  # no runtime folder: then there is nothing in it either
-            found = list(all_runs(options.name, options.id)) if part > 1 else []
-            for one in sorted(found, key=lambda each: each.schema.stretch):
-                if one.schema.served and one.schema.stretch[0] == chain and one.schema.stretch[1] < part:
-                    self._judge_left(one)
-                else:
-                    one.close()
+        options, reader = self._replica.now.options, self._held.open(present)
+        chain, part = ("", 0) if reader is None else reader.schema.stretch
+        found = sorted(all_runs(options.name, options.id), key=lambda one: number_of(one.path))
+        mine = [one for one in found if one.schema.stretch[0] == chain and one.schema.stretch[1] <= part]
+        known = [
+            one.schema.stretch[1] for one in mine if self._memory is not None and self._memory.knows(one.schema.run)
+        ]
+        for one in found:
+            schema = one.schema
+            is_unknown = one in mine and max(known, default=0) <= schema.stretch[1] < part
+            if (schema.run, True) in self._due or (is_unknown and schema.served and schema.conditions.judged):
+                self._judge_left(one)
+            else:
+                one.close()
 
     def _judge_left(self, reader: SegmentReader) -> None:
         """Judge a run that is over, from where a predecessor stood; told is what nobody told before."""

@@ -95,6 +95,11 @@ class JudgeMemory:
         state = self._left.pop(run, None)
         return None if state is None or state.is_begun_only else state
 
+    def knows(self, run: str) -> bool:
+        """Whether a predecessor had begun with a run."""
+        state = self._left.get(run)
+        return state is not None and not state.is_begun_only
+
     def forget_others(self, needed: Callable[[str], bool]) -> None:
         """Forget the runs that are over, and nobody judges, when nothing of them waits to be written.
 
