@@ -257,6 +257,10 @@ class LimitJudge:
             )
             for kept in before.memory()
         )
+        for name, one in self._limited.items():
+            known = before._limited.get(name)
+            if known is not None and known.options == one.options:
+                self._rows.go_on(one.expressions, one.evaluator, before._rows, known.expressions, known.evaluator)
 
     @property
     def active(self) -> bool:

@@ -5,8 +5,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from silo.core.conditions import Derived
 from silo.core.elements import BufferType, ElementInfo
 from silo.core.quantities.writing import size_text
-from silo.expressions.binding import OFF, BoundExpression, Catalogue, Known, ScalarPlace
-from silo.expressions.evaluation import SourceRows
+from silo.expressions.binding import OFF, BoundExpression, Catalogue, Known, ScalarPlace, meaning
+from silo.expressions.evaluation import Evaluator, SourceRows
 from silo.journal.derived_rows import pickers_of, sources_of
 from silo.segment.layout import ElementSchema
 from silo.segment.picking import RowPicker
@@ -42,6 +42,17 @@ class JudgedRows:
     def recall(self, cursors: Mapping[int, int]) -> None:
         """Go on with these rows."""
         self._cursors.update((ring, row) for ring, row in cursors.items() if ring in self._cursors)
+
+    def go_on(self, mine: Sequence[BoundExpression], evaluator: Evaluator | None, before: "JudgedRows",
+              theirs: Sequence[BoundExpression], known: Evaluator | None) -> None:  # fmt: skip
+        """Have an evaluator go on over a cut where the one of the run `before` stands, if it computes the same."""
+        if evaluator is None or known is None:
+            return
+        if [meaning(one, self._named) for one in mine] == [meaning(one, before._named) for one in theirs]:
+            evaluator.follow(known, before._reader.ticks)
+
+    def _named(self, place: ScalarPlace) -> tuple[str, int]:
+        return self._infos[place.element].name, place.entry
 
     def derive(self, derived: Sequence[Derived]) -> bool:
         """Bind expressions to these derived signals from now on; whether they are others than before."""

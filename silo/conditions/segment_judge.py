@@ -400,6 +400,7 @@ class SegmentJudge:
             trigger = known.trigger.shifted(before.judged)
             if known.options == one.options:
                 one.trigger = replace(trigger, rule=one.trigger.rule)
+                self._rows.go_on(one.expressions, one.evaluator, before._rows, known.expressions, known.evaluator)
             else:
                 one.trigger.captures, one.trigger.fires = trigger.captures, trigger.fires
                 one.trigger.capture = trigger.capture

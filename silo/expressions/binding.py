@@ -286,16 +286,25 @@ def means_else(before: Sequence[BoundExpression], again: Callable[[], Sequence[B
         now = again()
     except ElementError:
         return True
-    return [_meaning(bound.root) for bound in now] != [_meaning(bound.root) for bound in before]
+    return [meaning(bound) for bound in now] != [meaning(bound) for bound in before]
 
 
-def _meaning(part: Part) -> object:
-    """Return what parts have in common that compute the same, whatever words they are written in."""
-    if isinstance(part, Computed):
-        return part.operator, tuple(_meaning(one) for one in part.parts)
-    if isinstance(part, Remembered):
-        return part.function, part.window_ns, _meaning(part.part)
-    return part
+def meaning(bound: BoundExpression, named: Callable[[ScalarPlace], object] = lambda place: place) -> object:
+    """Return what expressions have in common that compute the same, whatever words they are written in.
+
+    Those of two catalogues may be compared by what a scalar is called there.
+    """
+
+    def of(part: Part) -> object:
+        if isinstance(part, Computed):
+            return part.operator, tuple(of(one) for one in part.parts)
+        if isinstance(part, Remembered):
+            return part.function, part.window_ns, of(part.part)
+        if isinstance(part, BoundSignal):
+            return part.vector, tuple(named(column) for column in part.columns)
+        return part
+
+    return of(bound.root)
 
 
 class _Binder:

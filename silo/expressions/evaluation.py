@@ -250,7 +250,7 @@ class Evaluator:
     """
 
     def __init__(self, *expressions: BoundExpression, whole: bool = False) -> None:
-        self._gives_whole, self._has_whole = whole, False
+        self._gives_whole, self._has_whole, self._expressions = whole, False, expressions
         self._roots = [expression.root for expression in expressions]
         dividers = {source: divider for one in expressions for source, divider in one.sources.items()}
         self._sources = {source: _Source(dividers[source]) for source in sorted(dividers)}
@@ -321,7 +321,25 @@ class Evaluator:
             known = self._sources[kept.source]
             known.tick = kept.tick
             known.values = {(element, entry): value for element, entry, value in kept.values}
-        for own, part in zip(self._memories.values(), memory.parts, strict=True):
+        self._recall_parts(memory.parts)
+
+    def follow(self, before: "Evaluator", ticks: int) -> None:
+        """Go on where another one, of the same meaning, came to the end of the `ticks` ticks before a cut.
+
+        Every signal has a sample at the first tick behind it. Steps and windows go on over it, unless one is missing.
+        """
+        missing = set()
+        pairs = zip(before._expressions, self._expressions, strict=True)
+        for old, new in (pair for one, other in pairs for pair in zip(one.columns, other.columns, strict=True)):
+            source = before._sources.get(old.source)
+            if source is None or source.tick is None or source.tick + source.steps(None)[0] < ticks:
+                missing.add(new.source)
+        for number, own in self._sources.items():
+            own.tick = _NEVER if number in missing else -own.divider
+        self._recall_parts(before.memory().parts)
+
+    def _recall_parts(self, parts: Sequence[PartMemory]) -> None:
+        for own, part in zip(self._memories.values(), parts, strict=True):
             own.last, own.sample, own.time_ns = part.last, part.sample, part.time_ns
             own.last_whole, own.whole = part.last_whole, part.sample_whole
             if own.window is not None and part.window is not None:

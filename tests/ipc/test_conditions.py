@@ -425,6 +425,23 @@ class TestCuts:
         found = trigger(client, "scope")
         assert (found.state, found.fires) == (TriggerWord.FIRED, 1)
 
+    def test_a_jump_at_the_cut_is_seen_and_a_window_goes_on(self, bench, client):
+        bench.logger.derive("step", "diff(q_x)")
+        bench.logger.limit("step", (None, -50, 50, None))
+        bench.logger.trigger("jump", "step > 50", save=())
+        bench.logger.trigger("mean", "mean(q_x, 200ms) > 20", save=())
+        bench.q[0] = 0.0
+        bench.logger.start()
+        bench.ticks(29)
+        self.cut(bench, client)
+        bench.q[0] = 100.0
+        for _ in range(3):
+            self.cut(bench, client)
+            bench.ticks(6)
+        wait_until(lambda: client.triggers().tick == 9)
+        assert [trigger(client, name).fires for name in ("jump", "mean")] == [1, 1]
+        assert alarm(client, "/log/step").count == 1
+
     def test_one_that_the_cut_changes_counts_on(self, bench, client, tmp_path):
         bench.logger.trigger("high", "x > 20", pre=0, post=0)
         bench.logger.start()

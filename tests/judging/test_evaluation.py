@@ -1,6 +1,7 @@
 """Expressions over batches of rows: the same as row by row, whatever the cut, whatever is missing."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import msgspec
@@ -306,6 +307,38 @@ def test_deviation_of_large_numbers_loses_no_digits():
 def test_an_infinity_leaves_a_mean_when_it_leaves_the_window():
     streams = {0: stream_of(enumerate([1.0, math.inf, 3.0, 5.0]), 0, (0, 0))}
     assert evaluated(bind("mean(a, 2ms)", CATALOGUE), streams)[1].tolist() == [1.0, math.inf, math.inf, 4.0]
+
+
+@pytest.mark.parametrize(
+    "text", ["diff(a)", "prev(b) - a", "rate(c)", "mean(a, 37ms)", "max(b - c, 90ms)", "sum(diff(v * w))"]
+)
+@pytest.mark.parametrize("lost", [False, True])
+def test_over_a_cut_steps_and_windows_go_on_unless_a_sample_is_missing(text, lost):
+    rng = np.random.default_rng(5)
+    parts, whole, begin = [], {source: [] for source in DIVIDERS}, 0
+    for length, dividers in ((83, DIVIDERS), (41, {0: 2, 1: 1, 2: 7}), (1, {0: 2, 1: 3, 2: 7}), (60, DIVIDERS)):
+        streams = {}
+        for source, divider in dividers.items():
+            keys = [(at, n) for at, e in enumerate(ELEMENTS) if e.source == source for n in range(len(e.entries))]
+            ticks = range(0, length - 10 * (lost and begin == 83), divider)
+            rows = [(tick, (begin + tick) * 10**6, {key: float(rng.normal()) for key in keys}) for tick in ticks]
+            streams[source] = rows_of(Stream(divider, rows), source)
+            whole[source] += [(begin + row[0], *row[1:], min(divider, length - row[0])) for row in rows]
+        named = [replace(one, divider=dividers.get(one.source, 1)) for one in ELEMENTS]
+        parts.append((bind(text, Catalogue(named)), streams, length))
+        begin += length
+    before, found = None, []
+    for bound, streams, length in parts:
+        evaluator = Evaluator(bound)
+        if before is not None:
+            evaluator.follow(*before)
+        found.append(evaluator.feed(streams).numbers())
+        before = evaluator, length
+    at_once = Evaluator(bind(text, CATALOGUE)).feed({
+        source: replace(rows_of(Stream(1, rows), source), holds=np.array([row[3] for row in rows]))
+        for source, rows in whole.items()
+    })  # fmt: skip
+    assert np.concatenate(found).tobytes() == at_once.numbers().tobytes()
 
 
 def test_a_row_that_was_lost_is_unobservable_not_quiet():
