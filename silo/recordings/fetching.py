@@ -19,6 +19,7 @@ from typing import BinaryIO, TypeVar
 from silo.core.quantities.writing import size_text
 from silo.core.runtime import closing_file, disk_room, sync_folder
 from silo.errors import ConnectionLostError, SaveError, reason
+from silo.files.atomic import write_all
 from silo.recordings.requests import PartOfRecording, Piece, RecordingParts
 
 FIRST_PIECE = 64 << 10
@@ -91,7 +92,7 @@ class Fetch:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             while have < part.size_bytes:
                 piece = self._next(part, have)
-                _write(file, piece.data, have)
+                write_all(file.fileno(), [memoryview(piece.data)], have)
                 have += piece.count
                 self._say(piece.count)
             os.fsync(file.fileno())
@@ -206,14 +207,6 @@ def _put_in_place(told: RecordingParts, folder: Path, place: Path, targets: list
         for one, target in reversed(list(zip(told.parts, targets, strict=True))):
             target.replace(folder / one.path)
     sync_folder(folder)
-
-
-def _write(file: BinaryIO, data: bytes, offset: int) -> None:
-    rest = memoryview(data)
-    while rest:
-        written = os.pwrite(file.fileno(), rest, offset)
-        offset += written
-        rest = rest[written:]
 
 
 def _sum(file: BinaryIO, offset: int, count: int) -> int:

@@ -196,19 +196,19 @@ def test_a_full_disk_is_told_with_what_is_needed_before_anything_comes(robot, he
 
 def test_a_disk_that_fills_up_is_told_and_what_came_is_gone_on_with(robot, here, monkeypatch):
     name = large(Path(robot.place))
-    write = fetching._write
+    write = fetching.write_all
 
     def full(file, data, offset):
         if offset:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         write(file, data, offset)
 
-    monkeypatch.setattr(fetching, "_write", full)
+    monkeypatch.setattr(fetching, "write_all", full)
     with pytest.raises(SaveError, match=r"No space left.*are kept in"):
         robot.fetch(name, here)
     first = robot.pieces[0].count
     robot.pieces.clear()
-    monkeypatch.setattr(fetching, "_write", write)
+    monkeypatch.setattr(fetching, "write_all", write)
     robot.fetch(name, here)
     assert robot.pieces[0].offset == first
     assert same(robot, name, here)
