@@ -14,7 +14,7 @@ import msgspec
 from silo.cli.common import LogWord, complete_logger, connect, find_saved, json_option, means_saved, show_json
 from silo.cli.verbs import Target, Words, by_count, verb
 from silo.core.elements import LoggedEvent
-from silo.core.episodes.words import BEGIN, END, VERDICTS
+from silo.core.episodes.words import BEGIN, END, VERDICTS, next_marks
 from silo.core.quantities.writing import wall_clock
 from silo.decoding import json_decoder
 from silo.errors import LogNotFoundError
@@ -69,12 +69,12 @@ def episode(client: "Client", word: str, name: str, facts: tuple[str, ...]) -> s
       silo episode begin --name pick --about object=cup --about speed=0.4
       silo episode demo redo --name pick
     """
-    from silo.client.episodes import say_of_episode
-
     split = [fact.partition("=") for fact in facts]
     if any(not key or not there for key, there, _ in split):
         raise click.UsageError("write --about KEY=VALUE")
-    event = say_of_episode(client, word, name, {key: _fact(value) for key, _, value in split})
+    known = [] if word == BEGIN else client.events(limit=MOST)
+    marks = next_marks(known, word, name, {key: _fact(value) for key, _, value in split})
+    event = [client.mark(text) for text in marks][-1]
     return f"marked tick {event.tick}: {event.text}"
 
 
