@@ -130,10 +130,6 @@ class ChannelLayout:
                     found.add(self.elements[channel.element].info.name + entry.entry.suffix)
         return found
 
-    def with_bytes(self, entries: set[str]) -> "ChannelLayout":
-        """The same, with these entries as bytes."""
-        return replace(self, as_bytes=self.as_bytes | entries)
-
     def filled(self, begin: dict[int, int], noted: Mapping[int, int]) -> dict[int, int]:
         """Rows with which a run goes on, with those of signals that were derived after what told them: as was noted for
         them, or where the others are. None are from the start.

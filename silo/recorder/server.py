@@ -326,8 +326,9 @@ class EndlessRecordings:
                 live = {one.socket.fileno(): one for one in self._recorders.values() if one.is_live}
                 waiting = [one for one in self._recorders.values() if one.again_s]
                 self._count()
-                if not live and not waiting:
-                    self._let_spare_go()
+                if not live and not waiting and self._spare is not None:
+                    self._spare.end()
+                    self._spare = None
                 if self._stopping and not live and not waiting:
                     return
             for one in waiting:
@@ -380,11 +381,6 @@ class EndlessRecordings:
             with contextlib.suppress(OSError):  # then the next one takes longer
                 self._spare = Spare()
 
-    def _let_spare_go(self) -> None:
-        if self._spare is not None:
-            self._spare.end()
-            self._spare = None
-
     def _gone(self, recorder: RecorderProcess) -> None:
         code = recorder.reap()
         name, report = recorder.order.name, recorder.report
@@ -393,7 +389,8 @@ class EndlessRecordings:
             return
         recorder.useless_lives = 0 if recorder.has_recorded else recorder.useless_lives + 1
         if recorder.ending and recorder.useless_lives >= MOST_ENDS:
-            self._close_left(recorder)
+            for line in close_left(recorder.order.folder):
+                self._tell(f"recording '{recorder.order.name}': {line}")
             recorder.given_up = True
             text = f"its process died (exit code {code}) each time it was to end"
             if recorder.runs:
@@ -405,10 +402,6 @@ class EndlessRecordings:
         recorder.again_s = time.monotonic() + AGAIN_S[min(recorder.useless_lives, len(AGAIN_S) - 1)]
         goes_on = "is started again, to end" if recorder.ending else "is started again and goes on"
         self._tell(f"recording '{name}': its process died (exit code {code}); it {goes_on}")
-
-    def _close_left(self, recorder: RecorderProcess) -> None:
-        for line in close_left(recorder.order.folder):
-            self._tell(f"recording '{recorder.order.name}': {line}")
 
     def _over(self, recorder: RecorderProcess, text: str, *, failed: bool) -> None:
         """It comes to nothing more: told with what became of it, by its ledger."""

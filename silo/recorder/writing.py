@@ -356,7 +356,7 @@ class Writing:
         misfits = layout.misfits(rows, elements)
         if misfits:
             self._finish_part("longer bytes than before came")
-            layout = self._layout = layout.with_bytes(misfits)
+            layout = self._layout = replace(layout, as_bytes=layout.as_bytes | misfits)
             elements = layout.samples(rows)
         part = self._open_part()
         # before the rows: whatever ends the part, none is there without
