@@ -119,7 +119,8 @@ def _removed_if_dead(path: Path) -> bool:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if is_at(descriptor, lock):
             lives = _listens(path)  # it lost its lock
-            _remove(*([lock] if lives else _files_of(path)))
+            for one in [lock] if lives else [path, *(each.of(path) for each in reversed(Beside))]:  # the lock last
+                one.unlink(missing_ok=True)
             return not lives
     return False
 
@@ -135,16 +136,6 @@ def _listens(path: Path) -> bool:
         except OSError:
             return True
     return True
-
-
-def _files_of(path: Path) -> list[Path]:
-    return [path, *(one.of(path) for one in reversed(Beside))]  # the lock last
-
-
-def _remove(*files: Path) -> None:
-    for file in files:
-        with contextlib.suppress(FileNotFoundError):
-            file.unlink()
 
 
 def open_server(
