@@ -96,7 +96,9 @@ class Connection:
         self._heard = HeardEvents()
         self._missed: list[Event] = []  # while no link was there
         self._known: set[str] = set()  # who was there while ours lived: other robots, whatever their names
-        self._open_first(found, timeout_s)
+        until_s = time.monotonic() + timeout_s
+        while not self._opened(found, timeout_s, until_s):  # it died meanwhile: its program starts the next one
+            time.sleep(POLL_S)
         self._known = self._twins()
 
     def watch(self, on_round: Callable[[], None]) -> None:
@@ -105,12 +107,6 @@ class Connection:
         self._thread.start()
 
     # -------------------------------------------------------------------------------------------- one session
-
-    def _open_first(self, found: LoggerAddress, timeout_s: float) -> None:
-        """Open a session; where the helper process dies meanwhile, to the next one, which its program starts."""
-        until_s = time.monotonic() + timeout_s
-        while not self._opened(found, timeout_s, until_s):
-            time.sleep(POLL_S)
 
     def _opened(self, found: LoggerAddress, timeout_s: float, until_s: float) -> bool:
         path = Path(found.socket)
@@ -329,7 +325,9 @@ class Connection:
             if time.monotonic() - scanned_s > (DEAD_SCAN_S if self._dead else TWIN_SCAN_S):
                 scanned_s = time.monotonic()
                 if self._dead:
-                    self._look_for_successor()
+                    if others := self._namesakes():  # its program was started again
+                        self._lose()
+                        self.found = others[0]
                 elif self._program_start:
                     twins = self._twins()
                     self._known |= twins if self._program_lives() else set()  # asked last: they were there beside it
@@ -443,13 +441,6 @@ class Connection:
     def _program_lives(self) -> bool:
         """Whether the robot program is known to live, whatever its helper process does."""
         return bool(self._program_start) and process_start(self.found.pid) == self._program_start
-
-    def _look_for_successor(self) -> None:
-        """The robot program is dead: when it is started again, go over to the new one."""
-        others = self._namesakes()
-        if others:
-            self._lose()
-            self.found = others[0]
 
 
 def _wait_for_token(alive: "zenoh.Subscriber[zenoh.Handler[zenoh.Sample]]", timeout_s: float) -> None:

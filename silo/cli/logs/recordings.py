@@ -61,7 +61,11 @@ def ls(client: "Client", most: int) -> "Recordings":
       silo files ls demo
       silo files ls demo --json | jq '.recordings[0].why'
     """
-    return _all_read(client, most)
+    for _ in range(MOST_LOOKS):
+        found = client.recordings(most)
+        if not any(one.unread for one in found.recordings):
+            break
+    return found
 
 
 @files.command()
@@ -107,15 +111,6 @@ def rm(logger: str, names: tuple[str, ...], yes: bool) -> None:
             ask_first(question, f"{question} Say --yes to delete without being asked; nothing was deleted")
         for name in meant:
             click.echo(client.delete_recording(name))
-
-
-def _all_read(client: "Client", most: int) -> "Recordings":
-    """Return the list, once all of its files were looked into."""
-    for _ in range(MOST_LOOKS):
-        found = client.recordings(most)
-        if not any(one.unread for one in found.recordings):
-            break
-    return found
 
 
 def _meant(client: "Client", names: tuple[str, ...]) -> list[str]:
