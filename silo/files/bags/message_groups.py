@@ -15,7 +15,7 @@ from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from silo.core.arrays.wide import to_wire
-from silo.core.recording import RecordedElement, Recording, samples_between
+from silo.core.recording import RecordedElement, samples_between
 from silo.files.bags.ros_types import Channel, fill_constants, message_dtype
 from silo.files.mcap.writer import MESSAGE_OPCODE, IndexBlock, index_block
 from silo.files.silo.format import FilledEntry
@@ -55,11 +55,6 @@ def absent_of(element: RecordedElement, channel: Channel) -> NDArray[np.int64]:
     if len(told) < len(entries) or any(fill is None for _, fill in told):
         return np.empty(0, np.int64)
     return np.flatnonzero(np.logical_and.reduce([one.values == fill for one, fill in told]))
-
-
-def group_channels(recording: Recording, channels: Sequence[Channel]) -> list["MessageGroup"]:
-    """Groups of all channels that have messages. Channels count from 1, as in the file."""
-    return group_samples(recording.elements, dict(enumerate(channels, start=1)))
 
 
 def group_samples(

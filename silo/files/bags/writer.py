@@ -23,7 +23,7 @@ from silo.core.recording import Progress, RecordedElement, RecordedEntry, Record
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, atomic_folder
 from silo.files.bags.events import LOG_TYPE, EventGroup, events_topic
-from silo.files.bags.message_groups import MessageGroup, absent_of, group_channels
+from silo.files.bags.message_groups import MessageGroup, absent_of, group_samples
 from silo.files.bags.metadata import (
     FACTS_ATTACHMENT,
     FACTS_VERSION,
@@ -129,7 +129,7 @@ def _write_mcap(
     file: BinaryIO, recording: Recording, channels: Sequence[Channel], name: str, progress: Progress
 ) -> str:
     """Write the whole file; return rosbag2's metadata as YAML."""
-    groups: list[MessageGroup | EventGroup] = [*group_channels(recording, channels)]
+    groups: list[MessageGroup | EventGroup] = [*group_samples(recording.elements, dict(enumerate(channels, start=1)))]
     counts = {
         number: element.count - len(absent_of(element, channel))
         for number, channel in enumerate(channels, start=1)
@@ -145,7 +145,18 @@ def _write_mcap(
     metadata = metadata_yaml(recording, topics, counts, name, (first, last))
 
     mcap = McapWriter(file, schemas, records)
-    mcap.add_metadata("silo", _summary(recording))
+    frequency = "" if recording.frequency_hz is None else f"{recording.frequency_hz:g}"
+    mcap.add_metadata(
+        "silo",
+        {
+            "version": str(FACTS_VERSION),
+            "logger": recording.logger,
+            "frequency_hz": frequency,
+            "elements": str(len(recording.elements)),
+            "ticks": str(len(recording.time_ns)),
+            **{f"about {key}": text for key, text in recording.told_about.items()},
+        },
+    )
     mcap.attach(FACTS_ATTACHMENT, "application/zstd", pack_facts(recording_facts(recording, channels)))
     mcap.attach(TIME_ATTACHMENT, "application/zstd", pack_times(recording.time_ns))
     write_windows(mcap, recording.time_ns, groups, progress)
@@ -188,7 +199,10 @@ def _write_window(
     cursor = ends - sizes
     for group in groups:
         group.place(cursor, buffer)
-    bounds = _chunk_bounds(ends)
+    total = int(ends[-1])
+    pieces = max(1, round(total / CHUNK_BYTES))  # all of about the same size
+    cuts = np.searchsorted(ends, np.arange(1, pieces) * (total / pieces), side="left") + 1
+    bounds = [0, *(int(cut) for cut in np.unique(cuts) if cut < len(ends)), len(ends)]
     for start, stop in pairwise(bounds):
         low = int(ends[start] - sizes[start])
         high = int(ends[stop - 1])
@@ -198,14 +212,6 @@ def _write_window(
         shift = mcap.definitions_size - low
         blocks = [block for group in groups if (block := group.index(start, stop, shift)) is not None]
         mcap.add_chunk(buffer[low:high].data, int(stamps.min()), int(stamps.max()), blocks)
-
-
-def _chunk_bounds(ends: NDArray[np.int64]) -> list[int]:
-    """Ticks at which the window is cut: chunks of about `CHUNK_BYTES`, all of about the same size."""
-    total = int(ends[-1])
-    pieces = max(1, round(total / CHUNK_BYTES))
-    cuts = np.searchsorted(ends, np.arange(1, pieces) * (total / pieces), side="left") + 1
-    return [0, *(int(cut) for cut in np.unique(cuts) if cut < len(ends)), len(ends)]
 
 
 def _span(recording: Recording, groups: "Sequence[MessageGroup | EventGroup]") -> tuple[int, int]:
@@ -260,18 +266,6 @@ def _about(element: RecordedElement) -> dict[str, str]:
     if labels:
         about["labels"] = ", ".join(f"{number}={label}" for number, label in sorted(labels.items()))
     return about
-
-
-def _summary(recording: Recording) -> dict[str, str]:
-    frequency = "" if recording.frequency_hz is None else f"{recording.frequency_hz:g}"
-    return {
-        "version": str(FACTS_VERSION),
-        "logger": recording.logger,
-        "frequency_hz": frequency,
-        "elements": str(len(recording.elements)),
-        "ticks": str(len(recording.time_ns)),
-        **{f"about {key}": text for key, text in recording.told_about.items()},
-    }
 
 
 def recording_facts(recording: Recording, channels: Sequence[Channel]) -> RecordingFacts:
