@@ -7,13 +7,7 @@ from silo.core.arguments import texts
 from silo.core.calls import told_class
 from silo.core.elements import Sought
 from silo.errors import ConnectionLostError
-from silo.history.search_requests import (
-    FindMoments,
-    FoundIn,
-    MeasureSpan,
-    MomentsFound,
-    SpanFacts,
-)
+from silo.history.search_requests import FindMoments, FoundIn, MeasureSpan, MomentsFound, SpanFacts
 from silo.rpc.declaring import Caller
 from silo.rpc.foreign import NOT_UNDERSTOOD
 from silo.rpc.refusals import meant

@@ -12,13 +12,7 @@ from silo.journal.format import JOURNAL_SUFFIX
 from silo.journal.reader import JournalReader
 from silo.recovery.journals import claimed_journal, find_stale_journals, is_journal, remove_proven, sweep_journals
 from silo.recovery.left import LeftRun, RunReader
-from silo.recovery.segments import (
-    claimed_segment,
-    find_stale,
-    release_segment,
-    segment_folder,
-    sweep_segments,
-)
+from silo.recovery.segments import claimed_segment, find_stale, release_segment, segment_folder, sweep_segments
 
 log = logging.getLogger("silo")
 

@@ -17,16 +17,7 @@ from pathlib import Path
 
 import msgspec
 
-from silo.core.elements import (
-    Control,
-    ElementInfo,
-    LoggerOptions,
-    Present,
-    State,
-    Status,
-    Storage,
-    Table,
-)
+from silo.core.elements import Control, ElementInfo, LoggerOptions, Present, State, Status, Storage, Table
 from silo.core.names import Names
 from silo.core.recording import alike
 from silo.core.runtime import disk_room, runtime_dir, user_name

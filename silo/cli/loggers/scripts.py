@@ -9,15 +9,7 @@ import click
 
 from silo.cli.bulk import carry_out, everyone_option, many_meant
 from silo.cli.codes import EXIT_FOUND
-from silo.cli.common import (
-    TypedPath,
-    complete_logger,
-    complete_script,
-    connect,
-    discovered,
-    json_option,
-    show_json,
-)
+from silo.cli.common import TypedPath, complete_logger, complete_script, connect, discovered, json_option, show_json
 from silo.cli.edits import show_changes
 from silo.cli.verbs import Target, Verbs, Words, target, verb
 from silo.core.quantities.writing import many

@@ -9,15 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.common import (
-    complete_words,
-    connect,
-    json_option,
-    patiently,
-    show_json,
-    split_logger,
-    unknown_logger,
-)
+from silo.cli.common import complete_words, connect, json_option, patiently, show_json, split_logger, unknown_logger
 from silo.cli.edits import of_entries, select
 from silo.core.elements import State
 from silo.core.quantities.writing import and_more, many, wall_clock

@@ -5,14 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.common import (
-    complete_words,
-    connect,
-    json_option,
-    show_json,
-    show_rows,
-    split_logger,
-)
+from silo.cli.common import complete_words, connect, json_option, show_json, show_rows, split_logger
 from silo.core.quantities.writing import duration_text, many, size_text
 
 if TYPE_CHECKING:

@@ -22,15 +22,7 @@ import msgspec
 from silo.core.calls import told_class, told_names
 from silo.core.elements import FileType, SavedFile
 from silo.errors import ConnectionLostError, SaveError, SiloError
-from silo.link.channel import (
-    FILES_DELETED,
-    Beat,
-    Goodbye,
-    LetGo,
-    LinkReply,
-    LinkRequest,
-    LinkSaved,
-)
+from silo.link.channel import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
 from silo.logger.serving.answers import Served, answer, robot_state
 from silo.logger.serving.process import (
     FROZEN_ROUNDS,
