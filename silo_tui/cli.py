@@ -96,10 +96,7 @@ def command(
             raise click.UsageError("--demo runs here; leave out --config")
         config = "local"
     if serve:
-        given = [
-            *([target] if target else []),
-            *(["--demo"] if demo else ["--config", config] if config else []),
-        ]
+        given = [*([target] if target else []), *(["--demo"] if demo else ["--config", config] if config else [])]
         given += [*(["--rate", f"{rate:g}"] if rate else []), *(["--view", view] if view else [])]
         given += ["--theme", theme] if theme else []
         _serve(given, port, control=control and not read_only)

@@ -396,12 +396,7 @@ def _compared(a: Log, b: Log, names: Sequence[str], shift_s: float, tolerance: f
 
 
 def _scalars(
-    a: Log,
-    b: Log,
-    name: str,
-    places: Sequence[int | None],
-    shift_s: float,
-    met: dict[tuple[object, ...], _Meeting],
+    a: Log, b: Log, name: str, places: Sequence[int | None], shift_s: float, met: dict[tuple[object, ...], _Meeting]
 ) -> tuple[list[_Scalar], _Pair]:
     """What is to be looked at of an element of both logs. Raises ElementError where they can't be compared."""
     ours, theirs = (

@@ -219,14 +219,7 @@ class ScriptedTable:
         room = string_room(string_bytes)
         full = join_name(self._options.prefix, group, name)
         options = new_options(
-            full,
-            self._options.frequency_hz,
-            self._options.max_time_s,
-            enabled,
-            divider,
-            action,
-            buffer,
-            size,
+            full, self._options.frequency_hz, self._options.max_time_s, enabled, divider, action, buffer, size
         )
         parts = describe(source, full, attr=attr, kind=kind, labels=label_map(labels), string_bytes=room)
         entries = parts[0].entries() if len(parts) == 1 else tuple(one for part in parts for one in part.entries())

@@ -176,12 +176,7 @@ def generate(
     memory, base = memory_window(addresses, plan.scratch.words)
     names = _Names()
     stamp = plan.scratch.words[:STAMP_WORDS].data
-    names.objects |= {
-        "m": memory,
-        "w": segment.words,
-        "stamp": stamp,
-        "scratch": plan.scratch.words.data.cast("B"),
-    }
+    names.objects |= {"m": memory, "w": segment.words, "stamp": stamp, "scratch": plan.scratch.words.data.cast("B")}
     names.objects |= {"clock": clock, "clock_failed": clock_failed, "NOTHING": NOTHING, "StateError": StateError}
     names.objects |= {"on_stop": on_stop, "copyto": np.copyto, "shape": np.shape}
     names.objects |= {

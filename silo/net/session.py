@@ -139,13 +139,7 @@ def _listens(path: Path) -> bool:
 
 
 def open_server(
-    folder: Path,
-    logger: str,
-    pid: int,
-    config: str | None = None,
-    root: Root | None = None,
-    *,
-    grouped: bool = False,
+    folder: Path, logger: str, pid: int, config: str | None = None, root: Root | None = None, *, grouped: bool = False
 ) -> tuple[zenoh.Session, Path]:
     """Return a session that listens on a Unix socket in `folder`, and on what the file `config` adds to it.
 

@@ -61,11 +61,7 @@ class Recorder:
     """One recorder. `run` returns when it has ended."""
 
     def __init__(
-        self,
-        order: RecordOrder,
-        sock: socket.socket,
-        calm_down: Callable[[], object] = lambda: None,
-        parent: int = 0,
+        self, order: RecordOrder, sock: socket.socket, calm_down: Callable[[], object] = lambda: None, parent: int = 0
     ) -> None:
         """`calm_down` is called when it has caught up: from then on others may go first. `parent` started it."""
         self._calm_down, self._parent = calm_down, parent or os.getppid()

@@ -44,10 +44,7 @@ def _is_written(path: Path) -> bool:
 @contextmanager
 def claimed_part(path: Path) -> Iterator[BinaryIO]:
     """The open file, held. Raises BusyError if a recorder writes it, or another process closes it; OSError."""
-    with (
-        claimed_file(path, os.O_RDWR) as descriptor,
-        os.fdopen(descriptor, "r+b", buffering=0, closefd=False) as file,
-    ):
+    with claimed_file(path, os.O_RDWR) as descriptor, os.fdopen(descriptor, "r+b", buffering=0, closefd=False) as file:
         yield file
 
 

@@ -363,10 +363,7 @@ class Archive:
                 frame.write_parquet(out)
 
     def _files_of_runs(
-        self,
-        runs: Mapping[str, ListedRun],
-        indexes: Sequence[RunIndex | KnownFiles],
-        there: Mapping[str, Archived],
+        self, runs: Mapping[str, ListedRun], indexes: Sequence[RunIndex | KnownFiles], there: Mapping[str, Archived]
     ) -> dict[str, ArchivedFacts]:
         """What is known of the archived files of runs in several, of which one is among these; it is kept here."""
         found = known_files({one: run for one, run in runs.items() if chain_of(run.facts)}, indexes)

@@ -45,9 +45,7 @@ class ListedRun:
         return [one.path for one in self.files] or [self.facts.path]
 
     def signals_in(
-        self,
-        runs: Mapping[str, Sequence[SignalFacts]],
-        _episodes: Mapping[tuple[str, int], Sequence[SignalFacts]],
+        self, runs: Mapping[str, Sequence[SignalFacts]], _episodes: Mapping[tuple[str, int], Sequence[SignalFacts]]
     ) -> list[SignalFacts]:
         """The facts of its scalars among those of all files, and of all episodes in them."""
         return signals_of([runs.get(path, ()) for path in self.paths])
@@ -192,9 +190,7 @@ class ListedEpisode(ListedRun):
         return signals_of([self._of(*piece) for piece in self.pieces_of(self.episode.number)])
 
     def signals_in(
-        self,
-        runs: Mapping[str, Sequence[SignalFacts]],
-        episodes: Mapping[tuple[str, int], Sequence[SignalFacts]],
+        self, runs: Mapping[str, Sequence[SignalFacts]], episodes: Mapping[tuple[str, int], Sequence[SignalFacts]]
     ) -> list[SignalFacts]:
         """The same, of this episode."""
         pieces = self.pieces_of(self.episode.number)

@@ -131,13 +131,7 @@ class ChangeRecord:
         self.begin = bytes(self._image[: self._parts[-1].stop if infos else 0])  # what they were when it was made
 
     def open(
-        self,
-        who: str,
-        where: str,
-        name: str,
-        places: Sequence[int],
-        new: bytes,
-        excitation: Excitation | None = None,
+        self, who: str, where: str, name: str, places: Sequence[int], new: bytes, excitation: Excitation | None = None
     ) -> OpenChange:
         """Note a change of the parameters at these places, that waits to land."""
         number = next(self._numbers)

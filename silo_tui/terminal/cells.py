@@ -121,14 +121,7 @@ def _clusters(text: str) -> Iterator[str]:
 
 
 def difference(
-    sent: Grid,
-    wanted: Grid,
-    rows: Iterable[int],
-    styles: Styles,
-    budget: int,
-    *,
-    erases: bool,
-    deletes: bool,
+    sent: Grid, wanted: Grid, rows: Iterable[int], styles: Styles, budget: int, *, erases: bool, deletes: bool
 ) -> tuple[str, int | None]:
     """Return what makes a terminal that shows `sent` show `wanted` in these rows, and write it into `sent`.
 

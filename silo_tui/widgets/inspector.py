@@ -277,10 +277,7 @@ class Inspector(Guarded, Widget):
             pane.append(called[position][: left - 1].ljust(left), style=quiet)
             pane.append(f"{word:>{room}}\n", style=style)
         if len(element.entries) > MAX_VALUES:
-            pane.append(
-                f"and {len(element.entries) - MAX_VALUES} more; {key_of('monitor')} plots them\n",
-                style=quiet,
-            )
+            pane.append(f"and {len(element.entries) - MAX_VALUES} more; {key_of('monitor')} plots them\n", style=quiet)
 
     def _plots(self, row: int, width: int, room: int) -> list[Line]:
         """Return the plots of the element, drawn once a second: they are most of what a frame sends."""

@@ -33,11 +33,7 @@ Other = TypeVar("Other", bound=Samples)
 
 
 def combined(
-    one: One,
-    other: One | float | NDArray[Any],
-    function: Callable[[Any, Any], Any],
-    sign: str,
-    swapped: bool = False,
+    one: One, other: One | float | NDArray[Any], function: Callable[[Any, Any], Any], sign: str, swapped: bool = False
 ) -> One:
     """Return what a function makes of a signal and another, a number or an array; `swapped` puts the other first."""
     if not isinstance(other, Samples):

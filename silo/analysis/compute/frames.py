@@ -77,12 +77,7 @@ def quaternion(signal: One, order: str = "ZYX", degrees: bool | None = None) -> 
     result = np.full((len(signal), 4), np.nan)
     result[good] = made.as_quat()
     return replace(
-        signal,
-        name=f"quaternion({signal.name})",
-        values=result,
-        kind="quaternion",
-        unit="-",
-        components=XYZW,
+        signal, name=f"quaternion({signal.name})", values=result, kind="quaternion", unit="-", components=XYZW
     )
 
 

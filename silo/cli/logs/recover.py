@@ -31,12 +31,7 @@ if TYPE_CHECKING:
 @types_option
 @json_option
 def recover(
-    paths: tuple[Path, ...],
-    only_list: bool,
-    folder: Path | None,
-    look_in: Path,
-    types: tuple[str, ...],
-    as_json: bool,
+    paths: tuple[Path, ...], only_list: bool, folder: Path | None, look_in: Path, types: tuple[str, ...], as_json: bool
 ) -> None:
     """Save what programs left behind that died without saving, and free its memory.
 

@@ -135,12 +135,7 @@ def _new(path: Path) -> Path:
 
 
 async def export(
-    app: App[Any],
-    source: PlotSource,
-    panels: Sequence[Panel],
-    shown_ns: tuple[int, int],
-    zero_ns: int,
-    path: Path,
+    app: App[Any], source: PlotSource, panels: Sequence[Panel], shown_ns: tuple[int, int], zero_ns: int, path: Path
 ) -> str:
     """Write what is shown, in the format that the path ends in; return what to say. Raises SiloError, OSError."""
     path = _new(path)

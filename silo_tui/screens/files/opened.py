@@ -50,11 +50,7 @@ async def open_recording(
 
 
 async def show_read(
-    context: Context,
-    read: "Callable[[], Log]",
-    failed: str,
-    plotted: Sequence[str] = (),
-    at_ns: int | None = None,
+    context: Context, read: "Callable[[], Log]", failed: str, plotted: Sequence[str] = (), at_ns: int | None = None
 ) -> None:
     """Show a log that is read now, over the logger that is open; say that it `failed`, and why.
 

@@ -497,10 +497,7 @@ class PlotScreen(SiloScreen):
             return self.session.live.readings
         await self.pause.settled()
         at_ns = self.now_ns if self.window.cursor is not None else self.end_ns
-        plots = (
-            *self.stack.on_screen(),
-            *self.stack.plots[self.stack.chosen : self.stack.chosen + 1],
-        )
+        plots = (*self.stack.on_screen(), *self.stack.plots[self.stack.chosen : self.stack.chosen + 1])
         shown = {plotted.element.name: plotted.element for plotted in plots}
         try:
             if self.pause.source is not None:
