@@ -562,25 +562,34 @@ class Logger(LoggerNames):
                     self._free()  # it was interrupted
                 return
             self.stop()
-            kept = self._data.save_failed and self.has_unsaved and not discard
-            if not kept:
-                self._data.look_for_unheld()
-                self._freeing = self._life.closed = True  # in this order: an interrupt may come between
-            dropped = 0 if discard else self._present.unsaved_ticks
-        if kept:
-            self._abandon()
-            return
+            self._data.look_for_unheld()
+            self._freeing = self._life.closed = True  # in this order: an interrupt may come between
+            if discard:
+                self._data.failed = None
+            dropped = 0 if discard or self._failed_to_save else self._present.unsaved_ticks
         if dropped:
             say_dropped(self.options.name, dropped)
         self._free()
+
+    @property
+    def _failed_to_save(self) -> bool:
+        """Whether the program tried to save what it has, and could not."""
+        return self._data.failed is not None and self._data.failed in self._present.stretches
 
     def _free(self) -> None:
         if self._life.serving is not None:
             self._life.serving.close()
         self._mark_in(None)
-        self._drop()
-        drop_journals(self.options)
+        if not self._failed_to_save or self._saved_here("was closed after a save() that failed"):
+            self._drop()
+            drop_journals(self.options)
         self._table.release()
+        self._freeing = False
+
+    def _saved_here(self, ended: str) -> bool:
+        """Save what is in no file, each stretch to its own, and say where; whether that went well with all."""
+        unsaved = filter(is_to_be_saved, self._present.stretches)
+        return not [one for one in unsaved if not save_at_end(one, self.options, self._conditions.now, ended)]
 
     def _drop(self) -> None:
         """Free the buffers, or leave them to those who come after a helper process that did not come to its end."""
@@ -636,8 +645,7 @@ class Logger(LoggerNames):
             if self._life.serving.left == left:
                 return  # the helper process saves them and deletes the segment
         self._mark_in(None)
-        unsaved = filter(is_to_be_saved, self._present.stretches)
-        if not [one for one in unsaved if not save_at_end(one, self.options, self._conditions.now)]:
+        if self._saved_here("ended without save() or close()"):
             self._drop()
             drop_journals(self.options)
 

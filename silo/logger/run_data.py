@@ -44,7 +44,7 @@ class RunData:
         self._life, self._present = life, present
         self._new_values = NewValuesReader()
         self._saving = threading.Lock()  # of stretches before the present one
-        self.save_failed = False  # the program's last save() did not come to its end
+        self.failed: Run | None = None  # of which the program's last save() did not come to its end
 
     def look_for_unheld(self, run: Run | None = None, found: Sequence[int] | None = None) -> None:
         """Tell of arrays that nobody but silo holds any more: those `found` of a run while it turned, else looked for.
@@ -143,7 +143,7 @@ class RunData:
         run = self._present.run
         if run is None:
             raise StateError("nothing to save: nothing was logged yet; call start() and collect() first")
-        self.save_failed = True
+        self.failed = run
         before = self._save_cut_off(chosen, name, where)
         if not run.segment.ticks:
             since = "start()" if run.segment.schema.cut is None else "the cut"
@@ -160,7 +160,7 @@ class RunData:
                 saved = save_run(recording, run.id, self._options, why, conditions, chosen, name, where)
             with self._life.lock:  # what the helper process saved, `note_saved` was told
                 self._present.mark_saved(run, ticks)
-        self.save_failed = False
+        self.failed = None
         return SavedFiles([*before, *saved])
 
     def save_cut_off(self) -> None:

@@ -85,27 +85,27 @@ def save_run(
     return write_run(recording, where, options.name, types, name or None, why=why, events=told, conditions=conditions)
 
 
-def save_at_end(run: Run, options: LoggerOptions, conditions: Conditions) -> bool:
-    """Save a run as `.silo`, and say where; False, and said where it stays, if that failed."""
+def save_at_end(run: Run, options: LoggerOptions, conditions: Conditions, ended: str) -> bool:
+    """Save a run as `.silo`, and say where and how its logger `ended`; False, and said where it stays, if that failed."""
     try:
         held = segment_holdings(run.reader).text
         saved = save_run(run.reader.snapshot(), run.id, options, "program ended without saving", conditions)
     except SiloError as failure:
-        say_where_it_is(run, options, f": {failure}")
+        say_where_it_is(run, options, f": {failure}", ended)
         return False
-    _say_saved(options.name, held, saved, "save() or close()")
+    _say_saved(options.name, held, saved, ended)
     return True
 
 
 def say_saved(run: Run | None, name: str, saved: Sequence[SavedFile]) -> None:
     """Say what was saved at the end of a `with` that saved nothing itself."""
     held = segment_holdings(run.reader).text if run is not None else "nothing"
-    _say_saved(name, held, saved, "save()")
+    _say_saved(name, held, saved, "ended without save()")
 
 
-def _say_saved(name: str, held: str, saved: Sequence[SavedFile], without: str) -> None:
+def _say_saved(name: str, held: str, saved: Sequence[SavedFile], ended: str) -> None:
     paths = ", ".join(file.path for file in saved)
-    print(f"silo: logger '{name}' ended without {without}; saved {held}: {paths}", file=sys.stderr)
+    print(f"silo: logger '{name}' {ended}; saved {held}: {paths}", file=sys.stderr)
 
 
 def say_dropped(name: str, ticks: int) -> None:
@@ -126,14 +126,16 @@ def drop_journals(options: LoggerOptions) -> None:
             remove_journal(path)
 
 
-def say_where_it_is(run: Run, options: LoggerOptions, problem: str = "") -> None:
+def say_where_it_is(
+    run: Run, options: LoggerOptions, problem: str = "", ended: str = "ended without save() or close()"
+) -> None:
     """Say that a run was left for `silo recover`."""
     try:
         held = segment_holdings(run.reader).text
     except SiloError as error:
         held = f"what it holds ({error})"
     print(
-        f"silo: logger '{options.name}' ended without save() or close(){problem}; {run.segment.path} keeps {held}: "
+        f"silo: logger '{options.name}' {ended}{problem}; {run.segment.path} keeps {held}: "
         "run `silo recover` to save it",
         file=sys.stderr,
     )

@@ -164,14 +164,48 @@ def test_what_a_save_failed_to_write_outlives_closing(closing, tmp_path, capsys,
         log.save()
         collect(log, 2)
     log.close()
+    log.close()
     said = capsys.readouterr().err
+    assert said.count("silo: logger") == 1
     if again:  # that one stands in a file, and what came later is dropped as ever
         assert "2 ticks that were not saved are dropped" in said
     else:
         assert "dropped" not in said
-        assert "silo: logger 'walk' ended without save() or close(); saved " in said
+        assert "silo: logger 'walk' was closed after a save() that failed; saved " in said
     (path,) = tmp_path.glob("*.silo")
     assert len(silo.open_log(path).times) == 3
+
+
+def test_a_save_that_failed_keeps_no_run_that_came_after(closing, tmp_path, capsys):
+    log = closing(3)
+    (tmp_path / "file").touch()
+    with pytest.raises(silo.SaveError):
+        log.save(folder=tmp_path / "file")
+    log.restart()
+    collect(log, 2)
+    log.close()
+    assert "2 ticks that were not saved are dropped" in capsys.readouterr().err
+    assert list(tmp_path.glob("*.silo")) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("serves", [False, True])
+def test_closing_that_keeps_lets_go_of_memory_and_arrays_as_any(tmp_path, runtime_folder, serves):
+    log, x = silo.Logger("walk", folder=tmp_path, script=tmp_path / "none.yaml"), np.zeros(1)
+    log.add(x, "x")
+    if serves:
+        log.serve()
+    log.start()
+    collect(log, 3)
+    (tmp_path / "file").touch()
+    with pytest.raises(silo.SaveError):
+        log.save(folder=tmp_path / "file")
+    log.close()
+    log.close()
+    x.resize(5)
+    (path,) = tmp_path.glob("*.silo")
+    assert len(silo.open_log(path).times) == 3
+    assert list(runtime_folder.glob("*.segment")) == []
 
 
 def test_what_nobody_could_write_waits_for_recover_behind_closing(closing, tmp_path, capsys, monkeypatch):
