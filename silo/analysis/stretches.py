@@ -41,7 +41,7 @@ from silo.core.recording import (
     within,
 )
 from silo.errors import ElementError
-from silo.expressions.derived_signals import bound_derived, lookback
+from silo.expressions.derived_signals import bound_derived, lookback, remembers
 from silo.expressions.over_recordings import RecordingJudge
 
 
@@ -203,27 +203,30 @@ def joined(parts: Sequence[Recording]) -> Recording:
         stretch=Stretch(last.stretch.run, parts=len(pieces), recorder=last.stretch.recorder),
         gaps=tuple((int(time_ns[at - 1]), int(time_ns[at])) for at in gaps if 0 < at < len(time_ns)),
     )
-    cuts = [int(time_ns[place]) for place in begun if place < len(time_ns)]
+    cuts = [place for place in begun if place < len(time_ns)]
     return _over_cuts(whole, cuts) if cuts else whole
 
 
 def _over_cuts(whole: Recording, cuts: Sequence[int]) -> Recording:
-    """Return it with the windows of derived signals reaching over cuts, at these stamps: files have none of before."""
+    """Return it with derived signals that look back over cuts, at these places: files know nothing of before."""
     known = {one.name for one in whole.conditions.derived}
     plain = [element for element in whole.elements if element.name not in known]
     if len(plain) == len(whole.elements):
         return whole
     judge = RecordingJudge(replace(whole, elements=tuple(plain)))
-    windows = {
-        one.name: lookback(bound).window_ns
+    looks_back = {
+        one.name: lookback(bound)
         for one, bound, why in bound_derived(judge.catalogue)
-        if bound is not None and not why
+        if bound is not None and not why and remembers(bound)
     }
 
     def values(element: RecordedElement, number: int) -> NDArray[Any]:
         stored, stamps = element.entries[number].values, stamps_of(whole, element)
-        within_ns = windows[element.name]
-        late = np.logical_or.reduce([(stamps >= cut) & (stamps < cut + within_ns) for cut in cuts])
+        back, time_ns = looks_back[element.name], whole.time_ns
+        ends = [time_ns[min(cut + back.ticks, len(time_ns)) - 1] + back.window_ns for cut in cuts]
+        late = np.logical_or.reduce(
+            [(stamps >= time_ns[cut]) & (stamps <= end) for cut, end in zip(cuts, ends, strict=True)]
+        )
         found = judge.evaluate(f"`{element.name}`")
         places = np.searchsorted(found.time_ns, stamps[late], "right") - 1
         made = stored.copy()
@@ -233,7 +236,7 @@ def _over_cuts(whole: Recording, cuts: Sequence[int]) -> Recording:
         return whole_column
 
     def over(element: RecordedElement) -> RecordedElement:
-        if not windows.get(element.name):
+        if element.name not in looks_back:
             return element
         entries = tuple(
             lazy_entry(entry.name, entry.entry, partial(values, element, number), entry.dtype, entry.count)

@@ -36,6 +36,12 @@ def lookback(bound: BoundExpression) -> Lookback:
     return Lookback(found.window_ns, found.ticks + longest)
 
 
+def remembers(bound: BoundExpression) -> bool:
+    """Return whether what an expression gives depends on samples before those that hold."""
+    found = _lookback(bound.root, 1)
+    return bool(found.window_ns or found.ticks)
+
+
 def _lookback(part: Part, longest: int) -> Lookback:
     if isinstance(part, Computed):
         inner = [_lookback(one, longest) for one in part.parts]

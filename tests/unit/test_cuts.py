@@ -877,6 +877,8 @@ def windowed(tmp_path):
     log.derive("twice", "2 * smooth")
     log.derive("most", "max(n, 50ms) > 30")
     log.derive("plain", "n + 1")
+    log.derive("step", "diff(n) + 0 * prev(x)")
+    log.derive("both", "max(diff(n), 50ms)")
     log.start()
     for tick in range(60):
         if tick in (10, 20):
@@ -888,7 +890,7 @@ def windowed(tmp_path):
     return tmp_path
 
 
-def test_windows_of_derived_signals_reach_over_the_cuts_of_a_run(windowed):
+def test_derived_signals_look_back_over_the_cuts_of_a_run(windowed):
     log = silo.open_log(windowed)
     expected = [np.mean(range(max(0, tick - 4), tick + 1)) for tick in range(60)]
     for name, factor in (("smooth", 1), ("twice", 2)):
@@ -896,6 +898,9 @@ def test_windows_of_derived_signals_reach_over_the_cuts_of_a_run(windowed):
     assert log["most"].values.tolist() == [tick > 30 for tick in range(60)]
     assert log["plain"].values.tolist() == list(range(1, 61))
     np.testing.assert_array_equal(log.eval("mean(n, 50ms)").values, log["smooth"].values)
+    for name in ("step", "both"):
+        assert np.isnan(log[name].values).nonzero()[0].tolist() == [0]
+        assert log[name].values[1:].tolist() == [1] * 59
     assert len(log.eval("n + x")) == 60
 
 
