@@ -93,7 +93,7 @@ class Leaving(Guarded, Screen[ResultT]):
     async def on_event(self, event: events.Event) -> None:
         """Leave out what comes to a screen that gets no widgets: it, or the program, ends before they were made."""
         if isinstance(event, events.Mount):
-            self._unmade = self._pruning  # closed before it was drawn: what it was made of has gone, or never comes
+            self._unmade = self._pruning or self.app._exit  # what it was made of has gone by now, or never comes
         told = isinstance(event, events.Callback) if self._unmade else self.is_attached or self.children
         if told or isinstance(event, events.Unmount):
             await super().on_event(event)

@@ -144,6 +144,15 @@ async def test_a_screen_that_was_asked_for_as_the_program_ends_is_not_made(opene
         screen.app.post_message(events.Key("ctrl+q", None))
 
 
+@pytest.mark.parametrize("turns", range(4))
+async def test_a_line_of_commands_that_is_made_as_the_program_ends_is_told_nothing_of_it(opened, fake, turns):
+    async with opened(fake) as screen:
+        screen.app.begin_command("")
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        screen.app.exit()
+
+
 @pytest.mark.parametrize("key", ["F", "E", "T", "A", "m", "f2", "question_mark", "enter", "colon", "o", "asked"])
 async def test_a_screen_that_is_closed_while_it_is_made_is_told_nothing_of_it(opened, fake, tmp_path, monkeypatch, key):
     fake.logs = tmp_path
