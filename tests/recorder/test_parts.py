@@ -207,6 +207,7 @@ def test_what_a_slow_disk_costs_is_counted_at_its_place(robot, tmp_path, truth, 
         direct.put()
     full_at = direct.drain.cursors[direct.drain.layout.rings[-1]]
     robot.ticks(7000)  # the rings, of 2000 and some rows, are overwritten
+    assert not direct.put()  # there is no room for them
     gate.set()
     direct.step()
     direct.step()
