@@ -493,20 +493,6 @@ def test_a_journal_whose_description_is_damaged_is_told_and_stays_with_its_rows(
     assert journals(tmp_path) == [journal]
 
 
-@pytest.fixture
-def small_disk(tmp_path):
-    """A log folder on a disk of 2 MB."""
-    folder = tmp_path / "disk"
-    folder.mkdir()
-    mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=2m", "none", str(folder)], check=False, capture_output=True
-    )
-    if mounted.returncode:
-        pytest.skip("needs the right to mount")
-    yield folder
-    subprocess.run(["umount", "-l", str(folder)], check=True)
-
-
 def test_a_full_disk_is_told_once_and_the_journal_goes_on_when_there_is_room(runtime, small_disk, until, capfd):
     log = silo.Logger("arm", folder=small_disk, script="/none.yaml", storage="disk", max_time=0)
     x = log.array("x", 100, buffer=silo.BufferType.GROWING, size=10)

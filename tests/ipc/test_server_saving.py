@@ -126,20 +126,6 @@ def test_a_writing_process_whose_helper_was_killed_before_it_said_all_ends_witho
     assert (done.returncode, done.stdout, done.stderr) == (1, b"", b"")
 
 
-@pytest.fixture
-def small_disk(tmp_path):
-    """A log folder on a disk of 8 MB, of which 168 kB are left to others."""
-    folder = tmp_path / "disk"
-    folder.mkdir()
-    mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=8m", "none", str(folder)], check=False, capture_output=True
-    )
-    if mounted.returncode:
-        pytest.skip("needs the right to mount")
-    yield folder
-    subprocess.run(["umount", "-l", str(folder)], check=True)
-
-
 def _told_of_save(client, *types):
     told = []
     client.on_event(told.append)
