@@ -20,7 +20,7 @@ from silo_tui.modal import ask, run_alone, run_aside
 from silo_tui.model.table.cells import statistic_head
 from silo_tui.model.table.columns import LIVE_COLUMNS, STEADY
 from silo_tui.model.table.facts import STATISTICS
-from silo_tui.model.table.fields import Field, next_value, parse_change, phrase_for
+from silo_tui.model.table.fields import Field, parse_change, phrase_for
 from silo_tui.model.table.state import APPLIED
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.questions import Choice, Question
@@ -460,7 +460,8 @@ class TableScreen(ElementsScreen):
         # of what is edited, not of the cursor's row, which needn't be marked
         value = self.session.table.value(field, targets[0])
         if field is Field.ENABLED:
-            self._set(field, next_value(field, value))
+            cycle = [int(word.value) for word in field.option.words]
+            self._set(field, cycle[(cycle.index(value) + 1) % len(cycle)])
         elif field.cycles:
             self._choose_value(field, value)
         else:

@@ -74,12 +74,6 @@ def synonym(field: Field, text: str) -> int | None:
     return None if value is None else int(value)
 
 
-def next_value(field: Field, value: int) -> int:
-    """The value after `value` when a key steps through the field."""
-    cycle = [int(word.value) for word in field.option.words]
-    return cycle[(cycle.index(value) + 1) % len(cycle)]
-
-
 def parse_change(field: Field, text: str) -> ElementSettings:
     """What was typed for one field: `1000`, `=1000`, `*2`, `10s`, `50Hz`, a word. Raises ElementError."""
     return read_options({field.option.name: text})

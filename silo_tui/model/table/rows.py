@@ -72,7 +72,10 @@ class RowList:
         line, row = self.line, self.row
         path = self.branch.path if self.branch is not None else None
         if self._names != self.table.names:
-            self._follow_names()
+            kept = {name for name, marked in zip(self._names, self.marked, strict=True) if marked}
+            self._names = self.table.names
+            self.marked = np.fromiter((name in kept for name in self._names), np.bool_, len(self._names))
+            self.anchor = None
             line, path = None, None
             row = min(row, len(self.table) - 1) if row is not None and len(self.table) else None
         self._order = self._sorted()
@@ -389,12 +392,6 @@ class RowList:
         return self.hidden_marked if self.anchor is None and self.marked.any() else 0
 
     # -------------------------------------------------------------------------------------------------- inside
-
-    def _follow_names(self) -> None:
-        kept = {name for name, marked in zip(self._names, self.marked, strict=True) if marked}
-        self._names = self.table.names
-        self.marked = np.fromiter((name in kept for name in self._names), np.bool_, len(self._names))
-        self.anchor = None
 
     def _sorted(self) -> Rows:
         if self.sort == TREE:
