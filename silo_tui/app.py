@@ -225,10 +225,6 @@ class SiloApp(Guarded, App[None]):
         if frame.running != session.running and not session.dead:
             run_alone(self, "status", self._follow, session.refresh_status)
         self.context.tell_upper(lambda screen: screen.live_changed(frame))
-        self._tell_thinness()
-
-    def _tell_thinness(self) -> None:
-        """Say once what is left out, and when all is shown again; the head says it as long as it holds."""
         words = terminal.thin_words(self, self._rate_hz)
         if words != self._thin_words:
             self._thin_words = words

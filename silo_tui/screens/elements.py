@@ -111,7 +111,10 @@ class ElementsScreen(SiloScreen):
         self.inspector.refresh()
         self.info.refresh()
         self.update_keys()
-        self._show_emptiness()
+        why = "" if len(self.session.rows.shown) else self.why_empty()
+        for empty in self.query("#empty").results(Static):  # none while the screen goes
+            empty.display = bool(why)
+            empty.update(why)
         self.request_view_soon()
 
     def status_changed(self) -> None:
@@ -131,12 +134,6 @@ class ElementsScreen(SiloScreen):
         if not len(self.session.table):
             return ""
         return f"No element passes the filter {self.session.rows.filter.text!r} ({self._why_none()}). Esc clears it."
-
-    def _show_emptiness(self) -> None:
-        why = "" if len(self.session.rows.shown) else self.why_empty()
-        for empty in self.query("#empty").results(Static):  # none while the screen goes
-            empty.display = bool(why)
-            empty.update(why)
 
     # ------------------------------------------------------------------------------------------------ the view
 

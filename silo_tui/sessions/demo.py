@@ -67,13 +67,9 @@ class Demo:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait(STOP_S)
-        self.farewell = self._farewell()
-
-    def _farewell(self) -> str:
-        """Return what it said at its end: which file has the run, or why none has."""
         said = self._output.read_text("utf-8", "replace") if self._output.is_file() else ""
         _, begins, words = said.rpartition("\nlogger '")
-        return f"logger '{words}".strip() if begins else ""
+        self.farewell = f"logger '{words}".strip() if begins else ""
 
 
 def _folder() -> Path:
