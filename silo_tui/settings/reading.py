@@ -90,7 +90,8 @@ def nodes(text: str) -> tuple[yaml.Node | None, list[SettingsProblem], str]:
             lines[number - 1] = "#" * len(line)
             continue
         if root is not None and not isinstance(root, yaml.MappingNode) and not is_null(root):
-            return None, [*problems, SettingsProblem(line_of(root), f"{_example()}, not {describe(root)}")], text
+            why = f"write lines such as `{OPTIONS[0].name}: {OPTIONS[0].words[0]}`, not {describe(root)}"
+            return None, [*problems, SettingsProblem(line_of(root), why)], text
         return root, problems, "\n".join(lines)
 
 
@@ -104,10 +105,6 @@ def _explained(error: yaml.YAMLError, text: str) -> tuple[int, str]:
     if context is not None and ("while scanning" in doing or "while parsing a flow" in doing):
         number = context.line + 1  # an open quote or bracket is found out lines below
     return number, reason
-
-
-def _example() -> str:
-    return f"write lines such as `{OPTIONS[0].name}: {OPTIONS[0].words[0]}`"
 
 
 def pairs(node: yaml.Node | None) -> Iterator[tuple[yaml.Node, yaml.Node]]:

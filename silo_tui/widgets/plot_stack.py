@@ -47,7 +47,7 @@ from silo_tui.model.words import text
 from silo_tui.model.words.names import below, fitted_among
 from silo_tui.sessions.recorded import FileSession
 from silo_tui.unforeseen import Guarded
-from silo_tui.widgets.styled import Styled, most_series, segments_of, series_style
+from silo_tui.widgets.styled import Styled, segments_of, series_style
 
 CURSOR_A, CURSOR_B = "│", "┊"
 GHOST = Style(dim=True)
@@ -476,8 +476,8 @@ class PlotStack(Guarded, Styled):
 
     @property
     def most(self) -> int:
-        """How many curves may share a panel."""
-        return most_series(self.app, MAX_SERIES)
+        """How many curves may share a panel: two can be told apart without colours."""
+        return 2 if self.app.no_color else MAX_SERIES
 
     def show_panels(self, panels: Sequence[Panel]) -> None:
         """Show these panels; the chosen signal stays the chosen one if it is still there."""

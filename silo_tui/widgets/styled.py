@@ -50,11 +50,6 @@ def series_style(app: App[object], place: int) -> Style:
     return _style(place % len(_IN_16), app.console.color_system == "standard", app.current_theme.dark)
 
 
-def most_series(app: App[object], most: int) -> int:
-    """Return how many curves can be told apart in one plot: two without colours."""
-    return 2 if app.no_color else most
-
-
 @cache
 def _style(place: int, few: bool, dark: bool) -> Style:
     colors = _IN_16 if few else _DARK if dark else _LIGHT

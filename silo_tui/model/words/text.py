@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from pathlib import PurePosixPath
 
 from silo.core.elements import SavedFile
 from silo.core.quantities.writing import size_text
@@ -206,11 +205,6 @@ def cut(words: str, width: int) -> str:
     """Return clean words in at most `width` letters, an ellipsis in place of the rest."""
     words = clean(words)
     return words if len(words) <= width else words[: max(0, width - 1)] + "…"
-
-
-def file_name(path: str) -> str:
-    """Return the last part of a path on the robot."""
-    return PurePosixPath(path).name
 
 
 def saved_words(files: Sequence[SavedFile]) -> str:

@@ -1,6 +1,7 @@
 """Choosing a script on the robot, with what loading it would change."""
 
 from collections.abc import Sequence
+from pathlib import PurePosixPath
 
 from rich.text import Text
 
@@ -10,7 +11,6 @@ from silo.errors import SiloError
 from silo.scripts.requests import ScriptDiff, Scripts
 from silo.settings.conditions_diff import NONE
 from silo_tui.actions import key_of
-from silo_tui.model.words import text
 from silo_tui.model.words.names import below
 from silo_tui.screens.dialogs.questions import Choice, Question, groups_text
 from silo_tui.sessions.link import Link
@@ -28,7 +28,7 @@ def scripts_question(link: Link, scripts: Scripts, pending: str = "", prefix: st
         except SiloError as error:
             return Text(f"It can't be loaded:\n{error}")
 
-    current = text.file_name(scripts.current)
+    current = PurePosixPath(scripts.current).name
     none = (
         ": Enter loads one; below, what it would change"
         if scripts.names
