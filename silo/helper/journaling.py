@@ -14,7 +14,6 @@ from silo.journal.folders import remember_folder
 from silo.journal.format import Head, free_name, is_written, list_journals, remove_journal, remove_journals
 from silo.journal.writer import Disk, JournalWriter
 from silo.rpc.published import EventKind
-from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
 from silo.state.events import EventNotifier
 from silo.state.replica import Replica
@@ -109,7 +108,10 @@ class Journaling:
         folder = Path(schema.folder)
         folder.mkdir(parents=True, exist_ok=True)
         if schema.cut is None:  # a run that it goes on may be in no file yet
-            _remove_earlier_runs(schema)
+            # of earlier runs of this very logger: its restart cleared their buffers
+            for path in list_journals(schema.folder, schema.logger, schema.logger_id):
+                if f"-{schema.run}." not in path.name and not is_written(path):
+                    remove_journal(path)
         writer = JournalWriter(free_name(folder, schema), Head(str(reader.path), schema), Disk())
         try:
             remember_folder(folder)  # once a journal is there: links to folders without are removed by others
@@ -138,10 +140,3 @@ class Journaling:
         if self._writer is not None:
             self._writer.close()
             self._writer = None
-
-
-def _remove_earlier_runs(schema: SegmentSchema) -> None:
-    """Those of this very logger: their buffers were cleared by its restart."""
-    for path in list_journals(schema.folder, schema.logger, schema.logger_id):
-        if f"-{schema.run}." not in path.name and not is_written(path):
-            remove_journal(path)

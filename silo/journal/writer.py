@@ -115,7 +115,10 @@ class JournalWriter:
         self._loop: _Stream | None = None
         self._lock = self._make()
         try:
-            self._write_head(head)
+            body = msgspec.json.encode(head)
+            facts = len(body).to_bytes(8, "little") + zlib.crc32(body).to_bytes(8, "little")
+            self._disk.write(self._lock, facts + body, 0)
+            self._disk.sync(self._lock)
             self._open_streams()
         except OSError:
             self.close()
@@ -134,12 +137,6 @@ class JournalWriter:
                 self._disk.close(descriptor)
             time.sleep(0.001)  # a sweep took it between two calls for what a dead process left
         raise FileExistsError(errno.EEXIST, "another process has a journal of this name", str(self.path))
-
-    def _write_head(self, head: Head) -> None:
-        body = msgspec.json.encode(head)
-        facts = len(body).to_bytes(8, "little") + zlib.crc32(body).to_bytes(8, "little")
-        self._disk.write(self._lock, facts + body, 0)
-        self._disk.sync(self._lock)
 
     def _open_streams(self) -> None:
         rings = self._schema.rings
