@@ -318,7 +318,9 @@ class Judge:
     def _step(self) -> float:
         if not self._looked:
             self._looked = True
-            self._look_back()
+            with contextlib.suppress(SegmentError, OSError):  # no runtime folder: then there is nothing in it either
+                if any(map(STATE_NAME, os.listdir(runtime_dir()))):  # noqa: PTH208  # nearly always there is none
+                    self._remembering().look()
         present = self._replica.run  # first: those before it are due by then
         if not self._caught_up:
             self._caught_up = True
@@ -448,12 +450,6 @@ class Judge:
             self._writer.add(*found.whole)
 
     # ------------------------------------------------------------------------------------------- before and after us
-
-    def _look_back(self) -> None:
-        """Take in what judges before this one left, if there is anything, and tell what nobody can go on with."""
-        with contextlib.suppress(SegmentError, OSError):  # no runtime folder: then there is nothing in it either
-            if any(map(STATE_NAME, os.listdir(runtime_dir()))):  # noqa: PTH208  # nearly always there is none
-                self._remembering().look()
 
     def _remembering(self) -> "JudgeMemory":
         if self._memory is None:

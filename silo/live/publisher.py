@@ -269,7 +269,10 @@ class Publisher:
         """Do what is due and say when to come again."""
         self.pins.expire()
         self._follow_run(now_s)
-        self._note_reading()
+        reading = self._now_read()
+        if reading != self._reading:
+            self._reading = reading
+            self._held.changed()
         self._follow_clients()
         self._measure(now_s)
         self.summary.send(now_s)
@@ -296,12 +299,6 @@ class Publisher:
             self._derived.look()
         else:
             self._derived.forget()
-
-    def _note_reading(self) -> None:
-        reading = self._now_read()
-        if reading != self._reading:
-            self._reading = reading
-            self._held.changed()
 
     def _now_read(self) -> set[str]:
         return {self._topics.reading, *self.streams.reading} - {""}

@@ -135,7 +135,8 @@ class ServedView(Feed[OpenView]):
             element = schemas.get(name)
             if element is None or number >= len(element.watch_entries):
                 continue
-            begins.setdefault(element.watch_ring, _backlog_start(reader, element))
+            rows = BACKLOG_S * reader.schema.frequency_hz / element.info.options.divider
+            begins.setdefault(element.watch_ring, max(0, reader.head(element.watch_ring) - int(rows) - 1))
             wanted.setdefault(element.watch_ring, {})[signal] = element.watch_entries[number]
         self._plots = {ring: _Plots(begins[ring], RowPicker(entries)) for ring, entries in wanted.items()}
         return layout
@@ -230,11 +231,6 @@ def _other_sizes(names: list[str], now: LoggerSnapshot, schemas: dict[str, Eleme
     tables = [info.options.size if (info := now.element(name)) else 0 for name in names]
     pairs = zip(recorded, tables, strict=True)
     return {position: size for position, (size, table) in enumerate(pairs) if size != table}
-
-
-def _backlog_start(reader: SegmentReader, element: ElementSchema) -> int:
-    rows = BACKLOG_S * reader.schema.frequency_hz / element.info.options.divider
-    return max(0, reader.head(element.watch_ring) - int(rows) - 1)
 
 
 class Views(Feeds[OpenView, ServedView]):
