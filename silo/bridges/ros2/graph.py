@@ -162,16 +162,15 @@ class Graph:
             if key in self._topics:
                 self._topics[key].outlet = outlet
             else:
-                self._topics[key] = self._declare(outlet, self._number(key))
+                type_ = outlet.type
+                self._topics[key] = GraphTopic(
+                    *self._publisher(self._number(key), outlet.topic, type_.name, type_.type_hash), outlet=outlet
+                )
 
     def _number(self, key: tuple[str, str]) -> int:
         if key not in self._numbers:
             self._numbers[key] = next(self._unused)
         return self._numbers[key]
-
-    def _declare(self, outlet: Outlet, number: int) -> GraphTopic:
-        type_ = outlet.type
-        return GraphTopic(*self._publisher(number, outlet.topic, type_.name, type_.type_hash), outlet=outlet)
 
     def _publisher(
         self, number: int, topic: str, type_name: str, type_hash: str
