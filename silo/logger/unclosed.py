@@ -86,7 +86,7 @@ def save_run(
 
 
 def save_at_end(run: Run, options: LoggerOptions, conditions: Conditions, ended: str) -> bool:
-    """Save a run as `.silo`, and say where and how its logger `ended`; False, and said where it stays, if that failed."""
+    """Save a run as `.silo`, and say where, and how its logger `ended`; False, and said where it is, if that failed."""
     try:
         held = segment_holdings(run.reader).text
         saved = save_run(run.reader.snapshot(), run.id, options, "program ended without saving", conditions)

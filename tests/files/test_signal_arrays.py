@@ -233,6 +233,12 @@ def test_functions_of_numpy_keep_the_unit_or_make_the_right_one(function, unit, 
         assert np.array_equal(made.values, function(log["x"].values), equal_nan=True)
 
 
+def test_a_function_of_numpy_leaves_no_names_of_values(log):
+    named = replace(log["x"], labels={0: "STAND"}, component_labels={"": {0: "STAND"}})
+    made = np.clip(named, 0, 1)
+    assert (made.name, made.labels, made.component_labels) == ("clip(/log/x)", {}, {})
+
+
 def test_angles_in_degrees_are_taken_as_such(log):
     q = log["q"]
     np.testing.assert_allclose(np.sin(q.to("deg")), np.sin(q.values), rtol=1e-15, atol=1e-15)

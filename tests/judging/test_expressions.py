@@ -61,6 +61,15 @@ def test_a_name_with_a_slash_is_one_word_and_a_division_has_blanks():
     assert parse("joints/tau").root == Name("joints/tau", 0, 10)
     assert parse("a / b").root == Operation("/", (Name("a", 0, 1), Name("b", 4, 5)), 0, 5)
     assert parse("(a)/2").root.operator == "/"
+    assert parse("lambda").root == Name("lambda", 0, 6)  # no word of Python
+
+
+def test_python_warns_nobody_of_what_is_refused_in_our_words():
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        with pytest.raises(ExpressionError):
+            parse("1 (2)")
+    assert not told
 
 
 def test_a_division_that_lacks_a_blank_is_told():

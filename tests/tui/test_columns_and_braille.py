@@ -21,6 +21,19 @@ def store(*pieces, count=8):
     return found
 
 
+@pytest.mark.parametrize(
+    ("step", "kept"), [(0, [1, 2, 3, 4]), (1, [2, 3, 4, 0]), (3, [4, 0, 0, 0]), (4, [0] * 4), (9, [0] * 4)]
+)
+def test_columns_leave_with_their_marks_as_newer_ones_come(step, kept):
+    found = ColumnStore(["a"], 4, 100)
+    found.advance_to(4)
+    for array in (found._grid.low, found._grid.high, found.marks):
+        array[:] = [1, 2, 3, 4]
+    found.advance_to(4 + step)
+    assert (found.first, found.end, found.marks.tolist()) == (step, 4 + step, [kept])
+    assert np.nan_to_num(found._grid.low).tolist() == np.nan_to_num(found._grid.high).tolist() == [kept]
+
+
 @given(st.lists(st.tuples(st.integers(0, 6), st.lists(st.floats(-5, 5), min_size=1, max_size=4)), max_size=6))
 def test_pieces_may_come_in_any_order(pieces):
     pieces = [(first, some, some) for first, some in pieces]

@@ -70,6 +70,14 @@ def picture(state: TableState) -> bytes:
     return state.values.tobytes() + state.pending.tobytes()
 
 
+def test_a_step_is_called_by_all_fields_that_it_changes_of_how_many_elements():
+    state = fresh()
+    wanted = state.values[:, [0, 1]].copy()
+    wanted[Field.DIVIDER, 0], wanted[Field.SIZE, 1] = 3, 2
+    assert state.edit_all([0, 1], wanted) == 2
+    assert (state.undo(), state.redo()) == ("divider, size of 2", "divider, size of 2")
+
+
 @given(st.lists(one_edit, max_size=12))
 def test_undoing_everything_gives_the_first_table(edits):
     state = fresh()
