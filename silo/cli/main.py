@@ -19,7 +19,10 @@ def main() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     print_printable()
     warnings.formatwarning = lambda message, *_: f"silo: {message}\n"  # who types a command looks for no line of code
-    code = run(sys.argv[1:])
+    try:
+        code = run(sys.argv[1:])
+    except KeyboardInterrupt:  # while it is loaded, which takes a second on a busy robot
+        sys.exit(EXIT_INTERRUPTED)
     gc.freeze()  # Python looks for garbage among all that was loaded as it ends: a sixth of what `silo ls` takes
     sys.exit(code)
 

@@ -20,7 +20,7 @@ from silo.cli.edits import select, split_settings
 from silo.cli.group import COMMANDS, cli
 from silo.cli.loggers.ls import _facts
 from silo.cli.logs.recover import _incomplete
-from silo.cli.main import run
+from silo.cli.main import main, run
 from silo.cli.other_words import OTHER_WORDS
 from silo.core.elements import Action, BufferType, ElementOptions, LoggedEvent, State
 from silo.core.quantities.writing import duration_text, wall_clock
@@ -354,6 +354,19 @@ def test_ctrl_c_is_quiet(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
 
     monkeypatch.setattr(cli, "main", interrupt)
     assert run(["ls"]) == 130
+    assert capsys.readouterr() == ("", "")
+
+
+def test_ctrl_c_is_quiet_while_commands_are_loaded(monkeypatch, capsys):
+    class Interrupted:
+        def __getattr__(self, _: str) -> None:
+            raise KeyboardInterrupt
+
+    monkeypatch.setitem(sys.modules, "silo.cli.group", Interrupted())
+    monkeypatch.setattr(sys, "argv", ["silo", "ls"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 130
     assert capsys.readouterr() == ("", "")
 
 
