@@ -17,13 +17,14 @@ from silo.files.optional_packages import need
 TOLERANCE_S = 1e-4  # of lerobot for times of frames
 MOST_PROBLEMS = 20
 COLUMNS = [one.name for one in (TIMESTAMP, *COUNTERS)]
+_TASK, _EPISODE = ["task_index"], ["episode_index", "dataset_from_index", "dataset_to_index", "length"]
 
 
 def check_lerobot(folder: str | os.PathLike[str]) -> list[str]:
     """Return what is wrong with a LeRobot data set of version 3.0, at most 20 sentences; empty where all holds.
 
     Held against each other are totals, ranges of episodes, indices, time stamps and `fps`, tasks, shapes and types of
-    features, and values that are missing.
+    features, values that are missing, and whether the statistics of all are there.
 
     Raises:
         LogNotFoundError: there is no data set in the folder.
@@ -57,12 +58,12 @@ def _problems(root: Path, parquet: Any, info: dict[str, Any], fps: int, features
         yield f"features lack {', '.join(missing)}"
         return
     try:
-        tasks = parquet.read_table(root / "meta" / "tasks.parquet").to_pylist()
-        files = sorted((root / "meta" / "episodes").glob("*/*.parquet"))
-        episodes = [row for file in files for row in parquet.read_table(file).to_pylist()]
+        tasks = _rows(parquet, [root / "meta" / "tasks.parquet"], _TASK)
+        episodes = _rows(parquet, sorted((root / "meta" / "episodes").glob("*/*.parquet")), _EPISODE)
     except (OSError, ValueError) as error:
         yield f"what is known of tasks and episodes can't be read: {error}"
         return
+    yield from _of_statistics(root / "meta" / "stats.json", features)
     if [row["task_index"] for row in tasks] != list(range(len(tasks))):
         yield "tasks.parquet: task_index isn't 0, 1, 2, ... : the row is what counts"
     yield from _of_episodes(episodes)
@@ -94,6 +95,27 @@ def _problems(root: Path, parquet: Any, info: dict[str, Any], fps: int, features
             seen += table.num_rows
     if seen != frames:
         yield f"the data has {seen} frames, the episodes have {frames}"
+
+
+def _rows(parquet: Any, files: list[Path], wanted: list[str]) -> list[dict[str, Any]]:
+    """Return the rows of tables. Raises ValueError where some have no whole numbers that are wanted, OSError."""
+    rows: list[dict[str, Any]] = [row for file in files for row in parquet.read_table(file).to_pylist()]
+    if lacking := [name for name in wanted if any(not isinstance(row.get(name), int) for row in rows)]:
+        raise ValueError(f"{files[0].name} has no whole numbers {', '.join(lacking)}")
+    return rows
+
+
+def _of_statistics(file: Path, features: dict[str, Any]) -> Iterator[str]:
+    """Return what is wrong with the file by which a policy scales what it is given."""
+    try:
+        known = json_decoder(dict[str, dict[str, Any]]).decode(file.read_bytes())
+    except (OSError, msgspec.DecodeError, msgspec.ValidationError) as error:
+        yield f"stats.json, by which a policy scales its inputs, can't be read: {error}"
+        return
+    of = {name: one.get("dtype") if isinstance(one, dict) else None for name, one in features.items()}
+    numbers = [name for name, dtype in of.items() if dtype not in (None, "string", "image", "video")]
+    if lacking := [name for name in numbers if not {"mean", "std", "min", "max"} <= {*known.get(name, ())}]:
+        yield f"stats.json lacks mean, std, min or max of {', '.join(lacking)}"
 
 
 def _of_episodes(episodes: list[dict[str, Any]]) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -510,6 +511,35 @@ def test_what_its_loader_would_take_is_found(made, tmp_path, column):
     changed(copy / file, column, row, value)
     problems = check_lerobot(copy)
     assert problems == words or (value is None and "can't be read" in problems[0])  # by an older pyarrow
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (
+            lambda meta: (meta / "stats.json").unlink(),
+            r"stats.json, by which a policy scales its inputs, can't be read: ",
+        ),
+        (
+            lambda meta: (meta / "stats.json").write_bytes(b'{"action": {"mean": [0'),
+            r"stats.json, by which .* can't be read",
+        ),
+        (lambda meta: (meta / "stats.json").write_bytes(b"{}"), r"stats.json lacks mean, std, min or max of .*action"),
+        (
+            lambda meta: pq.write_table(pa.table({"other": [1]}), meta / "tasks.parquet"),
+            r"what is known of tasks and episodes can't be read: tasks.parquet has no whole numbers task_index$",
+        ),
+        (
+            lambda meta: pq.write_table(pa.table({"episode_index": [0]}), next(meta.glob("episodes/*/*.parquet"))),
+            r"file-000.parquet has no whole numbers dataset_from_index, dataset_to_index, length$",
+        ),
+    ],
+)
+def test_what_a_policy_and_the_loader_need_beside_the_frames_is_found(made, tmp_path, damage, words):
+    copy = shutil.copytree(made.path, tmp_path / "copy")
+    damage(copy / "meta")
+    (problem,) = check_lerobot(copy)
+    assert re.search(words, problem)
 
 
 def test_a_head_that_says_something_else_is_found(made, tmp_path):
