@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import silo
 from silo.core.elements import BufferType
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.csv import writer
@@ -437,3 +438,23 @@ def test_a_row_that_is_too_long_is_told_by_its_number(plan, recorded, tmp_path):
     found = read_csv(tmp_path / "x.csv")
     assert [text for text in found.warnings if "left out" in text] == ["row 4 has 5 cells for 4 ticks; it is left out"]
     assert [element.name for element in found.elements] == ["/log/a", "/log/c"]
+
+
+@pytest.mark.parametrize(
+    ("text", "names", "told"),
+    [
+        ('time,a,name\n0,1,5" pipe\n1,2,x\n2,3,y\n', ['5" pipe', "x", "y"], ""),
+        ('time,name,a\n0,5" pipe,1\n1,6" pipe,2\n2,"x, y",3\n', ['5" pipe', '6" pipe', "x, y"], ""),
+        ('time,a,name\n0,1,a""b\n1,2,"""x"""\n2,3,"y\nz"\n', ['a""b', '"x"', "y\nz"], ""),
+        ('time,name,a\n0,"x,1\n1,y,2\n2,z,3\n', ["x", "y", "z"], "line 2 has a quote that is never closed"),
+        ('time,a,name,5" pipe\n0,1,"x\n,",0\n1,2,y,0\n2,3,z,0\n', ["x\n,", "y", "z"], ""),
+        ('time,"name,a\n0,x,1\n1,y,2\n2,z,3\n', ["x", "y", "z"], ""),
+    ],
+)
+def test_a_quote_opens_a_cell_where_it_begins_one_and_swallows_no_lines(tmp_path, text, names, told):
+    path = tmp_path / "x.csv"
+    path.write_text(text)
+    log = silo.open_log(path)
+    assert [log["name"].values.tolist(), log["a"].values.tolist()] == [names, [1, 2, 3]]
+    assert told in " ".join(log.warnings)
+    assert bool(told) == bool(log.warnings)

@@ -32,7 +32,8 @@ class Cells(NamedTuple):
     """A table of columns: where its records begin, shape `(rows,)`, and each cell ends, shape `(rows, width)`.
 
     `odd` are records of other lengths: the number of each, the header being the first, and how many cells it has.
-    `plain` if there is nothing in it but figures, points and exponents.
+    `plain` if there is nothing in it but figures, points and exponents. `unclosed` is where the first quote stands that
+    begins a cell and is never closed, -1 for none.
     """
 
     text: NDArray[np.uint8]
@@ -40,6 +41,7 @@ class Cells(NamedTuple):
     ends: Places
     odd: list[tuple[int, int]]
     plain: bool
+    unclosed: int = -1
 
     def begins(self, number: int) -> Places:
         """Where the cells of a column begin."""
@@ -135,7 +137,7 @@ def unquoted(cell: bytes) -> bytes:
 
 def find_cells(text: NDArray[np.uint8], begin: int, width: int) -> Cells:
     """The cells of a table of so many columns whose records begin at this byte; empty lines are none."""
-    ends, count, plain = _separators(text, begin)
+    ends, count, plain, unclosed = _separators(text, begin)
     regular = width > 1 and len(ends) == width * count
     last = ends[width - 1 :: width] if regular else ends
     is_line = (last == len(text)) | (text[np.minimum(last, max(len(text) - 1, 0))] == _LINE)
@@ -155,18 +157,19 @@ def find_cells(text: NDArray[np.uint8], begin: int, width: int) -> Cells:
     if len(ends) and ends[0, -1] and text[ends[0, -1] - 1] == _RETURN:
         ends = ends.copy()
         ends[:, -1] -= (ends[:, -1] > (ends[:, -2] + 1 if width > 1 else starts)) & (text[ends[:, -1] - 1] == _RETURN)
-    return Cells(text, starts, ends, odd, plain)
+    return Cells(text, starts, ends, odd, plain, unclosed)
 
 
-def _separators(text: NDArray[np.uint8], begin: int) -> tuple[Places, int, bool]:
+def _separators(text: NDArray[np.uint8], begin: int) -> tuple[Places, int, bool, int]:
     """Where cells end: at commas and ends of lines outside of quotes, and at the end of the text.
 
-    Also how many of these end a line, 0 if there are quotes, and whether all between them are numbers without NaN.
+    Also how many of these end a line, 0 if there are quotes, whether all between them are numbers without NaN, and
+    where a quote is never closed.
     """
     kind = np.int32 if len(text) < 2**31 - 1 else np.int64
     found: list[Places] = [np.empty(0, kind)]
     marks: list[Places] = [np.empty(0, kind)]
-    lines, plain = 0, True
+    lines, plain, unclosed = 0, True, -1
     for start in range(begin, len(text), _PIECE):
         piece = text[start : start + _PIECE]
         line = piece == _LINE
@@ -178,10 +181,45 @@ def _separators(text: NDArray[np.uint8], begin: int) -> tuple[Places, int, bool]
             marks.append((np.flatnonzero(mark) + start).astype(kind))
     ends, quotes = np.concatenate(found), np.concatenate(marks)
     if len(quotes):
+        quotes, unclosed = _quoting(text, begin, quotes)
         ends, lines, plain = ends[np.searchsorted(quotes, ends) % 2 == 0], 0, False
     if begin < len(text) and (not len(ends) or ends[-1] != len(text) - 1 or text[ends[-1]] != _LINE):
         ends, lines = np.append(ends, np.array(len(text), kind)), lines + 1
-    return ends, lines, plain
+    return ends, lines, plain, unclosed
+
+
+def _quoting(text: NDArray[np.uint8], begin: int, marks: Places) -> tuple[Places, int]:
+    """The quotes that begin and end cells, in turns, and where the first one stands that is never closed, else -1.
+
+    One within a cell that doesn't begin with it is a letter (`5" pipe`), as is one that is never closed.
+    """
+    opening = marks[::2]
+    before = text[np.maximum(opening - 1, 0)]
+    begins = (opening == begin) | (before == _COMMA) | (before == _LINE)
+    begins[1:] |= opening[1:] == marks[1:-1:2] + 1  # of two in a cell, which mean one
+    begins[~begins] = [_begins_cell(text, begin, mark) for mark in opening[~begins].tolist()]
+    if begins.all() and len(marks) % 2 == 0:
+        return marks, -1
+    found: list[int] = []
+    places, at = marks.tolist(), 0
+    while at < len(places):
+        opened, at = places[at], at + 1
+        if not _begins_cell(text, begin, opened):
+            continue
+        while at + 1 < len(places) and places[at + 1] == places[at] + 1:
+            at += 2
+        if at >= len(places):
+            return np.array(found, marks.dtype), opened
+        found += [opened, places[at]]
+        at += 1
+    return np.array(found, marks.dtype), -1
+
+
+def _begins_cell(text: NDArray[np.uint8], begin: int, place: int) -> bool:
+    """Whether there are but blanks between a place and the comma, or the end of a line, before it."""
+    while place > begin and text[place - 1] in _BLANK:
+        place -= 1
+    return place == begin or int(text[place - 1]) in (_COMMA, _LINE)
 
 
 def _blank(

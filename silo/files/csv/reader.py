@@ -31,7 +31,8 @@ _ROUNDED_NS = 1500  # by which seconds that went through a double may be off
 _SECOND = 1_000_000_000
 _MOST_NS = 2**63
 _MOST_DIGITS = 18  # of a number that surely is an int64
-_CELL = re.compile(rb'(?:("(?:[^"]|"")*"?)[^,]*|([^,]*))(?:,|$)')
+_CELL = re.compile(rb'(?:("(?:[^"]|"")*"(?!"))[^,]*|([^,]*))(?:,|$)')
+_CLOSED = re.compile(rb'(?:[^"]|"")*"(?!")[^,]*,?')  # the rest of a quoted cell, to where the next one begins
 _DECIMAL = re.compile(rb"([+-]?)(\d+)(?:\.(\d*))?")
 _TRUTHS = {b"true", b"false"}
 _NO_TIME = (b"", b"nan", b"-nan", b"nat", b"null", b"none")
@@ -136,16 +137,38 @@ def _facts_beside(path: Path) -> bytes | None:
 
 def _record(text: memoryview, begin: int) -> tuple[list[bytes], int]:
     """The cells of the first record from this byte on that isn't blank, and where the next one begins."""
-    record = b""
+    lines: list[bytes] = []
+    first, is_open = begin, False
     while begin < len(text):
         end = _line_end(text, begin)
-        record += bytes(text[begin:end])
-        begin = end
-        if record.count(QUOTE) % 2 == 0:
-            if record.strip():
-                break
-            record = b""
-    return (_split(record.removesuffix(b"\n")) if record.strip() else []), begin
+        line, begin = bytes(text[begin:end]), end
+        if not lines and not line.strip():
+            continue
+        first = first if lines else end
+        lines.append(line)
+        is_open = _is_open(line, is_open)
+        if not is_open:
+            break
+    if is_open:  # to the end: that quote is a letter
+        lines, begin = lines[:1], first
+    return (_split(b"".join(lines).removesuffix(b"\n")) if lines else []), begin
+
+
+def _is_open(line: bytes, was_open: bool) -> bool:
+    """Whether a quoted cell goes on behind a line, which begins within one if it `was_open`."""
+    position = 0
+    if was_open:
+        match = _CLOSED.match(line)
+        if match is None:
+            return True
+        position = match.end()
+    while QUOTE in line[position:]:
+        match = _CELL.match(line, position)
+        assert match is not None  # anything is a cell
+        if match[1] is None and match[2].startswith(QUOTE):
+            return True
+        position = match.end()
+    return False
 
 
 def _line_end(text: memoryview, begin: int) -> int:
@@ -194,6 +217,9 @@ def _from_columns(
     warnings += [
         f"record {number} has {count} cells where the header has {width}; it is left out" for number, count in cells.odd
     ]
+    if cells.unclosed >= 0:
+        line = 1 + int(np.count_nonzero(cells.text[: cells.unclosed] == ord("\n")))
+        warnings.append(f"line {line} has a quote that is never closed: its cell ends where it would without")
     sizes = cells.sizes
     if cells.odd and not len(sizes):
         raise FileFormatError(f"none of its records has {width} cells, as its first one has")
