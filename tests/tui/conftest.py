@@ -32,6 +32,7 @@ from silo_tui import actions, modal
 from silo_tui.actions import BY_ID, with_keys
 from silo_tui.app import SiloApp
 from silo_tui.keymap import BASES, DEFAULT, keys_in, use_keys
+from silo_tui.menus import MenuReader
 from silo_tui.model.table.fields import Field, phrase_for
 from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.sessions.recorded import open_file
@@ -404,6 +405,27 @@ def character_of(name: str) -> str | None:
         return name if len(name) == 1 else None
 
 
+@contextmanager
+def typed_on(reader: MenuReader | None) -> Iterator[None]:
+    """Draw no menu between keys, however long a busy machine takes for them; one that was due follows the last."""
+    if reader is None:
+        yield
+        return
+    draw, due, goes_on = MenuReader.draw, [], True
+
+    def draw_later() -> None:
+        if goes_on:
+            due.append(True)
+        else:
+            draw(reader)
+
+    reader.draw = draw_later  # type: ignore[method-assign]
+    yield
+    goes_on = False
+    if due:
+        draw(reader)
+
+
 class Screen:
     """An app in a headless terminal, with the steps that tests take."""
 
@@ -448,11 +470,12 @@ class Screen:
         `Pilot.press` waits besides until the process uses no processor time, at least 40 ms a key and up to seconds
         in a program that draws live values.
         """
-        for key in keys:
-            name = _character_to_key(key) if len(key) == 1 and not key.isalnum() else key
-            await self.until(self._may_be_answered, "a question that was drawn")
-            self.app.post_message(events.Key(name, character_of(name)))
-            await self.carried_out()
+        with typed_on(getattr(self.app, "reader", None)):
+            for key in keys:
+                name = _character_to_key(key) if len(key) == 1 and not key.isalnum() else key
+                await self.until(self._may_be_answered, "a question that was drawn")
+                self.app.post_message(events.Key(name, character_of(name)))
+                await self.carried_out()
         await self.pilot.pause(0)
 
     async def do(self, *steps: str) -> None:
