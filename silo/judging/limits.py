@@ -170,6 +170,13 @@ class EntryState:
         """Whether the newest violation may go on."""
         return self.violation is not None and not self.violation.over
 
+    def under_others(self) -> "EntryState":
+        """Return it as it begins under other limits: what it was stays to be seen, and who has seen it."""
+        return EntryState(
+            count=self.count, alarm=self.alarm, acknowledged=self.acknowledged, stale_count=self.stale_count,
+            stale_alarm=self.stale_alarm,
+        )  # fmt: skip
+
     def elsewhere(self) -> "EntryState":
         """Return it as it goes on where ticks count anew."""
         return replace(self, since_tick=-1, violation=self.violation and self.violation.elsewhere())

@@ -526,3 +526,33 @@ def test_what_there_was_no_time_to_judge_before_the_end_is_told(robot):
     found = robot.judge.end("closed", lambda: True)
     assert found.blind[0].startswith("triggers and limits did not judge the last 200 ticks")
     assert [buffer.why for buffer in found.whole] == ["closed, 4901 ticks before its end"]
+
+
+def test_an_alarm_that_nobody_has_seen_outlives_an_edit_of_its_limits(robot):
+    def statuses():
+        return {one.name.rpartition("/")[2]: one for one in robot.judge.limits.statuses()}
+
+    def edited(high, **more):
+        robot.logger.limit("fast/x", (None, None, high, None), **more)
+        robot.judge.adopt(robot.logger._conditions.now)
+
+    robot.logger.limit("fast/x", (None, None, 50, None))
+    robot.start()
+    robot.ticks(50, [(20, 0), (40, 0), (10, 1)])
+    assert len(robot.judge.step().limits) > 1
+    robot.judge.limits.acknowledge(["/log/fast/x_1"], "ann", 7)
+    robot.judge.limits.news(last=True)
+    for edit in ({"hysteresis": 2.0}, {"persistence": 2}):
+        edited(99, **edit)
+        found = statuses()
+        assert [(found[one].alarm, found[one].count, found[one].seen_by) for one in ("x_0", "x_1")] == [
+            (True, 2, ""), (False, 1, "ann"),
+        ]  # fmt: skip
+        assert robot.judge.limits.news(last=True) == []
+    edited(50)
+    robot.ticks(50, [(20, 1)])
+    told = [one.text for one in robot.judge.step().limits]
+    found = statuses()
+    assert (found["x_0"].count, found["x_1"].count, found["x_1"].alarm, found["x_1"].since_seen) == (2, 2, True, 1)
+    assert told
+    assert all("fast/x_1" in one for one in told)
