@@ -37,6 +37,7 @@ _DECIMAL = re.compile(rb"([+-]?)(\d+)(?:\.(\d*))?")
 _TRUTHS = {b"true", b"false"}
 _NO_TIME = (b"", b"nan", b"-nan", b"nat", b"null", b"none")
 _NO_VALUE = (*_NO_TIME, b"na", b"n/a", b"#n/a", b"<na>")
+_NUMBERS_BEGIN = list(b"0123456789+-.nNiI \t")
 _ZONE = re.compile(r"(.*\d:\d.*?) ?(?:Z|([+-])(\d\d):?(\d\d)?)")  # behind the time of a day
 _MOST_TOLD = 5
 
@@ -411,7 +412,8 @@ def _looked_at(name: str, column: Column, warnings: list[str]) -> tuple[Column, 
 def _why_texts(cells: Words) -> str:
     """What keeps most cells of a column from being the numbers that they look like; empty where they don't."""
     words, first, counts = np.unique(cells, return_index=True, return_counts=True)
-    is_number = np.array([_numbers([word]) is not None for word in words.tolist()], bool)
+    is_number = np.isin(words.view(np.uint8).reshape(len(words), -1)[:, 0], _NUMBERS_BEGIN)
+    is_number[is_number] = [_numbers([word]) is not None for word in words[is_number].tolist()]
     numbers = int(counts[is_number].sum())
     if numbers * 2 < len(cells):
         return ""
