@@ -177,6 +177,15 @@ def test_messages_and_parameters_of_a_ulog_are_known(tmp_path):
     assert len(log.parameters.changes) == 1
 
 
+@pytest.mark.filterwarnings("ignore::silo.LogWarning")
+def test_a_ulog_that_ends_within_a_message_says_so(tmp_path):
+    whole, shorter, path = a_ulog(20), len(a_ulog(19)), tmp_path / "x.ulg"
+    for size in range(shorter, len(whole) + 1):
+        path.write_bytes(whole[:size])
+        told = [text for text in silo.open_log(path).warnings if "ends within a message" in text]
+        assert bool(told) == (size not in (shorter, len(whole)))
+
+
 @pytest.mark.parametrize("kind", ["bag", "ulg"])
 def test_of_damaged_logs_of_others_come_only_errors_of_silo(types, tmp_path, kind, monkeypatch):
     monkeypatch.chdir(tmp_path)

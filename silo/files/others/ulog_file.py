@@ -8,6 +8,7 @@ https://docs.px4.io/main/en/dev_log/ulog_file_format.html). A topic that is logg
 import contextlib
 import io
 import re
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from silo.files.optional_packages import need
 _FIELD = re.compile(r"(?P<name>.*)\[(?P<index>\d+)\]")
 _STAMP = "timestamp"
 _MOST_MICROS = 2**53  # 285 years: a stamp above is damaged
+_HEADER_BYTES, _MESSAGE = 16, struct.Struct("<HB")  # of a file; of a message its bytes behind these, and its type
 Stamps = NDArray[np.int64]
 
 
@@ -64,6 +66,8 @@ def _recording(path: Path, found: Any) -> Recording:
     axis = common_axis(stamps)
     if found.file_corruption:
         warnings.append("the file is damaged: what follows the damage may be missing")
+    elif _is_cut(path, max([_HEADER_BYTES, *found._appended_offsets])):
+        warnings.append("the file ends within a message, as after a power cut: what followed is missing")
     lost_s = sum(one.duration for one in found.dropouts) * 1e-3
     if lost_s:
         warnings.append(f"its logger lost {lost_s:g} s in {many(len(found.dropouts), 'dropout')}")
@@ -77,6 +81,14 @@ def _recording(path: Path, found: Any) -> Recording:
         events=tuple(_events(found, axis)),
         about={str(key): _text(value) for key, value in sorted(found.msg_info_dict.items())},
     )
+
+
+def _is_cut(path: Path, begin: int) -> bool:
+    """Whether the last message is not whole, of those from this byte on: the package ends before it without a word."""
+    data = path.read_bytes()
+    while begin + _MESSAGE.size <= len(data):
+        begin += _MESSAGE.size + int(_MESSAGE.unpack_from(data, begin)[0])
+    return begin != len(data)
 
 
 def _elements(topic: str, data: dict[str, NDArray[Any]], own_ns: Stamps) -> Iterator[RecordedElement]:
