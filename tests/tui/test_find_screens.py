@@ -110,7 +110,7 @@ async def test_where_a_condition_of_any_signals_turns_true_is_found_by_a_form_th
         await screen.type("LF/torqe > 0.5")
         await screen.shows("LF/torque'")
         await screen.press("enter", *["left"] * 7, "u")
-        await screen.shows("turned true 11 × in the last 11 s")  # ten waves, and the spike between two of them
+        await screen.shows("turned true 11 × in the 11 s that are held")  # ten waves, and the spike between two of them
         await screen.press("enter")
         await screen.shows("LF/torque > 0.5, 11 of 11: turns true at")
         await screen.shows("([: others)")  # of the last one nothing leads on
