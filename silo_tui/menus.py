@@ -97,7 +97,8 @@ class MenuReader:
         if self._lines is None or not why:  # who reads the menu may pick another entry
             self.close()
         if why:
-            screen.context.say(f"{path} ({command.label}): {why[1]}")
+            told = [f"{path} ({command.label}): {words}" for words in why]  # the menu leaves one row to read
+            screen.context.say(told[self._lines is None or cell_len(told[1]) <= self._app.size.width - 2])
             return
         if letter in ("menu_edit", "menu_view", "menu_plots") and command.id not in NOT_AGAIN:
             screen.repeats = partial(screen.action_command, command.id)

@@ -234,6 +234,18 @@ def test_an_entry_that_the_screen_has_no_use_for_now_says_why(reading):
     assert reading.reader._menu  # who reads it may pick another
 
 
+@pytest.mark.parametrize(
+    ("width", "told"), [(80, "read-only"), (300, "this is read-only (--read-only, SILO_READ_ONLY")]
+)
+def test_why_not_is_told_in_the_one_row_that_a_menu_leaves(reading, width, told):
+    reading.read_only, reading.size.width = True, width
+    reading.typed("e")
+    reading.reader.draw()
+    reading.typed("t")
+    assert reading.sheet.told[-1].startswith(f"e t (On/Off): {told}")
+    assert len(reading.sheet.told[-1]) <= width - 2
+
+
 def test_without_a_logger_an_entry_about_one_says_how_to_open_one(reading):
     reading.take_session(None)
     reading.sheet.scope = "loggers"
