@@ -64,14 +64,6 @@ def test_a_name_with_a_slash_is_one_word_and_a_division_has_blanks():
     assert parse("lambda").root == Name("lambda", 0, 6)  # no word of Python
 
 
-def test_python_warns_nobody_of_what_is_refused_in_our_words():
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        with pytest.raises(ExpressionError):
-            parse("1 (2)")
-    assert not told
-
-
 def test_a_division_that_lacks_a_blank_is_told():
     for text, at in (("a /b", 2), ("a/ b", 1), ("base/roll + a/ b", 13)):
         error = refusal(text)
