@@ -74,6 +74,15 @@ class TestLog:
                 _ = thing.qqq
             assert str(refused.value) == f"{what} has no 'qqq': help({listed}) lists what there is"
 
+    def test_options_of_a_logger_say_what_their_names_are(self, new_logger):
+        options = new_logger().options
+        for name, words in (
+            ("path", "it is .folder"), ("rate", "it is .frequency_hz"), ("duration", "it is .max_time_s"),
+        ):  # fmt: skip
+            with pytest.raises(UnknownNameError) as refused:
+                getattr(options, name)
+            assert str(refused.value) == f"options has no '{name}': {words}"
+
     def test_patterns_and_namespaces(self, log):
         assert log.names("*/state/*") == ["/log/state/mode", "/log/state/text", "/log/state/on"]
         assert log.names("imu/*") == ["/log/imu/acc", "/log/imu/q"]

@@ -10,6 +10,7 @@ import pytest
 
 import silo
 from silo.cli.main import run
+from silo.client.parameters import ClientParameters
 from silo.core.tuning.parameters import Excitation, Wave
 from silo.errors import RefusedError
 from silo.parameters.requests import ParameterRequests
@@ -50,6 +51,20 @@ def test_all_that_a_logger_has_room_for_is_set_at_once(bench, client):
     with turning(bench.logger.collect):
         client.parameters.set({"map": values})
     assert client.parameters["map"] == tuple(values)
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (["/log/legs/kp", "/log/arm/kp"], "several parameters 'kp': /log/legs/kp, /log/arm/kp"),
+        (["/log/kd", "/log/ki"], "no parameter 'kp': /log/kd, /log/ki"), ([], "no parameter 'kp': it has none"),
+    ],
+)  # fmt: skip
+def test_a_name_of_no_or_of_several_parameters_is_told_with_those_that_there_are(names, words):
+    known = SimpleNamespace(parameters=[SimpleNamespace(name=name) for name in names])
+    with pytest.raises(silo.ElementError) as refused:
+        ClientParameters(SimpleNamespace(_list_parameters=lambda: known)).info("kp")
+    assert str(refused.value) == words
 
 
 def test_what_is_refused_is_told_in_the_words_of_the_robot_and_nothing_changes(tuned, client):

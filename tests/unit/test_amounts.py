@@ -3,7 +3,7 @@
 import pytest
 
 from silo.core.quantities.reading import read_keep, read_seconds, read_split
-from silo.core.quantities.writing import duration, whole_duration
+from silo.core.quantities.writing import duration, share_words, whole_duration
 from silo.errors import ElementError
 from silo.journal.holdings import Holdings
 from silo.judging.checks import seconds
@@ -13,6 +13,17 @@ from silo.settings.typed import read_settings
 @pytest.fixture(autouse=True)
 def _nothing_was_told(monkeypatch):
     monkeypatch.setattr("silo.core.quantities.reading._told", set())
+
+
+@pytest.mark.parametrize(
+    ("some", "words"),
+    [
+        (20_000, "all the time"), (20_001, "all the time"), (19_999, "for 99.9 %"), (2_400, "for 12 %"),
+        (2, "for 0.01 %"), (1, "for less than 0.01 %"), (0, "for less than 0.01 %"),
+    ],
+)  # fmt: skip
+def test_a_share_is_told_in_words(some, words):
+    assert share_words(some, 20_000) == words
 
 
 DOORS = {

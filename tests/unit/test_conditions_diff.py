@@ -3,6 +3,7 @@
 from silo.core.conditions import NO_CONDITIONS, Conditions, Derived, SignalLimits, TriggerOptions
 from silo.core.elements import FileType
 from silo.settings.conditions_diff import diff_conditions
+from silo.settings.script_conditions import conditions_text
 
 FALL = TriggerOptions("fall", "abs(base/roll) > 0.6", 5.0, 1.0)
 HOT = SignalLimits("/log/temperature", (None, None, 60.0, 80.5))
@@ -24,6 +25,12 @@ def test_what_comes_is_told_with_all_that_is_unusual_of_it():
         ("limits /log/temperature", "", "none", "- - 60 80.5"),
         ("trigger fall", "", "none", "abs(base/roll) > 0.6, pre 5 s, post 1 s"),
     ]
+
+
+def test_how_many_there_are_is_told_of_each_kind():
+    assert conditions_text(Conditions((POWER,), (HOT,) * 2, (FALL,) * 3)) == "1 derived signal, 2 limits, 3 triggers"
+    assert conditions_text(Conditions(limits=(HOT,))) == "1 limit"
+    assert conditions_text(NO_CONDITIONS) == "no derived signals, limits, triggers any more"
 
 
 def test_what_goes_is_told_with_what_it_was():

@@ -83,7 +83,10 @@ ADD = {
     "attributes in a list": (lambda log: log.add(Thing(), "x", attr=["x"]), "an attribute must be a text"),
     "a class": (lambda log: log.add(Thing, "thing"), "Thing is a class, not a variable"),
     "what holds itself": (lambda log: log.add(Thing(), attr="inside"), "holds itself"),
-    "what fails when looked into": (lambda log: log.add(Hostile(), "h"), "looking into Hostile failed"),
+    "what fails when looked into": (
+        lambda log: log.add(Hostile(), "h"),
+        "h: looking into Hostile failed (ValueError: no)",
+    ),
     "a hostile name": (lambda log: log.add(Z, Hostile()), "got a Hostile"),
 }
 CALLS = {
