@@ -16,6 +16,7 @@ from silo_tui.model.lists.parameters import (
     DEFAULT,
     about,
     differences,
+    head,
     history,
     range_bar,
     row,
@@ -322,6 +323,11 @@ async def test_one_is_excited_after_a_look_at_how_far_and_how_long_and_any_key_e
         await screen.press("space")
         await screen.shows("stopped by a key, rows 5 to 9")
         assert fake.calls == [("excite", "kp", "prbs", 2.0, 20.0, 50.0)]
+
+
+@pytest.mark.parametrize(("preset", "beside"), [("", "default"), ("soft", "preset")])
+def test_the_head_of_the_list_says_what_stands_beside_the_values(preset, beside):
+    assert head(100, 12, preset).split() == ["parameter", "value", "range", beside, "by"]
 
 
 @pytest.mark.parametrize(
