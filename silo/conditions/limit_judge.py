@@ -263,6 +263,8 @@ class LimitJudge:
             for kept in before.memory()
         )
         for name, one in self._limited.items():
+            if one.known is not None:  # of what is off for a while no new value can come
+                one.known.states = [replace(state, fresh_ns=None) for state in one.known.states]
             known = before._limited.get(name)
             if known is not None and known.options == one.options:
                 self._rows.go_on(one.expressions, one.evaluator, before._rows, known.expressions, known.evaluator)

@@ -28,6 +28,7 @@ class JudgedRows:
         self._wanted: dict[int, RowPicker[tuple[int, int]]] = {}
         self._cursors: dict[int, int] = {}
         self._silent: set[int] = set()
+        self.overwritten: set[int] = set()  # rings of which rows were, before they came with the newest
 
     def _ring_of(self, element: ElementSchema) -> int:
         # of what keeps its first samples only, the ring for live views has the rest
@@ -94,9 +95,12 @@ class JudgedRows:
     def read(self, until: int) -> tuple[Mapping[int, SourceRows], int]:
         """Return the rows before tick `until` that are new, and how many ticks were overwritten before."""
         found, lost = {}, 0
+        self.overwritten.clear()
         for ring in self._wanted:
             found[ring], missed = self._read(ring, until)
             lost = max(lost, missed)
+            if missed:
+                self.overwritten.add(ring)
         # rows of all these ticks were committed: of a ring that has fewer the buffer is full
         rings = self._reader.schema.rings
         self._silent = {ring for ring, row in self._cursors.items() if row < -(-until // rings[ring].divider)}

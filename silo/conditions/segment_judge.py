@@ -263,6 +263,8 @@ class SegmentJudge:
         for one in self._watched.values():
             if one.evaluator is None:
                 continue
+            if not self._rows.overwritten.isdisjoint(one.evaluator.sources):
+                one.trigger.blind(one.trigger.tick)
             judged = one.evaluator.feed({ring: rows[ring] for ring in one.evaluator.sources})
             rearm = judged.codes(1) if one.options.rearm else None
             for capture in one.trigger.feed(judged.ticks, judged.time_ns, judged.codes(0), rearm):
@@ -401,6 +403,8 @@ class SegmentJudge:
             if known.options == one.options:
                 one.trigger = replace(trigger, rule=one.trigger.rule)
                 self._rows.go_on(one.expressions, one.evaluator, before._rows, known.expressions, known.evaluator)
+                if one.evaluator is None:
+                    one.trigger.blind(-1)  # what lasted until now may end unseen
             else:
                 one.trigger.captures, one.trigger.fires = trigger.captures, trigger.fires
                 one.trigger.capture = trigger.capture

@@ -472,6 +472,26 @@ class TestCuts:
         found = alarm(client, "/log/q_x")
         assert (found.word, found.count, found.alarm, found.worst) == (LimitWord.OK, 1, True, 25.0)
 
+    def test_what_is_off_for_a_while_is_not_stale_then_and_nothing_lasted_meanwhile(self, bench, client):
+        bench.logger.limit("q_x", (None, None, 20, 30), stale="100ms")
+        bench.logger.trigger("lasts", "q_x > 5", persist="200ms", save=())
+        bench.logger.start()
+        for tick in range(12):
+            bench.q[0] = tick
+            bench.ticks(1)
+        for enabled, count in ((False, 50), (True, 3)):
+            before = client.alarms().run
+            bench.logger.set("q", cut=True, enabled=enabled)
+            for tick in range(count):
+                bench.q[0] = 7 + tick
+                bench.ticks(1)
+            wait_until(lambda run=before, n=count: client.alarms().run != run and client.alarms().tick == n)
+        assert trigger(client, "lasts").fires == 0
+        found = alarm(client, "/log/q_x")
+        assert (found.word, found.alarm, found.stale_count) == (LimitWord.OK, False, 0)
+        bench.ticks(30)
+        wait_until(lambda: trigger(client, "lasts").fires == 1)
+
     def test_a_violation_from_before_the_cut_is_told_without_a_tick(self, bench, client, heard):
         bench.logger.limit("x", (None, None, 20, 1000))
         bench.logger.start()

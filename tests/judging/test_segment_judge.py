@@ -237,6 +237,16 @@ def test_rows_that_were_overwritten_before_they_were_judged_are_told(robot):
     assert [fire.tick for _, fires in found.fired for fire in fires] == [4900]
 
 
+def test_what_must_last_is_counted_from_where_rows_were_overwritten(robot):
+    robot.logger.trigger("calm", "fast/x_0 < 50", persist="3s", pre=0, post=0)
+    robot.start()
+    robot.ticks(20, [(10, 0)])
+    robot.judge.step()
+    robot.ticks(5000)
+    oldest = robot.judge._rows.oldest_tick()
+    assert [fire.tick for _, fires in robot.judge.step().fired for fire in fires] == [oldest + 3000]
+
+
 def test_of_a_capture_whose_rows_were_overwritten_the_ticks_that_are_missing_are_counted(tmp_path, runtime_folder):
     robot = Robot(tmp_path, size=8000)
     robot.logger.add(robot.slow, "brief", divider=10, size=103)  # the first of which something is missing
