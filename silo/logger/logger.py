@@ -588,8 +588,13 @@ class Logger(LoggerNames):
 
     def _saved_here(self, ended: str) -> bool:
         """Save what is in no file, each stretch to its own, and say where; whether that went well with all."""
-        unsaved = filter(is_to_be_saved, self._present.stretches)
-        return not [one for one in unsaved if not save_at_end(one, self.options, self._conditions.now, ended)]
+        all_saved = True
+        for one in filter(is_to_be_saved, self._present.stretches):
+            if save_at_end(one, self.options, self._conditions.now, ended):
+                self._present.mark_saved(one, one.segment.ticks)
+            else:
+                all_saved = False
+        return all_saved
 
     def _drop(self) -> None:
         """Free the buffers, or leave them to those who come after a helper process that did not come to its end."""

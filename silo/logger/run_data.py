@@ -143,23 +143,27 @@ class RunData:
         run = self._present.run
         if run is None:
             raise StateError("nothing to save: nothing was logged yet; call start() and collect() first")
-        self.failed = run
-        before = self._save_cut_off(chosen, name, where)
-        if not run.segment.ticks:
-            since = "start()" if run.segment.schema.cut is None else "the cut"
-            log.warning("%s: nothing was collected since %s, the file holds no samples", self._options.name, since)
-        self.look_for_unheld()
-        saved = self._saved_by_helper(chosen, name, str(where.resolve()) if folder else "")
-        if saved is None:
-            why = "saved by the robot program"
-            with self._life.lock:  # a start(), or close(), of another thread has the memory of this run go
-                self._life.check_open()
-                run = self._present.run or run
-                ticks, recording, conditions = run.segment.ticks, run.reader.snapshot(), self._conditions.now
-            with self._noting_parts(run, ticks):
-                saved = save_run(recording, run.id, self._options, why, conditions, chosen, name, where)
-            with self._life.lock:  # what the helper process saved, `note_saved` was told
-                self._present.mark_saved(run, ticks)
+        try:
+            before = self._save_cut_off(chosen, name, where)
+            if not run.segment.ticks:
+                since = "start()" if run.segment.schema.cut is None else "the cut"
+                log.warning("%s: nothing was collected since %s, the file holds no samples", self._options.name, since)
+            self.look_for_unheld()
+            saved = self._saved_by_helper(chosen, name, str(where.resolve()) if folder else "")
+            if saved is None:
+                why = "saved by the robot program"
+                with self._life.lock:  # a start(), or close(), of another thread has the memory of this run go
+                    self._life.check_open()
+                    run = self._present.run or run
+                    ticks, recording, conditions = run.segment.ticks, run.reader.snapshot(), self._conditions.now
+                with self._noting_parts(run, ticks):
+                    saved = save_run(recording, run.id, self._options, why, conditions, chosen, name, where)
+                with self._life.lock:  # what the helper process saved, `note_saved` was told
+                    self._present.mark_saved(run, ticks)
+        except BaseException:
+            if not self._life.closed:  # else by another thread, which dropped it
+                self.failed = run
+            raise
         self.failed = None
         return SavedFiles([*before, *saved])
 
