@@ -172,8 +172,8 @@ class LimitJudge:
         self._limited: dict[str, _Limited] = {}
         self._together: dict[int, _Together] = {}
 
-    def adopt(self, limits: Iterable[SignalLimits], problems: list[str], *, anew: bool = False) -> None:
-        """Judge these from now on; those that stay the same go on as they are.
+    def adopt(self, limits: Iterable[SignalLimits], problems: list[str], since: int = 0, *, anew: bool = False) -> None:
+        """Judge these from tick `since` on; those that stay the same go on as they are.
 
         With other derived signals than before (`anew`) the same words may mean something else.
         """
@@ -182,7 +182,7 @@ class LimitJudge:
         for options in limits:
             known = before.get(options.name)
             if known is None or known.options != options or (anew and self._means_else(known)):
-                known = self._begun(options, problems, known)
+                known = self._begun(options, problems, since, known)
             self._limited[options.name] = known
         simple = [one for one in self._limited.values() if one.evaluator is None and not one.why]
         by_ring = grouped((one.expressions[0].columns[0].source, one) for one in simple)
@@ -191,7 +191,7 @@ class LimitJudge:
     def _means_else(self, known: _Limited) -> bool:
         return means_else(known.expressions, lambda: bind_limits(known.options, self._rows.catalogue)[1])
 
-    def _begun(self, options: SignalLimits, problems: list[str], before: _Limited | None) -> _Limited:
+    def _begun(self, options: SignalLimits, problems: list[str], since: int, before: _Limited | None) -> _Limited:
         catalogue = self._rows.catalogue
         try:
             rule, expressions = bind_limits(options, catalogue)
@@ -212,14 +212,15 @@ class LimitJudge:
         plain = (
             len(expressions) == 1 and isinstance(signal.root, BoundSignal) and len(sources) == 1 and OFF not in sources
         )
+        evaluator = None if plain else self._rows.begin(expressions, Evaluator(*expressions, whole=True), since)
         limit = Limit(rule, len(scalars))
         if before is not None and not before.why and len(before.scalars) == len(scalars):  # edited
             limit.states = [state.under_others() for state in before.limit.states]
             for scalar, state in zip(scalars, limit.states, strict=True):
                 scalar.told_count, scalar.told_stale = state.count, state.stale_count
         return _Limited(
-            options, "", scalars, signal.unit, limit, expressions,
-            None if plain else Evaluator(*expressions, whole=True), np.full(len(scalars), np.nan), bool(rule.stale_ns),
+            options, "", scalars, signal.unit, limit, expressions, evaluator, np.full(len(scalars), np.nan),
+            bool(rule.stale_ns),
         )  # fmt: skip
 
     def memory(self) -> list[LimitMemory]:

@@ -6,8 +6,9 @@ from silo.core.conditions import Derived
 from silo.core.elements import BufferType, ElementInfo
 from silo.core.quantities.writing import size_text
 from silo.expressions.binding import OFF, BoundExpression, Catalogue, Known, ScalarPlace, meaning
+from silo.expressions.derived_signals import Lookback, lookback, remembers
 from silo.expressions.evaluation import Evaluator, SourceRows
-from silo.journal.derived_rows import pickers_of, sources_of
+from silo.journal.derived_rows import BATCH_TICKS, pickers_of, reading_start, rows_between, sources_of
 from silo.segment.layout import ElementSchema
 from silo.segment.picking import RowPicker
 from silo.segment.reader import SegmentReader
@@ -43,6 +44,18 @@ class JudgedRows:
     def recall(self, cursors: Mapping[int, int]) -> None:
         """Go on with these rows."""
         self._cursors.update((ring, row) for ring, row in cursors.items() if ring in self._cursors)
+
+    def begin(self, expressions: Sequence[BoundExpression], evaluator: Evaluator, tick: int) -> Evaluator:
+        """Return an evaluator of what is judged from a tick on, with what it looks back at as far as rings hold it."""
+        looks = [lookback(one) for one in expressions if remembers(one)]
+        if tick and looks:
+            back = Lookback(max(one.window_ns for one in looks), max(one.ticks for one in looks))
+            dividers = {ring: divider for one in expressions for ring, divider in one.sources.items()}
+            pickers = pickers_of(self._reader.schema, [column for one in expressions for column in one.columns])
+            for low in range(reading_start(self._reader, back, tick), tick, BATCH_TICKS):
+                until = min(low + BATCH_TICKS, tick)
+                evaluator.feed(rows_between(self._reader.rows, dividers, pickers, low, until))
+        return evaluator
 
     def go_on(self, mine: Sequence[BoundExpression], evaluator: Evaluator | None, before: "JudgedRows",
               theirs: Sequence[BoundExpression], known: Evaluator | None) -> None:  # fmt: skip

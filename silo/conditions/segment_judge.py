@@ -109,7 +109,7 @@ class SegmentJudge:
         self._watched = {}
         for one in conditions.triggers:
             self._watched[one.name] = self._taken(one, before.get(one.name), anew=anew)
-        self.limits.adopt(conditions.limits, self.problems, anew=anew)
+        self.limits.adopt(conditions.limits, self.problems, self.judged, anew=anew)
         columns = [column for one in self._watched.values() for bound in one.expressions for column in bound.columns]
         self._rows.want([*columns, *self.limits.columns], self.judged)
 
@@ -158,7 +158,8 @@ class SegmentJudge:
             self.problems.append(f"trigger '{options.name}' is not judged: {no_room}")
             return made
         made.note = found.problem.removeprefix("is ")
-        made.expressions, made.evaluator = found.bounds, Evaluator(*found.bounds)
+        made.expressions = found.bounds
+        made.evaluator = self._rows.begin(found.bounds, Evaluator(*found.bounds), self.judged)
         return made
 
     @property

@@ -7,7 +7,7 @@ reads as much of the past as the expression looks back, so that a value doesn't 
 """
 
 import contextlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -219,7 +219,7 @@ class DerivedReader(SegmentReader):
 
         The first is at `begin`, or holds there.
         """
-        start, width = self._start(signal, begin), signal.bound.width or 1
+        start, width = reading_start(self, signal.lookback, begin), signal.bound.width or 1
         reading = self._readings[signal.ring].take(begin, start)
         if reading is None:
             reading = _Reading(Evaluator(signal.bound), start, np.zeros(0, np.int64), np.zeros((0, width)))
@@ -227,7 +227,8 @@ class DerivedReader(SegmentReader):
         ticks, values = [reading.tick], [reading.value]
         while reading.next_tick < end:
             until = min(end, reading.next_tick + BATCH_TICKS)
-            judged = reading.evaluator.feed(self._batch(signal, reading.next_tick, until))
+            batch = rows_between(super().rows, signal.dividers, signal.pickers, reading.next_tick, until)
+            judged = reading.evaluator.feed(batch)
             reading.next_tick = until
             if len(judged.ticks):
                 found = judged.numbers().reshape(len(judged.ticks), width)
@@ -238,29 +239,37 @@ class DerivedReader(SegmentReader):
         self._readings[signal.ring].keep(reading)
         return np.concatenate(ticks), np.concatenate(values)
 
-    def _start(self, signal: DerivedSignal, begin: int) -> int:
-        """Where a reading has to begin so that it remembers all that the value at tick `begin` depends on."""
-        near = max(0, begin - signal.lookback.ticks)
-        window_ns = signal.lookback.window_ns
-        if not window_ns or not near:
-            return near
-        span = int(window_ns * self.schema.frequency_hz / 1e9) + 1
-        until = self.stamp_of(near)
-        while near > span:  # a loop that runs faster than it should has more ticks in a window
-            stamp = self.stamp_of(near - span)
-            if not until or not stamp or until - stamp >= window_ns:
-                break
-            span *= 2
-        return max(0, near - span)
 
-    def _batch(self, signal: DerivedSignal, begin: int, end: int) -> dict[int, SourceRows]:
-        found = {}
-        for ring, divider in signal.dividers.items():
-            first, last = -(-begin // divider), -(-end // divider)
-            picker = signal.pickers[ring]
-            rows = super().rows(ring, first, last - first, picker.words).part(first, last)
-            found[ring] = SourceRows(rows.ticks, rows.time_ns, picker.numbers(rows))
-        return found
+def reading_start(reader: SegmentReader, back: Lookback, begin: int) -> int:
+    """Return where a reading has to begin so that it remembers all that the value at tick `begin` depends on."""
+    near = max(0, begin - back.ticks)
+    window_ns = back.window_ns
+    if not window_ns or not near:
+        return near
+    span = int(window_ns * reader.schema.frequency_hz / 1e9) + 1
+    until = reader.stamp_of(near)
+    while near > span:  # a loop that runs faster than it should has more ticks in a window
+        stamp = reader.stamp_of(near - span)
+        if not until or not stamp or until - stamp >= window_ns:
+            break
+        span *= 2
+    return max(0, near - span)
+
+
+def rows_between(
+    rows_of: Callable[[int, int, int, Words], Rows],
+    dividers: Mapping[int, int],
+    pickers: Mapping[int, RowPicker[tuple[int, int]]],
+    begin: int,
+    end: int,
+) -> dict[int, SourceRows]:
+    """Return the rows of rings for the ticks from `begin` to before `end`, with what is picked out of them."""
+    found = {}
+    for ring, divider in dividers.items():
+        first, last, picker = -(-begin // divider), -(-end // divider), pickers[ring]
+        rows = rows_of(ring, first, last - first, picker.words).part(first, last)
+        found[ring] = SourceRows(rows.ticks, rows.time_ns, picker.numbers(rows))
+    return found
 
 
 def with_derived(reader: SegmentReader, derived: Sequence[Derived]) -> SegmentReader:

@@ -237,6 +237,21 @@ def test_rows_that_were_overwritten_before_they_were_judged_are_told(robot):
     assert [fire.tick for _, fires in found.fired for fire in fires] == [4900]
 
 
+def test_what_is_set_while_it_runs_looks_back_at_what_buffers_hold(robot):
+    robot.start()
+    robot.ticks(2000, [(1999, 0)])
+    robot.judge.step()
+    robot.logger.trigger("mean", "mean(fast/x_0, 5s) > 0.2 or max(slow, 5s) < 1", pre=0, post=0)
+    robot.logger.derive("step", "diff(fast/x_0)")
+    robot.logger.derive("most", "max(fast/x_0, 5s)")
+    robot.logger.limit("most", (None, 50, None, None))
+    robot.logger.limit("step", (None, -50, 50, None))
+    robot.judge.adopt(robot.logger._conditions.now)
+    robot.ticks(100, [(5, 0)])
+    assert robot.judge.step().fired == []
+    assert [(one.name, one.count) for one in robot.judge.limits.statuses()] == [("/log/most", 0), ("/log/step", 3)]
+
+
 def test_what_must_last_is_counted_from_where_rows_were_overwritten(robot):
     robot.logger.trigger("calm", "fast/x_0 < 50", persist="3s", pre=0, post=0)
     robot.start()
