@@ -18,8 +18,7 @@ from typing import Any
 from tests.waiting import DEADLINE_S
 
 FOLDER = Path(__file__).parents[1] / "data" / "walks"
-STEADY_LOOKS = 25  # a screen that is the same so often is what a step leads to
-LATE_LOOKS = 400  # and one that isn't what it should be, so often, stays so
+STEADY_LOOKS = 25  # a screen that is the same so often is what is written of a step
 LOOK_S = 0.02
 Line = tuple[str, tuple[tuple[str, int], ...]]  # its words, and of how many cells each style is
 STEP, LEGEND = "\n== ", "\n-- colours\n"
@@ -45,16 +44,16 @@ class Walk:
             for one in steps.split(" | ") if steps != "wait" else ():
                 await (screen.type(one[1:]) if one[0] == '"' else screen.do(one))
             same, before, deadline_s = 0, None, time.monotonic() + DEADLINE_S
-            while same < (STEADY_LOOKS if writes else LATE_LOOKS):
-                assert time.monotonic() < deadline_s, f"at {steps} it never stands still\n{screen.text}"
+            while same < STEADY_LOOKS or not writes:
                 await screen.pilot.pause(LOOK_S if same else 0)
                 now = [_line(segments) for segments in screen._lines()]
-                if not writes and (told := self._told(steps, shown, now)) == expected:
+                told = "" if writes else self._told(steps, shown, now)
+                if told == expected:
                     break
+                assert time.monotonic() < deadline_s, "\n".join(ndiff(expected.splitlines(), told.splitlines()))
                 same = same + 1 if now == before else 0
                 before = now
-            else:
-                assert writes, "\n".join(ndiff(expected.splitlines(), told.splitlines()))
+            if writes:
                 told = self._told(steps, shown, now)
             shown = now
             written.append(told)
