@@ -161,6 +161,8 @@ async def test_no_key_is_silent_where_there_is_nothing_that_it_could_be_about(sc
             said.clear()
             before = screen.text
             await screen.press(command.keys.split(",")[0])
+            marks = [one for one in screen.app.workers if one.group == "mark"]  # they ask the logger
+            await screen.until(lambda marks=marks: all(one.is_finished for one in marks), "an answer")
             if not said and screen.text == before:
                 silent.append(command.id)
             await screen.press("escape")
