@@ -340,7 +340,8 @@ def test_a_signal_is_converted_by_its_unit(log):
          "nothing was done"),
         (lambda x, y, q: x.plot(5), "plot takes signals, got 5; write log['/log/x'].plot(log['/log/y'])"),
         (lambda x, y, q: x.plot(ax=5), "ax must be axes of matplotlib, got 5; write figure, ax = plt.subplots()"),
-        (lambda x, y, q: x[5:5].plot(), "there is nothing to plot: '/log/x' has no sample"),
+        (lambda x, y, q: x[5:5].plot(y[5:5]),
+         "there is nothing to plot: '/log/x' has no sample, '/log/y' has no sample"),
     ],
 )  # fmt: skip
 def test_what_has_no_meaning_is_told_of(call, words, log):

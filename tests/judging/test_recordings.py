@@ -318,7 +318,10 @@ class TestLogger:
             ("derived_signals:\n  - name: x\n    formula: y", ":3: derived_signals: no key 'formula'"),
             ("derived_signals:\n  - name: /log/x\n    expression: nope + 1", "no signal is named 'nope'"),
             ("signal_limits:\n  - name: mode\n    bounds: [1, 2]", ":4: signal_limits"),
-            ("triggers:\n  - name: a\n    when: mode > 3\n    slope: up", "edge of trigger 'a' must be rising"),
+            (
+                "triggers:\n  - name: a\n    when: mode > 3\n    slope: up",
+                "edge of trigger 'a' must be rising, falling, level, enter or leave, got 'up'; nothing was changed",
+            ),
             ("triggers:\n  - name: a/b\n    when: mode > 3", "stands in names of files"),
             (f"triggers:\n  - name: {'測' * 70}\n    when: mode > 3", "it has 210 bytes, 200 are possible"),
             ("signal_limits:\n  - name: mode\n    bounds: [4, 3, 2, 1]", "must rise"),
