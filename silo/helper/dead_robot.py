@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from silo.core.elements import LoggedEvent, SavedFile, Storage
-from silo.core.runtime import list_segments
+from silo.core.runtime import list_segments, runtime_dir, sweep_unfinished
 from silo.errors import SegmentError, SiloError, StateError
 from silo.files.event_log import CRASHED
 from silo.files.saving import describe
@@ -20,7 +20,7 @@ from silo.journal.format import remove_journals
 from silo.journal.holdings import segment_holdings
 from silo.recovery.left import BusyError, LeftRun, SavedMeanwhileError, death_text, log_end, save_reader, saved_text
 from silo.recovery.runs import left_of, sweep
-from silo.recovery.segments import claimed, discard, mark_saved
+from silo.recovery.segments import claimed, discard, mark_saved, segment_folder
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import number_of, readers
 from silo.segment.reader import SegmentReader
@@ -69,6 +69,8 @@ def after_crash(replica: Replica, events: EventNotifier) -> bool:
 
 
 def _after_crash(replica: Replica, events: EventNotifier, who: str) -> bool:
+    for folder in filter(None, (runtime_dir(), segment_folder(replica.now.options))):
+        sweep_unfinished(folder)  # what it was making as it died
     for cut_off in _cut_off(replica):
         with contextlib.closing(cut_off):
             _save(replica, events, cut_off, who)
