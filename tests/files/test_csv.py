@@ -458,3 +458,10 @@ def test_a_quote_opens_a_cell_where_it_begins_one_and_swallows_no_lines(tmp_path
     assert [log["name"].values.tolist(), log["a"].values.tolist()] == [names, [1, 2, 3]]
     assert told in " ".join(log.warnings)
     assert bool(told) == bool(log.warnings)
+
+
+@pytest.mark.parametrize("records", ['0,1\n"2"', '0,1"\n2'])
+def test_records_of_other_lengths_make_no_record_together(tmp_path, records):
+    (tmp_path / "x.csv").write_text(f"time,a,b\n{records}")
+    with pytest.raises(FileFormatError, match="none of its records has 3 cells"):
+        read_csv(tmp_path / "x.csv")

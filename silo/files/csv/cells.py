@@ -180,11 +180,11 @@ def _separators(text: NDArray[np.uint8], begin: int) -> tuple[Places, int, bool,
         if mark.any():
             marks.append((np.flatnonzero(mark) + start).astype(kind))
     ends, quotes = np.concatenate(found), np.concatenate(marks)
-    if len(quotes):
+    if quoted := len(quotes) > 0:
         quotes, unclosed = _quoting(text, begin, quotes)
         ends, lines, plain = ends[np.searchsorted(quotes, ends) % 2 == 0], 0, False
     if begin < len(text) and (not len(ends) or ends[-1] != len(text) - 1 or text[ends[-1]] != _LINE):
-        ends, lines = np.append(ends, np.array(len(text), kind)), lines + 1
+        ends, lines = np.append(ends, np.array(len(text), kind)), lines + (not quoted)
     return ends, lines, plain, unclosed
 
 
