@@ -182,7 +182,7 @@ class LimitJudge:
         for options in limits:
             known = before.get(options.name)
             if known is None or known.options != options or (anew and self._means_else(known)):
-                known = self._begun(options, problems, since, known)
+                known = _keeping_alarms(self._begun(options, problems, since), known)
             self._limited[options.name] = known
         simple = [one for one in self._limited.values() if one.evaluator is None and not one.why]
         by_ring = grouped((one.expressions[0].columns[0].source, one) for one in simple)
@@ -191,7 +191,7 @@ class LimitJudge:
     def _means_else(self, known: _Limited) -> bool:
         return means_else(known.expressions, lambda: bind_limits(known.options, self._rows.catalogue)[1])
 
-    def _begun(self, options: SignalLimits, problems: list[str], since: int, before: _Limited | None) -> _Limited:
+    def _begun(self, options: SignalLimits, problems: list[str], since: int) -> _Limited:
         catalogue = self._rows.catalogue
         try:
             rule, expressions = bind_limits(options, catalogue)
@@ -213,14 +213,9 @@ class LimitJudge:
             len(expressions) == 1 and isinstance(signal.root, BoundSignal) and len(sources) == 1 and OFF not in sources
         )
         evaluator = None if plain else self._rows.begin(expressions, Evaluator(*expressions, whole=True), since)
-        limit = Limit(rule, len(scalars))
-        if before is not None and not before.why and len(before.scalars) == len(scalars):  # edited
-            limit.states = [state.under_others() for state in before.limit.states]
-            for scalar, state in zip(scalars, limit.states, strict=True):
-                scalar.told_count, scalar.told_stale = state.count, state.stale_count
         return _Limited(
-            options, "", scalars, signal.unit, limit, expressions, evaluator, np.full(len(scalars), np.nan),
-            bool(rule.stale_ns),
+            options, "", scalars, signal.unit, Limit(rule, len(scalars)), expressions, evaluator,
+            np.full(len(scalars), np.nan), bool(rule.stale_ns),
         )  # fmt: skip
 
     def memory(self) -> list[LimitMemory]:
@@ -267,7 +262,13 @@ class LimitJudge:
             if one.known is not None:  # of what is off for a while no new value can come
                 one.known.states = [replace(state, fresh_ns=None) for state in one.known.states]
             known = before._limited.get(name)
-            if known is not None and known.options == one.options:
+            if known is None:
+                continue
+            if known.options != one.options:
+                _keeping_alarms(one, known)
+                one.scalars = [scalar.elsewhere() for scalar in one.scalars]
+                one.limit.states = [state.elsewhere() for state in one.limit.states]
+            else:
                 self._rows.go_on(one.expressions, one.evaluator, before._rows, known.expressions, known.evaluator)
 
     @property
@@ -374,6 +375,22 @@ class LimitJudge:
         return news
 
 
+def _keeping_alarms(one: _Limited, before: _Limited | None) -> _Limited:
+    """Return limits that are judged from now on with the alarms of those that they take the place of.
+
+    They stay until somebody has seen them, with their counts and what was worst; what goes on is judged anew.
+    """
+    if before is None or [scalar.name for scalar in one.scalars] != [scalar.name for scalar in before.scalars]:
+        return one
+    states = before.known.states if before.why and before.known is not None else before.limit.states
+    kept = LimitMemory(one.options, before.scalars, [state.edited() for state in states], one.newest, None)
+    if one.why:
+        one.known = kept
+    elif len(kept.states) == len(one.scalars):
+        one.scalars, one.limit.states = kept.scalars, kept.states
+    return one
+
+
 def _bound_of(rule: LimitRule, level: Level) -> float | None:
     found = rule.bound(level)
     return found if math.isfinite(found) else None
@@ -438,10 +455,11 @@ def _unit(one: _Limited) -> str:
 
 
 def _violation_text(one: _Limited, scalar: ScalarMemory, violation: Violation) -> str:
-    unit = _unit(one)
+    unit, bound = _unit(one), _bound_of(one.limit.rule, violation.worst)
+    limit = "" if bound is None else f", limit {bound:.6g}{unit}"  # of one from before an edit there may be none now
     return (
-        f"{scalar.name} {_WORDS[violation.worst].value} {violation.peak:.6g}{unit}{_tick_words(violation.peak_tick)}, "
-        f"limit {_bound_of(one.limit.rule, violation.worst):.6g}{unit}"
+        f"{scalar.name} {_WORDS[violation.worst].value} {violation.peak:.6g}{unit}{_tick_words(violation.peak_tick)}"
+        f"{limit}"
     )
 
 

@@ -170,11 +170,11 @@ class EntryState:
         """Whether the newest violation may go on."""
         return self.violation is not None and not self.violation.over
 
-    def under_others(self) -> "EntryState":
-        """Return it as it begins under other limits: what it was stays to be seen, and who has seen it."""
+    def edited(self) -> "EntryState":
+        """Return it as it goes on under another rule: what there was stays to be seen, all else begins anew."""
         return EntryState(
-            count=self.count, alarm=self.alarm, acknowledged=self.acknowledged, stale_count=self.stale_count,
-            stale_alarm=self.stale_alarm,
+            count=self.count, violation=self.violation and replace(self.violation, over=True), alarm=self.alarm,
+            acknowledged=self.acknowledged, stale_count=self.stale_count, stale_alarm=self.stale_alarm,
         )  # fmt: skip
 
     def elsewhere(self) -> "EntryState":

@@ -472,6 +472,24 @@ class TestCuts:
         found = alarm(client, "/log/q_x")
         assert (found.word, found.count, found.alarm, found.worst) == (LimitWord.OK, 1, True, 25.0)
 
+    @pytest.mark.parametrize("cut", [False, True])
+    def test_who_edits_limits_takes_nobodys_alarm_away(self, bench, client, heard, cut):
+        spiked(bench)
+        bench.ticks(20)
+        before = alarm(client, count=1, word=LimitWord.OK)
+        bench.logger.limit("x", (None, None, 900, None))
+        if cut:
+            self.cut(bench, client)
+        after = alarm(client, bounds=(None, None, 900.0, None))
+        assert (after.alarm, after.count, after.worst, after.worst_ns) == (True, 1, 999, before.worst_ns)
+        bench.x[...] = 950
+        bench.ticks(1)
+        bench.x[...] = 10
+        bench.ticks(1)
+        assert alarm(client, count=2).worst == 999
+        assert client.acknowledge(who="anna") == "1 alarm seen by anna"
+        heard.wait(EventKind.LIMIT)
+
     def test_what_is_off_for_a_while_is_not_stale_then_and_nothing_lasted_meanwhile(self, bench, client):
         bench.logger.limit("q_x", (None, None, 20, 30), stale="100ms")
         bench.logger.trigger("lasts", "q_x > 5", persist="200ms", save=())
