@@ -17,6 +17,7 @@ from silo.conditions.segment_judge import SegmentJudge
 from silo.conditions.state_file import JudgeState, Untold
 from silo.core.conditions import Conditions
 from silo.core.elements import LoggedEvent, SavedFile
+from silo.core.quantities.writing import and_more
 from silo.core.runtime import HELD_SUFFIX
 from silo.errors import SegmentError, SiloError, StateError
 from silo.files.event_log import add_missing, read_events
@@ -28,6 +29,7 @@ from silo.segment.held_runs import held_runs, is_due, is_live, program_of, remov
 from silo.segment.reader import SegmentReader
 
 WHY = "the program and its helper process died"
+MOST_NAMED = 3  # captures in what is told at once: the event log has each
 _OF_RECORDINGS = {kind.value for kind in (EventKind.STARTED, EventKind.RECORDING, EventKind.RECORDING_FAILED)}
 GONE = "program and helper process died before it was written, and its memory is gone"
 
@@ -127,6 +129,7 @@ def _recovered(reader: SegmentReader, state: JudgeState, folder: str, found: Rec
     log_start(reader)
     news = [*state.untold, *untold(step)]
     listed = CaptureList(folder, schema.logger)
+    written, failed = list[str](), list[str]()
     for buffer in [*whole, *step.whole]:
         capture = buffer.capture
         # also by the helper process that died, where another folder is asked for now
@@ -139,11 +142,13 @@ def _recovered(reader: SegmentReader, state: JudgeState, folder: str, found: Rec
             text = f"capture {capture.number} of '{buffer.trigger}' was not saved: {error}"
             kind = EventKind.SAVE_FAILED
             found.is_whole = False
+            failed.append(text)
         else:
             found.files.extend(done.files)
             text, kind = done.text, EventKind.CAPTURED
-        found.texts.append(text)
+            written.append(text)
         news.append(Untold(kind.value, text, capture.fires[0].tick, capture.fires[0].time_ns))
+    found.texts += [and_more(texts, MOST_NAMED, "; ") for texts in (failed, written) if texts]
     return news
 
 

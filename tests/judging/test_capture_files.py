@@ -68,6 +68,12 @@ def judge_of(robot):
     return SegmentJudge(SegmentReader(robot._present.path), robot.elements)
 
 
+def orphaned(state):
+    """What a judge stored, as if its logger was gone."""
+    program = msgspec.structs.replace(state.program, logger_id="")
+    return msgspec.structs.replace(state, pid_start=state.pid_start + 1, program=program)
+
+
 def twice(robot, folder):
     """What two processes make of one capture: the second begins as soon as the first is within."""
 
@@ -150,11 +156,26 @@ def test_a_capture_that_was_written_is_not_written_again_where_another_folder_is
     (buffer,) = judge.step().whole
     write_capture(buffer, str(tmp_path), CaptureList(str(tmp_path), "bot"), [])
     state = judge.state([KeptCapture(buffer.options, buffer.capture)], [], closed=False)
-    store_state(state_path("bot", state.run), msgspec.structs.replace(state, pid_start=state.pid_start + 1))
+    store_state(state_path("bot", state.run), orphaned(state))
     other = tmp_path / "other"
     other.mkdir()
     assert recover_captures(judge.reader, str(other)).files == []
     assert list(other.glob("*.silo")) == []
+
+
+@pytest.mark.slow
+def test_of_many_captures_that_are_recovered_some_are_named_and_the_others_counted(robot, tmp_path):
+    judge = judge_of(robot)
+    (buffer,) = judge.step().whole
+    waiting = [
+        KeptCapture(buffer.options, dataclasses.replace(buffer.capture, number=number)) for number in range(1, 8)
+    ]
+    state = judge.state(waiting, [], closed=True)
+    store_state(state_path("bot", state.run), orphaned(state))
+    found = recover_captures(judge.reader, str(tmp_path))
+    assert len(found.files) == 14  # in two formats
+    told = "; ".join(found.texts)
+    assert (told.count("capture "), told.endswith(" and 4 more")) == (3, True)
 
 
 def test_what_a_judge_stores_while_its_run_is_noted_as_begun_stays(robot, monkeypatch):
