@@ -576,7 +576,7 @@ def test_an_alarm_that_nobody_has_seen_outlives_an_edit_of_its_limits(robot):
         assert robot.judge.limits.news(last=True) == []
     edited(50)
     robot.ticks(50, [(20, 1)])
-    told = [one.text for one in robot.judge.step().limits]
+    told = [one.text for one in (*robot.judge.step().limits, *robot.judge.limits.news(last=True))]
     found = statuses()
     assert (found["x_0"].count, found["x_1"].count, found["x_1"].alarm, found["x_1"].since_seen) == (2, 2, True, 1)
     assert told
