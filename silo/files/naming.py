@@ -265,7 +265,7 @@ def in_order(
         of = counted(one)
         if of is not None:
             time = newest[of] = max(newest.get(of, time), time)
-        keyed.append(((time, *more), one))
+        keyed.append(((time, number(one), *more), one))
     return [one for _, one in sorted(keyed, key=itemgetter(0))]
 
 

@@ -409,13 +409,13 @@ def test_what_changed_is_read_again_and_nothing_else(root, monkeypatch):
 def test_of_one_logger_the_run_number_decides_which_run_is_older(tmp_path, new_logger):
     zero_ns = time.time_ns() // 10**9 * 10**9
     for name, begins_s in (("arm", (30,)), ("bot", (50, 20, 60))):
-        for begin_s in begins_s:  # the clock was set back before the second
+        for number, begin_s in enumerate(begins_s, 1):  # the clock was set back before the second
             clock = itertools.count(zero_ns + begin_s * 10**9, 10**7).__next__
             log = new_logger(name, folder=tmp_path, clock=clock)
             log.array("x")
             log.start()
             log.collect()
-            log.save()
+            log.save(name=f"{name}_20261129_16-00-{begin_s}_{number:05}")
     runs = silo.runs(tmp_path)
     found = [(run.name.partition("_")[0], (run.facts.begun_ns - zero_ns) // 10**9) for run in runs]
     assert found == [("arm", 30), ("bot", 50), ("bot", 20), ("bot", 60)]
