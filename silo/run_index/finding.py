@@ -24,10 +24,13 @@ class There(NamedTuple):
     others: tuple[tuple[str, int, int], ...] = ()
 
 
-def logs_below(root: Path) -> dict[str, There]:
-    """Return the logs below a folder by their paths relative to it. Raises OSError where it can't be read."""
+def logs_below(root: Path, unfit: list[str] | None = None) -> dict[str, There]:
+    """Return the logs below a folder by their paths relative to it. Raises OSError where it can't be read.
+
+    Names that can't be shown, or stored, go to `unfit`: they have control characters, or are no UTF-8.
+    """
     found: dict[str, list[tuple[int, str, There]]] = {}
-    for name, there in _below(root, "", _names(root)):
+    for name, there in _below(root, "", _names(root), [] if unfit is None else unfit):
         stem, ending = _split(name)
         found.setdefault(stem, []).append((_PREFERENCE[ending], name, there))
     best: dict[str, There] = {}
@@ -37,14 +40,18 @@ def logs_below(root: Path) -> dict[str, There]:
     return best
 
 
-def _below(root: Path, folder: str, names: list[str]) -> Iterator[tuple[str, There]]:
+def _below(root: Path, folder: str, names: list[str], unfit: list[str]) -> Iterator[tuple[str, There]]:
     present = set(names)
     with os.scandir(root / folder) as entries:
         for entry in entries:
             name = entry.name
-            if name.startswith(".") or not name.isprintable():
+            if name.startswith("."):
                 continue
             ending = _split(name)[1]
+            if not name.isprintable():
+                if ending in _PREFERENCE:
+                    unfit.append(folder + name)
+                continue
             try:
                 if entry.is_dir():
                     inner = _names(entry.path)
@@ -52,7 +59,7 @@ def _below(root: Path, folder: str, names: list[str]) -> Iterator[tuple[str, The
                         if ending in _PREFERENCE:
                             yield folder + name, _of_bag(Path(entry.path), inner)
                     elif not entry.is_symlink():  # which may lead in a circle
-                        yield from _below(root, f"{folder}{name}/", inner)
+                        yield from _below(root, f"{folder}{name}/", inner, unfit)
                 elif ending in _PREFERENCE and (ending != ".csv" or name + SIDECAR in present):
                     about = entry.stat()
                     yield folder + name, There(about.st_size, min(about.st_mtime_ns, _LAST_NS))

@@ -81,6 +81,7 @@ class RunIndex:
         if not root.is_dir():
             raise SiloError(f"there is no folder '{root}'")
         self.root = root
+        self.unfit: list[str] = []  # names of logs that it can't have
         file = root / NAME
         self.kept = os.access(file if file.exists() else root, os.W_OK) and _is_own(file)
         try:
@@ -104,7 +105,8 @@ class RunIndex:
         Raises SiloError where the folder can't be read.
         """
         try:
-            there = logs_below(self.root)
+            self.unfit.clear()
+            there = logs_below(self.root, self.unfit)
         except OSError as error:
             raise SiloError(f"'{self.root}' can't be read: {reason(error)}") from error
         rows = [] if anew else self._database.execute("SELECT path, size, changed, others FROM run").fetchall()

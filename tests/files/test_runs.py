@@ -656,6 +656,14 @@ def test_a_run_that_is_not_there_is_named(root, monkeypatch):
     assert not (root / labels.NAME).exists()
 
 
+def test_logs_with_names_that_cannot_be_shown_are_counted(root):
+    path = next(root.rglob("*.silo"))
+    for name in (b"r\xff.silo", b"a\nb.silo", b"c\n.txt"):
+        Path(os.fsdecode(os.fsencode(root) + b"/" + name)).write_bytes(path.read_bytes())
+    assert "2 logs left out" in shell("runs", root).stderr
+    assert "left out" not in shell("runs", path.parent).stderr
+
+
 def test_runs_as_a_table(root):
     pytest.importorskip("pandas")
     table = silo.runs(root).to_pandas()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from silo.cli.common import TypedPath, find_saved, progress, show_json, show_rows
+from silo.core.arguments import shown
 from silo.core.quantities.writing import many, size_text
 from silo.errors import LogNotFoundError, LogWarning
 
@@ -192,6 +193,10 @@ def _row(run: "ListedRun", more: list[str]) -> tuple[str, ...]:
 
 
 def _summary(found: "RunList", what: str) -> str:
+    unfit = [name for index in found.indexes for name in index.unfit]
+    if unfit:
+        why = "names that are no UTF-8, or have control characters: give them others"
+        click.echo(f"{many(len(unfit), 'log')} left out, {shown(unfit[0])} the first: {why}", err=True)
     if not len(found):
         return f"no {what}; look in another folder, or ask for less"
     unread = sum(bool(run.facts.problem) for run in found)
