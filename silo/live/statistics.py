@@ -100,7 +100,8 @@ class _Ring:
 class Tally:
     """All that is followed of one run; `advance` takes in what came since."""
 
-    def __init__(self, reader: SegmentReader) -> None:
+    def __init__(self, reader: SegmentReader, *, whole: bool = False) -> None:
+        """Follow from now on, or, where the run is `whole`, from its first tick."""
         self.reader = reader
         elements = reader.schema.elements
         self.numbers = {element.info.name: number for number, element in enumerate(elements)}
@@ -123,7 +124,9 @@ class Tally:
                     self.lead[number] = slot
             for slot, number in enumerate(columns.norms, count + len(columns.entries)):
                 self.lead[number] = slot
-            self._rings.append(_Ring(ring, columns, slice(count, count + len(columns)), reader.head(ring)))
+            self._rings.append(
+                _Ring(ring, columns, slice(count, count + len(columns)), 0 if whole else reader.head(ring))
+            )
             count += len(columns)
         self.count = count
         self.newest = np.full(count, np.nan)
@@ -143,10 +146,10 @@ class Tally:
             np.bool_,
         )
 
-    def sums(self) -> RunningStatistics:
-        """Return statistics that begin now."""
+    def sums(self, *, whole: bool = False) -> RunningStatistics:
+        """Return statistics that begin now, or, before anything was taken in, with the `whole` run."""
         sums = RunningStatistics(self.count)
-        sums.since_ns = self.reader.last_time_ns
+        sums.since_ns = self.reader.stamp_of(0) if whole else self.reader.last_time_ns
         return sums
 
     def go_on(self, before: "Tally") -> list[tuple[slice, slice]]:
@@ -361,6 +364,7 @@ class Surveyor:
         self._wake = threading.Event()
         self._tally: Tally | None = None
         self._run = RunFollower(replica, derived=True)
+        self._followed = ""  # the id of the run that was last
         self._askers: Leases[tuple[str, str], _Asker] = Leases(MAX_CLIENTS)
         self._thread: threading.Thread | None = None
         self._stopped = False
@@ -454,21 +458,28 @@ class Surveyor:
 
     def _round(self, now_s: float) -> None:
         self._askers.expire()
-        self._follow_run()
+        self._follow_run(asked=True)
         if self._tally is not None:
             self._tally.advance(now_s, [one.value.sums for one in self._askers.all()])
 
-    def _follow_run(self) -> None:
-        """Go over to a new run; its statistics are its own. With other derived signals those of the others go on."""
+    def _follow_run(self, *, asked: bool = False) -> None:
+        """Go over to a new run; its statistics are its own. With other derived signals those of the others go on.
+
+        One that begins when statistics were `asked` for already is followed from its first tick.
+        """
         before = self._tally
         if not self._run.look() and before is not None:
             return
-        self._tally = Tally(self._run.reader) if self._run.reader is not None else None
-        if self._tally is not None:
+        reader = self._run.reader
+        self._tally = None
+        if reader is not None:
+            whole = asked and reader.schema.run != self._followed
+            self._tally = Tally(reader, whole=whole)
+            self._followed = reader.schema.run
             kept = self._tally.go_on(before) if before is not None else []
             for one in self._askers.all():
                 sums = one.value.sums
-                one.value.sums = sums.moved(self._tally.count, kept) if kept else self._tally.sums()
+                one.value.sums = sums.moved(self._tally.count, kept) if kept else self._tally.sums(whole=whole)
 
     def _let_go(self) -> None:
         self._tally = None

@@ -281,6 +281,33 @@ def test_who_asks_for_statistics_is_told_once_that_they_failed_and_begin_anew(ro
         surveyor.stop()
 
 
+def test_statistics_that_are_asked_for_before_a_start_are_of_the_whole_run(robot, monkeypatch):
+    replica = Replica(robot_state(robot.log, "", -1))
+    monkeypatch.setattr(replica, "open_watcher", lambda: SegmentReader(robot.log._present.path))
+    monkeypatch.setattr(replica, "run", robot.log._present.run.id)
+    monkeypatch.setattr("silo.live.statistics.PERIOD_S", 60.0)
+    surveyor = Surveyor(replica)
+    asked = [GetSurvey(names=["/log/x"], quantities=["count"], client=who) for who in ("me", "you")]
+
+    def counts():
+        return [np.frombuffer(surveyor.answer(one).values).tolist() for one in asked]
+
+    try:
+        robot.tick(1.0)
+        surveyor.answer(asked[0])
+        robot.log.restart(unsaved="clear")
+        for value in range(3):
+            robot.tick(value)
+        replica.run = robot.log._present.run.id
+        surveyor._round(0.0)
+        assert counts() == [[3.0], [0.0]]
+        robot.tick(4.0)
+        surveyor._round(1.0)
+        assert counts() == [[4.0], [1.0]]
+    finally:
+        surveyor.stop()
+
+
 def test_a_nan_among_numbers_is_counted_and_signed_until_ten_seconds_later(robot):
     robot.tick(np.nan)
     for _ in range(9):
