@@ -48,7 +48,7 @@ def is_read(dialog):
 
 async def free(screen):
     """Waits until what was asked for is there, and said: meanwhile nobody takes keys."""
-    await screen.until(lambda: not isinstance(screen.app.screen, Holding), "an answer")
+    await screen.until(lambda: screen.app._exit or not isinstance(screen.app.screen, Holding), "an answer")
     await screen.until(lambda: is_read(screen.app.screen), "what a choice would do")
 
 
