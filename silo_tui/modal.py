@@ -74,7 +74,7 @@ class Leaving(Guarded, Screen[ResultT]):
     @property
     def is_there(self) -> bool:
         """Whether the screen has its widgets: it was made, and neither it nor the program has begun to go."""
-        return self.is_mounted and self.is_running and self.is_attached
+        return self.is_mounted and self.is_running and self.is_attached and not self._pruning
 
     @cached_property
     def _settling(self) -> dict[str, Timer]:

@@ -207,6 +207,24 @@ async def test_what_closes_screens_may_end_meanwhile_and_the_program_goes_on(new
         await screen.until(lambda: heard, "what the program hears")
 
 
+@pytest.mark.parametrize("key", ["f2", "A", "T", "F"])
+async def test_a_list_that_goes_is_drawn_no_more_whatever_it_still_has(opened, fake, tmp_path, key):
+    fake.logs = tmp_path
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.press(key)
+        left = screen.app.screen
+        screen.app.pop_screen()
+        while left.children:
+            await asyncio.sleep(0)
+            heads = left.query("#list-head")
+            if left._pruning and heads:
+                left._nodes._remove(heads.first())  # they go in no order that we know
+                break
+        left.show()
+        assert not left.is_there
+        await screen.settled()
+
+
 async def test_behind_a_dialog_one_sees_the_screen_that_it_is_about(opened, fake):
     async with opened(fake) as screen:
         await screen.press("t", "q")

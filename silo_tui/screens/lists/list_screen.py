@@ -164,8 +164,8 @@ class ListScreen(SiloScreen, Generic[LineT]):
 
     def show(self) -> None:
         """Draw the lines; the cursor stays on what it was on."""
-        if not self.query("#list-lines"):
-            return  # it is being made, or goes
+        if self._pruning or not self.query("#list-lines"):
+            return  # it goes, one widget after another, or is being made
         lines, width, found = self.lines, self.size.width, self.all
         known, place = self.chosen_key, lines.highlighted
         self.prepare(found, width)
