@@ -264,6 +264,18 @@ def test_undo_wants_back_what_was_before_it_was_applied():
     assert state.pending_count == (0, 0)
 
 
+def test_what_was_undone_before_others_were_applied_is_not_done_again():
+    state = fresh()
+    state.edit([1], Field.DIVIDER, 5)
+    state.edit([2], Field.DIVIDER, 7)
+    state.undo()
+    kept = state.kept()
+    state.load(table(state.revision + 1, *(ElementOptions(divider=5 if row == 1 else 1) for row in range(COUNT))))
+    state.note_applied(kept)
+    assert state.redo() is None
+    assert state.pending_count == (0, 0)
+
+
 def test_undo_goes_back_to_what_was_applied_before_too():
     state = fresh()
     for at, divider in enumerate((5, 9)):

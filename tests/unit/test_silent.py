@@ -188,6 +188,34 @@ def test_a_save_that_failed_keeps_no_run_that_came_after(closing, tmp_path, caps
     assert list(tmp_path.glob("*.silo")) == []
 
 
+def test_what_a_save_failed_to_write_is_dropped_where_that_is_said(closing, tmp_path, capsys):
+    log = closing(3)
+    (tmp_path / "file").touch()
+    with pytest.raises(silo.SaveError):
+        log.save(folder=tmp_path / "file")
+    log.close(discard=True)
+    log.close()
+    assert "silo: logger" not in capsys.readouterr().err
+    assert list(tmp_path.glob("*.silo")) == []
+
+
+def test_closing_that_was_interrupted_behind_its_save_saves_no_second_time(closing, tmp_path, monkeypatch):
+    log = closing(3)
+    (tmp_path / "file").touch()
+    with pytest.raises(silo.SaveError):
+        log.save(folder=tmp_path / "file")
+
+    def interrupted():
+        monkeypatch.undo()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(log, "_drop", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        log.close()
+    log.close()
+    assert len(list(tmp_path.glob("*.silo"))) == 1
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("serves", [False, True])
 def test_closing_that_keeps_lets_go_of_memory_and_arrays_as_any(tmp_path, runtime_folder, serves):
