@@ -557,6 +557,8 @@ class Logger(LoggerNames):
             discard: what was not saved is to go: nothing is said of it.
         """
         with self._life.lock:
+            if discard:
+                self._data.failed = None
             if self._life.closed:
                 if self._freeing:
                     self._free()  # it was interrupted
@@ -564,8 +566,6 @@ class Logger(LoggerNames):
             self.stop()
             self._data.look_for_unheld()
             self._freeing = self._life.closed = True  # in this order: an interrupt may come between
-            if discard:
-                self._data.failed = None
             dropped = 0 if discard or self._failed_to_save else self._present.unsaved_ticks
         if dropped:
             say_dropped(self.options.name, dropped)

@@ -199,6 +199,23 @@ def test_what_a_save_failed_to_write_is_dropped_where_that_is_said(closing, tmp_
     assert list(tmp_path.glob("*.silo")) == []
 
 
+def test_closing_that_was_interrupted_in_its_save_may_drop_then(closing, tmp_path, monkeypatch):
+    log = closing(3)
+    (tmp_path / "file").touch()
+    with pytest.raises(silo.SaveError):
+        log.save(folder=tmp_path / "file")
+
+    def interrupted(*_):
+        monkeypatch.undo()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(writer, "write_all", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        log.close()
+    log.close(discard=True)
+    assert list(tmp_path.glob("*.silo")) == []
+
+
 def test_closing_that_was_interrupted_behind_its_save_saves_no_second_time(closing, tmp_path, monkeypatch):
     log = closing(3)
     (tmp_path / "file").touch()
