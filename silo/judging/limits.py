@@ -161,6 +161,7 @@ class EntryState:
     within_yellow: int = 0
     opposite: int = 0
     fresh_ns: int | None = None  # when the value was new
+    seen_ns: int = 0  # the newest sample's
     last: float = math.nan
     stale_count: int = 0
     stale_alarm: bool = False
@@ -359,7 +360,9 @@ class Limit:
     def _freshen(self, state: EntryState, time_ns: Ints, values: Floats, missing: NDArray[np.bool_]) -> None:
         """Note when values were new, and how often one came too late. A clock that is set back makes none younger."""
         begin_ns = int(time_ns[0])
-        state.fresh_ns = begin_ns if state.fresh_ns is None else min(state.fresh_ns, begin_ns)
+        if state.fresh_ns is None:
+            state.fresh_ns = state.seen_ns = begin_ns
+        state.fresh_ns -= max(0, state.seen_ns - begin_ns)
         steps = np.diff(time_ns, prepend=begin_ns)
         back_ns = np.cumsum(np.where(steps < 0, -steps, 0))
         time_ns = time_ns + back_ns  # as the clock had gone on
@@ -372,7 +375,8 @@ class Limit:
         if len(known):
             state.last = float(known[-1])
         state.fresh_ns -= int(back_ns[-1])
-        self._check_stale(state, int(time_ns[-1] - back_ns[-1]))
+        state.seen_ns = int(time_ns[-1] - back_ns[-1])
+        self._check_stale(state, state.seen_ns)
 
     def _check_stale(self, state: EntryState, now_ns: int) -> bool:
         rule = self.rule
