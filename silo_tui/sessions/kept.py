@@ -32,9 +32,9 @@ class KeptEdits(msgspec.Struct, frozen=True):
 class KeptConditions(msgspec.Struct, frozen=True):
     """What a robot program has, and what that before it had alone."""
 
-    program: str
     there: Conditions
     gone: Conditions = NO_CONDITIONS
+    program: str = ""  # as an older silo-tui left it: another one than is there
 
 
 def path_of(host: str, logger: str) -> Path:

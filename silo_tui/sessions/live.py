@@ -632,7 +632,7 @@ class Session:
             told = f"gone with the program before: {self.gone_words()}" if is_new and self.gone else ""
         there = Conditions(*self._judged())
         gone = Conditions(self._gone(Derived), self._gone(SignalLimits), self._gone(TriggerOptions))
-        self._kept = KeptConditions(program, there, gone)
+        self._kept = KeptConditions(there, gone, program)
         if self._kept != before:
             kept.keep_conditions(host, self.name, self._kept)
         return told

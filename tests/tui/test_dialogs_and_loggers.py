@@ -10,7 +10,7 @@ from msgspec import structs
 from textual.geometry import Size
 
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
-from silo.core.conditions import SignalLimits, TriggerOptions, TriggerWord
+from silo.core.conditions import Conditions, SignalLimits, TriggerOptions, TriggerWord
 from silo.core.elements import BufferType, Entry, FileType
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import ConnectionLostError, RefusedError
@@ -127,6 +127,14 @@ async def test_conditions_that_went_with_the_program_are_named_at_the_next_start
         await screen.enter(":restore")
         await screen.shows("set again: trigger slip")
         await screen.until(lambda: "Gone with" not in screen.text, "the triggers")
+
+
+def test_what_an_older_terminal_kept_of_conditions_is_of_a_program_that_is_gone():
+    there = Conditions(triggers=(TriggerOptions("slip", "x > 3", 5.0, 1.0),))
+    kept.keep_conditions("anymal", "robot", kept.KeptConditions(there))
+    path = kept._path_of_conditions("anymal", "robot")
+    path.write_bytes(path.read_bytes().replace(b'"program":""', b'"pid":4711'))
+    assert kept.conditions_of("anymal", "robot") == kept.KeptConditions(there)
 
 
 async def test_what_can_not_be_set_again_is_told_and_stays_to_be_tried(fake, opened, monkeypatch):
