@@ -449,6 +449,7 @@ def test_a_row_that_is_too_long_is_told_by_its_number(plan, recorded, tmp_path):
         ('time,name,a\n0,"x,1\n1,y,2\n2,z,3\n', ["x", "y", "z"], "line 2 has a quote that is never closed"),
         ('time,a,name,5" pipe\n0,1,"x\n,",0\n1,2,y,0\n2,3,z,0\n', ["x\n,", "y", "z"], ""),
         ('time,"name,a\n0,x,1\n1,y,2\n2,z,3\n', ["x", "y", "z"], ""),
+        ('time, "b,c", "name",a\n0,5,x,1\n1,2,y,2\n2,3,z,3\n', ["x", "y", "z"], ""),
     ],
 )
 def test_a_quote_opens_a_cell_where_it_begins_one_and_swallows_no_lines(tmp_path, text, names, told):

@@ -31,7 +31,7 @@ _ROUNDED_NS = 1500  # by which seconds that went through a double may be off
 _SECOND = 1_000_000_000
 _MOST_NS = 2**63
 _MOST_DIGITS = 18  # of a number that surely is an int64
-_CELL = re.compile(rb'(?:("(?:[^"]|"")*"(?!"))[^,]*|([^,]*))(?:,|$)')
+_CELL = re.compile(rb'(?:\s*("(?:[^"]|"")*"(?!"))[^,]*|([^,]*))(?:,|$)')
 _CLOSED = re.compile(rb'(?:[^"]|"")*"(?!")[^,]*,?')  # the rest of a quoted cell, to where the next one begins
 _DECIMAL = re.compile(rb"([+-]?)(\d+)(?:\.(\d*))?")
 _TRUTHS = {b"true", b"false"}
@@ -166,7 +166,7 @@ def _is_open(line: bytes, was_open: bool) -> bool:
     while QUOTE in line[position:]:
         match = _CELL.match(line, position)
         assert match is not None  # anything is a cell
-        if match[1] is None and match[2].startswith(QUOTE):
+        if match[1] is None and match[2].lstrip().startswith(QUOTE):
             return True
         position = match.end()
     return False
