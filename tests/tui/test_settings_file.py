@@ -211,7 +211,7 @@ def test_every_key_is_read_as_it_is_written(command):
 
 def test_only_what_changed_is_written_and_comments_stay():
     old, _ = read(WHOLE)
-    new = Settings("dark", "octants", "off", 2.0, "off", ("div",), {"filter": "f", "sort": "O", "apply": "U"})
+    new = Settings("dark", "octants", "off", 2.0, "off", ("div",), {"filter": "f", "sort": "O", "apply": "Z"})
     text = rewritten(WHOLE, old, new)
     assert read(text) == (new, [])
     assert "theme: dark      # the sun shines here\n" in text
