@@ -198,6 +198,9 @@ class ElementsScreen(SiloScreen):
             self._marks_changed()
             return
         rows.toggle_mark()
+        if rows.entry is not None and rows.row is not None:
+            done = "marked" if rows.marked[rows.row] else "no longer marked"
+            self.say(f"{self.session.short_name(rows.table.names[rows.row])} {done}, with all its entries")
         self.command_step(1)
 
     def command_mark_shown(self) -> None:

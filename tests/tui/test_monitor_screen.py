@@ -210,6 +210,22 @@ async def test_of_a_vector_whose_entry_is_looked_at_alone_that_one_is_plotted(fa
         assert len(screen.app.screen.stack.plots) == 3
 
 
+async def test_a_vector_that_is_marked_is_plotted_whole_from_any_of_its_entries(fake, opened):
+    async with opened(fake.run(20)) as screen:
+        await screen.enter("/base/position")
+        await screen.do("fold")
+        await screen.press("j")
+        await screen.plot("m")
+        assert [each.name for each in screen.app.screen.stack.plots] == ["/log/base/position_x"]
+        await screen.press("escape")
+        await screen.press("space")
+        await screen.shows("base/position marked, with all its entries")
+        await screen.plot("m")
+        assert len(screen.app.screen.stack.plots) == 3
+        await screen.press("escape", "space")
+        await screen.shows("base/position no longer marked, with all its entries")
+
+
 async def test_the_cursor_is_drawn_a_cell_further_for_each_press(fake, opened):
     fake.run(20)
     async with opened(fake) as screen:

@@ -225,8 +225,11 @@ class RowList:
         return asked if asked > 1 or has_norm(element) else 0
 
     def entry_alone(self, row: int) -> int | None:
-        """Return which entry of a vector is looked at alone: the one that is chosen, or that the cursor is on."""
-        if row == self.row and self.entry is not None:
+        """Return which entry of a vector is looked at alone: the one that is chosen, or that the cursor is on.
+
+        Of what is marked none: marks are of whole elements.
+        """
+        if row == self.row and self.entry is not None and not self.marked[row]:
             return self.entry
         chosen = self.components.get(self.table.names[row], 0)
         return chosen - 2 if chosen >= 2 else None

@@ -18,7 +18,7 @@ HINTS = {"name": "e.g. power", "unit": "else as it follows", "is": "e.g. {0} * {
 class DeriveDialog(Form[Derived]):
     """Answers with the derived signal on Enter."""
 
-    KEYS_HERE = "Enter Derives it  Tab Next field  Esc Back"
+    KEYS_HERE = "Enter Derives it  Tab Next field  → Edits what stands there  Esc Back"
     NAMING = ("is",)
     EXPRESSION = "is"
     NEEDED: ClassVar = {"name": derived.UNNAMED, "is": NUMBER}

@@ -66,7 +66,7 @@ async def ask_limits(
 class LimitsDialog(Form[LimitsWish]):
     """Answers with the limits on Enter."""
 
-    KEYS_HERE = "Enter Sets them  Tab Next field  Esc Back"
+    KEYS_HERE = "Enter Sets them  Tab Next field  → Edits what stands there  Esc Back"
     NAMING = ("signal", "when")
     AFTER_S = 0.5
     NEEDED: ClassVar = {"signal": "the name of a signal, as the table shows it"}

@@ -42,7 +42,7 @@ class Wish:
 class RecordDialog(Form[Wish]):
     """Answers with what is to be recorded on Enter."""
 
-    KEYS_HERE = "Enter Records  Tab Next field  Esc Back"
+    KEYS_HERE = "Enter Records  Tab Next field  → Edits what stands there  Esc Back"
     ABOUT: ClassVar = {
         "signals": "all, marked, or names of the table, with * for any part",
         "to": "a folder in that of the logger, on the robot; empty: recordings",

@@ -42,7 +42,7 @@ async def ask_trigger(
 class TriggerEditor(Form[TriggerOptions]):
     """Answers with the trigger on Enter."""
 
-    KEYS_HERE = "Enter Sets it  Tab Next field  Esc Back"
+    KEYS_HERE = "Enter Sets it  Tab Next field  → Edits what stands there  Esc Back"
     NAMING = ("when", "rearm")
     AFTER_S = 0.5
     NEEDED: ClassVar = {"name": UNNAMED, "when": CONDITION}
