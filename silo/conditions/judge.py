@@ -48,6 +48,7 @@ ORDER_S = 1.5  # how long a client waits for the judge thread; it asks for 2 s
 
 SHORTEST_LEASE_S, LONGEST_LEASE_S = 0.5, 600.0
 MOST_LEASED = 16
+_CUT = "the run was cut"
 log = logging.getLogger("silo.helper")
 
 
@@ -349,7 +350,7 @@ class Judge:
         self._bring(judge, judge.step(self._is_late))
         if not running and not self._closed:
             self._closed = True
-            self._bring(judge, judge.end(judge.reader.stop_reason or "the logger was stopped", self._is_late))
+            self._bring(judge, judge.end(_how_it_ended(judge.reader, "the logger was stopped"), self._is_late))
         if time.monotonic() >= self._worst_due_s:  # of 10,000 limits it takes a millisecond
             self._worst_due_s = time.monotonic() + WORST_PERIOD_S
             self._replica.alarm = judge.limits.worst()
@@ -382,7 +383,7 @@ class Judge:
         if run and reader is None:
             return
         is_cut = self._judge is not None and reader is not None and reader.schema.follows(self._judge.reader.schema)
-        self._end_run("the run was cut" if is_cut else "a new run began")
+        self._end_run(_CUT if is_cut else "a new run began")
         self._run, self._closed, self._failed = run, False, ""
         if reader is not None:
             self._go_over(reader)
@@ -436,7 +437,7 @@ class Judge:
             whole = judge.recall(state) if state is not None else []
             if state is None and (before := self._followed(reader)) is not None:
                 judge.follow(before)
-            found = judge.end(reader.stop_reason or "a new run began", self._is_late)
+            found = judge.end(_how_it_ended(reader, "a new run began"), self._is_late)
         except (SiloError, ValueError, KeyError, IndexError) as error:
             log.exception("a run that ended while there was no helper process can't be judged")
             text = f"triggers and limits of run {run} are not judged to its end: {error}"
@@ -531,6 +532,11 @@ class Judge:
             self._keep(judge, found)
         memory.tell(found, judge)
         self._writer.add(*found.whole)
+
+
+def _how_it_ended(reader: SegmentReader, otherwise: str) -> str:
+    """Say why a run is over, in the same words whether its end was seen or found."""
+    return _CUT if reader.is_cut else reader.stop_reason or otherwise
 
 
 def _waiting(one: TriggerStatus, why: str) -> TriggerStatus:

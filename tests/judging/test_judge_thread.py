@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 import silo
-from silo.conditions.judge import Judge
+from silo.conditions.judge import Judge, _how_it_ended
 from silo.core.elements import LoggedEvent
 from silo.errors import SegmentError
 from silo.helper import runs
@@ -168,3 +168,19 @@ def test_a_run_found_at_the_start_is_judged_to_its_end_unless_it_goes_on(monkeyp
     replica = SimpleNamespace(run="2f" if left else "1f")
     Runs(None, replica, held, None, marks, judge, recording, SimpleNamespace(needs=None), []).begin()
     assert taken == [("1f", left), *(["its marks", "recorded"] if left else [])]
+
+
+def test_that_a_run_was_cut_is_said_alike_whether_its_end_was_seen_or_found(new_logger) -> None:
+    logger = new_logger("bot")
+    logger.array("x")
+    logger.start()
+    logger.collect()
+    logger.set("x", divider=2, cut=True)
+    logger.collect()
+    (before,) = logger._present.cut_off
+    assert _how_it_ended(before.reader, "a new run began") == "the run was cut"
+    present = logger._present.run.reader
+    assert _how_it_ended(present, "a new run began") == "a new run began"
+    logger.stop()
+    assert _how_it_ended(present, "a new run began") == present.stop_reason
+    assert "stop" in present.stop_reason
