@@ -40,7 +40,6 @@ from silo.logger.unclosed import (
     drop_journals,
     end_namesakes,
     forked_collect,
-    save_at_end,
     say_dropped,
     say_saved,
     say_what_is_held,
@@ -566,35 +565,20 @@ class Logger(LoggerNames):
             self.stop()
             self._data.look_for_unheld()
             self._freeing = self._life.closed = True  # in this order: an interrupt may come between
-            dropped = 0 if discard or self._failed_to_save else self._present.unsaved_ticks
+            dropped = 0 if discard or self._data.save_failed else self._present.unsaved_ticks
         if dropped:
             say_dropped(self.options.name, dropped)
         self._free()
-
-    @property
-    def _failed_to_save(self) -> bool:
-        """Whether the program tried to save what it has, and could not."""
-        return self._data.failed is not None and self._data.failed in self._present.stretches
 
     def _free(self) -> None:
         if self._life.serving is not None:
             self._life.serving.close()
         self._mark_in(None)
-        if not self._failed_to_save or self._saved_here("was closed after a save() that failed"):
+        if not self._data.save_failed or self._data.save_at_end("was closed after a save() that failed"):
             self._drop()
             drop_journals(self.options)
         self._table.release()
         self._freeing = False
-
-    def _saved_here(self, ended: str) -> bool:
-        """Save what is in no file, each stretch to its own, and say where; whether that went well with all."""
-        all_saved = True
-        for one in filter(is_to_be_saved, self._present.stretches):
-            if save_at_end(one, self.options, self._conditions.now, ended):
-                self._present.mark_saved(one, one.segment.ticks)
-            else:
-                all_saved = False
-        return all_saved
 
     def _drop(self) -> None:
         """Free the buffers, or leave them to those who come after a helper process that did not come to its end."""
@@ -650,7 +634,7 @@ class Logger(LoggerNames):
             if self._life.serving.left == left:
                 return  # the helper process saves them and deletes the segment
         self._mark_in(None)
-        if self._saved_here("ended without save() or close()"):
+        if self._data.save_at_end("ended without save() or close()"):
             self._drop()
             drop_journals(self.options)
 

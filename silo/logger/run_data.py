@@ -20,7 +20,7 @@ from silo.logger.current_run import CurrentRun, is_to_be_saved
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
 from silo.logger.results import LoggedElement, NewValues, NewValuesReader, SavedFiles, look_at
-from silo.logger.unclosed import save_run
+from silo.logger.unclosed import save_at_end, save_run
 from silo.loop.run import Run
 
 P = ParamSpec("P")
@@ -166,6 +166,21 @@ class RunData:
             raise
         self.failed = None
         return SavedFiles([*before, *saved])
+
+    @property
+    def save_failed(self) -> bool:
+        """Whether the program tried to save what it has, and could not."""
+        return self.failed is not None and self.failed in self._present.stretches
+
+    def save_at_end(self, ended: str) -> bool:
+        """Save what is in no file, each stretch to its own, and say where; whether that went well with all."""
+        all_saved = True
+        for one in filter(is_to_be_saved, self._present.stretches):
+            if save_at_end(one, self._options, self._conditions.now, ended):
+                self._present.mark_saved(one, one.segment.ticks)
+            else:
+                all_saved = False
+        return all_saved
 
     def save_cut_off(self) -> None:
         """Have the helper process save the stretches before the present one, if it is there; nobody waits for it."""

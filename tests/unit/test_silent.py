@@ -154,12 +154,17 @@ def test_closing_with_unsaved_ticks_says_once_how_many_are_dropped_and_what_keep
     assert list(tmp_path.glob("*.silo")) == []
 
 
+def unsaved(log, folder):
+    """Have a save fail."""
+    (folder / "file").touch()
+    with pytest.raises(silo.SaveError):
+        log.save(folder=folder / "file")
+    return log
+
+
 @pytest.mark.parametrize("again", [False, True])
 def test_what_a_save_failed_to_write_outlives_closing(closing, tmp_path, capsys, again):
-    log = closing(3)
-    (tmp_path / "file").touch()
-    with pytest.raises(silo.SaveError):
-        log.save(folder=tmp_path / "file")
+    log = unsaved(closing(3), tmp_path)
     if again:
         log.save()
         collect(log, 2)
@@ -177,10 +182,7 @@ def test_what_a_save_failed_to_write_outlives_closing(closing, tmp_path, capsys,
 
 
 def test_a_save_that_failed_keeps_no_run_that_came_after(closing, tmp_path, capsys):
-    log = closing(3)
-    (tmp_path / "file").touch()
-    with pytest.raises(silo.SaveError):
-        log.save(folder=tmp_path / "file")
+    log = unsaved(closing(3), tmp_path)
     log.restart()
     collect(log, 2)
     log.close()
@@ -189,10 +191,7 @@ def test_a_save_that_failed_keeps_no_run_that_came_after(closing, tmp_path, caps
 
 
 def test_what_a_save_failed_to_write_is_dropped_where_that_is_said(closing, tmp_path, capsys):
-    log = closing(3)
-    (tmp_path / "file").touch()
-    with pytest.raises(silo.SaveError):
-        log.save(folder=tmp_path / "file")
+    log = unsaved(closing(3), tmp_path)
     log.close(discard=True)
     log.close()
     assert "silo: logger" not in capsys.readouterr().err
@@ -200,10 +199,7 @@ def test_what_a_save_failed_to_write_is_dropped_where_that_is_said(closing, tmp_
 
 
 def test_closing_that_was_interrupted_in_its_save_may_drop_then(closing, tmp_path, monkeypatch):
-    log = closing(3)
-    (tmp_path / "file").touch()
-    with pytest.raises(silo.SaveError):
-        log.save(folder=tmp_path / "file")
+    log = unsaved(closing(3), tmp_path)
 
     def interrupted(*_):
         monkeypatch.undo()
@@ -217,10 +213,7 @@ def test_closing_that_was_interrupted_in_its_save_may_drop_then(closing, tmp_pat
 
 
 def test_closing_that_was_interrupted_behind_its_save_saves_no_second_time(closing, tmp_path, monkeypatch):
-    log = closing(3)
-    (tmp_path / "file").touch()
-    with pytest.raises(silo.SaveError):
-        log.save(folder=tmp_path / "file")
+    log = unsaved(closing(3), tmp_path)
 
     def interrupted():
         monkeypatch.undo()
@@ -242,9 +235,7 @@ def test_closing_that_keeps_lets_go_of_memory_and_arrays_as_any(tmp_path, runtim
         log.serve()
     log.start()
     collect(log, 3)
-    (tmp_path / "file").touch()
-    with pytest.raises(silo.SaveError):
-        log.save(folder=tmp_path / "file")
+    unsaved(log, tmp_path)
     log.close()
     log.close()
     x.resize(5)
