@@ -36,7 +36,7 @@ from silo.net.configuration import (
 )
 from silo.net.found import LoggerAddress
 from silo.net.keys import Root
-from silo.net.lingering import releasing
+from silo.net.lingering import descriptors, releasing
 
 SOCKET_SUFFIX = ".sock"
 MAX_SOCKET_PATH = 107  # bytes; the kernel's limit is 108 with the closing NUL
@@ -193,12 +193,24 @@ def _why_not_listening(path: Path, config: str | None, reason: str) -> str:
 
 
 def _is_whole(path: Path, settings: zenoh.Config, root: Root | None, *, grouped: bool) -> bool:
-    """Whether a server's files are there, and locked; a sweep beside its start may have taken some."""
+    """Whether a server's files are there, and locked by this process; a sweep beside its start may have taken some.
+
+    Zenoh may have locked a file that a sweep had just removed: the one that lies there is the next sweep's then, which
+    takes the socket away as soon as it goes on.
+    """
     passwords = json.loads(settings.get_json("transport/auth/usrpwd/dictionary_file"))
     needed = [path, Beside.LOCK.of(path), *([Beside.SECRET.of(path), Beside.USERS.of(path)] if passwords else [])]
     needed += [Beside.KEY.of(path)] if root is not None else []
     needed += [Beside.OWN.of(path), Beside.GROUP.of(path)] if grouped else []
-    return all(file.exists() for file in needed) and not owner_is_gone(path)
+    return all(file.exists() for file in needed) and _has_open(Beside.LOCK.of(path)) and not owner_is_gone(path)
+
+
+def _has_open(path: Path) -> bool:
+    for descriptor in descriptors():
+        with contextlib.suppress(OSError):  # closed meanwhile
+            if is_at(descriptor, path):
+                return True
+    return False
 
 
 def _server_config(path: Path, config: str | None) -> zenoh.Config:

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -380,6 +380,38 @@ def test_sweeps_beside_servers_that_start_take_none_of_their_sockets(runtime):
             assert path.exists()
             assert not owner_is_gone(path)
             close(session)
+
+
+HOLDING = """
+import fcntl, sys
+with open(sys.argv[1], "w") as lock:
+    fcntl.flock(lock, fcntl.LOCK_EX)
+    print("held", flush=True)
+    sys.stdin.readline()
+"""
+
+
+def test_a_server_whose_lock_was_swept_while_it_took_it_starts_again(runtime, monkeypatch):
+    """The lock file that lies there is the one of another sweep, which is about to remove the socket."""
+    from silo.net.session import close, open_server
+
+    opens, sessions = net_session.zenoh.open, []
+
+    def open_beside_a_sweep(settings):
+        sessions.append(opens(settings))
+        if len(sessions) == 1:
+            lock = runtime / "bot.1.sock.lock"
+            lock.unlink()
+            begun.enter_context(program(HOLDING, lock))
+        return sessions[-1]
+
+    monkeypatch.setattr(net_session.zenoh, "open", open_beside_a_sweep)
+    with ExitStack() as begun:
+        session, path = open_server(runtime, "bot", 1)
+        assert len(sessions) == 2
+        assert path.exists()
+    assert not owner_is_gone(path)
+    close(session)
 
 
 # ------------------------------------------------------------------------------------- segments of dead programs
