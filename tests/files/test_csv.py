@@ -232,6 +232,21 @@ def test_a_small_table_is_read_to_its_last_line(tmp_path, text, expected):
     assert (recording.time_ns.tolist(), recording.warnings) == ([0, 10**9], ())
 
 
+def test_a_last_column_time_ns_that_tells_other_times_is_left_out_with_a_warning(tmp_path):
+    (tmp_path / "x.csv").write_text("time,x,time_ns\n0,1,5\n1,2,6\n")
+    recording = read_csv(tmp_path / "x.csv")
+    assert [element.name for element in recording.elements] == ["x"]
+    assert recording.time_ns.tolist() == [0, 10**9]
+    assert recording.warnings == ("its last column, 'time_ns', is not 'time' in nanoseconds: it is left out",)
+
+
+def test_lines_that_end_by_a_carriage_return_alone_are_lines(tmp_path):
+    (tmp_path / "x.csv").write_bytes(b'time,x,"a,b"\r0,1,5\r1,2,6\r')
+    recording = read_csv(tmp_path / "x.csv")
+    found = {element.name: element.entries[0].values.tolist() for element in recording.elements}
+    assert (recording.time_ns.tolist(), found) == ([0, 10**9], {"x": [1, 2], "a,b": [5, 6]})
+
+
 def test_dates_in_the_first_column_are_times(tmp_path):
     (tmp_path / "x.csv").write_text("date,x\n2023-11-14 22:13:20.5,1\n2023-11-14 22:13:21,2\n")
     assert read_csv(tmp_path / "x.csv").time_ns.tolist() == [1_700_000_000_500_000_000, 1_700_000_001_000_000_000]

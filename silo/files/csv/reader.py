@@ -85,13 +85,15 @@ def read_csv(path: str | os.PathLike[str]) -> Recording:
     """
     try:
         # no memory map: of a table that is written anew in its place values were mixed, or a signal ended the process
-        text = np.frombuffer(Path(path).read_bytes(), np.uint8)
+        data = Path(path).read_bytes()
     except FileNotFoundError as error:
         raise LogNotFoundError(f"there is no file '{os.fspath(path)}'") from error
     except OSError as error:
         raise LogNotFoundError(f"can't open '{os.fspath(path)}': {reason(error)}") from error
+    if b"\n" not in data:
+        data = data.replace(b"\r", b"\n")  # lines as old spreadsheets end them
     try:
-        return _parsed(text, Path(path))
+        return _parsed(np.frombuffer(data, np.uint8), Path(path))
     except FileFormatError as error:
         raise FileFormatError(f"'{os.fspath(path)}' can't be read as a log: {error}") from None
 
@@ -245,8 +247,11 @@ def _from_columns(
             near = np.abs(seconds * 1e9 - counted) <= _ROUNDED_NS
             if near.all():
                 return names[1:-1], columns[1:-1], counted
-    end = width - (width > 1 and names[-1] == TIME_NS)
     time_ns, unit = _time(names[0], words)
+    end = width
+    if width > 1 and names[-1] == TIME_NS:
+        end -= 1
+        warnings.append(f"its last column, '{TIME_NS}', is not '{names[0]}' in nanoseconds: it is left out")
     if not _LIKE_TIME.search(names[0]):
         warnings.append(
             f"its first column, '{names[0]}', is taken as the time{unit}: a table of signals "
