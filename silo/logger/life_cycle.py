@@ -57,6 +57,7 @@ class LifeCycle:
 
     def _unlocked(self) -> None:
         self.lock = threading.RLock()
+        self.ending = threading.RLock()  # of several that end it the first one; taken before `lock`, never within it
         self._cut_over = threading.Condition(self.lock)
         self._cutter: Callable[[], Cutter | None] = lambda: None
 

@@ -558,17 +558,17 @@ class Logger(LoggerNames):
         with self._life.lock:
             if discard:
                 self._data.failed = None
-            if self._life.closed:
-                if self._freeing:
-                    self._free()  # it was interrupted
-                return
-            self.stop()
-            self._data.look_for_unheld()
-            self._freeing = self._life.closed = True  # in this order: an interrupt may come between
-            dropped = 0 if discard or self._data.save_failed else self._present.unsaved_ticks
+            dropped = 0
+            if not self._life.closed:
+                self.stop()
+                self._data.look_for_unheld()
+                self._freeing = self._life.closed = True  # in this order: an interrupt may come between
+                dropped = 0 if discard or self._data.save_failed else self._present.unsaved_ticks
         if dropped:
             say_dropped(self.options.name, dropped)
-        self._free()
+        with self._life.ending:
+            if self._freeing:  # also where it was interrupted
+                self._free()
 
     def _free(self) -> None:
         if self._life.serving is not None:
@@ -618,25 +618,26 @@ class Logger(LoggerNames):
 
         A served logger leaves that to its helper process. Where saving fails, `silo recover` can do it later.
         """
-        run = self._present.run
-        if self._life.closed or not self.has_unsaved or run is None:
-            self.close()
-            return
-        self.stop()
-        self._data.look_for_unheld()
-        self._life.closed = True
-        if self._life.serving is not None:
-            left = self._present.path, run.segment.ticks
-            if self._life.serving.is_up:
-                self._life.serving.abandon(*left)
-            else:
-                self._life.serving.close()
-            if self._life.serving.left == left:
-                return  # the helper process saves them and deletes the segment
-        self._mark_in(None)
-        if self._data.save_at_end("ended without save() or close()"):
-            self._drop()
-            drop_journals(self.options)
+        with self._life.ending:
+            run = self._present.run
+            if self._life.closed or not self.has_unsaved or run is None:
+                self.close()
+                return
+            self.stop()
+            self._data.look_for_unheld()
+            self._life.closed = True
+            if self._life.serving is not None:
+                left = self._present.path, run.segment.ticks
+                if self._life.serving.is_up:
+                    self._life.serving.abandon(*left)
+                else:
+                    self._life.serving.close()
+                if self._life.serving.left == left:
+                    return  # the helper process saves them and deletes the segment
+            self._mark_in(None)
+            if self._data.save_at_end("ended without save() or close()"):
+                self._drop()
+                drop_journals(self.options)
 
     def __del__(self) -> None:
         """A logger that the program forgot: its thread and memory end, unsaved data is kept for `silo recover`."""

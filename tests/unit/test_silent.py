@@ -2,6 +2,7 @@
 
 import errno
 import itertools
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -223,6 +224,29 @@ def test_closing_that_was_interrupted_behind_its_save_saves_no_second_time(closi
     with pytest.raises(KeyboardInterrupt):
         log.close()
     log.close()
+    assert len(list(tmp_path.glob("*.silo"))) == 1
+
+
+@pytest.mark.parametrize("first", ["close", "_abandon"])
+@pytest.mark.parametrize("second", ["close", "_abandon"])
+def test_two_that_end_a_logger_at_once_write_one_file(closing, tmp_path, monkeypatch, first, second):
+    log, real = unsaved(closing(3), tmp_path), writer.write_all
+    writing, go_on = threading.Event(), threading.Event()
+
+    def slow(*arguments):
+        writing.set()
+        go_on.wait(10)
+        return real(*arguments)
+
+    monkeypatch.setattr(writer, "write_all", slow)
+    ends = [threading.Thread(target=getattr(log, end)) for end in (first, second)]
+    ends[0].start()
+    assert writing.wait(10)
+    ends[1].start()
+    ends[1].join(0.1)  # were it not to wait for the first one, it would write now
+    go_on.set()
+    for end in ends:
+        end.join(10)
     assert len(list(tmp_path.glob("*.silo"))) == 1
 
 
