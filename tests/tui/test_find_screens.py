@@ -14,9 +14,10 @@ from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.expressions.over_recordings import RecordingJudge
 from silo_tui.app import SiloApp
 from silo_tui.model.drawing.plots import plots_of
+from silo_tui.model.lists.conditions import tried_lines
 from silo_tui.model.samples.find import Search, What
 from silo_tui.screens.plots.monitor import MonitorScreen
-from silo_tui.screens.plots.searching import events, look, turned
+from silo_tui.screens.plots.searching import events, look, turned, within
 from silo_tui.sessions.recorded import FileSession
 from tests.waiting import DEADLINE_S
 
@@ -149,6 +150,24 @@ def test_of_a_pause_it_is_told_what_a_test_of_now_says_nothing_of(fires, times_s
     times = [each * 10**9 for each in times_s]
     tried = TriggerTried(fires, [0] * len(times), times, 0, 1, round(begin_s * 10**9), 60 * 10**9)
     assert turned(Search(What.CONDITION, condition="x > 1"), tried, (0, 20 * 10**9)).none().endswith(says)
+
+
+@pytest.mark.parametrize(
+    ("times_s", "begin_s", "line"),
+    [
+        ([3, 8, 30], 0, "turned true 2 × in the 20 s that are held"),
+        ([30], 0, "turned true 0 × in the 20 s that are held"),
+        (
+            [30],
+            25,
+            "blind: the logger, which judges it, has overwritten what is held here; f x looks for a crossing there",
+        ),
+    ],
+)
+def test_the_form_counts_what_is_held_of_a_pause_alone(times_s, begin_s, line):
+    times = [each * 10**9 for each in times_s]
+    tried = TriggerTried(len(times), [0] * len(times), times, 0, 1, begin_s * 10**9, 60 * 10**9, 600, held=300)
+    assert tried_lines(within(tried, (0, 20 * 10**9)), 60, "turned true")[0] == line
 
 
 async def test_before_the_oldest_moment_that_is_told_it_says_how_many_there_are_and_judges_nothing_anew(monitor):

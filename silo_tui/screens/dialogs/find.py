@@ -1,6 +1,7 @@
 """What to look for in the plots: a letter picks it, `*` looks in all signals that are plotted; a condition is typed."""
 
-from typing import ClassVar
+from collections.abc import Callable
+from typing import TYPE_CHECKING, ClassVar
 
 from textual.widgets import Static
 
@@ -12,6 +13,9 @@ from silo_tui.model.table import derived
 from silo_tui.screens.dialogs.form import CONDITION, Form
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.sessions.live import Session
+
+if TYPE_CHECKING:
+    from silo.conditions.requests import TriggerTried
 
 EVERYWHERE, MOMENT = "*", "a"
 
@@ -49,11 +53,12 @@ class ConditionDialog(Form[Search]):
     AFTER_S = 0.5
     NEEDED: ClassVar = {"when": CONDITION}
 
-    def __init__(self, session: Session, begun: str) -> None:
+    def __init__(self, session: Session, begun: str, within: "Callable[[TriggerTried], TriggerTried]") -> None:
+        """`within` has what a test found be that of what is looked through."""
         super().__init__(
             "Find where a condition turns true", (("when",),), {"when": begun}, HINTS, start="when", table=session.table
         )
-        self._session = session
+        self._session, self._within = session, within
 
     def on_mount(self) -> None:
         """Begin with what was looked for last, which the first letter takes the place of."""
@@ -68,5 +73,5 @@ class ConditionDialog(Form[Search]):
     async def look(self) -> str:
         if not self.fields["when"]:
             return CONDITION
-        tried = await self._session.turns_true(self.made().condition)
+        tried = self._within(await self._session.turns_true(self.made().condition))
         return "\n".join(tried_lines(tried, self.told_width, "turned true"))

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from silo.core.elements import Entry, LoggedEvent
@@ -157,26 +158,37 @@ class _Told:
         return value_words(self.entry, self.value)
 
 
-def turned(search: Search, tried: "TriggerTried", held_ns: tuple[int, int]) -> SearchResult:
-    """Return the moments of a stretch that is held at which a condition turned true, as a test of it found them.
+def within(tried: "TriggerTried", held_ns: tuple[int, int]) -> "TriggerTried":
+    """Return what a test found of a stretch that is held; `why` where that is nothing.
 
     The test judged what the logger holds now: of a pause that may be the newest part or nothing any more, and only the
-    newest are told.
+    newest moments are told.
     """
-    begin_ns, end_ns = held_ns
-    moments = tuple(Moment(time_ns, "", "turns true") for time_ns in tried.time_ns if time_ns <= end_ns)
+    end_ns = held_ns[1]
+    times = [time_ns for time_ns in tried.time_ns if time_ns <= end_ns]
     older = tried.fires - len(tried.time_ns)
-    gone, unseen = tried.begin_ns > end_ns, older > 0 and not moments
-    held_s = 0.0 if gone or unseen else max(0, min(tried.end_ns, end_ns) - tried.begin_ns) / 1e9
-    why = tried.why
+    gone, why = tried.begin_ns > end_ns, tried.why
     if gone:
         crossing = f"{key_of('find')} {What.CROSSING.value} looks for a crossing there"
         why = why or f"the logger, which judges it, has overwritten what is held here; {crossing}"
-    elif unseen:
+    elif older > 0 and not times:
         why = why or "only later ones are told"
-    elif tried.begin_ns - begin_ns > (end_ns - begin_ns) * LEAST_PART:
-        why = why or f"only the newest {text.span(held_s, 2)} can be searched"
-    return SearchResult(search, (), end_ns, moments, held_s, older + len(moments), older, why)
+    return msgspec.structs.replace(
+        tried, fires=older + len(times), time_ns=times, end_ns=min(tried.end_ns, end_ns), why=why,
+        held=tried.held if tried.end_ns <= end_ns else 0,
+    )  # fmt: skip
+
+
+def turned(search: Search, tried: "TriggerTried", held_ns: tuple[int, int]) -> SearchResult:
+    """Return the moments of a stretch that is held at which a condition turned true, as a test of it found them."""
+    begin_ns, end_ns = held_ns
+    tried = within(tried, held_ns)
+    moments = tuple(Moment(time_ns, "", "turns true") for time_ns in tried.time_ns)
+    held_s = 0.0 if tried.why else max(0, tried.end_ns - tried.begin_ns) / 1e9
+    partly = tried.why
+    if tried.begin_ns - begin_ns > (end_ns - begin_ns) * LEAST_PART:
+        partly = partly or f"only the newest {text.span(held_s, 2)} can be searched"
+    return SearchResult(search, (), end_ns, moments, held_s, tried.fires, tried.fires - len(moments), partly)
 
 
 def _happened(source: HeldRows, plots: Sequence[Plotted], search: Search) -> SearchResult:
@@ -250,7 +262,13 @@ class MomentSearch:
                 ask(self.screen, line, level_typed)
                 run_alone(self.screen, "offer", self._offer_level, line)
             elif answer == What.CONDITION.value:
-                ask(self.screen, ConditionDialog(self.screen.session, self._condition), condition_typed)
+                ask(
+                    self.screen,
+                    ConditionDialog(
+                        self.screen.session, self._condition, lambda tried: within(tried, self.screen.held_ns)
+                    ),
+                    condition_typed,
+                )
             else:
                 self._find(Search(What(answer), everywhere=dialog.everywhere))
 
