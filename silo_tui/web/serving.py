@@ -34,6 +34,7 @@ class PageServer(Server):  # type: ignore[misc]  # textual-serve is an extra
         app = web.Application(middlewares=[self._guarded])
         inner: web.Application = await super()._make_app()
         inner.on_startup.clear()  # its greeting; and what it would print has no token
+        app.router.add_get(f"/{self.token}", self._with_slash)
         app.add_subapp(f"/{self.token}", inner)
         app.router.add_get(f"/{self.token}/page.js", self._script)
         self._inner = inner
@@ -58,6 +59,10 @@ class PageServer(Server):  # type: ignore[misc]  # textual-serve is an extra
         page = (Path(__file__).parent / "page.html").read_text("utf-8")
         socket_url = f"ws://{request.headers['Host']}/{self.token}/ws"
         return web.Response(text=page.replace("{socket}", socket_url), content_type="text/html")
+
+    async def _with_slash(self, request: web.Request) -> web.StreamResponse:
+        """Lead whoever copied the address without its end to the page, whose addresses are relative."""
+        return web.Response(status=308, headers={"Location": f"/{self.token}/"})
 
     async def _script(self, request: web.Request) -> web.StreamResponse:
         return web.FileResponse(Path(__file__).parent / "page.js")
