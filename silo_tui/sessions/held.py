@@ -10,13 +10,13 @@ import time
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import TypeVar, cast
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 
 from silo.core.arrays.columns import ColumnGrid, ColumnStore, HistoryColumns, grid_of
 from silo.core.elements import BufferType, ElementInfo, LoggedEvent, Sought
-from silo.errors import RefusedError, SiloError
+from silo.errors import ConnectionLostError, RefusedError, SiloError
 from silo.expressions.search import FoundMoments, Looking
 from silo.expressions.span import NAN, Between, between
 from silo_tui.model.drawing.plots import Plotted
@@ -24,9 +24,13 @@ from silo_tui.model.drawing.window import SECOND_NS, SPANS_S
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.samples.searching import found_in, joined, reading_of
 from silo_tui.model.samples.source import HeldRows, PlotSource, Samples
+from silo_tui.model.table.derived import present
 from silo_tui.model.words import text
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.pinned import Buffers, LinkPin, PinnedSource
+
+if TYPE_CHECKING:
+    from silo.conditions.requests import TriggerTried
 
 MOST_PIECES = 12  # a helper process has 64 pins for all its clients
 NAMES_AT_ONCE = 64  # that a helper process looks through
@@ -425,6 +429,11 @@ class HeldSource:
     def _all_here(self) -> bool:
         return all(piece.complete for piece in self._pieces) and not self._gaps(self.begin_ns, self.end_ns)
 
+    def all_pinned(self, name: str) -> Samples | None:
+        """All samples of an entry from the oldest that is pinned to the newest; None where not all are here."""
+        begin_ns, end_ns = self._pieces[0].begin_ns, self._pieces[-1].end_ns
+        return self.held(name, begin_ns, end_ns) if name in self.names and self._has(begin_ns, end_ns) else None
+
     async def find(
         self, looking: Mapping[str, Looking], around_ns: int, most: int
     ) -> tuple[dict[str, FoundMoments], str]:
@@ -541,6 +550,30 @@ class Pause:
         if held.live:
             raise RefusedError("nothing is held: space holds the picture")
         return cast(HeldRows, held)
+
+    async def turns_true(self, condition: str) -> "TriggerTried":
+        """Return when a condition turned true in all that the logger holds, or where it has lost some, in what is pinned.
+
+        Raises ExpressionError with the place of a mistake, a SiloError where neither can tell.
+        """
+        lost: SiloError | None = None
+        try:
+            tried = await self._session.turns_true(condition)
+        except RefusedError:
+            raise
+        except ConnectionLostError as error:
+            lost = error
+        if self.source is not None and self.source.pinned and (lost or tried.begin_ns > self.source.pieces[0].begin_ns):
+            from silo_tui.model.samples.turning import samples_for, turned_true
+
+            table = self._session.table
+            elements, held = table.elements[: table.own], self.source.all_pinned
+            recording = samples_for(condition, elements, table.prefix, present(table), held)
+            if recording is not None:
+                return await turned_true(recording, condition)
+        if lost is not None:
+            raise lost
+        return tried
 
     @property
     def text(self) -> str:

@@ -6,7 +6,6 @@ It has no link, so that nothing of it can be asked of a robot; `time_ns` is the 
 import asyncio
 import contextlib
 import os
-import threading
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -22,14 +21,12 @@ from silo.core.elements import ElementInfo, State, Status, Table
 from silo.core.quantities.writing import EPOCH_FROM_NS, many, size_text, wall_clock
 from silo.core.recording import Recording
 from silo.errors import ElementError, FileFormatError, LogWarning
-from silo.expressions.binding import bind
-from silo.expressions.evaluation import FALSE, TRUE, UNOBSERVABLE
-from silo.expressions.over_recordings import RecordingJudge
 from silo.judging.checks import bind_limits, scalar_names, table_catalogue
 from silo_tui.model.drawing.plots import trend
 from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
 from silo_tui.model.plots.limits import Bounds4
 from silo_tui.model.samples.recorded import WHOLE, RecordingSource
+from silo_tui.model.samples.turning import turned_true
 from silo_tui.model.table.columns import FILE_COLUMNS
 from silo_tui.model.table.facts import Facts
 from silo_tui.model.table.file_facts import FileFacts
@@ -144,28 +141,7 @@ class FileSession(Session):
 
     async def turns_true(self, condition: str) -> TriggerTried:
         """Return when a condition turned true in the file. Raises ExpressionError with the place of a mistake."""
-        left = threading.Event()
-        try:
-            return await asyncio.to_thread(self._turns_true, condition, left)
-        finally:
-            left.set()  # a thread goes on when nobody waits for it any more
-
-    def _turns_true(self, condition: str, left: threading.Event) -> TriggerTried:
-        judge = RecordingJudge(self.source.recording)
-        bound, found = bind(condition, judge.catalogue).condition(), list[tuple[int, int]]()
-        before, judged, blind = UNOBSERVABLE, 0, 0
-        for batch in judge.batches(bound):
-            if left.is_set():
-                break
-            codes = batch.codes()
-            known = codes != UNOBSERVABLE
-            told = np.concatenate([[before], codes[known]])
-            rises = np.flatnonzero((told[1:] == TRUE) & (told[:-1] == FALSE))
-            found += zip(batch.ticks[known][rises].tolist(), batch.time_ns[known][rises].tolist(), strict=True)
-            before, judged, blind = int(told[-1]), judged + len(codes), blind + int(np.count_nonzero(~known))
-        begin_ns, end_ns = self.source.begin_ns, self.source.end_ns
-        ticks, times = map(list, zip(*found, strict=True)) if found else ([], [])
-        return TriggerTried(len(found), ticks, times, 0, self.status.ticks - 1, begin_ns, end_ns, judged, blind)
+        return await turned_true(self.source.recording, condition)
 
     def read(self, names: Sequence[str]) -> None:
         """Bring the values of these elements at the moment shown."""

@@ -16,6 +16,7 @@ from tests.stand_ins.fake_signals import HZ, START_NS, scalar, signal
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
 TORQUE = "/log/legs/LF/HAA/torque"
+OTHER = "/log/legs/LH/HAA/torque"
 
 
 def monitor(screen):
@@ -84,6 +85,26 @@ async def test_what_is_pinned_stays_when_the_buffers_overwrite_it(new_fake, open
         await screen.until(lambda: filled(screen), "all of the earlier window")
         time_ns, values = await held.samples(TORQUE, held.begin_ns, held.end_ns)
         np.testing.assert_array_equal(values, logged(time_ns))
+
+
+async def test_a_condition_is_judged_by_what_is_pinned_when_the_buffers_have_overwritten_it(new_fake, opened):
+    fake = new_fake([scalar(TORQUE, "Nm", buffer=BufferType.LOOPING, size=8000), scalar(OTHER, "Nm", size=8000)])
+    async with opened(fake.run(60)) as screen:
+        await open_torque(screen)
+        held = await hold(screen)
+        fake.advance(500)
+        time_ns, values = await held.samples(TORQUE, held.begin_ns, held.end_ns)
+        rises = np.flatnonzero((values[1:] > 1) & (values[:-1] <= 1)) + 1
+        assert len(rises) > 1
+        await screen.do("find", "w")
+        await screen.type("> 1")  # of the plot that is chosen
+        await screen.shows(f"turned true {len(rises)} × in the 19.9 s that are held")
+        await screen.press("enter")
+        await screen.shows(f"torque > 1, {len(rises)} of {len(rises)}: turns true")
+        await screen.until(lambda: monitor(screen).now_ns == time_ns[rises[-1]], "the newest of them")
+        await screen.do("find", "w")
+        await screen.type("LH/HAA/torque > 1")  # which is not plotted
+        await screen.shows("the logger, which judges it, has overwritten what is held here")
 
 
 async def test_a_window_that_is_wider_later_shows_what_the_buffers_held_at_the_pause(new_fake, opened, monkeypatch):

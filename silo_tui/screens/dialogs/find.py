@@ -1,6 +1,6 @@
 """What to look for in the plots: a letter picks it, `*` looks in all signals that are plotted; a condition is typed."""
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING, ClassVar
 
 from textual.widgets import Static
@@ -41,7 +41,8 @@ class FindDialog(Question):
         self.query_one(".dialog-title", Static).update(self._where[self.everywhere])
 
 
-HINTS = {"when": "e.g. abs({0}) > 20 and {1} < 0.1"}
+SIGNS = ("<", ">", "==", "!=")
+HINTS = {"when": "e.g. > 20, or abs({0}) > 20 and {1} < 0.1"}
 
 
 class ConditionDialog(Form[Search]):
@@ -53,12 +54,14 @@ class ConditionDialog(Form[Search]):
     AFTER_S = 0.5
     NEEDED: ClassVar = {"when": CONDITION}
 
-    def __init__(self, session: Session, begun: str, within: "Callable[[TriggerTried], TriggerTried]") -> None:
-        """`within` has what a test found be that of what is looked through."""
+    def __init__(
+        self, session: Session, begun: str, chosen: str, turns_true: "Callable[[str], Awaitable[TriggerTried]]"
+    ) -> None:
+        """`chosen` is what a condition that begins with its sign is of: `> 20`."""
         super().__init__(
             "Find where a condition turns true", (("when",),), {"when": begun}, HINTS, start="when", table=session.table
         )
-        self._session, self._within = session, within
+        self._session, self._chosen, self._turns_true = session, chosen.lstrip("/"), turns_true
 
     def on_mount(self) -> None:
         """Begin with what was looked for last, which the first letter takes the place of."""
@@ -67,11 +70,13 @@ class ConditionDialog(Form[Search]):
     def made(self) -> Search:
         """Return the search; its signals are there. Raises ExpressionError with the place."""
         typed, table = self.fields["when"], self._session.table
+        if typed.startswith(SIGNS):
+            typed = f"{self._chosen} {typed}"
         bind(typed, table_catalogue(table.elements[: table.own], table.prefix, derived.present(table))).condition()
         return Search(What.CONDITION, condition=typed)
 
     async def look(self) -> str:
         if not self.fields["when"]:
             return CONDITION
-        tried = self._within(await self._session.turns_true(self.made().condition))
+        tried = await self._turns_true(self.made().condition)
         return "\n".join(tried_lines(tried, self.told_width, "turned true"))

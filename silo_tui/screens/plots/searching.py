@@ -241,9 +241,8 @@ class MomentSearch:
             self.screen.say("nothing is plotted to find something in")
             return
         self.screen.pause_here()
-        dialog = FindDialog(
-            self.screen.session.short_name(self.screen.stack.chosen_plot.name), len(self.screen.stack.plots)
-        )
+        chosen_name = self.screen.session.short_name(self.screen.stack.chosen_plot.name)
+        dialog = FindDialog(chosen_name, len(self.screen.stack.plots))
 
         def level_typed(level: str) -> None:
             self._find(replace(parse_crossing(level), everywhere=dialog.everywhere))
@@ -262,17 +261,15 @@ class MomentSearch:
                 ask(self.screen, line, level_typed)
                 run_alone(self.screen, "offer", self._offer_level, line)
             elif answer == What.CONDITION.value:
-                ask(
-                    self.screen,
-                    ConditionDialog(
-                        self.screen.session, self._condition, lambda tried: within(tried, self.screen.held_ns)
-                    ),
-                    condition_typed,
-                )
+                dialog_of = ConditionDialog(self.screen.session, self._condition, chosen_name, self._turns_true)
+                ask(self.screen, dialog_of, condition_typed)
             else:
                 self._find(Search(What(answer), everywhere=dialog.everywhere))
 
         ask(self.screen, dialog, chosen)
+
+    async def _turns_true(self, condition: str) -> "TriggerTried":
+        return within(await self.screen.pause.turns_true(condition), self.screen.held_ns)
 
     def crossing_here(self, name: str) -> Search | None:
         """Return the search for a level of a signal that led to where one is; None where none did."""
@@ -312,8 +309,7 @@ class MomentSearch:
         if found is None or not same or found.end_ns != self.screen.held_ns[1] or found.ends_before(now, step):
             try:
                 if search.condition:
-                    tried = await self.screen.session.turns_true(search.condition)
-                    found = turned(search, tried, self.screen.held_ns)
+                    found = turned(search, await self._turns_true(search.condition), self.screen.held_ns)
                 else:
                     found = await look(self.screen.pause.held, plots, search, self.screen.session.bounds, now)
             except SiloError as error:
