@@ -116,12 +116,11 @@ def list_segments(folder: Path | None = None) -> list[Path]:
     """
     found = []
     for path in _runtime_files(SEGMENT_SUFFIX):
-        if not path.is_symlink():
-            found.append(path)
-        elif path.exists():
-            found.append(path.readlink())
-        else:
-            _forget_announced(path)
+        place = _place_of(path)
+        if place is not None and (place is path or place.exists()):
+            found.append(place)
+        elif place is not None:
+            _forget_announced(path, place)
     if folder is not None:
         found += sorted(folder.absolute().glob(f".*{SEGMENT_SUFFIX}"))
     return list(dict.fromkeys(found))
@@ -131,23 +130,33 @@ def list_held() -> list[Path]:
     """Return the files of runs that are held, those in log folders by their links."""
     found = []
     for path in _runtime_files(HELD_SUFFIX):
-        if not path.is_symlink():
-            found.append(path)
-        elif path.exists():
-            found.append(path.readlink())
-        elif (
-            not (held := path.readlink()).with_name(held.name.removesuffix(HELD_SUFFIX) + SEGMENT_SUFFIX).exists()
-        ):  # else it is about to get that name
+        place = _place_of(path)
+        if place is None:
+            continue
+        # asked first: it may get the name of one that is held while we look
+        waits = place.with_name(place.name.removesuffix(HELD_SUFFIX) + SEGMENT_SUFFIX).exists()
+        if place is path or place.exists():
+            found.append(place)
+        elif not waits:
             path.unlink(missing_ok=True)
     return found
 
 
-def _forget_announced(link: Path) -> None:
+def _place_of(path: Path) -> Path | None:
+    """Return where a file is of which the runtime folder tells by itself, or by a link; None if that is gone by now."""
+    try:
+        return path.readlink()
+    except OSError as error:
+        return path if error.errno == errno.EINVAL else None
+
+
+def _forget_announced(link: Path, target: Path) -> None:
     """Remove a link to a segment that is gone, and what a start that died left of it; one that goes on keeps it."""
-    target = link.readlink()
     sweep_unfinished(target.parent)
     if not target.with_name(f".{target.name}.new").exists() and not target.exists():
         link.unlink(missing_ok=True)
+        if target.exists():  # a start came between
+            _link(link, target)
 
 
 def announce_segment(path: Path) -> None:
@@ -155,9 +164,13 @@ def announce_segment(path: Path) -> None:
 
     Called before it is made, so that what is left of a start that died is found too, and after.
     """
-    link = runtime_dir() / path.name.lstrip(".")
+    _link(runtime_dir() / path.name.lstrip("."), path.absolute())
+
+
+def _link(link: Path, target: Path) -> None:
     link.unlink(missing_ok=True)
-    link.symlink_to(path.absolute())
+    with contextlib.suppress(FileExistsError):  # another process was quicker, with the same
+        link.symlink_to(target)
 
 
 def withdraw_segment(path: Path) -> None:

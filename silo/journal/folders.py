@@ -53,10 +53,15 @@ def remembered_folders(kind: str = JOURNALS) -> list[Path]:
             with contextlib.suppress(OSError):  # no link, or another process removes it just now
                 folder = link.readlink()
                 there = os.path.lexists(folder)
-                if any(any(folder.glob(files)) for files in _FILES[kind]) or not (
-                    there or time.time() - link.lstat().st_mtime > KEPT_S
-                ):
+                if _has_files(folder, kind) or not (there or time.time() - link.lstat().st_mtime > KEPT_S):
                     found.append(folder)
-                else:
-                    link.unlink()
+                    continue
+                link.unlink()
+                if _has_files(folder, kind):  # begun meanwhile
+                    remember_folder(folder, kind)
+                    found.append(folder)
     return found
+
+
+def _has_files(folder: Path, kind: str) -> bool:
+    return any(any(folder.glob(files)) for files in _FILES[kind])
