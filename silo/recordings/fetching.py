@@ -11,13 +11,13 @@ import os
 import shutil
 import time
 import zlib
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, TypeVar
 
 from silo.core.quantities.writing import size_text
-from silo.core.runtime import closing_file, disk_room, sync_folder
+from silo.core.runtime import closing_file, disk_room, is_at, sync_folder
 from silo.errors import ConnectionLostError, SaveError, reason
 from silo.files.atomic import write_all
 from silo.recordings.requests import PartOfRecording, Piece, RecordingParts
@@ -61,16 +61,15 @@ class Fetch:
         told = self._patiently(lambda: self._parts(name))
         _check(told, name)
         final = folder / name
-        taken = any((folder / one.path).exists() for one in told.parts)
-        if not replace and (taken or final.exists()):
-            raise SaveError(f"'{final}' exists already; remove it, or choose another folder; nothing was fetched")
+        names = [final, *(folder / one.path for one in told.parts)]
+        if not replace:
+            _check_none(names)
         self._total = sum(one.size_bytes for one in told.parts)
         # a bag is filled beside its final name, and renamed whole
         place = folder / f"{name}{ENDING}" if told.is_folder else folder
         targets = [place / f"{Path(one.path).name}{'' if told.is_folder else ENDING}" for one in told.parts]
         try:
-            place.mkdir(parents=True, exist_ok=True)
-            with _alone(place if told.is_folder else targets[0], told.is_folder):
+            with _alone(place if told.is_folder else targets[0], told.is_folder, () if replace else names):
                 for one, target in zip(told.parts, targets, strict=True):
                     self._fetch(one, target)
                 _put_in_place(told, folder, place, targets)
@@ -181,16 +180,40 @@ def _check(told: RecordingParts, name: str) -> None:
         raise ConnectionLostError(f"the helper process told of no part of {name!r}; nothing was fetched")
 
 
+def _check_none(names: Sequence[Path]) -> None:
+    if any(name.exists() for name in names):
+        raise SaveError(f"'{names[0]}' exists already; remove it, or choose another folder; nothing was fetched")
+
+
 @contextmanager
-def _alone(target: Path, is_folder: bool) -> Iterator[None]:
-    """Hold the lock of what is being fetched."""
+def _alone(target: Path, is_folder: bool, names: Sequence[Path]) -> Iterator[None]:
+    """Make what is being fetched and hold its lock, unless one of these names is there by then."""
     flags = os.O_RDONLY | os.O_DIRECTORY if is_folder else os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW
-    with closing_file(os.open(target, flags | os.O_CLOEXEC, 0o666)) as descriptor:
+    while True:
+        (target if is_folder else target.parent).mkdir(parents=True, exist_ok=True)
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise SaveError(f"'{target}' is being fetched already, by another program; nothing was changed") from None
-        yield
+            descriptor = os.open(target, flags | os.O_CLOEXEC, 0o666)
+        except FileNotFoundError:
+            continue
+        with closing_file(descriptor):
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                text = f"'{target}' is being fetched already, by another program; nothing was changed"
+                raise SaveError(text) from None
+            if not is_at(descriptor, target):
+                continue  # another program has just put it in place
+            try:
+                _check_none(names)
+            except SaveError:
+                with suppress(OSError):  # what came of it by an earlier fetch stays
+                    if is_folder:
+                        target.rmdir()
+                    elif not os.fstat(descriptor).st_size:
+                        target.unlink()
+                raise
+            yield
+            return
 
 
 def _put_in_place(told: RecordingParts, folder: Path, place: Path, targets: list[Path]) -> None:

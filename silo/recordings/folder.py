@@ -531,5 +531,5 @@ def _delete(folder: int, name: str) -> int:
         size = sum(os.stat(each, dir_fd=bag, follow_symlinks=False).st_size for each in inner)
         for each in inner:
             os.unlink(each, dir_fd=bag)
-    os.rmdir(gone, dir_fd=folder)
+        os.rmdir(gone, dir_fd=folder)  # while it is locked still: else a sweep may be quicker
     return size

@@ -223,6 +223,28 @@ def test_two_do_not_fetch_the_same_at_once(robot, here):
             robot.fetch(name, here)
 
 
+@pytest.mark.parametrize("step", ["open", "flock"])
+@pytest.mark.parametrize("kind", ["silo", "csv", "bag"])
+def test_who_comes_as_another_one_has_just_fetched_it_is_told(robot, here, monkeypatch, step, kind):
+    stem = saved(Path(robot.place), kind)
+    name = {"silo": f"{stem}.silo", "csv": f"{stem}.csv", "bag": f"{stem}.rosbag2"}[kind]
+    where = {"open": os, "flock": fcntl}[step]
+    plain = getattr(where, step)
+
+    def fetched_before(*given: object, **named: object) -> object:
+        if step == "open" and not str(given[0]).startswith(str(here)):
+            return plain(*given, **named)
+        monkeypatch.setattr(where, step, plain)
+        robot.fetch(name, here)
+        return plain(*given, **named)
+
+    monkeypatch.setattr(where, step, fetched_before)
+    with pytest.raises(SaveError, match=r"exists already.*nothing was fetched"):
+        robot.fetch(name, here)
+    assert same(robot, name, here)
+    assert not list(here.glob("*.part"))
+
+
 def test_whoever_watches_may_give_up_and_go_on_later(robot, here):
     name = large(Path(robot.place))
 

@@ -11,6 +11,7 @@ import pytest
 from silo.core.elements import BufferType, Entry, FileType, LoggedEvent
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
+from silo.files.atomic import sweep_parts
 from silo.files.bags.writer import write_bag
 from silo.files.convert import convert
 from silo.recordings import folder as module
@@ -327,6 +328,21 @@ def test_a_recording_is_deleted_with_all_that_belongs_to_it(tmp_path, kind):
     other = saved(tmp_path, "silo")
     assert stem in RecordingFolder().delete(str(tmp_path), "bot", stem)
     assert [path.name for path in tmp_path.iterdir() if not path.name.startswith(".")] == [f"{other}.silo"]
+
+
+def test_a_bag_that_is_deleted_while_somebody_sweeps_the_folder_is_told_as_deleted(tmp_path, monkeypatch):
+    stem = saved(tmp_path, "bag")
+    rmdir = os.rmdir
+
+    def swept_first(name: str, *, dir_fd: int | None = None) -> None:
+        with monkeypatch.context() as now:
+            now.setattr(os, "rmdir", rmdir)
+            sweep_parts(tmp_path)
+        rmdir(name, dir_fd=dir_fd)
+
+    monkeypatch.setattr(os, "rmdir", swept_first)
+    assert stem in RecordingFolder().delete(str(tmp_path), "bot", stem)
+    assert [path.name for path in tmp_path.iterdir()] == [".bot_fileNumber"]
 
 
 def test_one_file_of_several_can_be_deleted(tmp_path):
