@@ -15,7 +15,15 @@ from pathlib import Path
 import msgspec
 
 from silo.core.elements import LoggedEvent, RecorderState
-from silo.core.runtime import RECORDERS_SUFFIX, list_segments, process_start, runtime_dir
+from silo.core.runtime import (
+    RECORDERS_SUFFIX,
+    closing_file,
+    is_at,
+    list_segments,
+    open_own,
+    process_start,
+    runtime_dir,
+)
 from silo.errors import SegmentError, reason
 from silo.files.event_log import add_missing
 from silo.files.manifest import read_written
@@ -40,12 +48,17 @@ def left_lists() -> list[tuple[Path, list[RecorderHandover]]]:
     found = []
     with contextlib.suppress(SegmentError):  # no runtime folder: then there is nothing in it either
         for path in sorted(runtime_dir().glob(f"*{RECORDERS_SUFFIX}")):
-            kept = _stored(path)
-            if kept and kept[0].program.pid:
-                if not is_live(kept[0].program):
-                    found.append((path, kept))
-            elif _is_forgotten(path):
-                path.unlink(missing_ok=True)
+            try:
+                descriptor = open_own(path, os.O_RDONLY)
+            except OSError:
+                continue  # its helper process needs it no more
+            with closing_file(descriptor):
+                kept = _stored(path)
+                if kept and kept[0].program.pid:
+                    if not is_live(kept[0].program):
+                        found.append((path, kept))
+                elif _is_forgotten(path) and is_at(descriptor, path):  # else its helper process began another
+                    path.unlink(missing_ok=True)
     return found
 
 

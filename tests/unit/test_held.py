@@ -10,6 +10,9 @@ import pytest
 
 from silo.core.runtime import list_held, list_segments
 from silo.logger.current_run import CurrentRun
+from silo.recorder import left_recordings
+from silo.recorder.left_recordings import left_lists
+from silo.recorder.process import stored
 from silo.recovery.left import SavedMeanwhileError
 from silo.recovery.segments import claimed, discard, sweep_segments
 from silo.segment import held_runs as held
@@ -235,6 +238,24 @@ def test_a_logger_lives_as_long_as_its_present_run_has_a_writer(new_logger, held
     hold(Path(log._present.path))
     assert not is_live(program)  # as if it had been closed
     assert not is_live(Program("alone", "x", os.getpid(), 1, "another boot"))
+
+
+def test_a_list_of_recorders_that_is_begun_anew_while_somebody_looks_stays(monkeypatch) -> None:
+    path = recorders_path("bot", "9811a58f56")
+    path.write_bytes(b"[]")
+
+    def ended_and_begun(one: Path) -> list[object]:
+        one.unlink()
+        found = stored(one)
+        one.write_bytes(b"[]")
+        return found
+
+    with monkeypatch.context() as beside:
+        beside.setattr(left_recordings, "stored", ended_and_begun)
+        assert left_lists() == []
+    assert path.exists()
+    assert left_lists() == []
+    assert not path.exists()  # nobody can use it
 
 
 def test_nothing_is_said_of_a_process_of_another_container(monkeypatch) -> None:
