@@ -399,6 +399,8 @@ class SiloScreen(Leaving[None]):
 
     def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:
         """Do what a key, a click, the palette or the command line asks for."""
+        if self._pruning:
+            return  # its widgets go one after another: one of them had the key already
         command = BY_ID[command_id]
         if typed is BY_KEY and self.scope not in command.scopes and "any" not in command.scopes:
             self._as_typed(command)

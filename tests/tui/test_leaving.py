@@ -18,7 +18,7 @@ from textual.strip import Strip
 from textual.style import Style
 from textual.visual import RichVisual
 
-from silo.conditions.standing import TriggerStatus
+from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import FileType, SavedFile, State
 from silo.rpc.published import EventKind
@@ -33,6 +33,7 @@ from silo_tui.screens.lists.recordings import RecordingsScreen
 from silo_tui.screens.lists.settings import SettingsScreen
 from silo_tui.screens.lists.triggers import TriggersScreen
 from silo_tui.screens.table import TableScreen
+from silo_tui.widgets.lines import Lines
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -223,6 +224,24 @@ async def test_a_list_that_goes_is_drawn_no_more_whatever_it_still_has(opened, f
         left.show()
         assert not left.is_there
         await screen.settled()
+
+
+@pytest.mark.parametrize("what", ["cursor", "key"])
+async def test_a_list_that_goes_does_no_key_that_still_reaches_it(opened, fake, what):
+    fake.limit_statuses = [LimitStatus("x", "x", LimitWord.OK)]
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.press("A")
+        left = screen.app.screen
+        screen.app.pop_screen()
+        while not left._pruning:
+            await asyncio.sleep(0)
+        left._nodes._remove(left.lines)  # the first that goes, where another widget has the key
+        if what == "cursor":
+            await left._dispatch_message(Lines.CursorMoved())
+        else:
+            left.action_command("list_bottom")
+        await screen.settled()
+        assert not screen.app.unforeseen.errors
 
 
 async def test_behind_a_dialog_one_sees_the_screen_that_it_is_about(opened, fake):

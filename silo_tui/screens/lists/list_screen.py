@@ -205,6 +205,8 @@ class ListScreen(SiloScreen, Generic[LineT]):
 
     def show_words(self) -> None:
         """Draw the line of words: marks, filter and order where there are some, and what was said last."""
+        if self._pruning:
+            return  # as above
         parts = [f"{len(self.marks.keys)} marked"] if self.marks.keys else []
         parts += [f"/{self.asked}: {len(self.shown)} of {len(self.all)}"] if self.asked else []
         parts += [f"by {self._order.name}"] if self._order is not self.orders[0] or self._turned else []
