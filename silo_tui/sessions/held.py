@@ -552,7 +552,7 @@ class Pause:
         return cast(HeldRows, held)
 
     async def turns_true(self, condition: str) -> "TriggerTried":
-        """Return when a condition turned true in all that the logger holds, or where it has lost some, in what is pinned.
+        """Return when a condition turned true in all that the logger holds, or where it lost some, in what is pinned.
 
         Raises ExpressionError with the place of a mistake, a SiloError where neither can tell.
         """
