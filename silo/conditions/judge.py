@@ -25,7 +25,7 @@ from silo.core.arguments import real
 from silo.core.conditions import Conditions, TriggerOptions, TriggerWord
 from silo.core.elements import ElementInfo, LoggerOptions
 from silo.core.runtime import runtime_dir
-from silo.errors import ElementError, SegmentError, SiloError
+from silo.errors import ElementError, SegmentError, SiloError, lacks_descriptors
 from silo.rpc.leases import Leases
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import all_runs, number_of
@@ -286,11 +286,14 @@ class Judge:
         """Do a step, whatever the rows hold; returns how long to wait for the next one."""
         try:
             return self._step()
-        except SiloError as error:
-            self._forget(f"triggers and limits of this run are judged no more: {error}")
         except Exception as error:
-            log.exception("judging failed")
-            self._forget(f"triggers and limits of this run are judged no more: {type(error).__name__}: {error}")
+            if self._judge is None and lacks_descriptors(error):
+                return IDLE_S  # nothing was begun: it is tried again
+            told = str(error)
+            if not isinstance(error, SiloError):
+                log.exception("judging failed")
+                told = f"{type(error).__name__}: {error}"
+            self._forget(f"triggers and limits of this run are judged no more: {told}")
         return IDLE_S
 
     def _forget(self, text: str) -> None:
@@ -318,27 +321,19 @@ class Judge:
 
     def _step(self) -> float:
         if not self._looked:
-            self._looked = True
-            with contextlib.suppress(SegmentError, OSError):  # no runtime folder: then there is nothing in it either
+            try:
                 if any(map(STATE_NAME, os.listdir(runtime_dir()))):  # noqa: PTH208  # nearly always there is none
                     self._remembering().look()
+            except (SegmentError, OSError) as error:  # no runtime folder: then there is nothing in it either
+                if lacks_descriptors(error):
+                    raise
+            self._looked = True
         present = self._replica.run  # first: those before it are due by then
         if not self._caught_up:
             self._caught_up = True
             with contextlib.suppress(SegmentError):  # no runtime folder: then there is nothing in it either
                 self._catch_up(present)
-        due = sorted(self._due.copy(), key=lambda one: not one[1])
-        for run, left in due:
-            try:
-                if not left:
-                    self._next_run(run)
-                elif (reader := self._held.open(run)) is not None:
-                    self._judge_left(reader)
-            finally:
-                del self._due[run, left]  # not what is said of it meanwhile: that it is over
-        if not due:
-            self._next_run(present)  # let go of, without triggers, or not handed over
-            self._before = None  # its memory is needed
+        self._take_up(present)
         self._adopt()
         if self._memory is not None:
             self._memory.forget_others(lambda run: run == self._run or self._is_due(run))
@@ -355,6 +350,26 @@ class Judge:
             self._worst_due_s = time.monotonic() + WORST_PERIOD_S
             self._replica.alarm = judge.limits.worst()
         return judge.wait_s
+
+    def _take_up(self, present: str) -> None:
+        """Begin with the runs that are due, and the present one."""
+        due = sorted(self._due.copy(), key=lambda one: not one[1])
+        for run, left in due:
+            is_done = True
+            try:
+                if not left:
+                    self._next_run(run)
+                elif (reader := self._held.open(run)) is not None:
+                    self._judge_left(reader)
+            except Exception as error:
+                is_done = not lacks_descriptors(error)
+                raise
+            finally:
+                if is_done:
+                    del self._due[run, left]  # not what is said of it meanwhile: that it is over
+        if not due:
+            self._next_run(present)  # let go of, without triggers, or not handed over
+            self._before = None  # its memory is needed
 
     def _is_late(self) -> bool:
         return time.monotonic() > self._late_s
@@ -386,7 +401,12 @@ class Judge:
         self._end_run(_CUT if is_cut else "a new run began")
         self._run, self._closed, self._failed = run, False, ""
         if reader is not None:
-            self._go_over(reader)
+            try:
+                self._go_over(reader)
+            except Exception as error:
+                if lacks_descriptors(error):
+                    self._run, self._judge = "", None  # the next look begins with it anew
+                raise
 
     def _go_over(self, reader: SegmentReader) -> None:
         """Judge the run that has just begun."""

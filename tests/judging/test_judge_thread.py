@@ -1,5 +1,6 @@
 """The thread that judges: which run it takes, and when it is done with it."""
 
+import errno
 import os
 from types import SimpleNamespace
 
@@ -119,6 +120,43 @@ def test_a_run_that_cannot_be_opened_is_told_of_once(tmp_path, runtime_folder, m
         logger.close()
     told = [event.text for event in events.log.since(0, 1000)[0] if event.kind == EventKind.BLIND.value]
     assert told == [f"triggers and limits of this run are judged no more: {says}"]
+
+
+@pytest.mark.parametrize("is_due", [False, True])
+def test_a_run_that_begins_while_no_file_can_be_opened_is_judged_from_its_first_row_once_one_can(
+    tmp_path, runtime_folder, monkeypatch, is_due
+) -> None:
+    logger = silo.Logger("bot", max_time=0, folder=tmp_path, script=tmp_path / "none.yaml")
+    x = logger.array("x", ())
+    logger.trigger("spike", "x > 50", pre="20ms", post="10ms")
+    logger.start()
+    for value in (1.0, 60.0):
+        x[...] = value
+        logger.collect()
+    replica, events = Replica(robot_state(logger, "", -1)), Events(str(tmp_path))
+    held = HeldRuns(replica, lambda: None)
+    replica.take_run(RunOffer(logger._present.run.id, logger._present.path), os.open(logger._present.path, os.O_RDONLY))
+    held.take()
+    judge = Judge(replica, events, held)
+    if is_due:
+        judge.take(replica.run)
+    remembering, tries = judge._remembering, iter([OSError(errno.EMFILE, "no")] * 2)
+
+    def loads() -> object:
+        for error in tries:
+            raise error
+        return remembering()
+
+    monkeypatch.setattr(judge, "_remembering", loads)
+    try:
+        for _ in range(3):
+            judge._guarded()
+        told = [(event.kind, event.text) for event in events.log.since(0, 1000)[0]]
+        assert told == [(EventKind.TRIGGERED.value, "trigger 'spike' fired at tick 1")]
+    finally:
+        replica.let_go()
+        held.let_go(held_alone=False)
+        logger.close()
 
 
 @pytest.mark.parametrize("is_over", [False, True])
