@@ -475,6 +475,11 @@ class FleetLink:
             routers = self._ask_routers(mine)
             looked_s = 0.0
             while not self._stop.is_set() and main.is_alive():
+                now_s = time.monotonic()
+                if now_s - looked_s >= LOOK_S:
+                    looked_s = now_s
+                    self._reach(self._problem(session))  # first: where no way was tried nobody is noted who goes
+                    self._ask_again(asking, now_s)
                 if self._told.attentive and summaries is None:
                     # before anybody is asked: what is told between its answer and this must not be missed
                     summaries = session.declare_subscriber(summary, zenoh.handlers.RingChannel(MOST))
@@ -491,11 +496,6 @@ class FleetLink:
                     self._take_summaries(summaries)
                 self._take_answers(asking)
                 self._take_routers(routers)
-                now_s = time.monotonic()
-                if now_s - looked_s >= LOOK_S:
-                    looked_s = now_s
-                    self._reach(self._problem(session))
-                    self._ask_again(asking, now_s)
                 idle_s = POLL_S if self._told.attentive else IDLE_S
                 self.again.wait(idle_s if not asking.count else POLL_S / 10)
                 self.again.clear()

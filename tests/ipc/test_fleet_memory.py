@@ -12,7 +12,7 @@ from silo.cli.main import run
 from silo.core.elements import State
 from silo.core.runtime import runtime_dir
 from silo.fleet import memory
-from silo.fleet.fleet import Fleet
+from silo.fleet.fleet import Fleet, FleetLink
 from silo.fleet.member import Member, lost_lines
 from silo.fleet.memory import NAME, remember, remembered
 from silo.net.found import LoggerAddress
@@ -70,6 +70,20 @@ def test_of_one_that_went_while_somebody_followed_ls_says_since_when(site, capsy
         robot.close()
         waited(fleet, "anymal", lambda one: one.lost)
     assert f"{robot.root.address}: unreachable since " in listed(capsys, site.desk)[2]
+
+
+@pytest.mark.slow
+def test_one_that_goes_at_the_first_look_is_noted_as_well(site, monkeypatch) -> None:
+    take, tried = FleetLink._take_tokens, list[bool]()
+
+    def taken(link: FleetLink, *given: object) -> None:
+        tried.append(link._name in link._told._tried)
+        take(link, *given)
+
+    monkeypatch.setattr(FleetLink, "_take_tokens", taken)
+    with SimulatedRobots(site.desk, ["rob1"]), Fleet(site.desk):
+        wait_until(lambda: tried)
+    assert tried[0]
 
 
 @pytest.mark.slow
