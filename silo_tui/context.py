@@ -277,14 +277,12 @@ class Context:
             self.say(f"{self.settings_problems[0]}{rest}")
 
     def fail(self, words: str) -> None:
-        """Show an error; behind a dialog, its first line stays on the screen below."""
+        """Show an error on the screen below any dialog, whole: what waited for it may just be going."""
         words = self._with_saved(self.shown(words))
         if self.has_session and self.session.dead and self.session.status.reason:  # which the banner says
             words = words.replace(self.session.status.reason, "the robot program is gone")
         if (screen := self.upper_screen) is not None:
-            screen.say(words.partition("\n")[0] if self.app.screen.is_modal else words, failed=True)
-        if self.app.screen_stack and self.app.screen.is_modal:
-            self.app.notify(words, severity="error", timeout=6, markup=False)
+            screen.say(words, failed=True)
 
     def _close_question(self) -> None:
         """Close a question to a robot program that is gone: nobody would do what it is answered."""

@@ -56,7 +56,6 @@ class Desk(Context):
         self.fake = fake
         self.asked: list[str] = []
         self.said: list[str] = []
-        self.noted: list[str] = []
         self.ended = False
         self.left_view: Any = None
         self._work: list[Any] = []
@@ -105,9 +104,6 @@ class Desk(Context):
 
     def fail(self, words: str) -> None:
         self.said.append(f"failed: {words}")
-
-    def notify(self, words: str, **_: Any) -> None:
-        self.noted.append(words)
 
     def call_after_refresh(self, do: Any, *given: Any) -> None:
         do(*given)

@@ -94,6 +94,7 @@ async def test_a_word_of_control_that_is_mistyped_is_told_with_the_one_that_is_n
         ):
             await screen.enter(f":control {typed}")
             await screen.shows(told)
+            assert not list(screen.app._notifications), "they lie over what was answered"
 
 
 async def test_control_is_given_to_who_is_connected_and_tab_names_them(fake, opened):
