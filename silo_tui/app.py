@@ -164,7 +164,7 @@ class SiloApp(Guarded, App[None]):
         await self.push_screen(FileTableScreen(file))
         self.context.table_changed()
         self.context.status_changed()
-        self.context.say_settings_problems()
+        self.context.say(self.context.settings_trouble)
 
     def _handle_exception(self, error: Exception) -> None:
         """Tell of what nobody foresaw, and go on; only where there is no screen to tell it on, end."""

@@ -269,12 +269,12 @@ class Context:
         self._unread.clear()
         self.tell_upper(lambda screen: screen.show_news(self.news))
 
-    def say_settings_problems(self) -> None:
-        """Say once what of the settings file was left out."""
-        if self.settings_problems:
-            more = len(self.settings_problems) - 1
-            rest = f" ({more} more: {key_of('settings')})" if more else ""
-            self.say(f"{self.settings_problems[0]}{rest}")
+    @property
+    def settings_trouble(self) -> str:
+        """What of the settings file was left out, to be said at the start."""
+        more = len(self.settings_problems) - 1
+        rest = f" ({more} more: {key_of('settings')})" if more > 0 else ""
+        return f"{self.settings_problems[0]}{rest}" if self.settings_problems else ""
 
     def fail(self, words: str) -> None:
         """Show an error on the screen below any dialog, whole: what waited for it may just be going."""

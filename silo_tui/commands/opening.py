@@ -195,11 +195,10 @@ class Opener:
         self._view_is_there = True
         context.table_changed()
         context.status_changed()
-        context.say_settings_problems()
         screen.request_view()  # at once: nobody scrolls yet
         demo = self.demo if self.demo is not None and self.demo.owns(logger.pid) else None
         begun = demo.begun_with(screen.session.status.script) if demo is not None else ""
-        if words := "; ".join(filter(None, [begun, words, also_a_file(self._wanted)])):
+        if words := "; ".join(filter(None, [context.settings_trouble, begun, words, also_a_file(self._wanted)])):
             context.say(words)
         await cast(Any, app).first_values()
 

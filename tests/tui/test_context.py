@@ -164,8 +164,8 @@ def test_what_is_said_is_kept_as_an_answer_and_nothing_is_not(desk):
 def test_of_what_was_left_out_of_the_settings_the_first_is_said(count, says, desk):
     problems = [SettingsProblem("", word) for word in ("first", "second", "third")[:count]]
     desk.settings_problems = tuple(problems)
-    desk.say_settings_problems()
-    assert desk.heard.removeprefix(": ") == says or desk.heard == str(problems[0]) + says.removeprefix("first")
+    told = desk.settings_trouble
+    assert told.removeprefix(": ") == says or told == str(problems[0]) + says.removeprefix("first")
 
 
 def test_a_file_over_a_logger_leaves_it_behind_and_gives_it_back(desk):

@@ -10,6 +10,7 @@ from silo_tui.layouts.layout import KeptLayout
 from silo_tui.layouts.views import capture
 from silo_tui.screens.plots.monitor import MonitorScreen
 from silo_tui.screens.table import TableScreen
+from silo_tui.settings.file import SettingsProblem
 from silo_tui.settings.options import Settings
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
@@ -191,6 +192,13 @@ async def test_what_was_offered_stays_to_be_offered_where_this_terminal_is_lost_
         await screen.shows("`:view last` shows")
         screen.app._opener.keep_view()  # a second has passed
     assert left.exists()
+
+
+async def test_what_is_offered_takes_no_room_from_what_of_the_settings_was_left_out(new_fake, opened):
+    await left_by_a_lost_terminal(new_fake, opened)
+    async with opened(new_fake(), settings_problems=[SettingsProblem("line 1", "'colums' is unknown")]) as screen:
+        await screen.shows("`:view last` shows")
+        assert "'colums' is unknown" in screen.text
 
 
 async def test_what_another_terminal_shows_now_is_left_to_it(new_fake, opened):
