@@ -1,7 +1,7 @@
 """The two layers of keys, and how what is pressed becomes a command: the first layer, or a menu and a letter in it.
 
-One table says where the keys of a command are others than those of `actions` (classic). `check` holds it, in the tests:
-no key twice on a screen, no menu that is a command too, `D` in no menu.
+One table says where the keys of a command are others than those of `actions` (classic). A test holds it: no key twice
+on a screen, no menu that is a command too, `D` in no menu, and what it deletes by no other key.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -57,8 +57,7 @@ _TABLE = (
     # ------------------------------------------------------------------------------- what changes something
     ("ctrl+r,U", "redo"),
     ("w,p w", "export_plots"),
-    (DESTROYS, "delete_recording forget_derived"),
-    (f"{DESTROYS},e x", "trigger_remove alarm_remove"),
+    (DESTROYS, "delete_recording forget_derived trigger_remove alarm_remove"),
     ("ctrl+l,v r", "refresh detail_refresh response_again try_link list_read look_again"),
     # -------------------------------------------------------------------------------------------- the program
     ("full_stop", "again"),

@@ -14,9 +14,9 @@ from textual import events
 from textual.timer import Timer
 from textual.widgets import Static
 
-from silo_tui.actions import BY_ID, Command, key_of, key_text
+from silo_tui.actions import BY_ID, Command, commands_for, key_of, key_text
 from silo_tui.context import SiloScreen
-from silo_tui.keymap import MENUS, TURNED, command_of, counts, in_menu, where
+from silo_tui.keymap import DESTROYS, MENUS, TURNED, TWO_LAYERS, command_of, counts, in_menu, where
 from silo_tui.unforeseen import Guarded
 
 DRAWN_AFTER_S = 0.25
@@ -116,6 +116,10 @@ class MenuReader:
         context, scope, command = screen.context, screen.scope, entries[0]
         if command.id in MENUS:
             return None
+        deletes = next((each.id for each in commands_for(scope) if TWO_LAYERS.get(each.id) == DESTROYS), "")
+        if command.id == "discard" and deletes and scope not in command.scopes:
+            by = f"{key_of(deletes)} deletes"
+            return by, f"{by} what the cursor is on, or all that are marked"
         if not counts(command, scope):
             return where(entries, scope)
         own = scope in command.scopes or "any" in command.scopes

@@ -216,6 +216,15 @@ def test_a_reason_that_has_no_room_is_left_out_and_no_word_is_cut(reading):
     assert not [each for each in entries if "…" in each]
 
 
+@pytest.mark.parametrize("scope", ["triggers", "alarms", "recordings"])
+def test_where_edits_are_dropped_elsewhere_the_menu_names_the_key_that_deletes(scope, reading):
+    reading.sheet.scope = scope
+    _, entries = menu(reading, "e")
+    assert "(x) Discard: D deletes" in entries
+    reading.typed("x")
+    assert reading.sheet.told[-1] == "e x (Discard): D deletes what the cursor is on, or all that are marked"
+
+
 def test_a_reason_that_all_have_stands_in_the_title_alone(reading):
     reading.sheet.scope = "file"
     title, entries = menu(reading, "r")

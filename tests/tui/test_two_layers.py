@@ -57,6 +57,8 @@ def check():
         if command.id not in keymap.TWO_LAYERS and command.keys:
             raise ValueError(f"{command.id} has no place in the two layers")
     for keys, commands in keymap._TABLE:
+        if keymap.DESTROYS in keys.split(",") and keys != keymap.DESTROYS:
+            raise ValueError(f"what {keys} destroys has another key: {commands}")
         for key in keys.split(","):
             menu, _, letter = key.rpartition(" ")
             if (menu and (menu not in OPENERS or letter == keymap.DESTROYS)) or key.startswith(eaten):
