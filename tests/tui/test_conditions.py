@@ -387,6 +387,27 @@ class TestScreens:
             await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
         assert next(call for call in fake.calls if call[0] == "set_limits")[1] == given
 
+    async def test_who_went_to_the_worst_of_an_alarm_comes_back_by_one_escape(self, fake, opened):
+        fake.run(20)
+        torque, worst_ns = "/log/legs/LF/HAA/torque", fake.now_ns - 3 * 10**9
+        fake.limit_statuses = [replace(HOT, name=torque, limits=torque, worst_ns=worst_ns)]
+        async with opened(fake) as screen:
+            await screen.do("alarms", "alarm_worst")
+            for _ in range(2):
+                await screen.until(lambda: getattr(screen.app.screen, "scope", "") == "monitor", "plots")
+                await screen.until(lambda: screen.app.screen.window.at_ns == worst_ns, "the worst")
+                await screen.press("escape")
+                await screen.until(lambda: screen.app.screen.scope == "alarms", "the alarms")
+                await screen.do("alarm_worst")
+            await screen.until(lambda: getattr(screen.app.screen, "scope", "") == "monitor", "plots")
+            await screen.until(lambda: screen.app.screen.window.at_ns == worst_ns, "the worst")
+            await screen.do("pause")  # what goes on was not entered so
+            await screen.until(lambda: not screen.app.screen.window.paused)
+            await screen.do("pause")
+            await screen.press("escape")
+            await screen.until(lambda: not screen.app.screen.window.paused)
+            assert screen.app.screen.scope == "monitor"
+
     async def test_what_limits_without_a_bound_do_is_said(self, fake, opened):
         async with opened(fake) as screen:
             await screen.press("A")

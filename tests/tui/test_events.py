@@ -276,7 +276,8 @@ async def test_without_plots_enter_opens_those_of_what_it_is_about_else_of_the_c
         await screen.shows(words.removeprefix("/log") if kind == "limit" else words)
         await screen.until(lambda: screen.app.screen.scope == "monitor", "plots")
         assert {each.element.name for each in screen.app.screen.stack.plots} == {plotted}
-        await screen.press("escape", "escape")
+        await screen.until(lambda: screen.app.screen.window.at_ns is not None, "the moment")
+        await screen.press("escape")  # what one key entered
         await screen.until(lambda: screen.app.screen.scope == "events", "the events below")
 
 

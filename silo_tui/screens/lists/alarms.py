@@ -118,6 +118,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
     def command_alarm_worst(self) -> None:
         one = self.here()
         if one is not None and (monitor := self._plot(one)) is not None and one.worst_ns:
+            monitor.came_at_moment = True
             monitor.call_after_refresh(monitor.show_moment_of, one.worst_ns)
 
     enter = command_alarm_worst

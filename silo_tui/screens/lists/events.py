@@ -138,6 +138,7 @@ class EventsScreen(LoggerList[LoggedEvent]):
                 self.app.pop_screen()
         elif names := self._about(event)[:MOST_PLOTS]:
             plots = MonitorScreen(self.session, names)
+            plots.came_at_moment = True
             self.app.push_screen(plots)
         else:
             self.say("no plots are open, and this is about no signal that has samples")

@@ -23,6 +23,7 @@ class MonitorScreen(PlotScreen):
     scope = "monitor"
     PARTS = (MomentSearch,)
     came_with_file = False  # whether one key opened a file and these plots of it: one leaves both
+    came_at_moment = False  # whether one key opened these plots and held them at a moment: one leaves both
 
     def __init__(self, session: Session, names: Sequence[str], chosen: str = "") -> None:
         super().__init__(session, names, chosen)
@@ -334,7 +335,7 @@ class MonitorScreen(PlotScreen):
 
     def go_on(self) -> None:
         """Show what comes again; what was found lies behind."""
-        self.search.found = None
+        self.search.found, self.came_at_moment = None, False
         super().go_on()
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
@@ -358,6 +359,8 @@ class MonitorScreen(PlotScreen):
         if self.window.other_ns is not None:
             return "No B", self.command_cursor_b
         held = self.window.paused and self.pause.possible
+        if held and self.came_at_moment:
+            return "Back", self.context.leave_screen
         if self.window.cursor is not None and (self.paused_alone or not held):
             return "No cursor", self._lift_cursor
         if held:
