@@ -142,11 +142,9 @@ class StatusBar(FittingLine):
         elif session.connected:
             add(4, "  lost 0")
         alarm, is_red, watching = head_words(session.triggers, session.limits)
-        style = bold(variables, "alarm" if is_red else "warning")
-        long, short = (f"  {words}" if words else "" for words in alarm)
-        parts.append(LinePart(7, long, style, (short,)))  # neither ever gives way, their words do
-        long, short = (f"  {words}" if words else "" for words in watching)
-        parts.append(LinePart(6, long, "", (short,)))
+        for rank, told, style in ((7, alarm, "alarm" if is_red else "warning"), (6, watching, "")):
+            long, *shorter = [f"  {words}" for words in told] or [""]  # neither ever gives way, their words do
+            parts.append(LinePart(rank, long, bold(variables, style), tuple(shorter)))
         self._add_others(add)
         return parts
 
@@ -164,7 +162,7 @@ class StatusBar(FittingLine):
         if controlling:
             add(0, f"  {controlling}", "" if session.has_control else caution)
         if others:
-            add(10, f"  {others}", "")
+            add(5, f"  {others}", "")
 
     def _add_pace(self, add: Callable[[int, str, str], None], *, wide: bool) -> None:
         """Add how much is logged how fast."""

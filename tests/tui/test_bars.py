@@ -198,6 +198,15 @@ def test_an_alarm_stands_in_the_head_and_its_words_give_way_at_last(word, alarm,
     assert drawn.render().plain.endswith(f"  {word} 1")
 
 
+def test_that_others_are_there_gives_way_before_alarms_are_letters(desk):
+    limits = [LimitStatus(NAME, NAME, word, alarm=True) for word in (LimitWord.RED_HIGH, LimitWord.OK)]
+    desk.session.limits, desk.session.measured_hz = limits, 200.0
+    desk.session.status = msgspec.structs.replace(desk.session.status, clients=[Present("a", 0), Present("b", 0)])
+    assert head(desk, 100).endswith("  1 alarm (HH), 1 ended unseen  1 other client")
+    assert head(desk, 80).endswith("200 Hz slow  1 alarm (HH), 1 ended unseen")
+    assert head(desk, 64).endswith("200 Hz slow  1 alarm (HH)")
+
+
 def test_triggers_stand_in_the_head_while_there_is_room(desk):
     options = TriggerOptions("fall", "x > 1")
     desk.session.triggers = [TriggerStatus(options, TriggerWord.ARMED)]

@@ -80,17 +80,19 @@ class TestWords:
             ("1 alarm (HH)", "HH 1"), True, ("1 trigger armed", "1 armed"),
         )  # fmt: skip
         seen = replace(HOT, alarm=False, seen_by="ann")
-        assert head_words([], [seen])[0] == ("1 alarm (HH) seen", "HH 1")
+        assert head_words([], [seen])[0] == ("1 alarm (HH) seen", "1 alarm (HH)", "HH 1")
         assert head_words([], [HOT, seen, seen])[0] == ("3 alarms (HH)", "HH 3")
         over = replace(HOT, word=LimitWord.OK)
         assert head_words([], [over, replace(over, alarm=False)]) == (
             ("1 alarm ended unseen", "1 alarm unseen"),
             False,
-            ("", ""),
+            (),
         )
-        assert head_words([], [over, seen])[0] == ("1 alarm (HH) seen, 1 ended unseen", "HH 1+")
-        assert head_words([], []) == (("", ""), False, ("", ""))
-        assert head_words([BLIND], []) == (("", ""), False, ("", ""))  # none is armed: nothing to tell
+        assert head_words([], [over, seen])[0] == (
+            "1 alarm (HH) seen, 1 ended unseen", "1 alarm (HH), 1 unseen", "1 alarm (HH)", "HH 1",
+        )  # fmt: skip
+        assert head_words([], []) == ((), False, ())
+        assert head_words([BLIND], []) == ((), False, ())  # none is armed: nothing to tell
         assert head_words([replace(FALL, state=TriggerWord.FIRING)], [])[2][0] == "trigger fall fires"
 
     def test_a_new_trigger_keeps_its_newest_captures(self):

@@ -317,7 +317,7 @@ async def test_the_head_keeps_alarm_loss_and_recording_where_the_mode_is_long(mo
     async with opened(fake.run(20)) as screen:
         await open_torque(screen)
         bar = monitor(screen).status_bar
-        monkeypatch.setattr("silo_tui.widgets.bars.head_words", lambda *_: (("12 alarms HH", "HH 12"), True, ("", "")))
+        monkeypatch.setattr("silo_tui.widgets.bars.head_words", lambda *_: (("12 alarms HH", "HH 12"), True, ()))
         session = screen.session
         session.status = msgspec.structs.replace(session.status, recorders=1)
         session.measured_hz, session.lost_total, bar.mode = 361.5, 1240, mode

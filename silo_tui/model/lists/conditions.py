@@ -131,30 +131,31 @@ def alarms_words(found: Sequence[LimitStatus]) -> str:
 
 def head_words(
     triggers: Sequence[TriggerStatus], limits: Sequence[LimitStatus]
-) -> tuple[tuple[str, str], bool, tuple[str, str]]:
+) -> tuple[tuple[str, ...], bool, tuple[str, ...]]:
     """Return for the status line the alarms and the worst, whether that is red, and what triggers do.
 
-    Words and shorter ones, empty where there is nothing to tell.
+    Words and ever shorter ones, none where there is nothing to tell.
     """
     over = [one for one in limits if one.is_over]
     worst = next((word for word in (LimitWord.RED_HIGH, LimitWord.RED_LOW, LimitWord.YELLOW_HIGH, LimitWord.YELLOW_LOW,
                                     LimitWord.STALE) if any(one.word is word for one in over)), None)  # fmt: skip
     firing = [one.options.name for one in triggers if one.state is TriggerWord.FIRING]
     armed = sum(one.state in (TriggerWord.ARMED, TriggerWord.HOLDOFF) for one in triggers)
-    watching = ("", "")
+    watching: tuple[str, ...] = ()
     if firing or armed:
         watching = (
             (f"trigger {firing[0]} fires", "FIRES") if firing else (f"{many(armed, 'trigger')} armed", f"{armed} armed")
         )
     seen = "" if any(one.alarm for one in over) else " seen"
     missed = sum(one.alarm for one in limits if not one.is_over)  # short ones, too: the table may never show them
-    alarm = (f"{many(missed, 'alarm')} ended unseen", f"{many(missed, 'alarm')} unseen") if missed else ("", "")
+    alarm: tuple[str, ...] = ()
     if worst is not None:
-        more = f", {missed} ended unseen" if missed else ""
-        alarm = (
-            f"{many(len(over), 'alarm')} ({worst.value}){seen}{more}",
-            f"{worst.value} {len(over)}{'+' * bool(more)}",
-        )
+        now = f"{many(len(over), 'alarm')} ({worst.value})"
+        more = (f", {missed} ended unseen", f", {missed} unseen") if missed else ("", "")
+        words = (f"{now}{seen}{more[0]}", f"{now}{more[1]}", now, f"{worst.value} {len(over)}")
+        alarm = tuple(dict.fromkeys(words))
+    elif missed:
+        alarm = (f"{many(missed, 'alarm')} ended unseen", f"{many(missed, 'alarm')} unseen")
     return alarm, worst in (LimitWord.RED_HIGH, LimitWord.RED_LOW), watching
 
 

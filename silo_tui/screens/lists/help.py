@@ -43,7 +43,7 @@ HEAD = (
     ("‼ no tick for 4 s", "the loop stands still"),
     ("118 024 ticks", "of the run until now; 9 632 + 63 712: before a cut, and since"),
     ("lost 0", "samples that the buffers could not keep"),
-    ("1 alarm (HH), HH 1+", "so many are beyond limits, the worst so far; +: others nobody has seen"),
+    ("1 alarm (HH), HH 1", "so many are beyond limits, and the worst of them"),
     ("1 alarm ended unseen", "it is over, and nobody has said that he saw it: acknowledge it in the list of alarms"),
     ("2 triggers armed, FIRES", "conditions that watch, and capture when they turn true"),
     ("REC 1", "endless recordings that run"), ("durable to tick 400", "what a power cut leaves"),
