@@ -567,9 +567,8 @@ class RecordedStack(PlotStack):
         if facts.base:
             mean = offset_text(plotted.entry, round(facts.mean), facts.base, 12)
             return f"{words}  min {ends[0]}  max {ends[1]}  mean {mean}"
-        smallest, largest = text.told_apart(facts.smallest, facts.largest)
-        words += f"  min {smallest}  max {largest}"
-        return f"{words}  mean {text.compact(facts.mean)}"
+        smallest, largest, mean = text.of_range(facts.smallest, facts.largest, facts.mean)
+        return f"{words}  min {smallest}  max {largest}  mean {mean}"
 
     def _axis_word(self, share: float) -> str:
         store, source, width_ns = self.store, self._file.source, self.columns * self.store.column_ns

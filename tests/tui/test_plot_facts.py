@@ -11,6 +11,7 @@ from silo_tui.model.drawing.plots import Axis, Picture, Plotted
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.plots.facts import PlotFacts, extremes, missing
 from silo_tui.model.samples.live import Reading
+from silo_tui.model.words import text
 
 NAN = math.nan
 DIGITS = str(2**53 + 1)
@@ -128,6 +129,17 @@ def test_the_words_of_a_lane_are_those_of_the_cell_of_the_cursor():
 def test_the_ends_of_a_curve_are_told_apart(dtype, base, words):
     drawn = Picture(None, None, Axis((0.0, 1.0), base), -1.0, 2.0, None)
     assert extremes(plotted(dtype), drawn) == words
+
+
+@pytest.mark.parametrize(
+    ("smallest", "largest", "words"),
+    [(999_999.5, 1_000_000.5, ("999999.5", "1000000.5")), (5.0, 5.001, ("5.0000", "5.0010")),
+     (26.1, 36.5, ("26.1", "36.5")), (1e-9, 2e-9, ("1e-9", "2e-9")), (-3e6, 12e6, ("-3M", "12M"))],
+)  # fmt: skip
+def test_ends_that_differ_little_have_plain_decimals(smallest, largest, words):
+    drawn = Picture(None, None, Axis((0.0, 1.0), 0), smallest, largest, None)
+    assert extremes(plotted("<f8"), drawn) == words
+    assert text.of_range(smallest, largest, largest)[2] == words[1]
 
 
 def test_what_a_curve_lacks_is_told_by_its_length_and_why():

@@ -91,7 +91,7 @@ def extremes(plotted: Plotted, picture: Picture) -> tuple[str, ...]:
             offset_text(plotted.entry, end, picture.base, 12) for end in (picture.smallest, picture.largest)
         )
         return smallest, largest
-    return text.told_apart(picture.smallest, picture.largest)
+    return text.of_range(picture.smallest, picture.largest)
 
 
 def missing(piece: ColumnPiece, store: ColumnStore, width: int) -> str:

@@ -45,6 +45,14 @@ def decimals_between(smallest: float, largest: float) -> int | None:
     return max(0, min(9, 3 - math.floor(math.log10(extent))))
 
 
+def of_range(smallest: float, largest: float, *between: float) -> tuple[str, ...]:
+    """Return both ends of what numbers were, and some between: short, with plain decimals where they differ little."""
+    decimals = decimals_between(smallest, largest)
+    if decimals is None or largest - smallest > max(abs(smallest), abs(largest)) / 100:
+        return (*told_apart(smallest, largest), *map(compact, between))
+    return tuple(number(value, 14, decimals=max(0, decimals - 2)) for value in (smallest, largest, *between))
+
+
 def _fitting(value: float, width: int, most: int = 4) -> str:
     """Write in engineering notation, with as many decimals as fit, at most `most`; else in the shortest one."""
     mantissa, power = _parts(value)

@@ -549,15 +549,10 @@ def _histogram_notes(floats: Floats, finite: Floats) -> list[str]:
     low, middle, high = (float(each) for each in np.percentile(finite, (1, 50, 99)))
     size = float(np.abs(finite).max()) or 1.0
     mean, std = float((finite / size).mean()) * size, float((finite / size).std()) * size
-    notes = [
-        f"{text.count(len(finite))} samples",
-        f"mean {text.compact(mean)}",
-        f"std {text.compact(std)}",
-        f"min {text.compact(float(finite.min()))}",
-        f"1 % {text.compact(low)}",
-        f"median {text.compact(middle)}",
-        f"99 % {text.compact(high)}",
-        f"max {text.compact(float(finite.max()))}",
-    ]
+    least, most, *rest = text.of_range(float(finite.min()), float(finite.max()), mean, low, middle, high)
+    words = (rest[0], text.compact(std), least, *rest[1:], most)
+    titles = ("mean", "std", "min", "1 %", "median", "99 %", "max")
+    notes = [f"{title} {word}" for title, word in zip(titles, words, strict=True)]
+    notes.insert(0, f"{text.count(len(finite))} samples")
     names = ((np.isnan(floats), "nan"), (floats == np.inf, "inf"), (floats == -np.inf, "-inf"))
     return notes + [f"{int(here.sum())} {name} left out" for here, name in names if here.any()]
