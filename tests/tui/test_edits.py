@@ -276,6 +276,27 @@ def test_what_was_undone_before_others_were_applied_is_not_done_again():
     assert state.pending_count == (0, 0)
 
 
+def test_undo_goes_on_where_others_came_and_went():
+    """A signal that was derived is one more row: what could be taken back before can be still."""
+    old, new = ElementOptions(divider=1), ElementOptions(divider=5)
+    state = TableState()
+    state.load(table(0, old, old, old))
+    state.edit([0, 2], Field.DIVIDER, 5)
+    edits = state.kept()
+    state.load(table(1, new, old, new))
+    state.note_applied(edits)
+    state.edit([1], Field.SIZE, 7)
+    more = table(2, new, old, new)
+    first = ElementInfo("/log/a", "-", "scalar", (), (Entry("", "<f8"),), ElementOptions())
+    state.load(Table(3, [first, *more.elements[:2]]))  # one came before them, and the last is gone
+    assert state.undo() == "size of 1"
+    assert state.undo() == "what was applied to 2"
+    assert [(edit.name, edit.options.divider) for edit in state.edits()] == [("/log/e0", 1)]
+    state.load(Table(4, [first]))
+    assert not state.can_undo
+    assert state.redo() is None
+
+
 def test_undo_goes_back_to_what_was_applied_before_too():
     state = fresh()
     for at, divider in enumerate((5, 9)):

@@ -61,6 +61,21 @@ class _Step(msgspec.Struct, frozen=True):
     applied: bool = False
 
 
+def _carried(steps: Sequence[_Step], now: Mapping[int, int]) -> list[_Step]:
+    """Return steps about the rows that their elements have `now`; what speaks of elements that are gone goes."""
+    carried = []
+    for step in steps:
+        there = np.array([int(row) in now for row in step.rows], np.bool_)
+        rows: Rows = np.array([now[int(row)] for row in step.rows[there]], np.intp)
+        before, after = (
+            _Layer(each.edited[:, there], each.wanted[:, there], each.based_on[:, there])
+            for each in (step.before, step.after)
+        )
+        if len(rows):
+            carried.append(msgspec.structs.replace(step, rows=rows, before=before, after=after))
+    return carried
+
+
 class TableState:
     """The table, its pending edits and their history. Row i is element i of the logger's own order."""
 
@@ -348,8 +363,8 @@ class TableState:
         self._edited, self._wanted, self._based_on = edited, wanted, based_on
         self.names = names
         self._row_of = {name: row for row, name in enumerate(names)}
-        self._undo.clear()  # its steps speak of rows that are no more
-        self._redo.clear()
+        now = dict(zip(old_rows, new_rows, strict=True))
+        self._undo, self._redo = _carried(self._undo, now), _carried(self._redo, now)
 
     def _layer(self, rows: Rows) -> _Layer:
         return _Layer(self._edited[:, rows].copy(), self._wanted[:, rows].copy(), self._based_on[:, rows].copy())
