@@ -432,6 +432,9 @@ class SiloScreen(Leaving[None]):
 
     def why_not_now(self, command_id: str) -> str:
         """Return why something that has a use on this screen has none now; empty where it has."""
+        if command_id == "stop_recording" and self.context.has_session:
+            session = self.context.session
+            return "" if session.status.recorders or session.recorders else "nothing records"
         return ""
 
     def value_now(self, command_id: str) -> str:

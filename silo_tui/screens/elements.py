@@ -222,6 +222,11 @@ class ElementsScreen(SiloScreen):
         self.table.live_changed()
         self.info.refresh()
 
+    def why_not_now(self, command_id: str) -> str:
+        """Return why nothing can be unmarked."""
+        no_marks = command_id == "unmark" and not self.session.rows.marked_count
+        return "none marked" if no_marks else super().why_not_now(command_id)
+
     def command_unmark(self) -> None:
         self.session.rows.clear_marks()
         self.context.table_changed()
@@ -377,7 +382,7 @@ class ElementsScreen(SiloScreen):
             into = [("into", "Unfold" if rows.branch.path in rows.folded else "Fold")]
         elif rows.sort == TREE and rows.vector:
             into = [("fold", "Fold" if rows.vector in rows.unfolded else "Unfold")]
-        filtered = (("filter", "Filter"), ("back", "All")) if rows.filter.text else ()
+        filtered = (("filter", "Filter"), ("back", "No filter")) if rows.filter.text else ()
         return (*into, *((("back", "Close"),) if self._inspector_opened else filtered))
 
     def command_back(self) -> None:

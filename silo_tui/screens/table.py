@@ -514,7 +514,7 @@ class TableScreen(ElementsScreen):
         """Return why what is pending can't be dropped, or nothing edited."""
         if command_id == "discard":
             return "" if self.session.table.pending_count[0] or self._all_derived else "none waits"
-        return self.session.why_fixed() if command_id in FIELDS_BY_COMMAND else ""
+        return (command_id in FIELDS_BY_COMMAND and self.session.why_fixed()) or super().why_not_now(command_id)
 
     def value_now(self, command_id: str) -> str:
         """Return the value that a command would change, or that those that it is about have several."""

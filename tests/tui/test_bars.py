@@ -355,7 +355,7 @@ def test_plots_say_at_80_columns_how_one_leaves_them():
 
 
 def test_while_edits_wait_the_bar_says_how_they_are_taken_back():
-    line = keys(80, mode=[("filter", "Filter"), ("back", "All"), ("apply", "Apply 6")])
+    line = keys(80, mode=[("filter", "Filter"), ("back", "No filter"), ("apply", "Apply 6")])
     assert "u Undo" in line
 
 

@@ -13,6 +13,7 @@ from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.expressions.over_recordings import RecordingJudge
 from silo_tui.app import SiloApp
+from silo_tui.menus import MenuReader
 from silo_tui.model.drawing.plots import plots_of
 from silo_tui.model.lists.conditions import tried_lines
 from silo_tui.model.samples.find import Search, What
@@ -264,7 +265,7 @@ async def test_a_boolean_goes_from_change_to_change_without_a_search_and_its_lan
         await screen.until(lambda: shown.file.time_ns == START_NS + STEP_NS, "the first edge")
         await screen.shows("true at")
         await screen.do("join_plots")
-        await screen.shows("lanes stay alone; nothing was changed")
+        await screen.shows("lanes stay alone")
 
 
 async def test_a_tick_that_came_late_is_a_hole_and_no_event():
@@ -286,6 +287,22 @@ async def test_of_a_loop_that_jitters_the_holes_well_above_that_are_found_and_ho
     found = await look(session.source, plots, Search(What.HOLE), {}, 0)
     assert [moment.time_ns for moment in found.moments] == [late[2999]]
     assert (found.search, found.partly) == (Search(What.HOLE), "298 up to 14 ms left out")
+
+
+async def test_the_menu_brackets_what_one_plot_alone_can_t_do(monitor):
+    needing_two = ("join_plots", "mode_xy", "arrange_plots")
+    async with monitor("LF/torque") as (screen, shown):
+        reader = MenuReader(screen.app, lambda: True)
+        reader._menu = "menu_plots"
+        assert [letter for letter in "jxia" if f"({letter}) " in reader.picture(shown, 78).plain] == list("jxia")
+        assert all(map(shown.why_not_now, needing_two))
+        await screen.do("join_plots")
+        await screen.shows("no next plot to join with")
+    async with monitor("LF/torque", "RF/torque") as (screen, shown):
+        assert not any(map(shown.why_not_now, needing_two))
+        assert shown.why_not_now("isolate_plot") == "it is alone in its plot"
+        await screen.do("join_plots")
+        assert not shown.why_not_now("isolate_plot")
 
 
 async def test_two_cursors_tell_what_lies_between(monitor):

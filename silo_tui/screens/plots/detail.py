@@ -317,7 +317,12 @@ class DetailScreen(MonitorScreen):
 
     def why_not_now(self, command_id: str) -> str:
         """Return why axes can't be swapped: only two signals over each other have two."""
-        return "" if command_id != "detail_swap" or self.mode == "x-y" else "x-y only"
+        swaps_none = command_id == "detail_swap" and self.mode != "x-y"
+        return "x-y only" if swaps_none else super().why_not_now(command_id)
+
+    @property
+    def plots_of_detail(self) -> Sequence[Plotted]:
+        return self.plots
 
     def label_now(self, command: Command) -> str:
         label = "" if command.id == "cursor_left" and self.mode not in CURSOR_MODES else super().label_now(command)

@@ -16,6 +16,8 @@ from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import left_a_file
 from silo_tui.widgets.plot_stack import PlotStack
 
+ONE_VALUE = "no vector: one value"
+
 
 class MonitorScreen(PlotScreen):
     """Plots of the elements that were marked when it was opened; of a file cursor A is a moment, whatever the zoom."""
@@ -193,10 +195,9 @@ class MonitorScreen(PlotScreen):
         """Let crossings of the chosen signal stand still: at the level of the cursor, else halfway."""
         from silo_tui.screens.plots.scope import ScopeScreen
 
-        chosen, panel = self.stack.chosen_plot, self.stack.panels[self.stack.chosen_panel]
-        if not chosen.numeric or not self.session.source.is_live(chosen.element.name):
-            self.say("the scope needs a signal of numbers that is on")
+        if self._refused("catch"):
             return
+        chosen, panel = self.stack.chosen_plot, self.stack.panels[self.stack.chosen_panel]
         low, high = self.stack.span_of(chosen)
         at_cursor = (
             value_here(chosen, self.stack.readings) if self.window.paused and self.window.cursor is not None else ""
@@ -207,10 +208,8 @@ class MonitorScreen(PlotScreen):
         self.app.push_screen(ScopeScreen(self.session, plots, settings))
 
     def command_plot_trigger(self) -> None:
-        if not self.stack.plots or not self.stack.chosen_plot.numeric:
-            self.say("a trigger needs a signal of numbers")
-            return
-        self.context.run_flow(self._ask_trigger())
+        if not self._refused("plot_trigger"):
+            self.context.run_flow(self._ask_trigger())
 
     async def _ask_trigger(self) -> None:
         from silo_tui.screens.dialogs.trigger_editor import ask_trigger
@@ -241,10 +240,9 @@ class MonitorScreen(PlotScreen):
 
     def command_log_axis(self) -> None:
         """Go over to powers of ten, or back, all signals of the axis together."""
-        panel, chosen = self.stack.panels[self.stack.chosen_panel], self.stack.chosen_plot
-        if not has_curves(panel) or chosen.entry.dtype[1:2] in "Mm":
-            self.say("only numbers have an axis with powers of ten")
+        if self._refused("log_axis"):
             return
+        panel, chosen = self.stack.panels[self.stack.chosen_panel], self.stack.chosen_plot
         right = sides(panel)
         side = right[panel.index(chosen)]
         mine = {plotted.name for plotted, its in zip(panel, right, strict=True) if its is side}
@@ -257,20 +255,25 @@ class MonitorScreen(PlotScreen):
         self.stack.redraw()
 
     def command_join_plots(self) -> None:
-        try:
-            self.stack.show_panels(join(self.stack.panels, self.stack.chosen_panel, self.stack.most))
-        except ValueError as refused:
-            self.say(f"{refused}; nothing was changed")
-            return
-        self.say("")
-        self.fill_soon()
+        if not self._refused("join_plots"):
+            self._arrange(join(self.stack.panels, self.stack.chosen_panel, self.stack.most))
 
     def command_isolate_plot(self) -> None:
-        self.stack.show_panels(isolate(self.stack.panels, self.stack.chosen_plot))
-        self.fill_soon()
+        if not self._refused("isolate_plot"):
+            self._arrange(isolate(self.stack.panels, self.stack.chosen_plot))
 
     def command_arrange_plots(self) -> None:
-        """Go on to the next arrangement that looks different."""
+        if not self._refused("arrange_plots"):
+            self._arrange(*self._next_arrangement)
+
+    def _arrange(self, panels: Sequence[Panel], words: str = "") -> None:
+        self.stack.show_panels(panels)
+        self.say(words)
+        self.fill_soon()
+
+    @property
+    def _next_arrangement(self) -> tuple[list[Panel], str]:
+        """The next arrangement that looks different, in words too; that which is there where none does."""
         plots, most = self.stack.plots, self.stack.most
         ways = (
             ("each alone", stacked(plots)),
@@ -280,11 +283,49 @@ class MonitorScreen(PlotScreen):
         at = max((place for place, (_, panels) in enumerate(ways) if panels == self.stack.panels), default=2)
         for words, panels in (ways[at + 1 :] + ways[: at + 1])[:2]:
             if panels != self.stack.panels:
-                self.stack.show_panels(panels)
-                self.say(f"plots: {words}")
-                self.fill_soon()
-                return
-        self.say("these can't be arranged in another way")
+                return panels, f"plots: {words}"
+        return self.stack.panels, ""
+
+    def why_not_now(self, command_id: str) -> str:
+        """Return why something can't be done with what is plotted: it needs two, or numbers."""
+        stack = self.stack
+        if not stack.plots:
+            return super().why_not_now(command_id)
+        if command_id == "join_plots":
+            try:
+                join(stack.panels, stack.chosen_panel, stack.most)
+            except ValueError as refused:
+                return str(refused)
+        chosen, panel = stack.chosen_plot, stack.panels[stack.chosen_panel]
+        is_on = chosen.numeric and self.session.source.is_live(chosen.element.name)
+        vector = len(chosen.element.entries) > 1
+        needs = {
+            "mode_xy": (len(self.plots_of_detail) > 1, "it needs two plots: mark two elements"),
+            "isolate_plot": (len(panel) > 1, "it is alone in its plot"),
+            "arrange_plots": (self._next_arrangement[0] != stack.panels, "these can't be arranged in another way"),
+            "all_entries": (vector, ONE_VALUE),
+            "next_entry": (len(self._left_entries) > 1, "all entries of it are plotted" if vector else ONE_VALUE),
+            "log_axis": (
+                has_curves(panel) and chosen.entry.dtype[1:2] not in "Mm",
+                "only numbers have an axis with powers of ten",
+            ),
+            "catch": (is_on, "the scope needs a signal of numbers that is on"),
+            "plot_trigger": (chosen.numeric, "a trigger needs a signal of numbers"),
+        }
+        is_met, why = needs.get(command_id, (True, ""))
+        return super().why_not_now(command_id) if is_met else why
+
+    @property
+    def plots_of_detail(self) -> Sequence[Plotted]:
+        """What a large plot has, of which two can be drawn over each other."""
+        return self.stack.for_detail()[0]
+
+    def _refused(self, command_id: str) -> bool:
+        """Return whether something can't be done now, and say why."""
+        why = self.why_not_now(command_id)
+        if why:
+            self.say(why)
+        return bool(why)
 
     def command_drop_plot(self) -> None:
         plots = self.stack.plots
@@ -296,21 +337,25 @@ class MonitorScreen(PlotScreen):
 
     def command_next_entry(self) -> None:
         """Go over to the next entry of the vector."""
-        chosen = self.stack.chosen_plot
-        others = [each for each in plots_of([chosen.element]) if each == chosen or each not in self.stack.plots]
-        if len(others) < 2:
-            self.say("all entries of it are plotted" if len(chosen.element.entries) > 1 else "no vector: one value")
+        if self._refused("next_entry"):
             return
+        chosen, others = self.stack.chosen_plot, self._left_entries
         self._replace([others[(others.index(chosen) + 1) % len(others)]], [chosen])
+
+    @property
+    def _left_entries(self) -> list[Plotted]:
+        """The entries of the chosen element that aren't plotted, and the chosen one."""
+        chosen = self.stack.chosen_plot
+        return [each for each in plots_of([chosen.element]) if each == chosen or each not in self.stack.plots]
 
     def command_all_entries(self) -> None:
         """Plot all entries of the vector, or the chosen one alone."""
+        if self._refused("all_entries"):
+            return
         chosen = self.stack.chosen_plot
         every = plots_of([chosen.element])
         shown = [each for each in self.stack.plots if each in every]
-        if len(every) < 2:
-            self.say("no vector: one value")
-        elif len(shown) < len(every):
+        if len(shown) < len(every):
             self._replace(every, shown)
         else:
             self._replace([chosen], shown)
