@@ -55,11 +55,18 @@ async def settled(change: Awaitable[object]) -> None:
     await asyncio.shield(change)
 
 
-def ask(of: DOMNode, dialog: Screen[ResultT | None], then: Callable[[ResultT], object]) -> None:
-    """Show a dialog, and go on with what it answers; where it was left, nothing is done."""
+def ask(
+    of: DOMNode,
+    dialog: Screen[ResultT | None],
+    then: Callable[[ResultT], object],
+    left: Callable[[], object] = lambda: None,
+) -> None:
+    """Show a dialog, and go on with what it answers; where it was `left`, take back what was done for it."""
 
     def answered(answer: ResultT | None) -> None:
-        if answer is not None:
+        if answer is None:
+            left()
+        else:
             then(answer)
 
     of.app.push_screen(dialog, answered)

@@ -38,7 +38,7 @@ def test_a_moment_of_a_file_counts_from_its_beginning_and_before_its_end(words, 
 
 @pytest.mark.parametrize(
     ("words", "says"),
-    [("soon", "'soon' is no time: -3s"), ("", "is no time"), ("3 apples", "is no time"), ("25:00", "is no time"),
+    [("soon", "'soon' is no time: -3s"), ("", "type a time: -3s"), ("3 apples", "is no time"), ("25:00", "is no time"),
      ("12:60", "is no time"), ("--3s", "is no time"), ("+-3s", "is no time"),
      ("+21s", "later than"), ("+", "is no time"), ("31s", "later than all that is held, which ends at 30 s"),
      ("nan", "is no time"), ("1e400", "is no time"), ("13:07", "a clock of its own")],

@@ -178,6 +178,27 @@ async def test_what_one_key_entered_escape_leaves_in_one(fake, opened):
             assert screen.app.screen is shown
 
 
+async def test_what_was_held_for_a_question_that_is_left_goes_on(fake, opened):
+    """One key held the picture to look for something in it: one that looks for nothing lets go of it."""
+    async with opened(fake.run(60)) as screen:
+        await open_torque(screen)
+        shown = monitor(screen)
+        for letters in ((), ("a",), ("x",), ("w",)):
+            await screen.do("find")
+            await screen.shows("Find in")
+            await screen.press(*letters)
+            assert shown.window.paused
+            await screen.until(lambda letters=letters: "e.g. -3s" in screen.text or letters != ("a",), "an example")
+            await screen.press("escape")
+            await screen.until(lambda: not shown.window.paused and not fake.pins, "it goes on")
+            assert screen.app.screen is shown
+        await hold(screen)
+        await screen.do("find")
+        await screen.press("escape")
+        await screen.until(lambda: screen.app.screen is shown, "the plots")
+        assert shown.window.paused, "that pause was another key's"
+
+
 async def test_scrolling_back_while_it_runs_looks_into_the_buffers_and_end_returns(deep, opened):
     fake = deep
     async with opened(fake.run(60)) as screen:

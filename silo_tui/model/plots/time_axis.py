@@ -70,6 +70,8 @@ def moment_of(words: str, zero_ns: int, newest_ns: int, here_ns: int) -> int:
     if (found := _CLOCK.fullmatch(word)) is None:
         sign, length = (-1 if word[:1] == "-" else 1), word.removeprefix(word[:1] if word[:1] in "+-" else "")
         known = float(length) if _NUMBER.fullmatch(length) else seconds_of(length)
+        if not word:
+            raise ValueError(f"type a time: {MOMENTS}")
         if known is None:
             raise ValueError(f"{words.strip()!r} is no time: {MOMENTS}")
         begin_ns = {"+": here_ns, "-": newest_ns}.get(word[:1], zero_ns)

@@ -148,7 +148,9 @@ class RunsScreen(ComparesTwo[ListedRun]):
 
     def command_runs_column(self) -> None:
         body = "A statistic of each run: max(joints/tau), rms(imu/acc_z), a parameter. Again: takes it away."
-        self.app.push_screen(Prompt("A column more", body, "", "max(joints/tau)", self._add_or_drop), self._ordered)
+        self.app.push_screen(
+            Prompt("A column more", body, "", "e.g. max(joints/tau)", self._add_or_drop), self._ordered
+        )
 
     def _add_or_drop(self, expression: str) -> None:
         """Raises SiloError for an expression that can't be understood."""

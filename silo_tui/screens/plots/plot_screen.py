@@ -5,7 +5,7 @@ all that is held and cursor A is a moment of it. What is shown comes from a `Plo
 """
 
 import asyncio
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 from textual.app import ComposeResult
@@ -443,6 +443,31 @@ class PlotScreen(SiloScreen):
         if self.pause.possible and self.pause.source is None:
             self.hold()
 
+    def pause_for_now(self) -> Callable[[], None]:
+        """Hold the rows while something is asked; return what lets go of them, where nothing held them before."""
+        if not self.pause.possible or self.pause.source is not None:
+            return lambda: None
+        window = self.window
+        ran, cursor, spans = not window.paused, window.cursor, window.spans
+        self.hold()
+
+        def let_go() -> None:
+            if ran:
+                self.go_on()
+                window.cursor = cursor
+            else:
+                self._release()
+                window.spans = spans
+
+        return let_go
+
+    def _release(self) -> None:
+        """Let go of what is held, and look on at what was looked at."""
+        self.pause.release()
+        self.source = self.stack.source = self.session.source
+        self.more_is_here()
+        self.request_view()
+
     def hold(self) -> None:
         """Hold what is on the screen, with as much before it."""
         newest_ns = self.session.source.end_ns if self.window.paused else 0  # looking back, time goes on
@@ -457,12 +482,9 @@ class PlotScreen(SiloScreen):
 
     def go_on(self) -> None:
         """Show what comes again."""
-        self.pause.release()
-        self.source = self.stack.source = self.session.source
         self.window.go_on()
         self.show_between()
-        self.more_is_here()
-        self.request_view()
+        self._release()
 
     async def _look(self) -> None:
         """Pin and fetch what is on the screen; where its rows are gone by now, show the oldest that there are."""

@@ -264,7 +264,7 @@ class ScopeScreen(SiloScreen):
         way = "rising" if now.direction > 0 else "falling"
         typed = f"{way} {text.short(now.level, 6)} pre {100 * now.pre:g} {now.mode.value}"
         body = "rising or falling, the level, pre and its share in %, normal, single or auto"
-        prompt = Prompt("Scope", body, typed, "rising 20 pre 40 normal", lambda line: parse_settings(line, now))
+        prompt = Prompt("Scope", body, typed, "e.g. rising 20 pre 40 normal", lambda line: parse_settings(line, now))
         ask(self, prompt, lambda line: self._set(parse_settings(line, now), ""))
 
     def command_scope_force(self) -> None:

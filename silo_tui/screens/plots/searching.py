@@ -240,7 +240,7 @@ class MomentSearch:
         if not self.screen.stack.plots:
             self.screen.say("nothing is plotted to find something in")
             return
-        self.screen.pause_here()
+        let_go = self.screen.pause_for_now()
         chosen_name = self.screen.session.short_name(self.screen.stack.chosen_plot.name)
         dialog = FindDialog(chosen_name, len(self.screen.stack.plots))
 
@@ -254,19 +254,19 @@ class MomentSearch:
         def chosen(answer: str) -> None:
             if answer == MOMENT:
                 title, check = "Go to a moment", self.screen.moment_typed
-                prompt = Prompt(title, f"Enter goes there: {MOMENTS}", "", "-3s", check)
-                ask(self.screen, prompt, lambda words: run_alone(self.screen, "find", self._go_to_typed, words))
+                prompt = Prompt(title, f"Enter goes there: {MOMENTS}", "", "e.g. -3s", check)
+                ask(self.screen, prompt, lambda words: run_alone(self.screen, "find", self._go_to_typed, words), let_go)
             elif answer == What.CROSSING.value:
-                line = Prompt("Find a crossing", HOW, "", "20", parse_crossing)
-                ask(self.screen, line, level_typed)
+                line = Prompt("Find a crossing", HOW, "", "e.g. 20", parse_crossing)
+                ask(self.screen, line, level_typed, let_go)
                 run_alone(self.screen, "offer", self._offer_level, line)
             elif answer == What.CONDITION.value:
                 dialog_of = ConditionDialog(self.screen.session, self._condition, chosen_name, self._turns_true)
-                ask(self.screen, dialog_of, condition_typed)
+                ask(self.screen, dialog_of, condition_typed, let_go)
             else:
                 self._find(Search(What(answer), everywhere=dialog.everywhere))
 
-        ask(self.screen, dialog, chosen)
+        ask(self.screen, dialog, chosen, let_go)
 
     async def _turns_true(self, condition: str) -> "TriggerTried":
         return within(await self.screen.pause.turns_true(condition), self.screen.held_ns)
