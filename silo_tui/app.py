@@ -487,7 +487,8 @@ class SiloApp(Guarded, App[None]):
         def plotted(file: "FileSession") -> list[str]:
             return [name for name in names if name in file.table.names]
 
-        run_alone(self, "opening", open_saved, self.context, session, session.left_files, plotted)
+        what = f"opening what {session.name} left"
+        self.context.open_over(self, what, open_saved, self.context, session, session.left_files, plotted)
 
     def command_events(self) -> None:
         from silo_tui.screens.lists.events import EventsScreen

@@ -7,14 +7,15 @@ Screens, dialogs and commands import this and never `silo_tui.app`; it imports w
 
 import time
 from collections import deque
-from collections.abc import Callable, Coroutine, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar, cast
 
 import msgspec
 from textual import events
 from textual.app import App, ComposeResult
+from textual.dom import DOMNode
 
 from silo.core.elements import SavedFile
 from silo.core.quantities.writing import wall_clock
@@ -24,7 +25,7 @@ from silo.rpc.frames import Frame
 from silo_tui.actions import BY_ID, Command, key_of, key_that_retries, typed_on, why_no_use, with_keys
 from silo_tui.gate import Holding
 from silo_tui.keymap import where
-from silo_tui.modal import Dialog, Leaving, run_alone
+from silo_tui.modal import Dialog, Given, Leaving, Work, run_alone, settled
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.model.words.text import saved_words
 from silo_tui.sessions import kept
@@ -82,6 +83,7 @@ class Context:
         self.came_back: Callable[[], None] = lambda: None  # catches up with the logger behind a file
         self._flow_running = self._asks_robot = False  # whether there is one, and whether the robot does what it asks
         self._saved_first = ""  # by a step of the flow that runs
+        self._opening: Holding | None = None  # stands over the screen until what is opened is there
         self.told: deque[Message] = deque(maxlen=MOST_TOLD)  # all that was said, the newest last
         self.tour: Tour | None = None
         self._unread: list[Message] = []  # news of the robot since a key was pressed
@@ -278,6 +280,7 @@ class Context:
 
     def fail(self, words: str) -> None:
         """Show an error on the screen below any dialog, whole: what waited for it may just be going."""
+        self.hold_no_longer()
         words = self._with_saved(self.shown(words))
         if self.has_session and self.session.dead and self.session.status.reason:  # which the banner says
             words = words.replace(self.session.status.reason, "the robot program is gone")
@@ -322,6 +325,47 @@ class Context:
             self._flow_running, self._saved_first = False, ""
             self.table_changed()
             self.status_changed()
+
+    # -------------------------------------------------------------------------------------------- what is opened
+
+    def open_over(self, of: DOMNode, what: str, work: Work[Given], *given: Given.args, **named: Given.kwargs) -> None:
+        """Open something over the screen in a worker of `of`: what is typed meanwhile is for that. Esc gives it up."""
+        self.hold_no_longer()
+
+        def give_up() -> None:
+            of.workers.cancel_group(of, "opening")
+            self.say(f"{what}: given up")
+
+        holding = self._opening = Holding(what, give_up)
+        made = self.app.push_screen(holding)  # at once: what is typed from now on is meant for what is opened
+        run_alone(of, "opening", self._open_over, holding, made, partial(work, *given, **named))
+
+    async def _open_over(
+        self, holding: Holding, made: Awaitable[object], work: Callable[[], Coroutine[Any, Any, object]]
+    ) -> None:
+        try:
+            await settled(made)
+            await work()
+        finally:
+            cast(Any, self.app).gate.holds = False
+            holding.end()
+
+    def make_room(self) -> None:
+        """Let what is opened come, one screen after another: keys wait until all of it is there."""
+        if self._opening is not None and not self._opening.ended:
+            cast(Any, self.app).gate.holds = True
+            self._opening.give_way()
+
+    def hold_no_longer(self) -> None:
+        """Let keys go to the screen again: what is opened takes long, or doesn't come."""
+        if self._opening is not None:
+            self._opening.end()
+
+    def is_still_on(self, screen: "SiloScreen | None") -> bool:
+        """Whether nothing but what stands for what is opened came over a screen."""
+        return self.upper_screen is screen and self.app.screen in (screen, self._opening)
+
+    # ------------------------------------------------------------------------------------------------ what is told
 
     @contextmanager
     def quiet(self) -> Iterator[None]:

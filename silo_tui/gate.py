@@ -8,6 +8,7 @@ import asyncio
 import re
 import time
 from collections import deque
+from collections.abc import Callable
 from typing import Any, cast
 
 from textual import events
@@ -46,6 +47,7 @@ class Gate:
         self._through: Typed | None = None
         self._moved = asyncio.Event()
         self.free = True  # whether all that was typed is carried out
+        self.holds = False  # while what was opened is shown, one screen after another
         self._spelled: tuple[str, str, float] = "", "", 0.0  # what a letter chose, as far as it is typed, and when
         self._last = self._opener = ""  # the last key, and the one before what was chosen, which opens that again
 
@@ -67,7 +69,7 @@ class Gate:
         self._kept.append(typed)
         if self.free:
             self.free = False
-            if not waits:
+            if not (waits or self.holds):
                 self._let_through()
             run_aside(self._app, "keys", self._go_on)
         return True
@@ -121,7 +123,7 @@ class Gate:
         await _done(self._app)
         while self._app.screen_stack:  # none is there as the program ends
             top, focused = self._app.screen, self._app.focused
-            if isinstance(top, Dialog) and top.waits:
+            if self.holds or (isinstance(top, Dialog) and top.waits):
                 self._moved.clear()
                 await self._moved.wait()
                 continue
@@ -142,9 +144,12 @@ class Holding(Dialog[None]):
 
     KEYS_HERE = "Esc Lets it go on"
 
-    def __init__(self, what: str) -> None:
+    def __init__(self, what: str, gives_up: Callable[[], object] | None = None) -> None:
+        """Wait for `what`; that which Esc ends, by `gives_up`, is told at once."""
         super().__init__()
-        self._what = what
+        self._what, self._gives_up = what if gives_up is not None else f"waiting for {what}", gives_up
+        if gives_up is not None:
+            self.KEYS_HERE = "Esc Gives it up"
         self._began = time.monotonic()
         self.ended = False
         self._there = False
@@ -163,15 +168,17 @@ class Holding(Dialog[None]):
         """Begin to count the seconds; go, where what was asked for came sooner than this."""
         self._there = True
         self.set_interval(0.1, self._tell)
+        self._tell()
         if self.ended:
             self.call_later(self.end)
 
     def _tell(self) -> None:
         waited = time.monotonic() - self._began
-        if waited >= TELLS_AFTER_S and self.is_active:
+        if (self._gives_up is not None or waited >= TELLS_AFTER_S) and self.is_active:
+            since = text.span(round(waited, 1)) if waited >= TELLS_AFTER_S else "…"
             line = self.query_one("#waiting", Static)
             line.display = True
-            line.update(f"waiting for {self._what} {text.span(round(waited, 1))}   Esc lets it go on")
+            line.update(f"{self._what} {since}   {self.KEYS_HERE.replace(' L', ' l').replace(' G', ' g')}")
 
     def on_screen_suspend(self) -> None:
         """Make room for the dialog that came."""
@@ -190,6 +197,11 @@ class Holding(Dialog[None]):
         self._began = time.monotonic()
         if self.ended:
             self.end()
+
+    def give_way(self) -> None:
+        """Go for what was asked for, which comes now: what was typed is meant for that."""
+        self._answered = True
+        self.end()
 
     def end(self) -> None:
         """Go, at once or as soon as what lies above is gone."""
@@ -212,6 +224,8 @@ class Holding(Dialog[None]):
             self.ended = True
             self.dismiss()
             self._gate.moved()
+            if self._gives_up is not None:
+                self._gives_up()
         elif event.key == "ctrl+q":
             cast(Any, self.app).context.left()
             self.app.exit()

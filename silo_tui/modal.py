@@ -168,6 +168,7 @@ class Behind(Visual):
 class Dialog(ModalScreen[ResultT], Leaving[ResultT]):  # in this order: Textual finds styles by the first base
     """A dialog, which is left once."""
 
+    scope = ""  # that of a full screen; this is none
     waits = False  # whether it only stands for what is on its way, and keys wait for that
     loses = False  # whether an answer loses something
     asks = False  # whether it is a question: nothing typed is lost where it closes by itself

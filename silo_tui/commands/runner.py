@@ -31,7 +31,7 @@ from silo_tui.context import Context, SiloScreen
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout
 from silo_tui.layouts.presets import BY_NAME, NEAR, PRESETS, near_limit, within
-from silo_tui.modal import ask, run_alone
+from silo_tui.modal import ask
 from silo_tui.model.words import command_line
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.model.words.paths import typed_file, typed_path
@@ -197,10 +197,9 @@ class CommandRunner:
         from silo.analysis.opening import open_log
         from silo_tui.screens.files.opened import show_read
 
-        self._context.say(f"reading {typed.rest} …")
-        failed = f"{typed.rest} can't be opened"
-        run_alone(
-            self._context.app, "opening", show_read, self._context,
+        context, failed = self._context, f"{typed.rest} can't be opened"
+        context.open_over(
+            context.app, f"opening {typed.rest}", show_read, context,
             lambda: open_log(typed_path("the log", typed.rest)), failed,
         )  # fmt: skip
 

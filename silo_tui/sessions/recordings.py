@@ -81,11 +81,13 @@ def cache_folder(host: str, logger: str) -> Path:
     return user_folder("XDG_CACHE_HOME", ".cache") / "recordings" / plain.lstrip(".")
 
 
-def bring_here(client: "Client", folder: str, file: RecordingFile, cache: Path, fetching: Fetching) -> Path:
-    """Return a path of this machine where the recording can be opened; fetched into the cache if it must be."""
-    found = here(folder, file) or here(cache, msgspec.structs.replace(file, folder=""))
-    if found is not None:
-        return found
+def lies_here(folder: str, file: RecordingFile, cache: Path) -> Path | None:
+    """Return a path of this machine where the recording can be opened; None where it must be fetched."""
+    return here(folder, file) or here(cache, msgspec.structs.replace(file, folder=""))
+
+
+def bring_here(client: "Client", file: RecordingFile, cache: Path, fetching: Fetching) -> Path:
+    """Fetch a recording into the cache."""
     path = client.fetch(file.name, cache, fetching.progress, replace=True)
     _make_room(cache.parent, path)
     return path

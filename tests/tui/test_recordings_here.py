@@ -8,7 +8,7 @@ import pytest
 
 from silo.core.elements import FileType
 from silo_tui.sessions import recordings
-from silo_tui.sessions.recordings import Fetching, GivenUpError, as_listed, bring_here, cache_folder, here
+from silo_tui.sessions.recordings import Fetching, GivenUpError, as_listed, bring_here, cache_folder, here, lies_here
 
 
 @pytest.fixture
@@ -62,12 +62,12 @@ def test_what_was_fetched_before_is_not_fetched_again(tmp_path, cache, monkeypat
 
     client, fetching = SimpleNamespace(fetch=fetch), Fetching("a.silo")
     file = as_listed(put(tmp_path / "a.silo", 5), FileType.SILO, "runs")
-    for _ in range(2):
-        assert bring_here(client, "/robot/logs", file, cache, fetching) == cache / "a.silo"
+    assert lies_here("/robot/logs", file, cache) is None
+    assert bring_here(client, file, cache, fetching) == lies_here("/robot/logs", file, cache) == cache / "a.silo"
     assert asked == [("a.silo", cache, True)]
     assert not before.exists()  # there is no room for both
     lies = put(tmp_path / "logs" / "runs" / "a.silo", 5)
-    assert bring_here(client, str(tmp_path / "logs"), file, cache, fetching) == lies
+    assert lies_here(str(tmp_path / "logs"), file, cache) == lies
 
 
 def test_what_was_fetched_longest_ago_makes_room(cache, monkeypatch):

@@ -10,7 +10,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from textual import events
 
+from silo.analysis import opening
 from silo.conditions.standing import TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import BufferType, Entry, FileType, LoggedEvent, SavedFile, State
@@ -22,6 +24,7 @@ from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.screens.lists.recordings import FIRST, RecordingsScreen
 from silo_tui.screens.plots.monitor import MonitorScreen
 from silo_tui.screens.table import TableScreen
+from tests.tui.conftest import character_of
 from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
@@ -107,6 +110,35 @@ async def test_what_is_saved_meanwhile_comes_into_the_list(opened, fake, logs):
 
 
 # ------------------------------------------------------------------------------------------------ opening in place
+
+
+async def test_while_a_file_is_read_that_is_said_and_what_is_typed_is_for_its_table(opened, fake, logs, monkeypatch):
+    reads, read = threading.Event(), opening.open_log
+    monkeypatch.setattr(opening, "open_log", lambda which: reads.wait(DEADLINE_S) and read(which))
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        for key in ("enter", "slash", *"torque", "enter", "m"):
+            screen.app.post_message(events.Key(key, character_of(key)))
+        await screen.shows("opening robot_20260921_14-00-00_00007_fall_3.silo")
+        await screen.shows("Esc Gives it up")
+        reads.set()
+        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "the plots of what was filtered")
+        assert screen.app.screen_stack[-2].session.rows.filter.text == "torque"
+        assert not screen.app.screen_stack[-3].asked, "nothing of it was for the list"
+
+
+async def test_esc_gives_an_opening_up(opened, fake, logs, monkeypatch):
+    reads, read = threading.Event(), opening.open_log
+    monkeypatch.setattr(opening, "open_log", lambda which: reads.wait(DEADLINE_S) and read(which))
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        await screen.press("enter")
+        await screen.shows("opening robot")
+        await screen.press("escape")
+        await screen.shows(": given up")
+        reads.set()
+        await screen.press("j")
+        await screen.until(lambda: screen.app.screen.lines.highlighted == 1, "the list goes on")
 
 
 async def test_enter_opens_the_file_and_escape_comes_back_to_the_same_row(opened, fake, logs):
@@ -587,5 +619,6 @@ async def test_what_cannot_be_fetched_is_not_compared(opened, fake, logs, monkey
         for path in logs.glob("*.silo"):
             path.unlink()
         await screen.do("mark", "mark", "compare_runs")
-        await screen.until(lambda: screen.app.screen.message._failed, "why not")
-        assert isinstance(screen.app.screen, RecordingsScreen)
+        await screen.shows("can't be opened")
+        await screen.until(lambda: isinstance(screen.app.screen, RecordingsScreen), "the list")
+        assert screen.app.screen.message._failed

@@ -14,12 +14,11 @@ from silo.files.formats import kind_of
 from silo.recordings.requests import RecordingFile
 from silo_tui.actions import key_of
 from silo_tui.context import Context, SiloScreen
-from silo_tui.modal import run_alone
 from silo_tui.model.lists.conditions import MOST_PLOTS, named_in
 from silo_tui.model.lists.recordings import begun_ns, best_file
 from silo_tui.model.plots.overlay import overlay_of
 from silo_tui.sessions.live import Session
-from silo_tui.sessions.recordings import Fetching, GivenUpError, as_listed, bring_here, cache_folder
+from silo_tui.sessions.recordings import Fetching, GivenUpError, as_listed, bring_here, cache_folder, lies_here
 
 if TYPE_CHECKING:
     from silo.analysis.log import Log
@@ -41,7 +40,7 @@ async def open_recording(
     if found is None:
         return
     path, opened = found
-    if context.upper_screen is not asked_on or context.app.screen is not asked_on:
+    if not context.is_still_on(asked_on):
         context.say(f"{file.name} is here: {path}")  # whoever asked went elsewhere meanwhile
         return
     await _show(context, opened, plotted(opened) if plotted is not None else ())
@@ -56,10 +55,8 @@ async def show_read(
 
     Scalars that are `plotted` share a plot over its table, with the cursor at a moment.
     """
-    from silo_tui.sessions.recorded import opened
-
     with context.telling(failed):
-        file = await asyncio.to_thread(opened, read)
+        file = await asyncio.to_thread(_read, read)
         await _show(context, file, file.table.names if plotted else (), plotted, at_ns)
 
 
@@ -78,6 +75,7 @@ async def _show(
     from silo_tui.screens.plots.monitor import MonitorScreen
 
     with context.app.batch_update():
+        context.make_room()
         context.show_file(opened)
         await context.app.push_screen(FileTableScreen(opened, leave=context.leave_file))
         context.table_changed()
@@ -95,6 +93,15 @@ async def _show(
             monitor.call_after_refresh(monitor.show_moment_of, at_ns)
 
 
+def _read(read: "Callable[[], Log]") -> "FileSession":
+    """Read a log; with it come, in this thread too, the screens that show it: importing them takes long."""
+    from silo_tui.screens.files import file_table  # noqa: F401
+    from silo_tui.screens.plots import monitor  # noqa: F401
+    from silo_tui.sessions.recorded import opened
+
+    return opened(read)
+
+
 async def overlay_recording(context: Context, session: Session, folder: str, file: RecordingFile, name: str) -> None:
     """Lay a recording over the live plots."""
     found = await _opened(context, session, folder, file)
@@ -108,11 +115,15 @@ async def _opened(
     context: Context, session: Session, folder: str, file: RecordingFile
 ) -> "tuple[Path, FileSession] | None":
     """Return a recording, opened, and where it is on this machine; None, and told why, where it can't be."""
-    from silo_tui.sessions.recorded import open_file
+
+    def read(path: Path) -> "FileSession":
+        from silo.analysis.opening import open_log
+
+        return _read(lambda: open_log(path))
 
     path = await brought_here(context, session, folder, file)
     with context.telling(f"{file.name} can't be opened"):
-        return (path, await asyncio.to_thread(open_file, path)) if path is not None else None
+        return (path, await asyncio.to_thread(read, path)) if path is not None else None
     return None
 
 
@@ -121,11 +132,15 @@ async def brought_here(context: Context, session: Session, folder: str, file: Re
     if file.name in session.fetches:
         context.say(f"{file.name} is on its way already")
         return None
-    fetching = session.fetches[file.name] = Fetching(file.name)
     cache = cache_folder(session.status.host, session.name)
+    lies = await asyncio.to_thread(lies_here, folder, file, cache)
+    if lies is not None:
+        return lies
+    context.hold_no_longer()  # over a thin link it takes minutes
+    fetching = session.fetches[file.name] = Fetching(file.name)
     try:
         with suppress(GivenUpError), context.telling(f"{file.name} can't be opened"):
-            return await session.connection.aside(lambda client: bring_here(client, folder, file, cache, fetching))
+            return await session.connection.aside(lambda client: bring_here(client, file, cache, fetching))
     finally:
         session.fetches.pop(file.name, None)
     return None
@@ -176,7 +191,8 @@ def open_last_capture(screen: SiloScreen, session: Session) -> None:
     if captured:
         # a trigger that fires now has an older file until that capture is written
         last = max(captured, key=lambda one: one.whole.time_ns if one.whole is not None else one.last_ns)
-        run_alone(screen, "opening", open_capture, screen.context, session, last)
+        what = f"opening the last capture of {last.options.name}"
+        screen.context.open_over(screen, what, open_capture, screen.context, session, last)
     elif under_way := [one for one in session.triggers if one.capturing_s]:
         options = under_way[0].options
         screen.say(

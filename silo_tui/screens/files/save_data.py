@@ -22,7 +22,7 @@ from silo.files.formats import SAVED, SAVED_NAMES
 from silo.rpc.published import Event, EventKind
 from silo_tui.actions import key_of
 from silo_tui.context import Context
-from silo_tui.modal import run_alone, run_aside
+from silo_tui.modal import run_aside
 from silo_tui.model.words import text
 from silo_tui.screens.dialogs.form import Form
 from silo_tui.unforeseen import Guarded
@@ -165,9 +165,7 @@ class SaveDialog(Form[list[SavedFile]]):
         if self._files and not self._go_on:
             context, files = self.context, self._files
             self.dismiss(files)
-            self.app.call_after_refresh(
-                lambda: run_alone(self.app, "opening", open_saved, context, context.session, files)
-            )
+            context.open_over(self.app, "opening what was saved", open_saved, context, context.session, files)
 
     def action_leave(self) -> None:
         """Leave; a save that is under way goes on in the helper process."""

@@ -12,7 +12,7 @@ from textual.widgets import Static
 from silo_tui.actions import Command, key_of, key_that_retries
 from silo_tui.context import SiloScreen
 from silo_tui.keymap import DESTROYS, TWO_LAYERS
-from silo_tui.modal import ask, run_alone
+from silo_tui.modal import ask
 from silo_tui.model.lists.ordering import Marks, Order, arranged, passes, standing
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.questions import OrderDialog
@@ -384,7 +384,7 @@ class ComparesTwo(ListScreen[LineT]):
     def command_compare_runs(self) -> None:
         targets = self.targets("no run is here")
         if len(targets) == 2:
-            run_alone(self, "opening", self._compare, targets[::-1])
+            self.context.open_over(self, "comparing two runs", self._compare, targets[::-1])
         elif targets:
             marked = f"{len(targets)} {'is' if len(targets) == 1 else 'are'} marked"
             self.say(f"{key_of('list_mark')} marks runs: two are compared, {marked}")
@@ -392,7 +392,6 @@ class ComparesTwo(ListScreen[LineT]):
     async def _compare(self, targets: Sequence[LineT]) -> None:
         ways = [way for one in targets if (way := await self.opener_of(one)) is not None]
         if len(ways) == 2:
-            self.say(f"comparing {ways[1][0]} with {ways[0][0]} …")
             await self.compare_logs(ways)
 
 

@@ -213,7 +213,9 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
         if one.unfinished:
             self.say(f"{one.stem} is not finished: it is being written, or its writer died; the next start removes it")
             return
-        run_alone(self, "opening", open_recording, self.context, self.session, self.found.folder, rows.best_file(one))
+        file, context = rows.best_file(one), self.context
+        what = f"opening {file.name}"
+        context.open_over(self, what, open_recording, context, self.session, self.found.folder, file)
 
     enter = command_open_recording
 

@@ -45,7 +45,6 @@ class RunsScreen(ComparesTwo[ListedRun]):
         self.found: RunList | None = None
         self.values: dict[str, dict[str, float]] = {}  # of columns more, by expression and path
         self._holding: set[str] | None = None  # those for which the filter's condition holds
-        self._reading = False  # runs that are to lie over each other
         self._failed = ""
         self._far = ""  # how many files that are new were read
 
@@ -178,7 +177,8 @@ class RunsScreen(ComparesTwo[ListedRun]):
         if (one := self.here()) is not None:
             is_long = one.facts.ticks > MOST_TICKS  # of days: the part under its name, which says that it is one
             read = partial(open_log, one.path) if is_long else one.open
-            run_alone(self, "opening", show_read, self.context, read, f"{one.facts.path} can't be opened")
+            what, failed = f"opening {self._names[one.facts.path]}", f"{one.facts.path} can't be opened"
+            self.context.open_over(self, what, show_read, self.context, read, failed)
 
     enter = command_open_run
 
@@ -195,29 +195,15 @@ class RunsScreen(ComparesTwo[ListedRun]):
             return
         body = f"{many(len(targets), 'run')}, by the time since their start; or since the first event with these words:"
         prompt = Prompt("Overlay", body, "", "start")
-        ask(self, prompt, lambda event: run_alone(self, "opening", self._show_together, targets, event.strip()))
+        ask(self, prompt, lambda event: self._show_together(targets, event.strip()))
 
-    async def _show_together(self, targets: list[ListedRun], event: str) -> None:
+    def _show_together(self, targets: list[ListedRun], event: str) -> None:
         def read() -> Log:
             logs = [(one.name, one.open()) for one in targets]
             return Log(rows.together(logs, event), str(Path(self._folder) / " + ".join(one.name for one in targets)))
 
-        self.say(f"reading {many(len(targets), 'run')} … {key_of('back')} gives it up")
-        self._reading = True
-        try:
-            await show_read(self.context, read, "these runs can't lie over each other")
-            if self.app.screen is not self:  # they are shown; else it was told why not
-                self.say("")
-        finally:
-            self._reading = False
-
-    def command_back(self) -> None:
-        """Give up what is read to lie over each other, before anything else."""
-        if not self._reading:
-            super().command_back()
-            return
-        self.workers.cancel_group(self, "opening")
-        self.say("given up; what was marked is marked still")
+        what, failed = f"reading {many(len(targets), 'run')}", "these runs can't lie over each other"
+        self.context.open_over(self, what, show_read, self.context, read, failed)
 
 
 async def show_differences(screen: SiloScreen, ways: Sequence[Opener]) -> None:
@@ -229,7 +215,7 @@ async def show_differences(screen: SiloScreen, ways: Sequence[Opener]) -> None:
 
     with screen.context.telling(f"{' and '.join(name for name, _ in ways)} can't be compared"):
         logs, found = await asyncio.to_thread(read)
-        screen.say("")
+        screen.context.make_room()
         screen.app.push_screen(ComparisonScreen(logs, found))
 
 
@@ -292,7 +278,7 @@ class ComparisonScreen(ListScreen[SignalDifference]):
 
     def command_plot_compared(self) -> None:
         if (one := self.here()) is not None:
-            run_alone(self, "opening", self._plot, one.name, one.at_s)
+            self.context.open_over(self, f"plotting {self.named(one.name)}", self._plot, one.name, one.at_s)
 
     async def _plot(self, name: str, at_s: float) -> None:
         """Plot a scalar of both where they differ most, as its line says."""

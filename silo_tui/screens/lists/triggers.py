@@ -11,7 +11,6 @@ from silo.core.conditions import TriggerOptions, TriggerWord, new_trigger
 from silo.core.quantities.writing import many
 from silo.judging.checks import long_capture_s
 from silo_tui.actions import key_of
-from silo_tui.modal import run_alone
 from silo_tui.model.lists.conditions import CAUTION, LOUD, name_width, named_in, times_head, trigger_row
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
@@ -169,6 +168,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
             why = "its first capture is under way" if one.capturing_s else f"{one.options.name} has no capture yet"
             self.say(f"{why}; {key_of('plot_conditions')} plots its signals")
         elif one is not None:
-            run_alone(self, "opening", open_capture, self.context, self.session, one)
+            what = f"opening the last capture of {one.options.name}"
+            self.context.open_over(self, what, open_capture, self.context, self.session, one)
 
     enter = command_trigger_capture
