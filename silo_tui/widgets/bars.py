@@ -142,9 +142,9 @@ class StatusBar(FittingLine):
         elif session.connected:
             add(4, "  lost 0")
         alarm, is_red, watching = head_words(session.triggers, session.limits)
-        for rank, told, style in ((7, alarm, "alarm" if is_red else "warning"), (6, watching, "")):
-            long, *shorter = [f"  {words}" for words in told] or [""]  # neither ever gives way, their words do
-            parts.append(LinePart(rank, long, bold(variables, style), tuple(shorter)))
+        for rank, phrases, role in ((7, alarm, "alarm" if is_red else "warning"), (6, watching, "")):
+            long, *less = [f"  {words}" for words in phrases] or [""]  # neither ever gives way, their words do
+            parts.append(LinePart(rank, long, bold(variables, role), tuple(less)))
         self._add_others(add)
         return parts
 
