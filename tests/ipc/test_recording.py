@@ -15,6 +15,7 @@ from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import BufferType, RecorderState
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveError, StateError
+from silo.files.manifest import read_written
 from silo.recorder.requests import recording_folder
 from silo.recovery.parts import left_parts
 from silo.rpc.published import EventKind
@@ -148,6 +149,13 @@ def test_after_a_kill_of_all_recover_closes_the_part(robots, tmp_path, monkeypat
     span(parts(tmp_path / "logs" / "walks")[0])
 
 
+def limited(folder: Path, name: str, run: str) -> bool:
+    """Whether a recorder writes what comes of a run with limits."""
+    written = read_written(folder, name)
+    entry = written.entry(run) if written is not None else None
+    return entry is not None and entry.conditions is not None and bool(entry.conditions.limits)
+
+
 @pytest.mark.slow
 def test_a_restart_is_recorded_from_its_first_tick_and_the_program_may_record_too(bench, client, heard) -> None:
     bench.logger.set(buffer="looping", size=1000)
@@ -158,7 +166,11 @@ def test_a_restart_is_recorded_from_its_first_tick_and_the_program_may_record_to
     bench.ticks(100)
     bench.logger.mark("fell")
     bench.logger.restart()
-    client.limit("x", (None, None, 1, 120))  # the recorder has it before the answer comes, and so before the rows
+    client.limit("x", (None, None, 1, 120))  # a recorder that looks for rows just now takes it in behind them
+    for place, name in ((folder.parent / "elsewhere", "bot"), (folder / "recordings", "bot-2")):
+        wait_until(
+            lambda of=(place, name): limited(*of, bench.logger._present.run.id)
+        )  # it may be reading rows already
     bench.ticks(50)
     assert client.status().recorders == 2
     with pytest.raises(RefusedError, match="say which recording: there are 'bot', 'bot-2'; nothing was stopped"):
