@@ -15,6 +15,7 @@ from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import BufferType, RecorderState
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveError, StateError
+from silo.files.event_log import read_events
 from silo.files.manifest import read_written
 from silo.recorder.requests import recording_folder
 from silo.recovery.parts import left_parts
@@ -102,7 +103,8 @@ def test_of_a_killed_helper_the_next_one_goes_on_recording(robots, tmp_path) -> 
     with Client.connect("bot") as client:
         client.record(to="walks", name="walk")
         wait_until(lambda: samples(client))
-        client.mark("one")
+        client.mark("one")  # answered after half a second also where a starved thread has yet to write it
+        wait_until(lambda: "one" in [event.text for event in read_events(tmp_path / "logs", "bot")])
         os.kill(robot.helper_pid, 9)
         robot.helper_pid = wait_until(lambda: another_helper(client, robot.helper_pid))
         wait_until(lambda: samples(client))
