@@ -7,7 +7,7 @@ and is closed when the last of its users gives it back.
 import os
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import msgspec
@@ -102,7 +102,7 @@ def _shown(path: Path) -> tuple[bytes | None, str]:
     """
     name = user_name(os.getuid())
     for file, identity in ((Beside.OWN.of(path), local_identity(name)), (Beside.GROUP.of(path), group_identity(name))):
-        if os.access(file, os.R_OK):
+        with suppress(FileNotFoundError, PermissionError):  # its helper process may end meanwhile
             return file.read_bytes(), identity
     return None, local_identity(name)
 

@@ -16,10 +16,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from silo.client.client import Client
+from silo.core.runtime import user_name
 from silo.errors import ConnectionLostError
 from silo.net import keys
+from silo.net.access.senders import local_identity
 from silo.net.found import LoggerAddress
-from silo.net.session import MAX_SOCKET_PATH, close, open_client, open_server, owner_is_gone, socket_path
+from silo.net.session import (
+    MAX_SOCKET_PATH,
+    Beside,
+    close,
+    leading_to,
+    open_client,
+    open_server,
+    owner_is_gone,
+    socket_path,
+)
+from silo.net.sessions import _shown
 
 PID = 4711
 
@@ -80,6 +92,26 @@ def test_socket_of_a_killed_process_is_taken_over(runtime: Path) -> None:
     session, again = open_server(runtime, "bot", PID)
     close(session)
     assert again == path
+
+
+@pytest.mark.parametrize(
+    ("beside", "read", "ask", "says"),
+    [
+        (Beside.SECRET, "read_text", leading_to, lambda path: {"connect": {"endpoints": [f"unixsock-stream/{path}"]}}),
+        (Beside.OWN, "read_bytes", _shown, lambda _: (None, local_identity(user_name(os.getuid())))),
+    ],
+)
+def test_a_word_that_goes_with_its_server_while_it_is_read_is_none(runtime, monkeypatch, beside, read, ask, says):
+    path = socket_path(runtime, "bot", PID)
+    beside.of(path).write_text("local:1f")
+    plain = getattr(Path, read)
+
+    def gone(file: Path) -> object:
+        file.unlink(missing_ok=True)
+        return plain(file)
+
+    monkeypatch.setattr(Path, read, gone)
+    assert ask(path) == says(path)
 
 
 def test_socket_path_that_is_too_long_is_told_with_its_length() -> None:
