@@ -688,6 +688,12 @@ class TestLists:
             await screen.shows("must rise")
             await screen.press("backspace", "4")
             await screen.shows(" H▲ HH▲")  # its newest values lie below both
+            assert "╌" not in screen.text
+            middle = (np.nanmin(past.low) + np.nanmax(past.high)) / 2
+            screen.app.screen.field("H").value = f"{middle:.6f}"
+            await screen.shows("╌")  # there it is
+            screen.app.screen.field("H").value = "3"
+            await screen.shows(" H▲ HH▲")
             await screen.press("enter")
             await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
             assert fake.calls[-1][1].bounds == (None, None, 3.0, 4.0)

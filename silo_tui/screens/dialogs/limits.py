@@ -9,11 +9,13 @@ from silo.core.arrays.columns import ColumnStore
 from silo.core.conditions import SignalLimits, TriggerOptions
 from silo.errors import SiloError
 from silo.judging.checks import rule_of
+from silo_tui.model.drawing.dots import BLANK
 from silo_tui.model.drawing.plots import draw, plots_of
 from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
 from silo_tui.model.lists.conditions import NOW, held_axis, tried_lines
 from silo_tui.model.plots.limit_line import BOUNDS, fields_of, limits_of_fields
 from silo_tui.model.plots.limits import between, lines_of
+from silo_tui.model.plots.picture import LIMIT
 from silo_tui.screens.dialogs.form import Form, taken
 from silo_tui.sessions.live import Session
 
@@ -126,8 +128,8 @@ class LimitsDialog(Form[LimitsWish]):
         return "\n".join([*told, *await self._trend(limits, shown, tried, width)])
 
     async def _trend(self, limits: SignalLimits, shown: str, tried: TriggerTried, whole: int) -> list[str]:
-        """Return the signal as lines of dots below the axis of what was tried, each with the bounds that lie there, or
-        beyond it.
+        """Return the signal as lines of dots below the axis of what was tried, over dashes where bounds are; beside
+        each line stand the bounds that lie there, or beyond it.
         """
         session, source, (left, width) = self._session, self._session.source, held_axis(tried, whole)
         names, short = (limits.name, shown), session.short_name
@@ -143,7 +145,12 @@ class LimitsDialog(Form[LimitsWish]):
         except SiloError:
             return []  # how often they would have been violated is told without its curve
         picture = draw(store, window, plotted, width, TREND_LINES, source.period_ns(plotted.element.name))
-        beside = [""] * TREND_LINES
+        rows, beside = list(picture.lines), [""] * TREND_LINES
         for line in lines_of(limits.bounds, picture.axis, TREND_LINES):
             beside[line.line] += f" {line.mark}"
-        return [f"{'':{len(left)}}{row}{marks}" for row, marks in zip(picture.lines, beside, strict=True)]
+            if not line.beyond:  # dashed, behind the curve, as in the plots
+                dashes = (LIMIT + BLANK) * width
+                rows[line.line] = "".join(
+                    dash if cell == BLANK else cell for cell, dash in zip(rows[line.line], dashes, strict=False)
+                )
+        return [f"{'':{len(left)}}{row}{marks}" for row, marks in zip(rows, beside, strict=True)]
