@@ -41,8 +41,11 @@ async def test_filters_corrections_and_keys_behind_them_are_taken_whole_where_th
 
 async def test_applying_around_a_stop_says_what_would_be_dropped_and_saves_it_when_asked(fake, opened):
     async with opened(fake.run(), size=(100, 30)) as screen:
-        await screen.do("toggle", "a")
         held = f"{fake.status().held_samples:,}".replace(",", " ")
+        await screen.press("w")
+        await screen.shows(f"{held} samples of up to 10 s")
+        await screen.press("escape")
+        await screen.do("toggle", "a")
         assert fake.ticks == 4800  # of which buffers of 4000 samples hold 10 s
         await screen.shows(f"Drop {held} samples of up to 10 s: stop, apply, start again")
         await screen.press("s")

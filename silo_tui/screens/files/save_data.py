@@ -147,7 +147,7 @@ class SaveDialog(Form[list[SavedFile]]):
             return self._told
         files, status = self.made(), session.status
         names = ", ".join(f"{one.path or status.logger + '_…'}{SAVED[one.type].ending}" for one in files)
-        held = f"{text.count(status.held_samples)} samples over {duration(status.held_s)}"
+        held = f"{text.count(status.held_samples)} samples of up to {duration(status.held_s)}"
         return f"{names}: {held}" if status.held_samples else f"{names}: nothing is held yet"
 
     def _stands(self) -> bool:
