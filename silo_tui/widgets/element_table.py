@@ -179,7 +179,11 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
             steady = shown_columns(others, sight, rest - FLAGS, rest, sort, measured=by_measured)
             names = max(8, rest - FLAGS - sum(1 + cells for _, cells in steady))
             longest, widest = self._needed()
-            if (spare := names - longest) > 0:  # what names don't need is for the entries of vectors
+            if (spare := names - longest) > 0:  # what names don't need is for statistics, and the entries of vectors
+                wide = [max(cells, each.wide) for each, cells in measured]
+                if (more := sum(wide) - sum(cells for _, cells in measured)) <= spare:
+                    measured = [(each, cells) for (each, _), cells in zip(measured, wide, strict=True)]
+                    spare, names, rest = spare - more, names - more, rest - more
                 given = {each.title: max(0, min(spare, widest - cells)) for each, cells in measured}.get("value", 0)
                 measured = [(each, cells + given * (each.title == "value")) for each, cells in measured]
                 names, rest = names - given, rest - given

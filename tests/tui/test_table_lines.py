@@ -16,7 +16,7 @@ from silo_tui.terminal.thinness import Pace
 from silo_tui.widgets import element_table
 from silo_tui.widgets.element_table import FLAGS, ElementTable, TableHead, fitted
 from tests.stand_ins.desk import Desk, Drawn
-from tests.stand_ins.fake_signals import vector
+from tests.stand_ins.fake_signals import scalar, vector
 
 TURN, PLACE, HEAT = "/log/base/orientation", "/log/base/position", "/log/imu/temperature"
 
@@ -346,6 +346,14 @@ def test_of_what_is_on_the_screen_the_names_are_told(table):
     assert table.rows_on_screen() == [table.session.table.row(TURN)]
     assert table.names_on_screen()[0] == TURN
     assert {f"{TURN}_{each}" for each in "xyzw"} <= set(table.names_on_screen())
+
+
+@pytest.mark.parametrize(("name", "cells"), [("/log/a", 9), (f"/log/{'a' * 30}", 8)])
+def test_statistics_are_wide_where_names_leave_room(name, cells, new_fake):
+    table = Table(Desk(new_fake([scalar(name, "Pa")])), width=80)
+    table.column_set, table._laid = "statistics", None
+    widths = {column.title: width for column, width in table.laid.measured}
+    assert [widths[title] for title in ("min", "max", "mean", "std")] == [cells] * 4
 
 
 def test_names_that_share_a_name_space_are_told_below_it_where_they_have_no_room(new_fake):
