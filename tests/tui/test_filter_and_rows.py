@@ -82,6 +82,23 @@ def test_what_passes_by_the_name_of_a_component_alone_is_known(text, passes, by_
     assert found.by_component(state, none, np.flatnonzero(passes).tolist()) == by_component
 
 
+def test_a_filter_leads_to_the_first_whose_name_has_the_words():
+    entries = (Entry("_LF_KFE", "<f8"), Entry("_RF_KFE", "<f8"))
+    state = TableState()
+    named = [("joints/position", entries), ("legs/LF/KFE/position", (Entry("", "<f8"),))]
+    state.load(Table(1, [ElementInfo(f"/log/{name}", "rad", "vector", (), of, ElementOptions()) for name, of in named]))
+    rows = RowList(state)
+    rows.refresh()
+    for text, name in (
+        ("LF KFE position", "legs/LF/KFE/position"),
+        ("position", "joints/position"),
+        ("RF", "joints/position"),
+    ):
+        rows.set_filter(text)
+        assert rows.row is not None
+        assert state.names[rows.row] == f"/log/{name}"
+
+
 @pytest.mark.parametrize(
     ("text", "count"),
     [

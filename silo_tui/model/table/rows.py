@@ -112,13 +112,19 @@ class RowList:
         return [below(self.table.prefix, name) for name in self.table.names]
 
     def set_filter(self, text: str) -> None:
-        """Show what passes this filter, with the cursor on the first element; without one it stays on its element."""
+        """Show what passes this filter; without one the cursor stays on its element.
+
+        With one it is on the first element whose name passes: one that passes by a component alone may stand before it.
+        """
         row, before = self.row, self.filter.text
         self.filter = filters.parse(text)
         self.refresh()
         if row is None or self.row != row or (text and text != before):
-            elements = np.flatnonzero(self.tree.lines >= 0).tolist() if text else []
-            self.move_to(elements[0] if elements else 0)
+            places = np.flatnonzero(self.tree.lines >= 0).tolist() if text else []
+            passing = self.tree.lines[places].tolist()
+            by_component = set(self.filter.by_component(self.table, self.marked, passing))
+            by_name = [at for at, each in zip(places, passing, strict=True) if each not in by_component]
+            self.move_to((by_name or places or [0])[0])
 
     def order_by(self, sort: str) -> None:
         """Take an order; the same once more turns it round."""
