@@ -253,7 +253,7 @@ class SiloApp(Guarded, App[None]):
     async def _learn_conditions(self, session: Session) -> None:
         await session.refresh_conditions()
         with self.context.telling("limits and triggers can't be kept for the next start"):
-            if told := session.keep_conditions():
+            if told := session.lent.keep():
                 self.context.hear(told)
 
     async def _follow(self, ask: Callable[[], Coroutine[Any, Any, None]]) -> None:

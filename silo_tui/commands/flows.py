@@ -238,7 +238,7 @@ async def _carry_out(context: Context, *, around: bool, cut: bool, unsaved: Unsa
     went = ", logging again" if around else ", it goes on" if cut else ""
     back = [f"{key_of('undo')} takes it back, as edits to apply"] * session.table.can_undo
     # beside it what works and is likely not meant, as the shell tells it: buffers of gigabytes
-    context.say("; ".join([f"applied to {many(applied.changed, 'element')}{went}", *applied.warnings, *back]))
+    context.say("; ".join([f"applied to {many(applied.changed, 'element')}{went}", *back, *applied.warnings]))
     return True
 
 
@@ -384,12 +384,16 @@ async def keep_on_robot(context: Context, title: str, verb: str, keep: Callable[
 
 async def restore(context: Context) -> None:
     """Set again what was judged and derived before the robot program started anew."""
-    if not context.session.gone:
+    lent = context.session.lent
+    if not lent.gone and not lent.gone_edits:
         context.say("nothing is gone: what is derived and judged stays with the robot program, or its script has it")
         return
-    done, refused = await context.session.restore()
-    told = [f"set again: {and_more(done, 3)}; {key_of('save_script')} keeps it in the script"] if done else []
-    context.say("; ".join([*told, *(f"refused: {one}" for one in refused)]))
+    done, refused, edits = await lent.restore()
+    told = [f"refused: {one}" for one in refused]
+    told += [f"{many(edits, 'edit')} pending again: {key_of('apply')} applies"] * bool(edits)
+    told += [f"set again: {and_more(done, 3)}"] * bool(done)
+    told += [f"{key_of('save_script')} keeps it in the script"] * bool(edits or done)
+    context.say("; ".join(told))
 
 
 def _pending(context: Context) -> str:

@@ -8,18 +8,16 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from silo.conditions.standing import LimitStatus, TriggerStatus
 from silo.core.arrays.columns import MAX_COLUMNS, ColumnStore, HistoryColumns
-from silo.core.conditions import Conditions, Derived, SignalLimits, TriggerOptions, new_trigger
+from silo.core.conditions import TriggerOptions, new_trigger
 from silo.core.elements import ElementInfo, LoggedEvent, SavedFile, State, Status
 from silo.core.episodes.words import next_marks
-from silo.core.quantities.writing import and_more
 from silo.errors import RefusedError, SiloError
 from silo.live.quantities import SLOW, SLOW_SHARE
 from silo.recorder.requests import RecorderInfo
@@ -42,20 +40,15 @@ from silo_tui.model.table.fields import options_of, rows_of
 from silo_tui.model.table.rows import RowList
 from silo_tui.model.table.state import TableState
 from silo_tui.model.words.names import below
-from silo_tui.sessions import kept
-from silo_tui.sessions.kept import KeptConditions
-from silo_tui.sessions.link import Link, ViewRequest, refusal
+from silo_tui.sessions.kept import Had, Lent
+from silo_tui.sessions.link import Link, ViewRequest
 from silo_tui.sessions.parameters import Knobs
 from silo_tui.sessions.recordings import Fetching
 
 if TYPE_CHECKING:
     from silo.analysis.reports import ElementReport
-    from silo.client.client import Client
     from silo.conditions.requests import TriggerTried
     from silo_tui.model.plots.overlay import Overlay
-
-Condition: TypeAlias = Derived | SignalLimits | TriggerOptions
-_Kind = TypeVar("_Kind", Derived, SignalLimits, TriggerOptions)
 
 AHEAD_NS = 2_000_000_000
 QUIET_NS, QUIET_COLUMNS = 60_000_000_000, 60  # for how long a new trigger should not have fired
@@ -71,6 +64,7 @@ SLOW_TOLD_S = 15.0  # after the loop was slow rates of elements, measured over t
 _CONDITION_KINDS = {
     EventKind.TRIGGERED, EventKind.CAPTURED, EventKind.BLIND, EventKind.LIMIT, EventKind.LIMIT_ENDED,
     EventKind.CONDITIONS, EventKind.STARTED, EventKind.STOPPED, EventKind.SCRIPT_LOADED,
+    EventKind.EDITED,
 }  # fmt: skip
 
 
@@ -158,9 +152,8 @@ class Session:
         self.fetches: dict[str, Fetching] = {}  # what is on its way here, by name
         self.overlay: Overlay | None = None  # a saved run over the plots
         self._said_closed = False  # the program that is connected, since it is
-        self.gone: dict[str, Condition] = {}  # what went with the program before, by words
-        self._left: tuple[Status, dict[str, Condition]] | None = None  # with the link, until all is read anew
-        self._kept: KeptConditions | None = None  # of what it judges and derives, for the next start
+        self.lent = Lent(self)
+        self._left: tuple[Status, Had] | None = None  # with the link, until all is read anew
         self.refused_trigger: TriggerOptions | None = None  # and left, to mend why
         self.made_trigger = ""  # the one that was made last
         self.left_files: list[SavedFile] = []  # of a robot program that died
@@ -585,17 +578,17 @@ class Session:
         """Note that the link is lost; everything stays as it was."""
         if self.lost_since is None:
             self.lost_since = time.monotonic()
-            self._left = self._now()
-
-    def _now(self) -> "tuple[Status, dict[str, Condition]]":
-        return self.status, {**self.gone, **self._conditions()}
+            self._left = self.status, self.lent.had()
 
     async def regain(self) -> str:
         """Follow a link that is back: read everything again, rebase pending edits.
 
         Returns what to say: the client goes over to a new robot program of the same name by itself.
         """
-        before, had = self._left = self._left or self._now()  # not what the new program told meanwhile
+        before, had = self._left = self._left or (
+            self.status,
+            self.lent.had(),
+        )  # not what the new one told meanwhile
         self.conditions_due = True
         self.saves.clear()  # another helper process counts from 1 again
         await self._read_all()
@@ -604,75 +597,13 @@ class Session:
             self.knobs.forget()
             with suppress(RefusedError):  # an older silo has none
                 await self.refresh_conditions()
-            self._note_gone(had)
+            self.lent.of_before(had)
         self._left, self.lost_since, self._said_closed = None, None, False
         self.connection.watch_again()
         if not is_new:
             return "the link is back"
-        told = f"; gone with it, as no script of it has them: {self.gone_words()}" if self.gone else ""
-        return f"started again; before, {before.reason or 'nothing is known of how it ended'}{told}"
-
-    def _note_gone(self, had: "dict[str, Condition]") -> None:
-        there = self._conditions()
-        self.gone = {words: one for words, one in had.items() if words not in there}
-
-    def gone_words(self, *kinds: type) -> str:
-        """Return what went with the program before, and what brings it back; of some kinds alone. Empty for nothing."""
-        names = [words for words, one in self.gone.items() if not kinds or isinstance(one, kinds)]
-        return f"{and_more(names, 3)}; :restore sets them again" if names else ""
-
-    def keep_conditions(self) -> str:
-        """Keep what is judged and derived for the next start; return what went since the last one. Raises OSError."""
-        before, host, program, told = self._kept, self.status.host, self.status.program or str(self.status.pid), ""
-        if before is None:
-            before = kept.conditions_of(host, self.name)
-        if self._kept is None and before is not None:
-            is_new = before.program != program
-            self._note_gone({**self._by_words(before.there if is_new else before.gone), **self.gone})
-            told = f"gone with the program before: {self.gone_words()}" if is_new and self.gone else ""
-        there = Conditions(*self._judged())
-        gone = Conditions(self._gone(Derived), self._gone(SignalLimits), self._gone(TriggerOptions))
-        self._kept = KeptConditions(there, gone, program)
-        if self._kept != before:
-            kept.keep_conditions(host, self.name, self._kept)
-        return told
-
-    def _gone(self, kind: type[_Kind]) -> tuple[_Kind, ...]:
-        return tuple(one for one in self.gone.values() if isinstance(one, kind))
-
-    def _judged(self) -> tuple[tuple[Derived, ...], tuple[SignalLimits, ...], tuple[TriggerOptions, ...]]:
-        """Return what is derived and judged: a new program begins with what its script says."""
-        from silo_tui.model.table.derived import present  # which loads expressions: a first screen waits for none
-
-        limits = {one.limits: one.options for one in self.limits}
-        triggers = tuple(one.options for one in self.triggers if not one.owner)
-        return present(self.table), tuple(limits.values()), triggers
-
-    def _conditions(self) -> "dict[str, Condition]":
-        return self._by_words(Conditions(*self._judged()))
-
-    def _by_words(self, found: Conditions) -> "dict[str, Condition]":
-        return {
-            **{f"derived {self.short_name(one.name)}": one for one in found.derived},
-            **{f"limits of {self.short_name(one.name)}": one for one in found.limits},
-            **{f"trigger {one.name}": one for one in found.triggers},
-        }
-
-    async def restore(self) -> tuple[list[str], list[str]]:
-        """Set again what went with the program before; return what was set, and what was refused, with the reason.
-
-        What is refused can be tried again.
-        """
-        done, refused = list[str](), list[str]()
-        for words, one in list(self.gone.items()):
-            if problem := await refusal(self.connection.call(partial(_set, one))):
-                refused.append(f"{words}: {problem}")
-            else:
-                done.append(words)
-                del self.gone[words]
-        await self.reload()
-        await self.refresh_conditions()
-        return done, refused
+        ended = f"before, {before.reason or 'nothing is known of how it ended'}"  # last: it may be long, and was told
+        return "; ".join(filter(None, ["started again", self.lent.to_tell(), ended]))
 
     def close(self) -> None:
         """Let the connection go."""
@@ -680,13 +611,6 @@ class Session:
             fetching.given_up = True
         if self.link is not None:
             self.link.close()
-
-
-def _set(one: Condition, client: "Client") -> object:
-    """Have a logger judge or derive something."""
-    if isinstance(one, Derived):
-        return client.derive(one.name, one.expression, one.unit)
-    return client._set_limits(one) if isinstance(one, SignalLimits) else client._set_trigger(one)
 
 
 def why(error: RefusedError) -> RefusedWhy | None:

@@ -15,6 +15,7 @@ from silo.core.elements import BufferType, Entry, FileType
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import ConnectionLostError, RefusedError
 from silo.files import write
+from silo.rpc.published import EventKind
 from silo_tui import screens as every_screen
 from silo_tui.actions import BY_WORD, COMMANDS, footer_for
 from silo_tui.commands import flows
@@ -64,7 +65,7 @@ async def test_edits_are_kept_when_the_robot_program_was_started_again(fake, ope
         fake.mend()
         await screen.shows("started again")
         assert screen.value(FIRST, Field.DIVIDER) == "5"
-        assert "gone with it" not in screen.text
+        assert ":restore" not in screen.text
 
 
 # pids count anew in each container
@@ -76,7 +77,7 @@ async def test_conditions_that_a_new_program_knows_nothing_of_are_named(pid, pro
         TriggerStatus(TriggerOptions(name, "legs/LF/HAA/torque > 3", 5.0, 1.0), TriggerWord.ARMED)
         for name in ("fall", "slip")
     ]
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.until(lambda: len(screen.session.triggers) == 2, "what is judged")
         fake.cut()
         await screen.shows("No link")
@@ -97,9 +98,9 @@ async def test_conditions_that_a_new_program_knows_nothing_of_are_named(pid, pro
             screen.app._second()
             await screen.until(lambda: screen.session.connected, "the link")
         fake.mend()
-        await screen.shows("as no script of it has them: trigger slip; :restore sets them")
+        await screen.shows("started again; :restore brings back what is gone: trigger slip")
         await screen.settled()
-        assert "as no script of it has them: trigger slip" in screen.text
+        assert "what is gone: trigger slip" in screen.text
         assert "fall" not in screen.text
         await screen.enter(":restore")
         await screen.shows("set again: trigger slip")
@@ -113,20 +114,86 @@ async def test_conditions_that_went_with_the_program_are_named_at_the_next_start
     fake.program = "a1" if program else ""
     made = [TriggerOptions(name, "legs/LF/HAA/torque > 3", 5.0, 1.0) for name in ("fall", "slip")]
     fake.trigger_statuses = [TriggerStatus(one, TriggerWord.ARMED) for one in made]
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.until(lambda: kept.conditions_of("anymal", "robot"), "what is kept")
     fake.pid, fake.program, fake.trigger_statuses, fake.connected = pid, program, fake.trigger_statuses[:1], True
     async with opened(fake) as screen:
-        await screen.shows("gone with the program before: trigger slip; :restore sets them")
+        await screen.shows(":restore brings back what is gone: ")
     fake.connected = True
     async with opened(fake) as screen:  # told once, and there to be looked up
-        await screen.until(lambda: screen.session.gone, "what is kept")
-        assert "gone with" not in screen.text
+        await screen.until(lambda: screen.session.lent.gone, "what is kept")
+        assert ":restore" not in screen.text
         await screen.do("triggers")
         await screen.shows("Gone with the program before: trigger slip; :restore")
         await screen.enter(":restore")
         await screen.shows("set again: trigger slip")
         await screen.until(lambda: "Gone with" not in screen.text, "the triggers")
+
+
+@pytest.mark.parametrize("how", ["while one looks", "at the next start"])
+async def test_edits_that_went_with_the_program_are_told_and_restored_as_edits_to_apply(how, fake, opened):
+    begun = list(fake.elements)
+    fake.elements = [structs.replace(begun[0], options=structs.replace(begun[0].options, divider=5)), *begun[1:]]
+    fake.given, fake.program = {begun[0].name: begun[0].options}, "a1"
+    told = "(divider)"
+
+    def start_again():
+        fake.program, fake.pid, fake.elements, fake.given = "b2", 5000, begun, {}
+        fake.revision += 1
+
+    async with opened(fake.run()) as screen:
+        await screen.until(lambda: (found := kept.conditions_of("anymal", "robot")) and found.edits, "what is kept")
+        if how == "while one looks":
+            fake.cut()
+            await screen.shows("No link")
+            start_again()
+            fake.mend()
+            await screen.shows(told)
+            await restored(screen)
+    if how == "at the next start":
+        start_again()
+        fake.connected = True
+        async with opened(fake) as screen:
+            await screen.shows(told)
+            await restored(screen)
+
+
+async def restored(screen):
+    await screen.enter(":restore")
+    await screen.shows("1 edit pending again: a applies")
+    assert [edit.options.divider for edit in screen.session.table.edits()] == [5]
+    await screen.enter(":restore")
+    await screen.shows("nothing is gone")
+
+
+@pytest.mark.parametrize("how", ["while one looks", "at the next start"])
+async def test_what_a_program_gives_itself_before_it_starts_is_not_told_to_be_gone(how, fake, opened):
+    slip = [TriggerStatus(TriggerOptions("slip", "legs/LF/HAA/torque > 3", 5.0, 1.0), TriggerWord.ARMED)]
+    fake.trigger_statuses, fake.program = slip, "a1"
+
+    def start_again():
+        fake.program, fake.pid, fake.trigger_statuses = "b2", 5000, []
+
+    async def given(screen):
+        await screen.until(lambda: screen.session.lent.gone, "what is gone so far")
+        fake.trigger_statuses = slip
+        fake.run().publish(EventKind.STARTED, "started", by="the program")
+        await screen.until(lambda: not screen.session.lent.gone, "the program gave it")
+        assert ":restore" not in screen.text
+
+    async with opened(fake) as screen:
+        await screen.until(lambda: (found := kept.conditions_of("anymal", "robot")) and found.there.triggers, "kept")
+        if how == "while one looks":
+            fake.cut()
+            await screen.shows("No link")
+            start_again()
+            fake.mend()
+            await given(screen)
+    if how == "at the next start":
+        start_again()
+        fake.connected = True
+        async with opened(fake) as screen:
+            await given(screen)
 
 
 def test_what_an_older_terminal_kept_of_conditions_is_of_a_program_that_is_gone():
@@ -140,13 +207,13 @@ def test_what_an_older_terminal_kept_of_conditions_is_of_a_program_that_is_gone(
 async def test_what_can_not_be_set_again_is_told_and_stays_to_be_tried(fake, opened, monkeypatch):
     quiet = LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0, bounds=(None, 0.0, 2.5, None), persistence=3)
     fake.limit_statuses = [quiet]
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.until(lambda: screen.session.limits, "what is judged")
         fake.cut()
         await screen.shows("No link")
         fake.pid, fake.limit_statuses = 5000, []
         fake.mend()
-        await screen.shows("limits of /y; :restore")
+        await screen.shows("what is gone: limits of /y")
         with monkeypatch.context() as refusing:
             refusing.setattr(fake, "_set_limits", refused_with("there is no y"))
             await screen.enter(":restore")

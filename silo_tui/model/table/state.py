@@ -291,6 +291,13 @@ class TableState:
             for row, field in np.argwhere(self.pending.T)
         ]
 
+    def applied(self) -> list[KeptEdit]:
+        """Return what the logger has otherwise than its program began with, as edits of that."""
+        return [
+            KeptEdit(self.names[row], int(field), int(self.given[field, row]), int(self.server[field, row]))
+            for row, field in np.argwhere((self.given != self.server).T)
+        ]
+
     def take_up(self, edits: Sequence[KeptEdit]) -> int:
         """Want kept edits again, in one undo step, and return how many; what was changed meanwhile is a conflict."""
         known = [(edit, row) for edit in edits if (row := self.row(edit.name)) is not None and 0 <= edit.field < FIELDS]

@@ -60,8 +60,9 @@ class ConditionsScreen(LoggerList[Status]):
         self._room, self._names = room, {key: f"{fits:<{room}}" for key, fits in zip(keys, fitted, strict=True)}
 
     def advice(self) -> str:
-        gone = self.session.gone_words(*self.kinds) if self.kinds else ""
-        return "\n".join(filter(None, [super().advice(), gone and f"Gone with the program before: {gone}"]))
+        gone = self.session.lent.words(*self.kinds) if self.kinds else ""
+        told = gone and f"Gone with the program before: {gone}; :restore sets them again"
+        return "\n".join(filter(None, [super().advice(), told]))
 
     def show(self) -> None:
         super().show()
