@@ -300,12 +300,13 @@ def check_pre(pre: int, frequency_hz: float, buffers: Sequence[BufferSpan]) -> N
             problems.append(f"'{held.name}' keeps its first samples, not its newest: set buffer=looping size={needed}")
         elif held.size < needed:
             longest = min(longest, (held.size - 2) * held.divider - slack)
-            problems.append(f"'{held.name}' holds {held.size} samples, {needed} are needed: set size={needed}")
+            spans = f"{held.size} samples, {held.size * held.divider / frequency_hz:.4g} s at divider {held.divider}"
+            problems.append(f"'{held.name}' holds {spans}: set size={needed}")
     if problems:
         more = f", and {len(problems) - 3} more" if len(problems) > 3 else ""
         seconds = pre / frequency_hz
         held_by_all = f"; all hold pre={longest / frequency_hz:.6g}s" if longest >= 0 else ""
         raise ElementError(
-            f"pre of {seconds:g} s and {SLACK_S:g} s of slack are longer than what buffers hold, and a capture has all "
-            f"that is saved: {'; '.join(problems[:3])}{more}{held_by_all}; nothing was changed"
+            f"too short for pre of {seconds:g} s and {SLACK_S:g} s of slack: {'; '.join(problems[:3])}{more}"
+            f"{held_by_all} (a capture has all that is saved); nothing was changed"
         )

@@ -173,11 +173,11 @@ class LoggerConditions(TakesConditions[None]):
             log.warning("%s", text_of_one)
 
     def less_captured(self) -> list[str]:
-        """Return of which triggers buffers hold too little, in words, with what would do."""
+        """Return for which triggers that are armed buffers hold too little, in words, with what would do."""
         from silo.judging.checks import check_held
 
         found = []
-        for one in self.now.triggers:
+        for one in (each for each in self.now.triggers if each.armed):
             try:
                 check_held(one, self._table.infos, self.options.frequency_hz)
             except ElementError as error:  # noqa: PERF203  # each is told

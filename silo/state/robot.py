@@ -77,10 +77,11 @@ class StateRobot(Server, does=[requests], robot=True):
 
         if self.logger.is_running and not request.cut:
             raise refused_running()
-        who = request.client or "a client"
+        who, known = request.client or "a client", self.less_captured()
         changed = table.apply(request.edits, request.conditions, cut=request.cut, who=who, check=check)
         large = large_text(table.elements) if changed else ""
-        return EditsApplied(table.revision, changed, warnings=[*filter(None, [large]), *self.less_captured()])
+        less = [words for words in self.less_captured() if words not in known]  # the others were told when they began
+        return EditsApplied(table.revision, changed, warnings=[*filter(None, [large]), *less])
 
     def start(self, turn: Turn, unsaved: Unsaved) -> str:
         with self.table.lock:

@@ -527,12 +527,18 @@ def test_what_may_be_set_is_saved_and_loaded_again_though_buffers_became_too_sma
     client.trigger("deep", "x > 1e9", pre="2s")
     told = client.apply([silo.Edit("/log/q", size=50)], -1).warnings
     assert [text.split(": ")[0] for text in told] == ["trigger 'deep' will capture less than it should"]
+    assert not client.apply([silo.Edit("/log/x", divider=2)], -1).warnings, "that was told already"
+    client.apply([silo.Edit("/log/x", divider=1)], -1)
+    client.arm_trigger("deep", armed=False)
+    assert not client.apply([silo.Edit("/log/q", size=49)], -1).warnings, "it fires never"
+    client.arm_trigger("deep", armed=True)
+    client.apply([silo.Edit("/log/q", size=50)], -1)
     client.save_script("kept.yaml")
     assert not client.apply([silo.Edit("/log/q", size=400)], -1).warnings
     assert client.load_script("kept.yaml").warnings == told
     for armed in (False, True):
         client.arm_trigger("deep", armed=armed)
-    with pytest.raises(silo.RefusedError, match="longer than what buffers hold"):
+    with pytest.raises(silo.RefusedError, match="too short for pre of 3 s"):
         client.trigger("deep", "x > 1e9", pre="3s")
     bench.logger.load_script(bench.script.parent / "kept.yaml")
 
@@ -543,7 +549,7 @@ def test_a_program_starts_though_its_script_holds_a_trigger_for_which_buffers_be
     Path(log.options.script).write_text("log_elements: []\ntriggers:\n  - {name: deep, when: x < 0, pre_s: 1}\n")
     log.start()
     assert [one.name for one in log._conditions.now.triggers] == ["deep"]
-    assert "trigger 'deep' will capture less than it should: pre of 1 s" in caplog.text
+    assert "trigger 'deep' will capture less than it should: too short for pre of 1 s" in caplog.text
 
 
 def test_of_a_trigger_that_a_client_sets_the_newest_captures_stay_of_a_programs_all(bench, client):

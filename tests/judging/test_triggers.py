@@ -215,7 +215,7 @@ def test_a_pre_longer_than_a_buffer_is_refused_with_the_size_that_would_do():
         1000,
         [BufferSpan("/log/q", 1, 1502, looping=True), BufferSpan("/log/all", 1, 10, looping=False, grows=True)],
     )
-    with pytest.raises(ElementError, match=r"'/log/q' holds 1501 samples, 1502 are needed: set size=1502"):
+    with pytest.raises(ElementError, match=r"'/log/q' holds 1501 samples, 1.501 s at divider 1: set size=1502"):
         check_pre(500, 1000, [BufferSpan("/log/q", 1, 1501, looping=True)])
     with pytest.raises(ElementError, match="keeps its first samples"):
         check_pre(500, 1000, [BufferSpan("/log/q", 1, 10**6, looping=False)])
@@ -227,10 +227,10 @@ def test_a_pre_longer_than_a_buffer_is_refused_with_the_size_that_would_do():
 def test_a_pre_that_is_refused_is_told_with_the_longest_that_all_buffers_hold(spans):
     buffers = [BufferSpan(f"/log/q{size}", divider, size, looping=True) for divider, size in spans]
     held = [pre for pre in range(2000) if all(size >= -(-(pre + 1000) // divider) + 2 for divider, size in spans)]
-    with pytest.raises(ElementError, match="are longer than what buffers hold") as refused:
+    with pytest.raises(ElementError, match="too short for pre of 2 s") as refused:
         check_pre(2000, 1000, buffers)
     if held:
-        assert f"; all hold pre={max(held) / 1000:g}s; nothing" in str(refused.value)
+        assert f"; all hold pre={max(held) / 1000:g}s (a capture" in str(refused.value)
         check_pre(max(held), 1000, buffers)
     else:
         assert "all hold" not in str(refused.value)
