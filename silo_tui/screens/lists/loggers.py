@@ -12,6 +12,7 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.widgets import Static
 
+from silo.rpc.published import Summary
 from silo_tui.actions import key_of
 from silo_tui.model.lists import fleet
 from silo_tui.model.lists.fleet import FoundLogger
@@ -111,7 +112,10 @@ class LoggersScreen(ListScreen[FoundLogger]):
         return "\n".join(filter(None, [self._notes, *fleet.down(self._all, *self._now)]))
 
     def about(self, one: FoundLogger) -> str:
-        return fleet.details(one)
+        """Return it; of the logger that is open why it died in full, which all are told in short."""
+        words, session = fleet.details(one), self.context.logger_session
+        short = Summary.of(session.status).reason if session is not None else ""
+        return words.replace(short, session.status.reason) if session is not None and short else words
 
     def named(self, key: str) -> str:
         return next((one.address for one in self._all if one.key == key), "what was there")
