@@ -254,7 +254,7 @@ class SiloApp(Guarded, App[None]):
         await session.refresh_conditions()
         with self.context.telling("limits and triggers can't be kept for the next start"):
             if told := session.lent.keep():
-                self.context.hear(told)
+                self.context.say(told)  # beside the news that it started
 
     async def _follow(self, ask: Callable[[], Coroutine[Any, Any, None]]) -> None:
         with self.context.quiet():
