@@ -331,8 +331,13 @@ class Judge:
         present = self._replica.run  # first: those before it are due by then
         if not self._caught_up:
             self._caught_up = True
-            with contextlib.suppress(SegmentError):  # no runtime folder: then there is nothing in it either
+            try:
                 self._catch_up(present)
+            except Exception as error:
+                self._caught_up = not lacks_descriptors(error)
+                # no runtime folder: then there is nothing in it either
+                if not (self._caught_up and isinstance(error, SegmentError)):
+                    raise
         self._take_up(present)
         self._adopt()
         if self._memory is not None:
@@ -458,7 +463,7 @@ class Judge:
             if state is None and (before := self._followed(reader)) is not None:
                 judge.follow(before)
             found = judge.end(_how_it_ended(reader, "a new run began"), self._is_late)
-        except (SiloError, ValueError, KeyError, IndexError) as error:
+        except (SiloError, OSError, ValueError, KeyError, IndexError) as error:
             log.exception("a run that ended while there was no helper process can't be judged")
             text = f"triggers and limits of run {run} are not judged to its end: {error}"
             self._events.publish(EventKind.BLIND, text, tick=max(0, until - 1), run=run)

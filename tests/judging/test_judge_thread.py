@@ -159,6 +159,45 @@ def test_a_run_that_begins_while_no_file_can_be_opened_is_judged_from_its_first_
         logger.close()
 
 
+@pytest.mark.parametrize("fails", ["_catch_up", "_made"])
+def test_a_run_that_ended_before_is_judged_or_it_is_told_why_not_where_no_file_can_be_opened(
+    tmp_path, runtime_folder, monkeypatch, fails
+) -> None:
+    logger = silo.Logger("bot", max_time=0, folder=tmp_path, script=tmp_path / "none.yaml")
+    x = logger.array("x", ())
+    logger.trigger("spike", "x > 50", pre="20ms", post="10ms")
+    logger.start()
+    for value in (1.0, 60.0):
+        x[...] = value
+        logger.collect()
+    replica, events = Replica(robot_state(logger, "", -1)), Events(str(tmp_path))
+    held, run = HeldRuns(replica, lambda: None), logger._present.run.id
+    replica.take_run(RunOffer(run, logger._present.path), os.open(logger._present.path, os.O_RDONLY))
+    held.take()
+    judge = Judge(replica, events, held)
+    judge.take(run, left=True)
+    does, tries, done = getattr(judge, fails), iter([OSError(errno.EMFILE, "no")]), list[object]()
+
+    def failing(*given: object) -> object:
+        for error in tries:
+            raise error
+        done.append(given)
+        return does(*given)
+
+    monkeypatch.setattr(replica, "run", "")
+    monkeypatch.setattr(judge, fails, failing)
+    try:
+        for _ in range(3):
+            judge._guarded()
+        fired = "trigger 'spike' fired at tick 1"
+        assert len(done) == (fails == "_catch_up")
+        why = f"triggers and limits of run {run} are not judged to its end: [Errno {errno.EMFILE}] no"
+        assert [event.text for event in events.log.since(0, 1000)[0]] == [fired if done else why]
+    finally:
+        held.let_go(held_alone=False)
+        logger.close()
+
+
 @pytest.mark.parametrize("is_over", [False, True])
 def test_what_is_said_of_a_run_while_it_is_taken_up_is_not_forgotten(tmp_path, runtime_folder, is_over) -> None:
     logger = silo.Logger("bot", max_time=0, folder=tmp_path, script=tmp_path / "none.yaml")
