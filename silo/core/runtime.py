@@ -168,6 +168,8 @@ def announce_segment(path: Path) -> None:
 
 
 def _link(link: Path, target: Path) -> None:
+    if _place_of(link) == target:
+        return  # were it made anew, who looks meanwhile would find none
     link.unlink(missing_ok=True)
     with contextlib.suppress(FileExistsError):  # another process was quicker, with the same
         link.symlink_to(target)

@@ -79,6 +79,14 @@ def test_a_segment_that_is_made_while_somebody_looks_keeps_what_tells_of_it(besi
     assert list_segments() == [segment]
 
 
+def test_a_segment_that_is_announced_again_is_found_all_the_while(beside, segment):
+    segment.touch()
+    announce_segment(segment)
+    found: list[list[Path]] = []
+    beside(lambda: announce_segment(segment), lambda: found.append(list_segments()))
+    assert found in ([], [[segment]])
+
+
 def test_a_folder_that_gets_a_journal_while_somebody_looks_is_remembered(beside, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     journal = tmp_path / ".arm.1-2.0.journal"
