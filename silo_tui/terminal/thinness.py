@@ -70,7 +70,7 @@ class Painted:
         hz = sum(painted for _, painted in list(self._asked_s)[1:]) / span_s if span_s else 0.0
         if span_s < RATE_S - 1 / self._wished_hz or hz >= BELOW * self._wished_hz:
             return ""
-        return f"{text.short(hz, 2)} of {text.short(self._wished_hz, 2)} Hz"
+        return f"{hz:.1f} of {text.short(self._wished_hz, 2)} Hz"  # as wide as before: it stands in a line
 
 
 class Thinness:

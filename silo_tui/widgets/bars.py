@@ -1,5 +1,6 @@
 """The lines around the table: status on top, banner, information, keys at the bottom."""
 
+import math
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, cast
@@ -37,6 +38,7 @@ class LinePart(msgspec.Struct, frozen=True):
     words: str
     style: str = ""
     shorter: tuple[str, ...] = ()
+    at_end: bool = False  # stands at the right end, with what follows: it comes and goes, and shifts nothing
 
 
 def fitting(parts: Sequence[LinePart], room: int, between: str = "") -> list[LinePart]:
@@ -63,8 +65,10 @@ class FittingLine(Guarded, Widget):
 
     def line(self, room: int) -> Text:
         """Return what of it has room, the last one cut where even what must stay has none."""
-        line = Text(no_wrap=True, overflow="ellipsis")
-        for place, part in enumerate(fitting(self.parts(), room, self.BETWEEN)):
+        line, parts = Text(no_wrap=True, overflow="ellipsis"), fitting(self.parts(), room, self.BETWEEN)
+        for place, part in enumerate(parts):
+            if part.at_end and not parts[place - 1].at_end:
+                line.append(" " * (room - line.cell_len - sum(cell_len(each.words) for each in parts[place:])))
             line.append(self.BETWEEN if place else "").append(part.words, style=part.style)
         return line
 
@@ -73,7 +77,11 @@ class FittingLine(Guarded, Widget):
 
 
 class StatusBar(FittingLine):
-    """A logger, or a file, at a glance: who, what state, how long, how many, how fast, what was lost."""
+    """A logger, or a file, at a glance: who, what state, how long, what was lost, how fast, how many; at the right end
+    what isn't as always.
+
+    It stands still: numbers have a width of their own, and the last of the left gives way first.
+    """
 
     BETWEEN = ""
 
@@ -81,7 +89,6 @@ class StatusBar(FittingLine):
         super().__init__()
         self.session = session
         self._drawn = ""
-        self._room = 80  # for what isn't of the link
         self.mode = ""  # stands reversed behind the state
 
     def update(self) -> None:
@@ -96,26 +103,21 @@ class StatusBar(FittingLine):
 
     def _line(self) -> Text:
         """As much as there is room for: what is as always gives way first, an alarm and a loss never."""
-        width = self.content_size.width
-        thinly = len(thin_head(self.app, 0))
-        self._room = width - (thinly + 2 if thinly else 0)
-        line = self.line(self._room)
-        if thin := thin_head(self.app, width - line.cell_len - 2):
-            line.append(f"  {thin}", style=color(self.app.theme_variables, "warning"))
-        return line
+        return self.line(self.content_size.width)
 
     def parts(self) -> list[LinePart]:
         """Return what is as always before what gives way last."""
         session, status, wide = self.session, self.session.status, self.size.width >= 100
-        variables = self.app.theme_variables
+        variables, thin = self.app.theme_variables, self._thin()
         if session.at_s is not None:
-            told = session.facts_words(self._room, wide=wide)
+            shortest = sum(len((each.words, *each.shorter)[-1]) for each in thin)
+            told = session.facts_words(self.content_size.width - shortest, wide=wide)
             return [
-                LinePart(rank, words, bold(variables, style) if style in ROLES else style)
-                for rank, words, style in told
-            ]
+                *(LinePart(rank, words, bold(variables, style) if style in ROLES else style)
+                  for rank, words, style in told), *thin,
+            ]  # fmt: skip
         host = f"{status.host}/" if status.host and self.size.width >= 60 else ""
-        parts = [LinePart(9, "silo ", "bold"), LinePart(0, f"{session.address or host + session.name}  ")]
+        parts = [LinePart(11, "silo ", "bold"), LinePart(0, f"{session.address or host + session.name}  ")]
 
         def add(rank: int, words: str, style: str = "") -> None:
             parts.append(LinePart(rank, words, style))
@@ -130,23 +132,35 @@ class StatusBar(FittingLine):
         else:
             name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "dead"}[status.state]
             add(0, STATE_SIGNS[status.state], bold(variables, name))
-            add(8, f" {duration_text(session.run_seconds)}" if status.started_ns else "")
+            add(10, f" {duration_text(session.run_seconds)}" if status.started_ns else "")
         if self.mode:
             initials = " ".join(some.split()[0] for some in self.mode.split("  ") if some.strip())
             shorter = tuple(f" {words} " for words in (self.mode.partition(",")[0], initials) if words)
-            parts += [LinePart(0, "  "), LinePart(8, f" {self.mode} ", "reverse", shorter)]
-        if session.connected:
-            self._add_pace(add, wide=wide)
+            parts += [LinePart(0, "  "), LinePart(10, f" {self.mode} ", "reverse", shorter)]
         if lost := session.lost_total:
             add(0, f"  lost {text.count(lost)}", bold(variables, "alarm"))
         elif session.connected:
-            add(4, "  lost 0")
+            add(9, "  lost 0")
+        if session.connected:
+            parts += self._pace(wide=wide)
         alarm, is_red, watching = head_words(session.triggers, session.limits)
-        for rank, phrases, role in ((7, alarm, "alarm" if is_red else "warning"), (6, watching, "")):
-            long, *less = [f"  {words}" for words in phrases] or [""]  # neither ever gives way, their words do
-            parts.append(LinePart(rank, long, bold(variables, role), tuple(less)))
-        self._add_others(add)
+        parts += thin
+        for rank, forms, role in ((6, alarm, "alarm" if is_red else "warning"), (7, watching, "")):
+            long, *less = [f"  {words}" for words in forms] or [""]  # neither ever gives way, their words do
+            parts.append(LinePart(rank, long, bold(variables, role), tuple(less), at_end=True))
+        self._add_others(lambda rank, words, style: parts.append(LinePart(rank, words, style, at_end=True)))
         return parts
+
+    def _thin(self) -> list[LinePart]:
+        """Return what the link, or this computer, does not take; of the link less and less."""
+        forms: list[str] = []
+        room = self.content_size.width
+        while (words := thin_head(self.app, room)) and f"  {words}" not in forms:
+            forms.append(f"  {words}")
+            room = len(words) - 1
+        caution = color(self.app.theme_variables, "warning")
+        rank = 4 if len(forms) > 1 or " of " in "".join(forms) else 0  # a number alone may go
+        return [LinePart(rank, forms[0], caution, tuple(forms[1:]), at_end=True)] if forms else []
 
     def _add_others(self, add: Callable[[int, str, str], None]) -> None:
         """Add what records, how much is durable, who may change something, and who is there."""
@@ -164,28 +178,33 @@ class StatusBar(FittingLine):
         if others:
             add(5, f"  {others}", "")
 
-    def _add_pace(self, add: Callable[[int, str, str], None], *, wide: bool) -> None:
-        """Add how much is logged how fast."""
+    def _pace(self, *, wide: bool) -> list[LinePart]:
+        """Return how fast is logged, and how much."""
         session, status, variables = self.session, self.session.status, self.app.theme_variables
-        if (not (self.mode or status.recorders) or wide) and not session.dead:  # what isn't normal needs the room
-            add(3, f"  {status.enabled}/{status.elements}{' elements' * wide} on", "")
-            add(1, f" +{status.derived} derived" if status.derived else "", "")
-        rate = session.measured_hz
-        if session.running and is_stalled(session.idle_s, status.frequency_hz):
-            add(0, f"  ‼ {idle_words(session.idle_s)}", bold(variables, "alarm"))
-        elif session.loop_slow:
-            caution = bold(variables, "warning")
-            jittery = session.jitter_s and wide
-            jitter = f", jitter {text.span(session.jitter_s, 2)}" if jittery else ""
-            add(0, f"  {text.short(rate)}", caution)
-            add(2, f" of {text.short(status.frequency_hz)}", caution)
-            add(0, " Hz slow", caution)
-            add(2, jitter, caution)
+        caution, nominal_hz = bold(variables, "warning"), status.frequency_hz
+        rate, slow = rate_words(session.measured_hz, nominal_hz), " slow" * session.loop_slow
+        parts = []
+        if session.running and is_stalled(session.idle_s, nominal_hz):
+            parts.append(LinePart(0, f"  ‼ {idle_words(session.idle_s)}", bold(variables, "alarm")))
         elif session.running:
-            add(5, f"  {text.short(rate)} Hz" if rate else f"  … of {text.short(status.frequency_hz)} Hz", "")
+            shorter = (f"  {rate.strip()} Hz{slow}", *([] if slow else [""]))
+            parts.append(LinePart(8, f"  {rate} of {text.short(nominal_hz)} Hz{slow}", slow and caution, shorter))
+        if (not (self.mode or status.recorders) or wide) and not session.dead:  # what isn't normal needs the room
+            room = " " * (len(" slow") if session.running and not slow else 0)
+            parts.append(LinePart(3, f"{room}  {status.enabled}/{status.elements}{' elements' * wide} on"))
+            parts.append(LinePart(2, f" +{status.derived} derived" if status.derived else ""))
         if wide:
             before = f"{text.count(status.before_ticks)} + " if status.before_ticks else ""  # others count from a cut
-            add(1, f"  {before}{text.count(session.ticks)} ticks", "")
+            parts.append(LinePart(1, f"  {before}{text.count(session.ticks)} ticks"))
+        if slow and wide and session.jitter_s:
+            parts.append(LinePart(1, f"  jitter {text.span(session.jitter_s, 2)}", caution))
+        return parts
+
+
+def rate_words(rate_hz: float, nominal_hz: float) -> str:
+    """Return a measured rate in four digits, as wide as the rate that it should be; `…` where none was measured yet."""
+    decimals = min(3, max(0, 3 - math.floor(math.log10(nominal_hz)))) if nominal_hz > 0 else 1
+    return f"{f'{rate_hz:.{decimals}f}' if rate_hz else '…':>{len(f'{nominal_hz:.{decimals}f}')}}"
 
 
 def since_words(seconds: float | None) -> str:

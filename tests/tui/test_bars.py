@@ -1,6 +1,7 @@
 """The lines around the table, without an app: the head, the banner, the key bar, and the line of messages."""
 
 import asyncio
+import itertools
 import time
 from types import SimpleNamespace
 from typing import Any
@@ -72,44 +73,49 @@ def told(desk: Desk, **status: Any) -> Desk:
 
 # ------------------------------------------------------------------------------------------------------------- the head
 
-RUNS = "silo anymal/robot  ● RUNNING 00:12"
-ALL_ON = "  72/72 elements on"
+RUNS = "silo anymal/robot  ● RUNNING 00:12  lost 0"
+RATE = "  400.0 of 400 Hz"
+STILL = f"{RUNS}{RATE}"
+ALL_ON = "       72/72 elements on"  # behind the room for "slow"
 
 
 @pytest.mark.parametrize(
     ("width", "line"),
     [
-        (44, "silo robot  ● RUNNING 00:12  400 Hz  lost 0"),
-        (59, "silo robot  ● RUNNING 00:12  72/72 on  400 Hz  lost 0"),
-        (60, f"{RUNS}  72/72 on  400 Hz  lost 0"),
-        (99, f"{RUNS}  72/72 on  400 Hz  lost 0"),
-        (100, f"{RUNS}{ALL_ON}  400 Hz  4 800 ticks  lost 0"),
+        (44, "silo robot  ● RUNNING 00:12  lost 0"),
+        (59, f"silo robot  ● RUNNING 00:12  lost 0{RATE}"),
+        (60, STILL),
+        (99, f"{STILL}       72/72 on"),
+        (100, f"{STILL}{ALL_ON}  4 800 ticks"),
     ],
 )
 def test_the_head_says_who_in_what_state_how_long_and_how_fast_as_far_as_it_has_room(width, line, desk):
     assert head(desk, width) == line
 
 
+def at_end(line: str, words: str, width: int) -> str:
+    return f"{line}{words:>{width - len(line)}}"
+
+
 @pytest.mark.parametrize(
     ("change", "width", "line"),
     [
-        ({"state": State.STOPPED}, 80, "silo anymal/robot  ■ STOPPED 00:12  72/72 on  lost 0"),
+        ({"state": State.STOPPED}, 80, "silo anymal/robot  ■ STOPPED 00:12  lost 0  72/72 on"),
         ({"state": State.DEAD}, 80, "silo anymal/robot  ✖ DEAD 00:12  lost 0"),
-        ({"started_ns": 0}, 80, "silo anymal/robot  ● RUNNING  72/72 on  400 Hz  lost 0"),
-        ({"host": ""}, 80, "silo robot  ● RUNNING 00:12  72/72 on  400 Hz  lost 0"),
+        ({"started_ns": 0}, 80, f"silo anymal/robot  ● RUNNING  lost 0{RATE}       72/72 on"),
+        ({"host": ""}, 80, f"silo robot  ● RUNNING 00:12  lost 0{RATE}       72/72 on"),
         ({"helper_pid": 0}, 80, "silo anymal/robot  connecting …"),
-        ({"recorders": 2}, 80, f"{RUNS}  400 Hz  lost 0  REC 2"),
-        ({"recorders": 2}, 100, f"{RUNS}{ALL_ON}  400 Hz  4 800 ticks  lost 0  REC 2"),
-        ({"derived": 3}, 100, f"{RUNS}{ALL_ON} +3 derived  400 Hz  4 800 ticks  lost 0"),
-        ({"derived": 3, "frequency_hz": 900.0}, 100,
-         f"{RUNS}{ALL_ON}  400 of 900 Hz slow  4 800 ticks  lost 0"),
-        ({"derived": 3, "frequency_hz": 900.0}, 83, f"{RUNS}  72/72 on +3 derived  400 of 900 Hz slow  lost 0"),
-        ({"before_ticks": 1200}, 100, f"{RUNS}{ALL_ON}  400 Hz  1 200 + 4 800 ticks  lost 0"),
-        ({"durable_ticks": 0}, 100, f"{RUNS}{ALL_ON}  400 Hz  lost 0  durable to tick 0"),
-        ({"durable_ticks": 4000}, 160, f"{RUNS}{ALL_ON}  400 Hz  4 800 ticks  lost 0  durable to tick 4 000"),
+        ({"recorders": 2}, 80, at_end(STILL, "REC 2", 80)),
+        ({"recorders": 2}, 100, at_end(f"{STILL}{ALL_ON}", "REC 2", 100)),
+        ({"derived": 3}, 120, f"{STILL}{ALL_ON} +3 derived  4 800 ticks"),
+        ({"derived": 3}, 100, f"{STILL}{ALL_ON} +3 derived"),
+        ({"derived": 3, "frequency_hz": 900.0}, 90, f"{RUNS}  400.0 of 900 Hz slow  72/72 on +3 derived"),
+        ({"before_ticks": 1200}, 120, f"{STILL}{ALL_ON}  1 200 + 4 800 ticks"),
+        ({"durable_ticks": 0}, 120, at_end(f"{STILL}{ALL_ON}  4 800 ticks", "durable to tick 0", 120)),
+        ({"durable_ticks": 4000}, 160, at_end(f"{STILL}{ALL_ON}  4 800 ticks", "durable to tick 4 000", 160)),
         ({"control": Control("me@here silo 1", "@local me", 0, 0)}, 80,
-         f"{RUNS}  400 Hz  lost 0  you have control in silo 1"),
-        ({"clients": [Present("a", 0), Present("b", 0)]}, 80, f"{RUNS}  72/72 on  400 Hz  lost 0  1 other client"),
+         f"{RUNS}  400.0 Hz  you have control in silo 1"),
+        ({"clients": [Present("a", 0), Present("b", 0)]}, 80, at_end(STILL, "1 other client", 80)),
     ],
 )  # fmt: skip
 def test_the_head_follows_what_the_logger_tells(change, width, line, desk):
@@ -119,16 +125,16 @@ def test_the_head_follows_what_the_logger_tells(change, width, line, desk):
 @pytest.mark.parametrize(
     ("change", "width", "line"),
     [
-        ({"lost_total": 3}, 80, f"{RUNS}  72/72 on  400 Hz  lost 3"),
-        ({"measured_hz": 399.6}, 80, f"{RUNS}  72/72 on  399.6 Hz  lost 0"),
-        ({"measured_hz": 0.0}, 80, f"{RUNS}  72/72 on  … of 400 Hz  lost 0"),
-        ({"measured_hz": 200.0}, 80, f"{RUNS}  72/72 on  200 of 400 Hz slow  lost 0"),
-        ({"measured_hz": 200.0, "jitter_s": 0.0012}, 80, f"{RUNS}  72/72 on  200 of 400 Hz slow  lost 0"),
-        ({"measured_hz": 200.0, "jitter_s": 0.0012}, 120, f"{RUNS}{ALL_ON}  200 of 400 Hz slow, jitter 1.2 ms  "
-         "4 800 ticks  lost 0"),
-        ({"idle_s": 60.0}, 80, f"{RUNS}  72/72 on  ‼ no tick for 60 s  lost 0"),
-        ({"may_edit": False}, 80, f"{RUNS}  72/72 on  400 Hz  lost 0  read-only"),
-        ({"address": "here/robot"}, 80, "silo here/robot  ● RUNNING 00:12  72/72 on  400 Hz  lost 0"),
+        ({"lost_total": 3}, 80, f"{STILL}       72/72 on".replace("lost 0", "lost 3")),
+        ({"measured_hz": 399.6}, 80, f"{RUNS}  399.6 of 400 Hz       72/72 on"),
+        ({"measured_hz": 0.0}, 80, f"{RUNS}      … of 400 Hz       72/72 on"),
+        ({"measured_hz": 99.04}, 80, f"{RUNS}   99.0 of 400 Hz slow  72/72 on"),
+        ({"measured_hz": 200.0, "jitter_s": 0.0012}, 80, f"{RUNS}  200.0 of 400 Hz slow  72/72 on"),
+        ({"measured_hz": 200.0, "jitter_s": 0.0012}, 120, f"{RUNS}  200.0 of 400 Hz slow  72/72 elements on"
+         "  4 800 ticks  jitter 1.2 ms"),
+        ({"idle_s": 60.0}, 80, f"{RUNS}  ‼ no tick for 60 s       72/72 on"),
+        ({"may_edit": False}, 80, at_end(STILL, "read-only", 80)),
+        ({"address": "here/robot"}, 80, f"silo here/robot  ● RUNNING 00:12  lost 0{RATE}       72/72 on"),
         ({"link": None}, 80, "silo anymal/robot  connecting …"),
     ],
 )  # fmt: skip
@@ -137,6 +143,34 @@ def test_the_head_follows_what_is_measured_and_who_one_is(change, width, line, d
     for name, value in change.items():
         setattr(desk.session, name, value)
     assert head(desk, width) == line
+
+
+@pytest.mark.parametrize("width", [80, 120, 160])
+def test_nothing_of_the_head_moves_whatever_comes_and_goes(width, desk, monkeypatch):
+    """Slow or not, busy or not, alarms or none: what stays stands where it stood."""
+    desk.session.measured_hz = 400.0
+    limits = [LimitStatus(NAME, NAME, word, alarm=True) for word in (LimitWord.RED_HIGH, LimitWord.OK)]
+    always = head(desk, width)
+    for rate, busy, alarms in itertools.product((399.96, 400.0, 361.4, 99.9), ("", "BUSY 3.4 of 5 Hz"), ([], limits)):
+        desk.session.measured_hz, desk.session.limits = rate, alarms
+        monkeypatch.setattr(bars, "thin_head", lambda _, room, busy=busy: busy if room >= len(busy) else busy[:4])
+        line = head(desk, width)
+        assert line.index("lost 0") == always.index("lost 0")
+        assert line.index(" of 400 Hz") == always.index(" of 400 Hz")
+        assert (" slow" in line) == (rate < 370)
+        assert "72/72" not in line or line.index("72/72") == always.index("72/72")
+        assert "BUSY" in line or not busy
+        assert "1 alarm (HH)" in line or (busy and "  HH 1" in line) or not alarms
+        assert len(line) <= width
+
+
+@pytest.mark.parametrize(
+    ("rate", "nominal", "words"),
+    [(400.0, 400.0, "400.0"), (0.0, 400.0, "    …"), (99.96, 100.0, "100.0"), (7.5, 50.0, " 7.50"), (999.6, 1000.0, "1000"),
+     (0.5, 1.0, "0.500"), (12.25, 0.0, "12.2")],
+)  # fmt: skip
+def test_a_rate_is_as_wide_as_what_it_should_be(rate, nominal, words):
+    assert bars.rate_words(rate, nominal) == words
 
 
 def test_who_looks_alone_is_told_so(desk):
@@ -167,7 +201,7 @@ def test_since_when_is_told_in_whole_units(seconds, words):
 @pytest.mark.parametrize(
     ("width", "line"),
     [
-        (100, f"{RUNS}   paused, 3 s ago  y held {ALL_ON}  400 Hz  lost 0"),
+        (100, f"{RUNS[:-8]}   paused, 3 s ago  y held   lost 0{RATE}"),
         (54, "silo robot  ● RUNNING 00:12   paused, 3 s ago  y held "),
         (48, "silo robot  ● RUNNING   paused, 3 s ago  y held "),
         (36, "silo robot  ● RUNNING   paused "),
@@ -202,26 +236,27 @@ def test_that_others_are_there_gives_way_before_alarms_are_letters(desk):
     limits = [LimitStatus(NAME, NAME, word, alarm=True) for word in (LimitWord.RED_HIGH, LimitWord.OK)]
     desk.session.limits, desk.session.measured_hz = limits, 200.0
     desk.session.status = msgspec.structs.replace(desk.session.status, clients=[Present("a", 0), Present("b", 0)])
-    assert head(desk, 100).endswith("  1 alarm (HH), 1 ended unseen  1 other client")
-    assert head(desk, 80).endswith("200 Hz slow  1 alarm (HH), 1 ended unseen")
-    assert head(desk, 64).endswith("200 Hz slow  1 alarm (HH)")
+    assert head(desk, 120).endswith("  1 alarm (HH), 1 ended unseen  1 other client")
+    assert head(desk, 100).endswith("of 400 Hz slow        1 alarm (HH), 1 ended unseen")
+    assert head(desk, 80).endswith("of 400 Hz slow    1 alarm (HH)")
+    assert head(desk, 72).endswith("of 400 Hz slow    HH 1")
 
 
 def test_triggers_stand_in_the_head_while_there_is_room(desk):
     options = TriggerOptions("fall", "x > 1")
     desk.session.triggers = [TriggerStatus(options, TriggerWord.ARMED)]
-    assert head(desk).endswith("lost 0  1 trigger armed")
+    assert head(desk).endswith("Hz      1 trigger armed")
     assert head(desk, 30).endswith("  1 armed")
     desk.session.triggers = [TriggerStatus(options, TriggerWord.FIRING)]
-    assert head(desk).endswith("lost 0  trigger fall fires")
+    assert head(desk).endswith("Hz   trigger fall fires")
 
 
 def test_words_of_alarms_and_triggers_give_way_before_the_name_of_the_logger_and_how_long_it_runs(desk):
     desk.session.limits = [LimitStatus(NAME, NAME, LimitWord.OK, alarm=True)]
     desk.session.triggers = [TriggerStatus(TriggerOptions("fall", "x > 1"), TriggerWord.FIRING)]
     desk.session.measured_hz = 200.0
-    assert head(desk, 76) == f"{RUNS}  200 Hz slow  1 alarm ended unseen  FIRES"
-    assert head(desk, 70) == f"{RUNS}  200 Hz slow  1 alarm unseen  FIRES"
+    assert head(desk, 91) == at_end(f"{RUNS}  200.0 of 400 Hz slow", "1 alarm unseen  FIRES", 91)
+    assert head(desk, 77) == at_end(f"{RUNS[:-8]}  200.0 Hz slow", "1 alarm unseen  FIRES", 77)
 
 
 def test_a_thin_link_is_told_at_the_end_with_as_much_as_has_room(desk, monkeypatch):
@@ -229,7 +264,7 @@ def test_a_thin_link_is_told_at_the_end_with_as_much_as_has_room(desk, monkeypat
         return "THIN 1.2 of 5 Hz" if room >= 16 else "1.2 Hz"
 
     monkeypatch.setattr(bars, "thin_head", thin)
-    assert head(desk, 80) == f"{RUNS}  72/72 on  400 Hz  lost 0  THIN 1.2 of 5 Hz"
+    assert head(desk, 80) == at_end(STILL, "THIN 1.2 of 5 Hz", 80)
     line = head(desk, 50)
     assert line.endswith("  1.2 Hz")
     assert len(line) <= 50

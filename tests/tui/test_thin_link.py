@@ -392,21 +392,21 @@ def painted(hz, wished_hz=5.0, seconds=10.0, took_s=0.0):
 
 def test_a_rate_below_the_wished_one_is_told():
     assert painted(1.25) == "1.3 of 5 Hz"
-    assert painted(0.0) == "0 of 5 Hz"
+    assert painted(0.0) == "0.0 of 5 Hz"
     assert painted(5.0) == ""
     assert painted(4.9) == ""
 
 
 def test_a_computer_too_busy_for_the_wished_rate_is_told_too():
-    assert painted(100.0, took_s=0.3) == "2 of 5 Hz"
+    assert painted(100.0, took_s=0.3) == "2.0 of 5 Hz"
 
 
 @pytest.mark.parametrize(
     ("room", "words"),
     [
-        (60, "THIN 0 of 5 Hz 64 kbit/s 210 ms"),
-        (24, "THIN 0 of 5 Hz 64 kbit/s"),
-        (23, "THIN 0 of 5 Hz"),
+        (60, "THIN 0.0 of 5 Hz 64 kbit/s 210 ms"),
+        (26, "THIN 0.0 of 5 Hz 64 kbit/s"),
+        (25, "THIN 0.0 of 5 Hz"),
         (3, "THIN"),
     ],
 )
@@ -417,7 +417,7 @@ def test_a_narrow_head_leaves_whole_words_out(room, words):
         slow.note(5.0, painted=False, now_s=tick / 5)
     assert head_words(thin, slow, ["64 kbit/s", "210 ms"], room) == words
     thin.step = 0
-    assert head_words(thin, slow, ["64 kbit/s", "210 ms"], 60) == "DRAWN 0 of 5 Hz"
+    assert head_words(thin, slow, ["64 kbit/s", "210 ms"], 60) == "DRAWN 0.0 of 5 Hz"
     assert head_words(thin, slow, [], 6) == ""  # alone the word says nothing
     assert head_words(thin, slow, [], 6, busy=True) == "BUSY"
 
@@ -427,7 +427,7 @@ def test_nothing_is_told_of_a_rate_before_it_was_measured():
     found = Painted()
     for tick in range(50):
         found.note(5.0, painted=False, now_s=tick / 5)
-    assert found.words == "0 of 5 Hz"
+    assert found.words == "0.0 of 5 Hz"
     found.note(4.0, painted=False, now_s=10.0)
     assert found.words == ""
 
@@ -453,11 +453,11 @@ def test_a_busy_computer_is_no_thin_link():
     slow = Painted()
     for tick in range(30):
         slow.note(5.0, painted=False, now_s=tick / 5)
-    assert head_words(Thinness(), slow, ["64 kbit/s"], 60, busy=True) == "BUSY 0 of 5 Hz"
+    assert head_words(Thinness(), slow, ["64 kbit/s"], 60, busy=True) == "BUSY 0.0 of 5 Hz"
     assert head_words(Thinness(), Painted(), [], 60, busy=True) == ""
     thin = Thinness()
     thin.step = 1
-    assert head_words(thin, slow, ["64 kbit/s"], 60, busy=True) == "THIN 0 of 5 Hz 64 kbit/s"
+    assert head_words(thin, slow, ["64 kbit/s"], 60, busy=True) == "THIN 0.0 of 5 Hz 64 kbit/s"
 
 
 @pytest.mark.parametrize(("waits", "answers", "thin"), [(0.0, 1, True), (0.5, 1, False), (0.0, 0, False)])

@@ -38,7 +38,7 @@ HEAD = (
     ("~ NO LINK 14 s", "nobody answers for so long: values are old, edits are kept"),
     ("- CLOSED 14 s", "the robot program closed its logger so long ago; silo-tui follows when it starts again"),
     ("488/500 elements on", "so many are logged, of all; +1 derived: computed from them"),
-    ("400 Hz", "ticks a second as measured; … of 400 Hz: none was yet"),
+    ("… of 400 Hz", "ticks a second as measured, of those that it should make; …: none was yet"),
     ("318 of 400 Hz slow", "the loop makes fewer ticks than it should: filter `lateness` (logged with timing=True)"),
     ("‼ no tick for 4 s", "the loop stands still"),
     ("118 024 ticks", "of the run until now; 9 632 + 63 712: before a cut, and since"),
