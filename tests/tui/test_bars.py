@@ -166,8 +166,8 @@ def test_nothing_of_the_head_moves_whatever_comes_and_goes(width, desk, monkeypa
 
 @pytest.mark.parametrize(
     ("rate", "nominal", "words"),
-    [(400.0, 400.0, "400.0"), (0.0, 400.0, "    …"), (99.96, 100.0, "100.0"), (7.5, 50.0, " 7.50"), (999.6, 1000.0, "1000"),
-     (0.5, 1.0, "0.500"), (12.25, 0.0, "12.2")],
+    [(400.0, 400.0, "400.0"), (0.0, 400.0, "    …"), (99.96, 100.0, "100.0"), (7.5, 50.0, " 7.50"),
+     (999.6, 1000.0, "1000"), (0.5, 1.0, "0.500"), (12.25, 0.0, "12.2")],
 )  # fmt: skip
 def test_a_rate_is_as_wide_as_what_it_should_be(rate, nominal, words):
     assert bars.rate_words(rate, nominal) == words
