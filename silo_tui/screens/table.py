@@ -519,7 +519,9 @@ class TableScreen(ElementsScreen):
     def value_now(self, command_id: str) -> str:
         """Return the value that a command would change, or that those that it is about have several."""
         field = FIELDS_BY_COMMAND.get(command_id)
-        found = self._values_of(field) if field is not None else []
+        if field is None:
+            return super().value_now(command_id)
+        found = self._values_of(field)
         return (found[0] if len(found) == 1 else "differ") if found else ""
 
     def _values_of(self, field: Field) -> list[str]:

@@ -392,6 +392,13 @@ def test_plots_say_at_80_columns_how_one_leaves_them():
 def test_while_edits_wait_the_bar_says_how_they_are_taken_back():
     line = keys(80, mode=[("filter", "Filter"), ("back", "No filter"), ("apply", "Apply 6")])
     assert "u Undo" in line
+    line = keys(80, mode=[("apply", "Apply 6")])  # without a filter marks are made still
+    assert all(each in line for each in ("space Mark", "u Undo", "e Edit", "g Go"))
+
+
+@pytest.mark.parametrize("scope", sorted({scope for command in BY_ID.values() for scope in command.scopes} - {"any"}))
+def test_each_screen_says_at_80_columns_how_one_leaves_it(scope):
+    assert " Esc " in keys(80, scope)
 
 
 def test_a_key_that_has_room_stands_in_the_bar_though_one_that_is_more_wanted_has_none():

@@ -329,7 +329,7 @@ class DetailScreen(MonitorScreen):
         return OF_SPECTRA.get(command.id, label) if label and self.mode == "spectrum" else label
 
     def value_now(self, command_id: str) -> str:
-        return {"level": self.level, "mode": self.mode}.get(command_id, "")
+        return {"level": self.level, "mode": self.mode}.get(command_id, super().value_now(command_id))
 
     def command_show_as(self, mode: str) -> None:
         self.mode = mode
