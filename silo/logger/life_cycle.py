@@ -1,9 +1,10 @@
 """Whether a logger runs, is closed, is served: what all its parts look at before they change something."""
 
+import contextlib
 import os
 import threading
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 from silo.core.conditions import Conditions
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from silo.logger.serving.serving import Serving
 
 
-LOOK_AGAIN_S = 0.5  # whether a cut is over whose thread was interrupted before it told
+LOOK_AGAIN_S = 0.5  # whether that is over whose thread was interrupted before it told
 
 
 class Cutter:
@@ -57,8 +58,8 @@ class LifeCycle:
 
     def _unlocked(self) -> None:
         self.lock = threading.RLock()
-        self.ending = threading.RLock()  # of several that end it the first one; taken before `lock`, never within it
-        self._cut_over = threading.Condition(self.lock)
+        self._ending = threading.RLock()  # of several that end it the first one
+        self._cut_over, self._ended = threading.Condition(self.lock), threading.Condition(self.lock)
         self._cutter: Callable[[], Cutter | None] = lambda: None
 
     def cutting(self) -> "Cutter":
@@ -78,6 +79,19 @@ class LifeCycle:
     def _others_cut(self) -> bool:
         cutter = self._cutter()
         return cutter is not None and cutter.thread != threading.get_ident()
+
+    @contextlib.contextmanager
+    def ending(self) -> Iterator[None]:
+        """End it alone: of several others wait, without the lock, which one that a signal handler ends may have."""
+        with self.lock:
+            while not self._ending.acquire(blocking=False):
+                self._ended.wait(LOOK_AGAIN_S)
+        try:
+            yield
+        finally:
+            self._ending.release()
+            with self.lock:
+                self._ended.notify_all()
 
     def cut_is_over(self) -> None:
         """Have those go on who wait for the end of a cut."""

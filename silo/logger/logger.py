@@ -566,7 +566,7 @@ class Logger(LoggerNames):
                 dropped = 0 if discard or self._data.save_failed else self._present.unsaved_ticks
         if dropped:
             say_dropped(self.options.name, dropped)
-        with self._life.ending:
+        with self._life.ending():
             if self._freeing:  # also where it was interrupted
                 self._free()
 
@@ -618,14 +618,17 @@ class Logger(LoggerNames):
 
         A served logger leaves that to its helper process. Where saving fails, `silo recover` can do it later.
         """
-        with self._life.ending:
-            run = self._present.run
-            if self._life.closed or not self.has_unsaved or run is None:
+        with self._life.ending():
+            with self._life.lock:  # another thread may close it
+                run = self._present.run
+                is_to_be_kept = not self._life.closed and self.has_unsaved
+                if is_to_be_kept:
+                    self.stop()
+                    self._data.look_for_unheld()
+                    self._life.closed = True
+            if run is None or not is_to_be_kept:
                 self.close()
                 return
-            self.stop()
-            self._data.look_for_unheld()
-            self._life.closed = True
             if self._life.serving is not None:
                 left = self._present.path, run.segment.ticks
                 if self._life.serving.is_up:

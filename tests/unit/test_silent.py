@@ -250,6 +250,37 @@ def test_two_that_end_a_logger_at_once_write_one_file(closing, tmp_path, monkeyp
     assert len(list(tmp_path.glob("*.silo"))) == 1
 
 
+@pytest.mark.parametrize("is_amid_its_writing", [False, True])
+def test_a_signal_handler_that_ends_a_logger_amid_a_start_of_it_lets_another_thread_end_it(
+    closing, tmp_path, monkeypatch, is_amid_its_writing
+):
+    log, real, writing = unsaved(closing(3), tmp_path), writer.write_all, threading.Event()
+    ends = threading.Thread(target=log._abandon, daemon=True)
+
+    def slow(*arguments):
+        writing.set()
+        return real(*arguments)
+
+    def starts() -> None:
+        if is_amid_its_writing:
+            ends.start()
+            writing.wait(10)
+        with log._life.lock:
+            if not is_amid_its_writing:
+                ends.start()
+            ends.join(0.1)  # until it waits for the lock
+            log.close()
+
+    monkeypatch.setattr(writer, "write_all", slow)
+    begins = threading.Thread(target=starts, daemon=True)
+    begins.start()
+    for thread in (begins, ends):
+        thread.join(10)
+        assert not thread.is_alive()
+    assert log._life.closed
+    assert len(list(tmp_path.glob("*.silo"))) == 1
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("serves", [False, True])
 def test_closing_that_keeps_lets_go_of_memory_and_arrays_as_any(tmp_path, runtime_folder, serves):
