@@ -620,13 +620,12 @@ class Logger(LoggerNames):
         """
         with self._life.ending():
             with self._life.lock:  # another thread may close it
-                run = self._present.run
-                is_to_be_kept = not self._life.closed and self.has_unsaved
-                if is_to_be_kept:
+                run = self._present.run if self.has_unsaved and not self._life.closed else None
+                if run is not None:
                     self.stop()
                     self._data.look_for_unheld()
                     self._life.closed = True
-            if run is None or not is_to_be_kept:
+            if run is None:
                 self.close()
                 return
             if self._life.serving is not None:
