@@ -32,11 +32,16 @@ COLUMNS, LINES = 100, 30
 STILL = (120, 36)
 LOOKED_AT = ((80, 24), (120, 35), (160, 50))
 COLOURS = ("dark", "light", "contrast", "16")
-# keys that lead from the table to each screen; the next one begins at the table again
+# keys that lead from the table to each screen, empty to wait; the next one begins at the table again
 SCREENS = {
     "table": ("j", "space", "e", "t"), "tree": ("o", "n"), "columns": ("v", "c"), "filter": ("slash", *"torque"),
-    "plots": ("j", "j", "m"), "x-y": ("j", "m", "enter", "p", "v"),
-    "spectrum": ("j", "m", "enter", "p", "v", "p", "v"), "alarms": ("g", "a"), "triggers": ("g", "t"),
+    "inspector": ("v", "i"), "menu": ("e",), "order": ("o",), "look-at": ("v", "v"), "stop": ("S",),
+    "plots": ("j", "j", "m"), "large": ("j", "m", "enter"), "scope": ("j", "m", "p", "c"),
+    "x-y": ("j", "m", "enter", "p", "x"), "spectrum": ("j", "m", "enter", "p", "s"),
+    "histogram": ("j", "m", "enter", "p", "h"), "derive": ("r", "d"), "record": ("r", "r"),
+    "messages": ("e", "t", "g", "m"), "runs": ("w", "enter", "", "escape", "f3"),
+    "file": ("w", "enter", "", "o"), "file-plots": ("w", "enter", "", "o", "", "j", "m"),
+    "alarms": ("g", "a"), "triggers": ("g", "t"),
     "parameters": ("g", "p"), "recordings": ("g", "r"), "events": ("g", "e"), "settings": ("f2",),
     "help": ("question_mark",), "apply": ("j", "e", "t", "a"), "loggers": ("g", "l"), "save": ("w",),
     "limits": ("g", "a", "r", "n"), "trigger": ("g", "t", "r", "n"), "find": ("j", "m", "slash"),
@@ -110,8 +115,8 @@ async def looks(folder: Path, picked: list[str]) -> None:
                         while not (app.context.has_session and app.context.session.live.readings):
                             await pilot.pause(0.1)
                         for key in keys:
-                            await pilot.press(key)
-                            await pilot.pause(0.3)
+                            await pilot.press(*filter(None, [key]))
+                            await pilot.pause(0.3 if key else 3)
                         await pilot.pause(3)
                         drawn = folder / f"{'-'.join(words)}.svg"
                         drawn.write_text(picture(app))
