@@ -45,10 +45,10 @@ _TELL_LOSS = frozenset(
                  EventKind.RECOVERED, EventKind.SAVE_FAILED, EventKind.DELETED, EventKind.FILES_DELETED)
 )  # fmt: skip
 _TOTALS = re.compile(
-    r"recording '(?P<name>[^']+)'.*?(?P<parts>\d+) files?, (?P<samples>\d+) samples?, (?P<lost>\d+) lost"
+    r"recording '(?P<name>[^']+)'.*?(?P<parts>\d+) files?, (?P<samples>[\d ]+) samples?, (?P<lost>\d+) lost"
 )
 _LOST_AT = re.compile(r"recording '(?P<name>[^']+)': (?P<lost>\d+) samples were lost, of ticks \d+ to (?P<last>\d+)")
-_ENDED = re.compile(r"recording '(?P<name>[^']+)'.*(ended|stopped|files?, \d+ samples?)")
+_ENDED = re.compile(r"recording '(?P<name>[^']+)'.*(ended|stopped|files?, [\d ]+ samples?)")
 _BEGUN = re.compile(r"recording '(?P<name>[^']+)' of .* to (?P<folder>/.*)")
 _UNCOUNTED = re.compile(r"lost, and the end of (a run|\d+ runs)")
 _FULL = "come to an end when their buffers are full"
@@ -573,7 +573,7 @@ def _totals(runs: Iterable[_Run]) -> Iterator[Verdict]:
             if (found := _LOST_AT.match(event.text)) is not None:
                 where[run.logger, found["name"]] += int(found["lost"])
             elif (found := _TOTALS.match(event.text)) is not None and "stays in memory" not in event.text:
-                counts = int(found["parts"]), int(found["samples"]), int(found["lost"])
+                counts = int(found["parts"]), int(found["samples"].replace(" ", "")), int(found["lost"])
                 told[run.logger, found["name"]] = _Total(event, *counts)
     for (logger, name), total in told.items():
         scans = parts.get((logger, name), [])

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from silo.core.conditions import TriggerWord
 from silo.core.elements import FieldChange
-from silo.core.quantities.writing import and_more, duration, many
+from silo.core.quantities.writing import and_more, duration, many, plural_count
 from silo.errors import RefusedError
 from silo.rpc.refusals import RefusedWhy
 from silo.state.requests import Unsaved
@@ -21,7 +21,6 @@ from silo_tui.context import GONE, Context
 from silo_tui.model.table.changes import cost_of
 from silo_tui.model.table.fields import Field, phrase_for
 from silo_tui.model.table.state import PendingChange
-from silo_tui.model.words import text
 from silo_tui.screens.dialogs.questions import Choice, Prompt, Question, confirmed, cost_text, diff_text
 from silo_tui.sessions.live import Session, why
 
@@ -88,7 +87,7 @@ def _is_unsaved(session: Session) -> bool:
 def _held(context: Context) -> str:
     """Return what the buffers hold, in words: the longest holds so much, of most ticks they may have forgotten all."""
     status = context.session.status
-    return f"{text.plural_count(status.held_samples, 'sample')} of up to {duration(status.held_s)}"
+    return f"{plural_count(status.held_samples, 'sample')} of up to {duration(status.held_s)}"
 
 
 def _decided(answer: str) -> Unsaved:
@@ -447,7 +446,7 @@ def left_words(session: Session) -> str:
         return f"{name} logs on{recorded}"
     if not _is_unsaved(session):
         return f"{name} is stopped"
-    return f"{name} is stopped, and {many(status.run_ticks, 'tick')} stand in no file: `silo save {name}`"
+    return f"{name} is stopped, and {plural_count(status.run_ticks, 'tick')} stand in no file: `silo save {name}`"
 
 
 def forget_edits(context: Context) -> None:

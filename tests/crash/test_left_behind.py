@@ -540,8 +540,8 @@ def test_a_start_without_a_helper_names_the_command_that_saves_its_predecessor(t
     logger.start()
     (record,) = caplog.records
     assert record.message == (
-        "an earlier run of logger 'arm' ended without close(); it left 1000 samples of 1 element over 9.99 s, of 5000 "
-        f"ticks since start, in no file: `silo recover {path}` saves it, and frees its memory"
+        "an earlier run of logger 'arm' ended without close(); it left 1 000 samples of 1 element over 9.99 s, of 5 000"
+        f" ticks since start, in no file: `silo recover {path}` saves it, and frees its memory"
     )
     logger.restart()
     assert len(caplog.records) == 1
@@ -577,7 +577,7 @@ def test_the_helper_saves_the_predecessor_and_says_so(tmp_path, new_logger, unti
     (file,) = tmp_path.glob("*.silo")
     assert silo.open_log(file)["/log/x"].values.tolist() == list(range(4000, 5000))
     told = capfd.readouterr().err
-    assert "ended without close(); saved 1000 samples of 1 element over 9.99 s, of 5000 ticks since start" in told
+    assert "ended without close(); saved 1 000 samples of 1 element over 9.99 s, of 5 000 ticks since start" in told
     assert str(file) in told
 
 

@@ -186,7 +186,7 @@ def test_what_is_recorded_when_it_is_ended_while_its_recorder_is_replaced_is_all
     freeze_recorders(client)
     bench.ticks(600)
     kill_recorders(client.status().helper_pid)
-    assert "1000 samples, 0 lost" in bench.logger.stop_recording()
+    assert "1 000 samples, 0 lost" in bench.logger.stop_recording()
     assert values_of(folder) == list(range(1, 1001))
 
 

@@ -115,7 +115,7 @@ def test_what_is_no_word_of_a_loss_tells_of_none(kept, words):
 
 def test_a_recording_that_somebody_ended_before_the_run_lacks_nothing(kept):
     kept.recorded(300, stopped=False)
-    kept.happens("recording", "recording 'bot' ended: 1 file, 1800 samples, 0 lost", 299)
+    kept.happens("recording", "recording 'bot' ended: 1 file, 1 800 samples, 0 lost", 299)
     kept.happens("stopped", "stopped", 999)
     assert [kind for kind, _ in kept.found()[0]] != ["missing"]
 

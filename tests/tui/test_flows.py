@@ -275,7 +275,7 @@ def test_what_is_likely_not_meant_is_told_with_what_was_applied(saved):
         apply(*given, **named), warnings=["large", "trigger 'slip': '/log/imu/temperature' holds less"]
     )
     said = desk.does(flows.apply(desk))
-    assert said.startswith("applied to 1 element; large; trigger 'slip': '/log/imu/temperature' holds less; u takes")
+    assert said.startswith("applied to 1 element; u takes it back, as edits to apply; large; trigger 'slip'")
 
 
 # ----------------------------------------------------------------------------------------------------------- scripts
@@ -460,7 +460,7 @@ def test_a_demo_that_has_not_begun_ends_without_a_question(saved):
     [
         ("saved", {}, "robot is stopped"),
         ("fake", {"saved": False}, "robot is stopped"),
-        ("unsaved", {}, "robot is stopped, and 4800 ticks stand in no file: `silo save robot`"),
+        ("unsaved", {}, "robot is stopped, and 4 800 ticks stand in no file: `silo save robot`"),
         ("running", {}, "robot logs on"),
         ("running", {"recorder_infos": [RECORDED]}, "robot logs on, 1 recording with it"),
         ("unsaved", {"state": State.DEAD}, "robot is dead"),

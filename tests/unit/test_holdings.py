@@ -35,7 +35,7 @@ def test_a_looping_buffer_is_told_by_its_samples_not_by_the_ticks_since_start(ne
         logger.collect()
     told = segment_holdings(SegmentReader(logger._present.path))
     assert told == Holdings(12_840, 1, 1000, 9.99, most_s=9.99)
-    assert told.text == "1000 samples of 1 element over 9.99 s, of 12840 ticks since start"
+    assert told.text == "1 000 samples of 1 element over 9.99 s, of 12 840 ticks since start"
 
 
 def test_one_that_holds_all_makes_the_others_no_longer_than_they_are(new_logger):
@@ -50,8 +50,8 @@ def test_one_that_holds_all_makes_the_others_no_longer_than_they_are(new_logger)
         logger.collect()
     told = segment_holdings(SegmentReader(logger._present.path)).text
     assert told == (
-        "6000 samples of 3 elements (1 more only published) over 40 s (most of them 9.99 s or less), "
-        "of 4000 ticks since start"
+        "6 000 samples of 3 elements (1 more only published) over 40 s (most of them 9.99 s or less), "
+        "of 4 000 ticks since start"
     )
 
 

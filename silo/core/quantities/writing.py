@@ -61,6 +61,16 @@ def many(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
+def count(value: int) -> str:
+    """Return a count in groups: `12 345`."""
+    return f"{value:,}".replace(",", " ")
+
+
+def plural_count(value: int, noun: str) -> str:
+    """Return `1 tick`, `12 345 ticks`: of what may be very many."""
+    return f"{count(value)} {noun}{'' if value == 1 else 's'}"
+
+
 def and_more(words: Sequence[str], most: int, sign: str = ", ") -> str:
     """Return the first of several, and how many more there are: `q, dq and 3 more`."""
     return sign.join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")

@@ -4,11 +4,13 @@ import math
 from collections.abc import Callable, Sequence
 
 from silo.core.elements import SavedFile
+from silo.core.quantities import writing
 from silo.core.quantities.writing import size_text
 
 SUFFIXES = "kMGT"
 BRIEF = 5  # cells of a number among others
 BARS = "▏▎▍▌▋▊▉█"
+count = writing.count
 
 
 def number(value: float, width: int = 11, *, integer: bool = False, decimals: int | None = None) -> str:
@@ -185,16 +187,6 @@ def short_span(seconds: float) -> str:
     scales = ((100, 1, "s"), (6000, 60, "m"), (360_000, 3600, "h"))
     scale, unit = next(((scale, unit) for limit, scale, unit in scales if seconds < limit), (86_400, "d"))
     return f"{int(seconds // scale)}{unit}"
-
-
-def count(value: int) -> str:
-    """Return a count with thin groups: `12 345`."""
-    return f"{value:,}".replace(",", " ")
-
-
-def plural_count(value: int, noun: str) -> str:
-    """Return `1 tick`, `12 345 ticks`."""
-    return f"{count(value)} {noun}{'' if value == 1 else 's'}"
 
 
 def bar(share: float, width: int) -> str:
