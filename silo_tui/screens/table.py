@@ -108,11 +108,12 @@ class TableScreen(ElementsScreen):
     def lay_out_table(self, width: int, rest: int) -> None:
         """Give values more room on a wide screen; a trend where names keep theirs."""
         narrow = width < WIDE and self.table.column_set == "settings"
-        value_width = 17 if narrow else 11 if width < WIDE else 14 if width < 140 else 17 if width < 170 else 24
-        self.table.lay_out(value_width, wide=width >= WIDE_SET, fill=not narrow)
+        value_width = 17 if narrow else 11 if rest < WIDE else 14 if rest < 140 else 17 if rest < 170 else 24
+        wide = rest >= WIDE_SET
+        self.table.lay_out(value_width, wide=wide, fill=not narrow)
         rest -= self.table.measured_width + TABLE_WIDTH
         if width >= WIDE and rest - TREND - 1 >= NAME_ROOM:
-            self.table.lay_out(value_width, trend=True, wide=width >= WIDE_SET)
+            self.table.lay_out(value_width, trend=True, wide=wide)
 
     # -------------------------------------------------------------------------------------- what is measured
 

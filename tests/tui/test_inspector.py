@@ -359,3 +359,15 @@ def test_only_lines_that_read_differently_are_painted(desk, monkeypatch):
     painted.clear()
     shown.live_changed()
     assert painted == list(range(11))
+
+
+@pytest.mark.slow
+async def test_beside_the_inspector_settings_and_names_keep_their_room(fake, opened):
+    """What a table of that width shows: on a wide screen statistics beside it took the room of both."""
+    async with opened(fake.run(), size=(160, 50)) as screen:
+        table = screen.app.screen.table
+        assert "mean" in screen.text
+        await screen.do("inspector")
+        await screen.until(lambda: table.laid.width < 120, "a narrower table")
+        assert set(table.field_spans()) == set(Field)
+        assert not table.laid.space, "all names are whole"
