@@ -20,6 +20,7 @@ from silo_tui.model.lists.conditions import (
     limit_row,
     named_in,
     options_of_fields,
+    slow_words,
     tried_lines,
     trigger_row,
     waits_for,
@@ -182,6 +183,16 @@ class TestWords:
         told = replace(tried, time_ns=[10**9, 3 * 10**9])
         assert "; fires within 2 s (post) of each other join" in capture_words(told, replace(FALL.options, post_s=2.0))
         assert "join" not in capture_words(told, replace(FALL.options, post_s=1.9))
+
+    @pytest.mark.parametrize(
+        ("pre_s", "post_s", "words"),
+        [(2.0, 1.0, "pre of 2 s lasts 2.7 s"), (0.0, 1.0, "post of 1 s lasts 1.4 s"), (0.0, 0.0, "")],
+    )
+    def test_of_a_slow_loop_it_is_told_how_much_longer_a_capture_gets(self, pre_s, post_s, words):
+        said = slow_words(replace(FALL.options, pre_s=pre_s, post_s=post_s), 295.0, 400.0)
+        assert said.endswith(words)
+        assert bool(said) == bool(words)
+        assert not said or "295 of 400 Hz" in said
 
     @pytest.mark.parametrize(
         ("held", "blind", "says"),

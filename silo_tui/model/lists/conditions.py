@@ -250,6 +250,15 @@ def tried_lines(
     return [first, left + "".join(cells) + NOW]
 
 
+def slow_words(made: TriggerOptions, hz: float, nominal_hz: float) -> str:
+    """Return how long a capture gets of a loop that makes fewer ticks than it should: times are counted in them."""
+    name, seconds = ("pre", made.pre_s) if made.pre_s else ("post", made.post_s)
+    if not seconds:
+        return ""
+    lasts = f"{name} of {text.span(seconds)} lasts {text.span(seconds * nominal_hz / hz, 2)}"
+    return f"times count ticks, of which the loop makes {text.short(hz, 3)} of {text.short(nominal_hz, 3)} Hz: {lasts}"
+
+
 def capture_words(tried: TriggerTried, made: TriggerOptions) -> str:
     """Return how large a capture is, and what makes it larger."""
     size = f"each capture about {size_text(tried.capture_bytes)}"

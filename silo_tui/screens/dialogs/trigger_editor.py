@@ -5,7 +5,14 @@ from typing import ClassVar
 
 from silo.core.conditions import TriggerOptions
 from silo_tui.context import Context
-from silo_tui.model.lists.conditions import UNNAMED, capture_words, fields_of, options_of_fields, tried_lines
+from silo_tui.model.lists.conditions import (
+    UNNAMED,
+    capture_words,
+    fields_of,
+    options_of_fields,
+    slow_words,
+    tried_lines,
+)
 from silo_tui.screens.dialogs.form import CONDITION, Form, taken, told
 from silo_tui.sessions.live import Session
 
@@ -75,10 +82,13 @@ class TriggerEditor(Form[TriggerOptions]):
         unnamed = not fields["name"]  # the condition counts while there is no name yet
         made = options_of_fields({**fields, "name": "new"} if unnamed else fields, self._options)
         tried = await self._session.tried(made)
+        loop = self._session
+        slow = slow_words(made, loop.measured_hz, loop.status.frequency_hz) if loop.loop_slow else ""
         return "\n".join(
             [
                 *tried_lines(tried, self.told_width),
                 capture_words(tried, made),
+                *([slow] if slow else []),
                 *([f"name it before Enter: {UNNAMED}"] if unnamed else []),
             ]
         )
