@@ -212,6 +212,16 @@ async def test_scrolling_back_while_it_runs_looks_into_the_buffers_and_end_retur
         await screen.until(lambda: store_of(screen).end * store_of(screen).column_ns >= fake.now_ns, "it goes on")
 
 
+async def test_what_was_said_of_what_stood_still_goes_as_it_goes_on(fake, opened):
+    async with opened(fake.run()) as screen:
+        await open_torque(screen)
+        await screen.press("pageup")
+        await screen.shows("that is the oldest that is held")
+        await screen.press("escape")
+        await screen.until(lambda: not monitor(screen).window.paused, "it goes on")
+        assert monitor(screen).line.said == ""
+
+
 async def test_where_the_buffers_hold_no_more_than_the_picture_scrolling_back_says_so(fake, opened):
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)

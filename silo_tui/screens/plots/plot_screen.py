@@ -483,6 +483,7 @@ class PlotScreen(SiloScreen):
     def go_on(self) -> None:
         """Show what comes again."""
         self.window.go_on()
+        self.line.say("")  # it was of what stood still
         self.show_between()
         self._release()
 
