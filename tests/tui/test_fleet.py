@@ -1,5 +1,8 @@
 """The list of loggers: how each stands, the worst first, and what is asked of many at once."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import msgspec
 import pytest
 
@@ -10,6 +13,15 @@ from silo.net.found import LoggerAddress
 from silo.rpc.published import Summary
 from silo_tui.model.lists import fleet
 from silo_tui.model.lists.ordering import arranged
+from silo_tui.screens.lists.loggers import LoggersScreen
+from silo_tui.sessions.live import NO_STATUS
+
+
+class Listed(LoggersScreen):
+    """Beside a logger that is open."""
+
+    context: Any = None
+
 
 NOW_S, NOW_NS = 1000.0, 1_790_000_400 * 10**9
 FINE = Summary(
@@ -301,3 +313,14 @@ def test_a_filter_looks_in_what_is_recorded_and_denied_too(told, words) -> None:
     assert ("REC" in found, "DENIED" in found) == ("REC" in words, "DENIED" in words)
     assert words in found
     fleet.told(line(Member(LoggerAddress("x", 0, "", ""), problem="no answer")))  # of which nothing is known
+
+
+def test_of_the_logger_that_is_open_it_is_told_in_full_why_it_died():
+    reason = f"the robot program (process 3833) ended without close(); {'words ' * 40}: /home/ann/logs/arm.silo (9 MB)"
+    status = msgspec.structs.replace(NO_STATUS, reason=reason, state=State.DEAD)
+    one = line(member(state=State.DEAD, reason=Summary.of(status).reason))
+    listed = Listed.__new__(Listed)
+    listed.context = SimpleNamespace(logger_session=None)
+    assert reason not in listed.about(one)
+    listed.context = SimpleNamespace(logger_session=SimpleNamespace(status=status))
+    assert reason in listed.about(one)
