@@ -482,8 +482,10 @@ class SiloScreen(Leaving[None]):
         return ""
 
     def value_now(self, command_id: str) -> str:
-        """Return what a menu tells of an entry: what it changes, as it is; what tells it from one of like name."""
-        return {"top": "first line", "recordings": "of robot", "runs": "of a folder"}.get(command_id, "")
+        """Return what a menu tells of an entry: what it changes, as it is; what it makes, or tells it from its like."""
+        told = {"top": "first line", "recordings": "of robot", "runs": "of a folder"}
+        told |= {"new_of_row": "trigger or limits", "trigger_new": "trigger", "alarm_new": "limits"}
+        return told.get(command_id, "")
 
     def open_left(self, names: Sequence[str] = ()) -> None:
         """Open what a dead robot left, with plots of these elements."""

@@ -538,7 +538,7 @@ class TableScreen(ElementsScreen):
         targets = self.session.rows.targets()
         changed = self.session.table.edit(targets, field, value)
         words = f"{field.label} {phrase_for(field, value)}: {changed} changed{self.session.rows.not_here}"
-        self._edited(words if changed else "nothing to change")
+        self._edited(words if changed else f"{field.label} is {phrase_for(field, value)} already")
 
     def command_set(self, typed: Spelled) -> None:
         if not typed.arguments:
@@ -553,9 +553,8 @@ class TableScreen(ElementsScreen):
             self.context.fail(str(error))
             return
         takes = f"{key_of('undo')} takes {'it' if changed == 1 else 'them'} back"
-        self._edited(
-            f"{many(changed, 'field')} changed{self.session.rows.not_here}; {takes}" if changed else "nothing to change"
-        )
+        words = f"{many(changed, 'field')} changed{self.session.rows.not_here}; {takes}"
+        self._edited(words if changed else "that is so already")
 
     def _edited(self, words: str) -> None:
         if self.session.rows.filter.text or self.session.rows.sort not in STEADY:
@@ -617,5 +616,6 @@ class TableScreen(ElementsScreen):
         if self.repeated in {*FIELDS_BY_COMMAND, "edit", "edit_all"}:
             self.repeats = lambda: self._again(lambda: self._set_all(wanted))
         label = field.label if "=" not in words else "by words"
-        self._edited(f"{label}: {changed} changed" if changed else "nothing to change")
+        so = "that is so" if "=" in words else f"{label} is {value.strip()}"
+        self._edited(f"{label}: {changed} changed" if changed else f"{so} already")
         return True

@@ -90,7 +90,9 @@ class FileSession(Session):
         """Return name, duration, ticks, what was lost."""
         report, source = self.report, self.source
         facts = f"  {many(self._parts, 'part')}" if self._parts else ""
-        facts += f"  {text.span((source.end_ns - source.begin_ns) / 1e9)}  {text.count(report.ticks)} {self._stamps}"
+        seconds = (source.end_ns - source.begin_ns) / 1e9  # as plots count them, while that is no long number
+        span = f"{text.short(seconds)} s" if 100 <= seconds < 1000 else text.span(seconds)
+        facts += f"  {span}  {text.count(report.ticks)} {self._stamps}"
         facts += f"  {many(len(report.elements), 'element')}" if wide else ""
         facts += f"  {text.short(report.rate_hz)} Hz" if report.rate_hz and source.recording.offset else ""
         facts += f"  {size_text(report.size_bytes)}" if wide and report.size_bytes else ""

@@ -115,7 +115,7 @@ async def test_where_a_condition_of_any_signals_turns_true_is_found_by_a_form_th
         await screen.shows("turned true 11 × in the 11 s that are held")  # ten waves, and the spike between two of them
         await screen.press("enter")
         await screen.shows("LF/torque > 0.5, 11 of 11: turns true at")
-        await screen.shows("([: others)")  # of the last one nothing leads on
+        await screen.shows("([ before)")  # of the last one nothing leads on
         await screen.do("previous_found", "previous_found")
         await screen.shows("9 of 11")
         await screen.do("find", "w")

@@ -417,3 +417,13 @@ async def test_what_was_said_long_before_is_gone_where_one_comes_back(fake, open
             await screen.press("escape")
             await screen.until(lambda: screen.app.screen.scope == "table", "the table")
             await screen.until(lambda stays=stays: ("limits of x are set" in screen.text) is stays)
+
+
+async def test_what_is_so_already_is_told_as_it_is(fake, opened):
+    async with opened(fake) as screen:
+        value = screen.value(FIRST, Field.DIVIDER)
+        await screen.press("d")
+        await screen.enter(value)
+        await screen.shows(f"divider is {value} already")
+        await screen.enter(f":set div={value}")
+        await screen.shows("that is so already")

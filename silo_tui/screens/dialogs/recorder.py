@@ -142,7 +142,7 @@ async def end(context: Context, session: Session) -> None:
     choices = [harmless] + [
         Choice(one.name, _words(one), keys[place : place + 1]) for place, one in enumerate(session.recorders)
     ]
-    all_stay = not any(one.written_bytes > one.size_bytes for one in session.recorders)
+    all_stay = not any(one.keep_bytes or one.written_bytes > one.size_bytes for one in session.recorders)
     body = f"Its last part is finished, {'all its parts' if all_stay else 'those that are kept'} stay where they are."
     name = await context.app.push_screen_wait(Question(f"Stop which recording of {session.name}?", body, choices))
     if name:
@@ -155,6 +155,8 @@ def _words(one: RecorderInfo) -> str:
     parts, size = many(one.parts + bool(one.part), "part"), size_text(one.size_bytes)
     if one.written_bytes > one.size_bytes:  # the oldest were deleted, as it was told to
         parts, size = f"{parts} written", f"the newest {size} kept"
+    elif one.keep_bytes:  # they are deleted while it is asked, too
+        size += f" so far (the oldest go at {size_text(one.keep_bytes)})"
     verb = "Take off the list" if one.state.over else "Stop"
     return f"{verb} {one.name}: {parts}, {size}, lost {text.count(one.lost)}"
 

@@ -346,9 +346,13 @@ class MomentSearch:
         name, *_ = names = tuple(map(self.screen.session.short_name, reversed(plotted)))
         name = fitted_among(name, names, room)
         ways = zip((1, -1), others, strict=True)
-        on = [key_of(command) for way, command in ways if found.leads_on(moment.time_ns, way, place)]
+        on = [
+            f"{key_of(command)} {'next' if way > 0 else 'before'}"
+            for way, command in ways
+            if found.leads_on(moment.time_ns, way, place)
+        ]
         if not step and on:  # who goes on knows them
-            told += f" ({' '.join(on)}: others)"
+            told += f" ({', '.join(on)})"
         self.screen.say(
             f"{words} in {name}{told}" if len(self.screen.stack.plots) > 1 and moment.name else f"{words}{told}"
         )
