@@ -143,7 +143,8 @@ class StatusBar(FittingLine):
             add(9, "  lost 0")
         if session.connected:
             parts += self._pace(wide=wide)
-        alarm, is_red, watching = head_words(session.triggers, session.limits)
+        judged = ([], []) if session.dead else (session.triggers, session.limits)  # nobody watches any more
+        alarm, is_red, watching = head_words(*judged)
         parts += thin
         for rank, forms, role in ((6, alarm, "alarm" if is_red else "warning"), (7, watching, "")):
             long, *less = [f"  {words}" for words in forms] or [""]  # neither ever gives way, their words do
@@ -154,8 +155,10 @@ class StatusBar(FittingLine):
     def _thin(self) -> list[LinePart]:
         """Return what the link, or this computer, does not take; of the link less and less."""
         forms: list[str] = []
-        room = self.content_size.width
+        room, live = self.content_size.width, self.session.running and self.session.at_s is None
         while (words := thin_head(self.app, room)) and f"  {words}" not in forms:
+            if not live and not words.startswith("THIN"):
+                break  # of what stands still nothing is drawn too rarely
             forms.append(f"  {words}")
             room = len(words) - 1
         caution = color(self.app.theme_variables, "warning")

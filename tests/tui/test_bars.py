@@ -251,6 +251,23 @@ def test_triggers_stand_in_the_head_while_there_is_room(desk):
     assert head(desk).endswith("Hz   trigger fall fires")
 
 
+def test_of_a_dead_robot_nothing_is_told_that_would_watch(desk):
+    desk.session.triggers = [TriggerStatus(TriggerOptions("fall", "x > 1"), TriggerWord.ARMED)]
+    desk.session.limits = [LimitStatus(NAME, NAME, LimitWord.OK, alarm=True)]
+    assert "1 trigger armed" in head(desk, 100)
+    assert not {"armed", "alarm"} & set(head(told(desk, state=State.DEAD), 100).split())
+
+
+@pytest.mark.parametrize(
+    ("state", "words", "is_told"),
+    [(State.RUNNING, "BUSY 3.4 of 5 Hz", True), (State.STOPPED, "BUSY 0.74 of 1 Hz", False),
+     (State.STOPPED, "THIN 64 kbit/s", True)],
+)  # fmt: skip
+def test_of_what_stands_still_nothing_is_drawn_too_rarely(state, words, is_told, desk, monkeypatch):
+    monkeypatch.setattr(bars, "thin_head", lambda _, room: words)
+    assert (words in head(told(desk, state=state), 100)) is is_told
+
+
 def test_words_of_alarms_and_triggers_give_way_before_the_name_of_the_logger_and_how_long_it_runs(desk):
     desk.session.limits = [LimitStatus(NAME, NAME, LimitWord.OK, alarm=True)]
     desk.session.triggers = [TriggerStatus(TriggerOptions("fall", "x > 1"), TriggerWord.FIRING)]
