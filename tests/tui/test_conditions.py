@@ -27,6 +27,7 @@ from silo_tui.model.lists.conditions import (
 )
 from silo_tui.model.plots.limit_line import fields_of as fields_of_limits
 from silo_tui.model.plots.limit_line import limits_of_fields
+from silo_tui.screens.dialogs.limits import LimitsDialog
 from tests.stand_ins.desk import Desk
 
 NOW_NS = 1_790_000_100_000_000_000
@@ -382,6 +383,21 @@ class TestScreens:
             await screen.shows("/gone")
             await screen.do("plot_conditions")
             await screen.shows("nothing of it can be plotted: it is no signal of the table")
+
+    async def test_the_field_that_has_the_keys_has_them_from_the_first_picture_on(self, fake, opened, monkeypatch):
+        had, focus = [], LimitsDialog.on_descendant_focus
+        monkeypatch.setattr(
+            LimitsDialog, "on_descendant_focus", lambda form, event: (had.append(event.widget.id), focus(form, event))
+        )
+        fake.limit_statuses = [HOT]
+        async with opened(fake) as screen:
+            await screen.press("A")
+            await screen.shows("86.31")
+            await screen.press("e")
+            await screen.until(lambda: isinstance(screen.app.screen, LimitsDialog), "the form")
+            await screen.press("tab", "tab", "7")
+            assert screen.app.screen.fields["H"] == "7"
+            assert had == ["form-LL", "form-L", "form-H"]
 
     async def test_limits_are_edited_from_what_they_are_and_keep_it(self, fake, opened):
         given = SignalLimits("/log/LF/HAA/torque", (None, None, 60.0, 80.0), 3, 1.0, 0.5, "x > 1")

@@ -111,16 +111,17 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         self._title, self._lines, self._values, self._hints = title, lines, values, hints
 
     def compose(self) -> ComposeResult:
+        self.AUTO_FOCUS = f"#form-{self._start}" if self._start else None  # from the first picture on
         with Vertical(classes="dialog form"):
             yield Static(self._title, classes="dialog-title", markup=False)
             yield from self.above()
             for names in self._lines:
                 with Horizontal(classes="form-line"):
                     for name in names:
-                        yield Static(f" {name}", id=f"label-{name}", classes="form-label", markup=False)
+                        yield Static(self._label(name), id=f"label-{name}", classes="form-label", markup=False)
                         yield self._line(name)
             if self.ABOUT:
-                yield Static("", id="form-about", classes="quiet", markup=False)
+                yield Static(self._about, id="form-about", classes="quiet", markup=False)
             yield Static("", id="form-told", markup=False)
             yield from self.below()
 
@@ -146,19 +147,24 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         yield from ()
 
     def on_mount(self) -> None:
-        """Give the keys to a field, and look at what is there."""
+        """Look at what is there."""
         if self._start:
-            self.field(self._start).focus()
             self.tell(self._problem, "failed")
             self.look_soon()
 
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
-        self._start = name = str(event.widget.id).removeprefix("form-")
+        self._start = str(event.widget.id).removeprefix("form-")
         for label in self.query(".form-label").results(Static):  # colours alone don't reach everybody
-            own = str(label.id).removeprefix("label-")
-            label.update(f"{CURSOR if own == name else ' '}{own}")
+            label.update(self._label(str(label.id).removeprefix("label-")))
         for line in self.query("#form-about").results(Static):
-            line.update(f"{name}: {self.ABOUT[name]}" if name in self.ABOUT else "")
+            line.update(self._about)
+
+    def _label(self, name: str) -> str:
+        return f"{CURSOR if name == self._start else ' '}{name}"
+
+    @property
+    def _about(self) -> str:
+        return f"{self._start}: {self.ABOUT[self._start]}" if self._start in self.ABOUT else ""
 
     def field(self, name: str) -> Input:
         """Return the line of a label."""
