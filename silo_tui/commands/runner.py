@@ -1,6 +1,7 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
 """The `:` line, and the commands that need no screen."""
 
+import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -12,7 +13,7 @@ import msgspec
 from silo.core.names import did_you_mean, nearest
 from silo.core.quantities.writing import and_more, many
 from silo.errors import RefusedError, SiloError
-from silo.files.formats import SAVED_NAMES
+from silo.files.formats import SAVED_NAMES, is_bag_folder
 from silo.net.access.senders import name_of
 from silo.settings.typed import completions
 from silo_tui.actions import (
@@ -188,19 +189,19 @@ class CommandRunner:
         self._context.run_flow(recorder.end(self._context, self._context.session))
 
     def command_open(self, typed: Spelled) -> None:
-        if not typed.arguments:
-            raise ValueError(
-                f"open which file? for example `:open logs/run.silo`; {key_of('recordings')} lists what is on the robot"
-            )
         if not self._context.has_session:
             raise RefusedError("no logger is open: leave silo-tui, and open the file by `silo-tui FILE`")
+        path = typed_path("the log", typed.rest or ".")
+        if not typed.arguments or (os.path.isdir(path) and not is_bag_folder(path)):  # noqa: PTH112 - never fails
+            cast(Any, self._context.app).command_runs(typed)  # one of them is to be chosen
+            return
         from silo.analysis.opening import open_log
         from silo_tui.screens.files.opened import show_read
 
         context, failed = self._context, f"{typed.rest} can't be opened"
         context.open_over(
             context.app, f"opening {typed.rest}", show_read, context,
-            lambda: open_log(typed_path("the log", typed.rest)), failed,
+            lambda: open_log(path), failed,
         )  # fmt: skip
 
     def command_theme(self, typed: Spelled = BY_KEY) -> None:

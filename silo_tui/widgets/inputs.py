@@ -151,6 +151,7 @@ class Line(Fleeting):
         super().__init__(id, placeholder=placeholder, suggester=LineSuggester(complete), select_on_focus=False)
         self._complete_line = complete
         self._turn: list[str] = []
+        self._inside: list[str] = []  # what is in the folder that Tab took last
 
     def on_mount(self) -> None:
         leave_out_unseen(self)
@@ -162,16 +163,18 @@ class Line(Fleeting):
         return "Type anew, → adds to it  " if old else ""
 
     def complete(self) -> None:
-        """Take the next completion; Tab again takes the one after."""
-        if not self._turn or self.value not in self._turn:
+        """Take the next completion; Tab again takes the one after, or what is in the folder that was taken."""
+        if not self._turn or self.value not in self._turn or self._inside:
             self._turn, at = self._complete_line(self.value), 0
         else:
             at = (self._turn.index(self.value) + 1) % len(self._turn)
         if self._turn:
             self.value = self._turn[at]
             self.cursor_position = len(self.value)
+        self._inside = self._complete_line(self.value) if self.value.endswith("/") else []
+        found = [self.value, *self._inside] if self._inside else self._turn[at:] + self._turn[:at]
         # behind the change of the value, which is told first
-        self.call_later(self.post_message, self.Completed(self._turn[at:] + self._turn[:at]))
+        self.call_later(self.post_message, self.Completed(found))
 
 
 class CellEditor(Fleeting):

@@ -2,12 +2,14 @@
 
 import asyncio
 import importlib
+import os
 import pkgutil
 
 import numpy as np
 import pytest
 from msgspec import structs
 from textual.geometry import Size
+from textual.widgets import Input
 
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
 from silo.core.conditions import Conditions, SignalLimits, TriggerOptions, TriggerWord
@@ -500,6 +502,25 @@ async def test_a_file_of_this_machine_is_opened_over_the_logger_by_a_word_that_t
         await screen.press("escape")
         await screen.until(lambda: isinstance(screen.app.screen, TableScreen), "the table")
         assert screen.session is live
+
+
+async def test_tab_goes_on_in_the_folder_that_it_took_and_enter_lists_that(fake, opened, saved_log, tmp_path):
+    for at, name in enumerate(("b.silo", "c.silo")):
+        (tmp_path / name).write_bytes((tmp_path / "walk.silo").read_bytes())
+        os.utime(tmp_path / name, (at, at))
+    (tmp_path.parent / f"{tmp_path.name}2").mkdir(exist_ok=True)
+    async with opened(fake, size=(160, 50)) as screen:
+        await screen.press(":")
+        await screen.type(f"open {tmp_path}")
+        taken = []
+        for _ in range(4):
+            await screen.press("tab")
+            taken.append(screen.app.screen.query_one(Input).value.removeprefix(f"open {tmp_path}"))
+        assert taken == ["/", "/walk.silo", "/c.silo", "/b.silo"]
+        await screen.press("escape", ":")
+        await screen.enter(f"open {tmp_path}/")
+        await screen.until(lambda: screen.app.screen.scope == "runs", "the list")
+        await screen.shows("walk")
 
 
 async def test_a_file_that_is_no_log_is_told_and_the_table_stays(fake, opened, tmp_path):

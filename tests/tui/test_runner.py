@@ -362,9 +362,16 @@ def test_a_key_begins_its_flow(command, answers, said, fake):
     assert desk.said == [said]
 
 
-def test_a_file_to_open_is_asked_for_by_an_example(fake):
-    with pytest.raises(ValueError, match="open which file"):
-        typed(Desk(fake), "open")
+@pytest.mark.parametrize("line", ["open", "open {}", "open {}/"])
+def test_of_a_folder_one_chooses_what_is_opened_in_its_list(line, fake, tmp_path):
+    listed = []
+    desk = Desk(fake)
+    desk.app.command_runs = lambda folder: (listed.append(folder.rest), desk.say("listed"))
+    typed(desk, line.format(tmp_path))
+    assert listed == [line.format(tmp_path).partition(" ")[2]]
+
+
+def test_without_a_logger_it_is_told_how_a_file_is_opened(fake):
     desk = Desk(fake)
     desk.take_session(None)
     with pytest.raises(RefusedError, match="open the file by `silo-tui FILE`"):
