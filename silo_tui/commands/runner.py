@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 
 LAST = "last"  # the view of what was on the screen when it was left, unless there is one of that name
 ROBOT = "robot:"  # in front of the name of a view that the robot keeps
+IN_A_SHELL = dict.fromkeys(("serve", "browser", "web"), "`silo-tui --serve` shows it in a browser")
 PICTURES = (".png", ".jpg", ".jpeg", ".gif", ".pdf")
 
 
@@ -120,6 +121,8 @@ class CommandRunner:
 
     def _no_command(self, word: str) -> str:
         """Return that there is none of that word, and what may be meant: another word, or what has a key."""
+        if word in IN_A_SHELL:
+            return f"there is no command {word!r} here: {IN_A_SHELL[word]}, in a shell"
         near = [known for known in sorted(BY_WORD) if known.startswith(word[:2])]
         keyed = [with_keys(each) for each in COMMANDS if each.label.casefold().startswith(word.casefold())]
         keys = [f"{each.label} is {each.footer_key}" for each in keyed if each.keys]

@@ -6,6 +6,7 @@ import logging
 import shlex
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
+from socket import gethostname
 from typing import Any
 
 from aiohttp import WSMsgType, web
@@ -138,7 +139,10 @@ def serve(arguments: Sequence[str], port: int, *, control: bool, tell: Callable[
         command = [*own_program("silo_tui"), "--mouse", *([] if control else ["--read-only"]), *arguments]
         server = PageServer(f"exec {shlex.join(command)}", "silo-tui", guard.new_token())
         server.port = listening.getsockname()[1]
-        what = "anybody who has this address can change and stop the logger" if control else "read-only"
-        tell(f"http://{HOST}:{server.port}/{server.token}/\n{what}; Ctrl-C ends it")
+        what = "anybody who has this address can change and stop the logger"
+        way = f"ssh -L {server.port}:{HOST}:{server.port} {gethostname()}"
+        tell(f"http://{HOST}:{server.port}/{server.token}/")
+        tell(f"{what if control else 'read-only; with --control not'}; Ctrl-C ends it")
+        tell(f"To open it on another computer: first, in a shell there, `{way}`")
         server.initialize_logging()
         web.run_app(server._make_app(), sock=listening, print=None, access_log=None, shutdown_timeout=3.0)

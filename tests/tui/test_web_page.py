@@ -65,6 +65,19 @@ async def shows(page, pattern):
     return await until(found, pattern)
 
 
+@pytest.mark.parametrize(
+    ("control", "words"), [(False, "read-only; with --control not"), (True, "can change and stop")]
+)
+def test_who_serves_is_told_what_may_be_done_there_and_how_another_computer_gets_there(control, words, monkeypatch):
+    serving, said = pytest.importorskip("silo_tui.web.serving"), []
+    monkeypatch.setattr(serving.web, "run_app", lambda app, **_: app.close())
+    serving.serve((), 0, control=control, tell=said.append)
+    address, may, far = said
+    port = address.split(":")[2].partition("/")[0]
+    assert words in may
+    assert f"`ssh -L {port}:127.0.0.1:{port} {socket.gethostname()}`" in far
+
+
 @needs_browser
 async def test_a_page_has_live_values_takes_an_edit_by_keys_and_plots(served):
     url = served("--control")
