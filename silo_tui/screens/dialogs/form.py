@@ -75,6 +75,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
     While one types that is quiet: what isn't finished is no mistake yet.
     """
 
+    AUTO_FOCUS = ""  # Textual gives the keys to the first field, before `start` is asked for
     AFTER_S: ClassVar[float] = 0.2  # since the last key, until what is typed is looked at
     EXPRESSION: ClassVar[str] = ""  # the label of a field that is one: mistakes of it have a place
     NAMING: ClassVar[Sequence[str]] = ()  # the labels of fields in which signals are named
@@ -111,7 +112,6 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         self._title, self._lines, self._values, self._hints = title, lines, values, hints
 
     def compose(self) -> ComposeResult:
-        self.AUTO_FOCUS = f"#form-{self._start}" if self._start else None  # from the first picture on
         with Vertical(classes="dialog form"):
             yield Static(self._title, classes="dialog-title", markup=False)
             yield from self.above()
@@ -147,8 +147,9 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         yield from ()
 
     def on_mount(self) -> None:
-        """Look at what is there."""
+        """Give the keys to a field, at once: the first picture shows it; and look at what is there."""
         if self._start:
+            self.set_focus(self.field(self._start))
             self.tell(self._problem, "failed")
             self.look_soon()
 
