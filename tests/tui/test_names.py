@@ -28,6 +28,12 @@ LEGS = [
 ]
 
 
+def test_of_levels_that_differ_in_their_first_word_three_letters_of_it_stay():
+    names = [f"/legs/LF/HAA/{part}_temperature" for part in ("drive", "housing", "winding")]
+    assert fitting_names(names, 20) == ["/l…/LF/HAA/dri…ature", "/l…/LF/HAA/hou…ature", "/l…/LF/HAA/win…ature"]
+    assert fitting_names(names, 18) == ["/l…/LF/HAA/dri…ure", "/l…/LF/HAA/hou…ure", "/l…/LF/HAA/win…ure"]
+
+
 @pytest.mark.parametrize("width", WIDTHS)
 @given(names=NAMES)
 @settings(max_examples=40)

@@ -145,12 +145,14 @@ def _shortened(name: str, width: int, beginnings: _Beginnings) -> str:
 
 
 def _without_middle(level: str, length: int) -> str:
-    """Return the level in `length` letters: three or more of its beginning and its last word, else its last five."""
+    """Return the level in `length` letters, seven or more: three or more of its beginning, by which most differ, and its
+    last word, else of its end at most five.
+    """
     if length >= len(level) or len(level) <= TAIL + 2:
         return level
-    word = len(level.rpartition("_")[2])
-    tail = word if TAIL < word <= length - 1 - LEAST_HEAD else TAIL
-    return level[: max(1, length - 1 - tail)] + MARK + level[-tail:]
+    length, word = max(length, TAIL + 2), len(level.rpartition("_")[2])
+    tail = word if TAIL < word <= length - 1 - LEAST_HEAD else min(TAIL, length - 1 - LEAST_HEAD)
+    return level[: length - 1 - tail] + MARK + level[-tail:]
 
 
 def _last(words: str, width: int) -> str:
