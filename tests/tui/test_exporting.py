@@ -2,6 +2,7 @@
 
 import asyncio
 import csv
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -41,6 +42,11 @@ def test_a_csv_has_every_sample_with_all_its_digits_and_nothing_where_there_is_n
     rows = list(csv.reader(csv_text([A, STATE], [FAST, SLOW]).splitlines()))
     assert rows[0] == ["time_ns", "/a [Nm]", "/state"]
     assert rows[1:] == [["10", "0.1", "walk"], ["20", "nan", ""], ["30", repr(1 / 3), "a, b"], ["40", "-inf", ""]]
+
+
+def test_where_a_file_is_that_was_named_without_a_folder_is_told(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert write(Path("plots.csv")).endswith(f" are in {tmp_path / 'plots.csv'}")
 
 
 def test_what_was_written_is_counted(tmp_path):

@@ -138,7 +138,7 @@ async def export(
     app: App[Any], source: PlotSource, panels: Sequence[Panel], shown_ns: tuple[int, int], zero_ns: int, path: Path
 ) -> str:
     """Write what is shown, in the format that the path ends in; return what to say. Raises SiloError, OSError."""
-    path = _new(path)
+    path = _new(path).absolute()  # it is told where that is
     plots = [plotted for panel in panels for plotted in panel]
     if path.suffix == ".svg":
         write_whole(path, picture(app).encode())
