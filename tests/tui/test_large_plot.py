@@ -45,6 +45,7 @@ async def test_it_lives_on_with_its_status_and_values_and_a_click_puts_the_curso
     async with opened(fake.run(20)) as screen:
         await open_large(screen)
         await screen.shows("RUNNING")
+        assert screen.text.count("legs/LF/HAA/torque") == 1, "over the curve, and not once more above that"
         fake.advance(2.0)
         store = lambda: large(screen).stack.store  # noqa: E731
         await screen.until(lambda: store().end * store().column_ns >= fake.now_ns, "what came since")

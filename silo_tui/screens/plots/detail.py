@@ -151,9 +151,11 @@ class DetailScreen(MonitorScreen):
         self._title()
 
     def _title(self) -> None:
-        shown = self.plots[: self.count if self.mode in {"time", "spectrum"} else 2 if self.mode == "x-y" else 1]
+        shown = self.plots[: self.count if self.mode == "spectrum" else 2 if self.mode == "x-y" else 1]
         level = f" {self.level}" if self.mode == "spectrum" else ""
         parts = [f"{self.mode.upper()}{level}", *([self._found.kind] if self._found.kind else []), self._place()]
+        if self.mode == MODES[0]:
+            shown = []  # each curve has its name
         room = self.size.width - len("  ".join(parts)) - 6
         names = tuple(self.session.short_name(plotted.name) for plotted in shown)
         units = list(map(_unit, shown))
@@ -163,7 +165,7 @@ class DetailScreen(MonitorScreen):
             names = tuple(fitted_among(name, names, width) for name in names)
         parts.insert(0, "".join("".join(each) for each in zip(begins, names, units, strict=True)))
         for title in self.query("#detail-title").results(Static):  # none while the screen goes
-            title.update("  ".join(parts))
+            title.update("  ".join(filter(None, parts)))
 
     def _letter(self, place: int) -> str:
         if self.mode == "x-y":  # they stand alone below each other: the letters are those that they had there
