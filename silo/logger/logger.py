@@ -555,18 +555,18 @@ class Logger(LoggerNames):
         Args:
             discard: what was not saved is to go: nothing is said of it.
         """
-        with self._life.lock:
-            if discard:
-                self._data.failed = None
-            dropped = 0
-            if not self._life.closed:
-                self.stop()
-                self._data.look_for_unheld()
-                self._freeing = self._life.closed = True  # in this order: an interrupt may come between
-                dropped = 0 if discard or self._data.save_failed else self._present.unsaved_ticks
-        if dropped:
-            say_dropped(self.options.name, dropped)
         with self._life.ending():
+            with self._life.lock:
+                if discard:
+                    self._data.failed = None
+                dropped = 0
+                if not self._life.closed:
+                    self.stop()
+                    self._data.look_for_unheld()
+                    self._freeing = self._life.closed = True  # in this order: an interrupt may come between
+                    dropped = 0 if discard or self._data.save_failed else self._present.unsaved_ticks
+            if dropped:
+                say_dropped(self.options.name, dropped)
             if self._freeing:  # also where it was interrupted
                 self._free()
 
@@ -598,8 +598,9 @@ class Logger(LoggerNames):
 
         `log.close()` before the end drops it.
         """
-        if kind is not None or self._life.closed or not self.has_unsaved or not self._saved_at_end():
-            self._abandon()
+        with self._life.ending():
+            if kind is not None or self._life.closed or not self.has_unsaved or not self._saved_at_end():
+                self._abandon()
 
     def _saved_at_end(self) -> bool:
         """Save what is in no file at a clean end, and close; False where that failed: nothing was changed then."""
@@ -619,15 +620,13 @@ class Logger(LoggerNames):
         A served logger leaves that to its helper process. Where saving fails, `silo recover` can do it later.
         """
         with self._life.ending():
-            with self._life.lock:  # another thread may close it
-                run = self._present.run if self.has_unsaved and not self._life.closed else None
-                if run is not None:
-                    self.stop()
-                    self._data.look_for_unheld()
-                    self._life.closed = True
-            if run is None:
+            run = self._present.run
+            if self._life.closed or not self.has_unsaved or run is None:
                 self.close()
                 return
+            self.stop()
+            self._data.look_for_unheld()
+            self._life.closed = True
             if self._life.serving is not None:
                 left = self._present.path, run.segment.ticks
                 if self._life.serving.is_up:

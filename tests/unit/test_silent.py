@@ -227,8 +227,8 @@ def test_closing_that_was_interrupted_behind_its_save_saves_no_second_time(closi
     assert len(list(tmp_path.glob("*.silo"))) == 1
 
 
-@pytest.mark.parametrize("first", ["close", "_abandon"])
-@pytest.mark.parametrize("second", ["close", "_abandon"])
+@pytest.mark.parametrize("first", ["close", "_abandon", "__exit__"])
+@pytest.mark.parametrize("second", ["close", "_abandon", "__exit__"])
 def test_two_that_end_a_logger_at_once_write_one_file(closing, tmp_path, monkeypatch, first, second):
     log, real = unsaved(closing(3), tmp_path), writer.write_all
     writing, go_on = threading.Event(), threading.Event()
@@ -239,7 +239,9 @@ def test_two_that_end_a_logger_at_once_write_one_file(closing, tmp_path, monkeyp
         return real(*arguments)
 
     monkeypatch.setattr(writer, "write_all", slow)
-    ends = [threading.Thread(target=getattr(log, end)) for end in (first, second)]
+    ends = [
+        threading.Thread(target=getattr(log, end), args=(None,) * 3 * (end == "__exit__")) for end in (first, second)
+    ]
     ends[0].start()
     assert writing.wait(10)
     ends[1].start()
