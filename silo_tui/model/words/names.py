@@ -145,8 +145,9 @@ def _shortened(name: str, width: int, beginnings: _Beginnings) -> str:
 
 
 def _without_middle(level: str, length: int) -> str:
-    """Return the level in `length` letters, seven or more: three or more of its beginning, by which most differ, and its
-    last word, else of its end at most five.
+    """Return the level in `length` letters, seven or more.
+
+    They are three or more of its beginning, by which most differ, and its last word, else of its end at most five.
     """
     if length >= len(level) or len(level) <= TAIL + 2:
         return level
