@@ -12,8 +12,10 @@ from silo.core.recording import Failures, RecordedElement, RecordedEntry, Record
 from silo.files.silo.writer import write_silo
 from silo_tui.actions import BY_ID, FILE_SCOPES, commands_for
 from silo_tui.app import SiloApp
+from silo_tui.modal import run_alone
 from silo_tui.model.samples.recorded import RecordingSource
 from silo_tui.model.table.fields import Field
+from silo_tui.screens.files import file_table
 from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.sessions.recorded import FileSession
 from tests.stand_ins.saved import cut_in_two, recorded_in_two
@@ -76,6 +78,27 @@ async def plot(screen, words):
 def to(screen):
     """Where the cursor is, in seconds."""
     return screen.session.seconds
+
+
+async def test_what_is_read_is_told_no_more_once_something_else_is_read_in_its_place(path, on_file, monkeypatch):
+    reading, measured = asyncio.Event(), FileSession.measure
+
+    async def never(session, details, quantities, tell):
+        tell(1)
+        reading.set()
+        await asyncio.Event().wait()
+
+    async with on_file(path) as screen:
+        table = screen.app.screen
+        monkeypatch.setattr(file_table, "TELLS_AFTER_S", 0.0)
+        monkeypatch.setattr(FileSession, "measure", never)
+        run_alone(table, "facts", table._measured, [])
+        await screen.until(reading.is_set)
+        await screen.shows("reading all samples: 1 of 5")
+        monkeypatch.setattr(FileSession, "measure", measured)
+        monkeypatch.setattr(file_table, "TELLS_AFTER_S", 1e9)
+        run_alone(table, "facts", table._measured, [])
+        await screen.until(lambda: "reading all samples" not in screen.text)
 
 
 @pytest.mark.parametrize("size", SIZES)

@@ -81,9 +81,11 @@ class FileTableScreen(ElementsScreen):
                 told = True
                 self.say(f"reading all samples: {done} of {len(self.session.table)} elements")
 
-        await self.file.measure(details, self.table.quantities, tell)
-        if told:
-            self.say("")
+        try:
+            await self.file.measure(details, self.table.quantities, tell)
+        finally:  # also where something else is read in its place
+            if told:
+                self.say("")
         rows = self.session.rows
         rows.refresh()
         if self._top_wanted:
