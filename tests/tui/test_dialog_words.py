@@ -177,7 +177,7 @@ KEPT = "Its last part is finished, those that are kept stay where they are."
         ([recording("a", written_bytes=10**7)], ESC,
          f"{KEPT}\n() Record on\n(y) Stop a: 2 parts written, the newest 1 MB kept, lost 0", ""),
         ([recording("a", keep_bytes=5 * 10**7)], ESC,
-         f"{KEPT}\n() Record on\n(y) Stop a: 2 parts, 1 MB so far (the oldest go at 50 MB), lost 0", ""),
+         f"{KEPT}\n() Record on\n(y) Stop a: 2 parts, 1 MB so far, lost 0", ""),
         ([msgspec.structs.replace(recording("a"), state=RecorderState.FAILED)], "y",
          f"{STAY}\n() Leave them\n(y) Take off the list a: 2 parts, 1 MB, lost 0", "recording 'a' ended: 1 files"),
     ],

@@ -156,7 +156,7 @@ def _words(one: RecorderInfo) -> str:
     if one.written_bytes > one.size_bytes:  # the oldest were deleted, as it was told to
         parts, size = f"{parts} written", f"the newest {size} kept"
     elif one.keep_bytes:  # they are deleted while it is asked, too
-        size += f" so far (the oldest go at {size_text(one.keep_bytes)})"
+        size += " so far"
     verb = "Take off the list" if one.state.over else "Stop"
     return f"{verb} {one.name}: {parts}, {size}, lost {text.count(one.lost)}"
 
