@@ -44,7 +44,7 @@ class Gate:
     def __init__(self, app: Any) -> None:
         self._app = app
         self._kept: deque[Typed] = deque()
-        self._through: Typed | None = None
+        self._through: list[Typed] = []  # on their way, until they pass
         self._moved = asyncio.Event()
         self.free = True  # whether all that was typed is carried out
         self.holds = False  # while what was opened is shown, one screen after another
@@ -55,11 +55,12 @@ class Gate:
         """Whether what was typed must wait, or is dropped; else it is carried out now."""
         if not self._app.screen_stack:
             return False
-        if typed is self._through:
+        if any(typed is each for each in self._through):
+            self._through = [each for each in self._through if each is not typed]
             if self._app.screen.is_mounted:
                 return False
-            self._kept.appendleft(typed)  # a screen that is being made opened by itself meanwhile
-            self._through = None
+            # a screen that is being made opened by itself meanwhile
+            self._kept.insert(sum(each.time < typed.time for each in self._kept), typed)
             return True
         key = typed.key if isinstance(typed, events.Key) else ""
         waits = isinstance(self._app.screen, Dialog) and self._app.screen.waits
@@ -91,7 +92,7 @@ class Gate:
             return
         if self._spells_on(typed, top):
             return
-        self._through = typed
+        self._through.append(typed)
         self._app.post_message(typed)
 
     def _spells_on(self, typed: Typed, top: Any) -> bool:
@@ -113,10 +114,18 @@ class Gate:
         try:
             await self._settled()
             while self._kept and self._app.screen_stack:
+                types = self._types()
                 self._let_through()
+                while types and self._types():
+                    self._let_through()
                 await self._settled()
         finally:
             self.free = True
+
+    def _types(self) -> bool:
+        """Whether the next key is a letter of a line that is typed in: it opens nothing, others may follow at once."""
+        is_letter = bool(self._kept) and isinstance(key := self._kept[0], events.Key) and key.is_printable
+        return is_letter and isinstance(self._app.focused, Input)
 
     async def _settled(self) -> None:
         """Wait until the last key was carried out, and what it opened can take keys."""

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from textual import events
+from textual.widgets import Input
 
 from silo_tui import gate as module
 from silo_tui.gate import DROPPED, TELLS_AFTER_S, Gate, Holding
@@ -46,6 +47,13 @@ class Asks(Pump, Dialog[None]):  # type: ignore[misc]
         return getattr(typed, "key", "x") == "x"
 
 
+class Writing(Pump, Input):  # type: ignore[misc]
+    """A line to type in."""
+
+    def __init__(self) -> None:
+        pass
+
+
 class App(Pump):
     """An app of which each key is carried out as it passes: `meant` is what becomes of it."""
 
@@ -57,6 +65,14 @@ class App(Pump):
         self.works: list[Any] = []
         self.context = SimpleNamespace(say=self.said.append)
         self.gate = Gate(self)
+        self.settled: list[int] = []  # how many keys had passed each time all was carried out
+        settle = self.gate._settled
+
+        async def settled() -> None:
+            await settle()
+            self.settled.append(len(self.passed))
+
+        self.gate._settled = settled
 
     screen = property(lambda self: self.screen_stack[-1])
 
@@ -71,7 +87,7 @@ class App(Pump):
         self.works.append(asyncio.ensure_future(work()))
 
     def type(self, *keys: str, at_s: float = 1.0) -> list[bool]:
-        typed = [events.Key(key, None) for key in keys]
+        typed = [events.Key(key, key if len(key) == 1 else None) for key in keys]
         for each in typed:
             each.time = at_s
         return [self.gate.keeps(each) for each in typed]
@@ -94,6 +110,16 @@ async def test_each_key_passes_when_the_one_before_is_carried_out():
     app.type("d")
     assert app.passed == ["a", "b", "c", "d"]
     await app.done()
+
+
+async def test_letters_of_a_line_follow_one_another_at_once_and_what_ends_it_waits_for_them():
+    app = App()
+    app.focused = Writing()
+    app.type("a", "b", "c", "enter", "d")
+    assert app.passed == ["a"]
+    await app.done()
+    assert app.passed == ["a", "b", "c", "enter", "d"]
+    assert app.settled == [1, 3, 4, 5]
 
 
 async def test_what_is_pasted_waits_as_keys_do():
