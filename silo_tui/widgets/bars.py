@@ -117,7 +117,7 @@ class StatusBar(FittingLine):
                   for rank, words, style in told), *thin,
             ]  # fmt: skip
         host = f"{status.host}/" if status.host and self.size.width >= 60 else ""
-        parts = [LinePart(11, "silo ", "bold"), LinePart(0, f"{session.address or host + session.name}  ")]
+        parts = [LinePart(12, "silo ", "bold"), LinePart(0, f"{session.address or host + session.name}  ")]
 
         def add(rank: int, words: str, style: str = "") -> None:
             parts.append(LinePart(rank, words, style))
@@ -132,21 +132,21 @@ class StatusBar(FittingLine):
         else:
             name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "dead"}[status.state]
             add(0, STATE_SIGNS[status.state], bold(variables, name))
-            add(10, f" {duration_text(session.run_seconds)}" if status.started_ns else "")
+            add(11, f" {duration_text(session.run_seconds)}" if status.started_ns else "")
         if self.mode:
             initials = " ".join(some.split()[0] for some in self.mode.split("  ") if some.strip())
             shorter = tuple(f" {words} " for words in (self.mode.partition(",")[0], initials) if words)
-            parts += [LinePart(0, "  "), LinePart(10, f" {self.mode} ", "reverse", shorter)]
+            parts += [LinePart(0, "  "), LinePart(11, f" {self.mode} ", "reverse", shorter)]
         if lost := session.lost_total:
             add(0, f"  lost {text.count(lost)}", bold(variables, "alarm"))
         elif session.connected:
-            add(9, "  lost 0")
+            add(10, "  lost 0")
         if session.connected:
             parts += self._pace(wide=wide)
         judged = ([], []) if session.dead else (session.triggers, session.limits)  # nobody watches any more
         alarm, is_red, watching = head_words(*judged)
         parts += thin
-        for rank, forms, role in ((6, alarm, "alarm" if is_red else "warning"), (7, watching, "")):
+        for rank, forms, role in ((8, alarm, "alarm" if is_red else "warning"), (6, watching, "")):
             long, *less = [f"  {words}" for words in forms] or [""]  # neither ever gives way, their words do
             parts.append(LinePart(rank, long, bold(variables, role), tuple(less), at_end=True))
         self._add_others(lambda rank, words, style: parts.append(LinePart(rank, words, style, at_end=True)))
@@ -191,7 +191,10 @@ class StatusBar(FittingLine):
             parts.append(LinePart(0, f"  ‼ {idle_words(session.idle_s)}", bold(variables, "alarm")))
         elif session.running:
             shorter = (f"  {rate.strip()} Hz{slow}", *([] if slow else [""]))
-            parts.append(LinePart(8, f"  {rate} of {text.short(nominal_hz)} Hz{slow}", slow and caution, shorter))
+            told = (
+                f"  {rate} of {text.short(nominal_hz)} Hz{slow}"  # that it is slow is worth more than words of alarms
+            )
+            parts.append(LinePart(9 if slow else 7, told, slow and caution, shorter))
         if (not (self.mode or status.recorders) or wide) and not session.dead:  # what isn't normal needs the room
             room = " " * (len(" slow") if session.running and not slow else 0)
             parts.append(LinePart(3, f"{room}  {status.enabled}/{status.elements}{' elements' * wide} on"))

@@ -156,7 +156,7 @@ def test_nothing_of_the_head_moves_whatever_comes_and_goes(width, desk, monkeypa
         monkeypatch.setattr(bars, "thin_head", lambda _, room, busy=busy: busy if room >= len(busy) else busy[:4])
         line = head(desk, width)
         assert line.index("lost 0") == always.index("lost 0")
-        assert line.index(" of 400 Hz") == always.index(" of 400 Hz")
+        assert " of 400 Hz" not in line or line.index(" of 400 Hz") == always.index(" of 400 Hz")
         assert (" slow" in line) == (rate < 370)
         assert "72/72" not in line or line.index("72/72") == always.index("72/72")
         assert "BUSY" in line or not busy
