@@ -191,10 +191,8 @@ class StatusBar(FittingLine):
             parts.append(LinePart(0, f"  ‼ {idle_words(session.idle_s)}", bold(variables, "alarm")))
         elif session.running:
             shorter = (f"  {rate.strip()} Hz{slow}", *([] if slow else [""]))
-            told = (
-                f"  {rate} of {text.short(nominal_hz)} Hz{slow}"  # that it is slow is worth more than words of alarms
-            )
-            parts.append(LinePart(9 if slow else 7, told, slow and caution, shorter))
+            told, rank = f"  {rate} of {text.short(nominal_hz)} Hz{slow}", 9 if slow else 7  # alarms have 8
+            parts.append(LinePart(rank, told, slow and caution, shorter))
         if (not (self.mode or status.recorders) or wide) and not session.dead:  # what isn't normal needs the room
             room = " " * (len(" slow") if session.running and not slow else 0)
             parts.append(LinePart(3, f"{room}  {status.enabled}/{status.elements}{' elements' * wide} on"))

@@ -242,6 +242,13 @@ def test_that_others_are_there_gives_way_before_alarms_are_letters(desk):
     assert head(desk, 72).endswith("of 400 Hz slow    HH 1")
 
 
+def test_a_rate_that_is_as_it_should_be_gives_way_before_alarms_are_letters_and_a_slow_one_after_them(desk):
+    desk.session.limits = [LimitStatus(NAME, NAME, LimitWord.RED_HIGH, alarm=True)]
+    assert head(desk, 64) == at_end(RUNS, "1 alarm (HH)", 64)
+    desk.session.measured_hz = 200.0
+    assert head(desk, 72) == at_end(f"{RUNS}  200.0 of 400 Hz slow", "HH 1", 72)
+
+
 def test_triggers_stand_in_the_head_while_there_is_room(desk):
     options = TriggerOptions("fall", "x > 1")
     desk.session.triggers = [TriggerStatus(options, TriggerWord.ARMED)]
