@@ -1,10 +1,11 @@
 """Processes that start warm: forked off one that has loaded silo, numpy and Zenoh already.
 
 A start of Python with all that takes 0.3 s of processor time, and the tests start some 1,500 of these. What is tested
-is the same but for the very start, which those that are about it have as users have it (`cold`). What a warm process
-starts is warm, too. Its parent is the nursery, and its command line that one's.
+is the same but for the very start and end, which those that are about it have as users have it (`cold`). What a warm
+process starts is warm, too. Its parent is the nursery, and its command line that one's.
 """
 
+import atexit
 import contextlib
 import ctypes
 import faulthandler
@@ -15,6 +16,7 @@ import importlib.util
 import inspect
 import io
 import json
+import logging
 import os
 import select
 import signal
@@ -155,6 +157,7 @@ class Nursery:
 
 def fork_for_all() -> Callable[[], None]:
     """Fork a process for each that asks; return in the processes that were forked, with what they are to do."""
+    atexit.register(_end)  # before all that is loaded: so it is called last
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     listener.bind(_address(dict(os.environ)))
     listener.listen(128)
@@ -265,4 +268,34 @@ def _start(asked: dict[str, Any], given: list[int]) -> Callable[[], None]:
         code, first, main.__file__ = compile(Path(what).read_text(), what, "exec"), str(Path(what).parent), what
     if "PYTHONSAFEPATH" not in os.environ:
         sys.path.insert(0, first)
-    return functools.partial(exec, code, main.__dict__)
+    return functools.partial(_run, code, main.__dict__)
+
+
+def _run(code: types.CodeType, names: dict[str, Any]) -> None:
+    """Run a program, and note with what it ends, where that is no error."""
+    try:
+        exec(code, names)
+        _ended_with.append(0)
+    except SystemExit as end:
+        if isinstance(end.code, int | None):
+            _ended_with.append(end.code or 0)
+        raise
+
+
+_ended_with: list[int] = []
+
+
+def _end() -> None:
+    """End after all that a program asked for: Python takes apart what was loaded, all of which is copied by that.
+
+    That would be two thirds of the time of a short program.
+    """
+    try:
+        logging.shutdown()  # as one that is called at the end it would follow this
+        for stream in (sys.stdout, sys.stderr):
+            if stream is not None and not stream.closed:
+                stream.flush()
+    except OSError:
+        return  # Python says it
+    if _ended_with:
+        os._exit(_ended_with[0])
