@@ -45,3 +45,11 @@ def test_a_group_that_has_more_than_it_may_leaves_nothing(tmp_path):
     group(tmp_path / "mounted", str(GB), 2 * GB, 0)
     assert _left_to_groups(tmp_path, tmp_path / "mounted") == [0]
     assert _left_to_groups(tmp_path / "none", tmp_path / "mounted") == []
+
+
+def test_of_a_group_without_a_limit_nothing_more_is_read(tmp_path):
+    (tmp_path / "cgroup").write_text("4:memory:/\n0::/\n")
+    for folder, none in ((tmp_path / "mounted", "max"), (tmp_path / "mounted" / "memory", str(2**63 - 4096))):
+        group(folder, none, 0, 0, first=none != "max")
+        (folder / "memory.stat").write_text("no numbers")
+    assert _left_to_groups(tmp_path, tmp_path / "mounted") == []
