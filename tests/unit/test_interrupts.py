@@ -73,6 +73,7 @@ def test_an_interrupt_anywhere_leaves_no_file_and_no_descriptor_after_close(tmp_
     runtime.mkdir(mode=0o700)
     (tmp_path / "logs").mkdir()
     monkeypatch.setenv("SILO_RUNTIME_DIR", str(runtime))
+    monkeypatch.setattr("silo.segment.writer.CHUNK_BYTES", 8192)  # each start takes a chunk, and touches all of it
     before, action = ACTIONS[what]
     interrupts = Interrupts(OWNERS.__contains__)
     first = before(made(storage, tmp_path))
