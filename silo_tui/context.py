@@ -448,7 +448,7 @@ class SiloScreen(Leaving[None]):
             self._as_typed(command)
             return
         self.context.read_news()
-        for line in self.query(MessageLine):
+        for line in self.walk_children(MessageLine):
             line.read()
         if not self.context.allows(command):
             return
@@ -526,7 +526,7 @@ class SiloScreen(Leaving[None]):
         if (tour := self.context.tour) is not None and self.context.has_session and self.context.upper_screen is self:
             tour.follow(self)
             self.show_news(self.context.news)
-        for bar in self.query(KeyBar):
+        for bar in self.walk_children(KeyBar):
             bar.update()
 
     def on_screen_suspend(self) -> None:
@@ -536,7 +536,7 @@ class SiloScreen(Leaving[None]):
     def show_keys_above(self) -> None:
         """Show the keys of what lies above this screen, where it is a dialog."""
         if self.app.screen.is_modal:
-            for bar in self.query(KeyBar):
+            for bar in self.walk_children(KeyBar):
                 bar.show_instead(getattr(self.app.screen, "KEYS_HERE", "Enter Does it  Esc Closes"))
 
     def on_screen_resume(self) -> None:
@@ -545,11 +545,11 @@ class SiloScreen(Leaving[None]):
         What was said long before may be over.
         """
         self.update_keys()
-        for line in self.query(MessageLine):
+        for line in self.walk_children(MessageLine):
             line.read()
         self.show_news(self.context.news)
         if not isinstance(self.focused, Fleeting):
-            for bar in self.query(KeyBar):
+            for bar in self.walk_children(KeyBar):
                 bar.show_instead("")
 
     # --------------------------------------------------------------------------------------- how the logger stands
@@ -566,7 +566,7 @@ class SiloScreen(Leaving[None]):
 
     def show_bars(self) -> None:
         """Paint both again, where they are on the screen."""
-        for bar in (*self.query(StatusBar), *self.query(Banner)):
+        for bar in (*self.walk_children(StatusBar), *self.walk_children(Banner)):
             bar.update()
 
     # ------------------------------------------------------------------------------- what the app tells a screen
@@ -580,7 +580,7 @@ class SiloScreen(Leaving[None]):
 
     def live_changed(self, frame: Frame) -> None:
         """Show new values."""
-        for bar in self.query(StatusBar):
+        for bar in self.walk_children(StatusBar):
             bar.update()
 
     def second_passed(self) -> None:
@@ -604,10 +604,10 @@ class SiloScreen(Leaving[None]):
 
     def show_said(self, words: str, *, failed: bool = False) -> None:
         """Show what is said in the line of messages."""
-        for line in self.query(MessageLine):
+        for line in self.walk_children(MessageLine):
             line.say(words, failed=failed)
 
     def show_news(self, news: str) -> None:
         """Show news of the robot there."""
-        for line in self.query(MessageLine):
+        for line in self.walk_children(MessageLine):
             line.tell(news)

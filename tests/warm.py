@@ -162,13 +162,15 @@ def fork_for_all() -> Callable[[], None]:
     listener.bind(_address(dict(os.environ)))
     listener.listen(128)
     head = os.pidfd_open(int(os.environ[HEAD]))
-    import numpy.ma  # noqa: F401 - NumPy loads it with the first `unique`
+    import numpy.char  # NumPy loads it with the first text of an array
+    import numpy.ma  # noqa: F401 - and this with the first `unique`
 
     import silo.cli.bulk
     import silo.cli.edits
     import silo.cli.group
     import silo.client.client
     import silo.conditions.captures.files
+    import silo.conditions.memory
     import silo.conditions.segment_judge
     import silo.files.csv.writer
     import silo.files.silo.writer
@@ -177,6 +179,7 @@ def fork_for_all() -> Callable[[], None]:
     import silo.logger.serving.serving
     import silo.recorder.__main__
     import silo.recordings.writing
+    import silo.settings.conditions_diff
     import silo.settings.script  # noqa: F401
 
     gc.freeze()  # a process that was forked looks through nothing of it, nor copies it by that
@@ -247,7 +250,8 @@ def _start(asked: dict[str, Any], given: list[int]) -> Callable[[], None]:
         setattr(sys, f"__{name}__", stream)
     if os.environ.get("PYTHONFAULTHANDLER"):
         faulthandler.enable()
-    sys.modules["numpy"].random.seed()
+    if "numpy.random" in sys.modules:  # else who needs it loads it, and it has a seed of its own
+        sys.modules["numpy.random"].seed()
     subprocess.Popen = WarmPopen  # type: ignore[misc]
     paths = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     sys.path[:] = [*filter(None, paths), *(one for one in sys.path[1:] if one != HOME)]
