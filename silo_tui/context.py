@@ -566,7 +566,8 @@ class SiloScreen(Leaving[None]):
 
     def show_bars(self) -> None:
         """Paint both again, where they are on the screen."""
-        for bar in (*self.walk_children(StatusBar), *self.walk_children(Banner)):
+        bars: list[StatusBar | Banner] = [*self.walk_children(StatusBar), *self.walk_children(Banner)]
+        for bar in bars:
             bar.update()
 
     # ------------------------------------------------------------------------------- what the app tells a screen
