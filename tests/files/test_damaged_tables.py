@@ -4,7 +4,6 @@ import zipfile
 
 import numpy as np
 import pytest
-import scipy.io
 
 import silo
 from silo.core.recording import Recording
@@ -92,6 +91,8 @@ def test_an_array_of_another_size_is_refused_before_it_is_unpacked(tmp_path, mon
 
 
 def test_a_variable_of_mat_that_unpacks_to_more_than_its_samples_is_not_unpacked(tmp_path, monkeypatch):
+    import scipy.io
+
     path, whole = tmp_path / "bomb.mat", written(tmp_path, ".mat")
     held = scipy.io.loadmat(whole)
     held["log_x"]["data"][0, 0] = np.zeros((2_000_000, 1))
@@ -105,6 +106,8 @@ def test_a_variable_of_mat_that_unpacks_to_more_than_its_samples_is_not_unpacked
 
 
 def test_one_without_a_log_is_unpacked_to_a_bound_too(tmp_path, monkeypatch):
+    import scipy.io
+
     monkeypatch.setattr(matlab_variables, "MOST_ROOM", 2**20)
     monkeypatch.setattr(matlab_variables, "MOST_RATIO", 2)
     path = tmp_path / "bomb.mat"
