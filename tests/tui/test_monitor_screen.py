@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from silo.core.arrays.columns import Gap, hole_mark
-from silo.core.elements import State
+from silo.core.elements import State, Table
 from silo.errors import RefusedError
 from silo.rpc.published import EventKind
 from silo_tui.model.drawing.dots import BLANK
@@ -327,3 +327,19 @@ async def test_the_head_keeps_alarm_loss_and_recording_where_the_mode_is_long(mo
             assert part in words
         if "CAUGHT" in mode:
             assert "CAUGHT" in words
+
+
+async def test_keys_of_a_plot_say_that_nothing_is_plotted_where_its_signal_is_no_longer_in_the_table(fake, opened):
+    async with opened(fake.run(20)) as screen:
+        await screen.press("m")
+        await screen.curves()
+        shown, table = screen.app.screen, screen.session.table
+        gone = {each.element.name for each in shown.stack.plots}
+        table.load(Table(table.revision + 1, [each for each in table.elements if each.name not in gone]))
+        shown.table_changed()
+        assert not shown.stack.plots
+        for does in ("join_plots", "plot_trigger", "isolate_plot", "catch", "next_found", "turn_plotted_up"):
+            shown.say("")
+            shown.action_command(does)
+            await screen.shows("nothing is plotted")
+            assert screen.app.screen is shown

@@ -17,6 +17,10 @@ from silo_tui.widgets.bars import left_a_file
 from silo_tui.widgets.plot_stack import PlotStack
 
 ONE_VALUE = "no vector: one value"
+OF_PLOTS = {
+    "all_entries", "arrange_plots", "catch", "isolate_plot", "join_plots", "log_axis", "mode_xy", "next_entry",
+    "plot_trigger", "turn_plotted_up",
+}  # fmt: skip
 
 
 class MonitorScreen(PlotScreen):
@@ -71,9 +75,9 @@ class MonitorScreen(PlotScreen):
 
     async def _turn(self, steps: int) -> None:
         """Turn the parameter whose plot is chosen."""
-        plotted, knobs = self.stack.chosen_plot, self.session.knobs
-        if plotted is None:
+        if self._refused("turn_plotted_up"):
             return
+        plotted, knobs = self.stack.chosen_plot, self.session.knobs
         with self.context.telling(tell=self.say):
             if plotted.element.name not in knobs.known:
                 await knobs.refresh(self.context.link)
@@ -289,8 +293,8 @@ class MonitorScreen(PlotScreen):
     def why_not_now(self, command_id: str) -> str:
         """Return why something can't be done with what is plotted: it needs two, or numbers."""
         stack = self.stack
-        if not stack.plots:
-            return super().why_not_now(command_id)
+        if not stack.plots:  # what was is no longer in the table
+            return "nothing is plotted" if command_id in OF_PLOTS else super().why_not_now(command_id)
         if command_id == "join_plots":
             try:
                 join(stack.panels, stack.chosen_panel, stack.most)

@@ -237,8 +237,7 @@ class MomentSearch:
         from silo_tui.screens.dialogs.find import MOMENT, ConditionDialog, FindDialog
         from silo_tui.screens.dialogs.questions import Prompt
 
-        if not self.screen.stack.plots:
-            self.screen.say("nothing is plotted to find something in")
+        if self._is_nothing_plotted():
             return
         let_go = self.screen.pause_for_now()
         chosen_name = self.screen.session.short_name(self.screen.stack.chosen_plot.name)
@@ -268,6 +267,11 @@ class MomentSearch:
 
         ask(self.screen, dialog, chosen, let_go)
 
+    def _is_nothing_plotted(self) -> bool:
+        if not self.screen.stack.plots:
+            self.screen.say("nothing is plotted to find something in")
+        return not self.screen.stack.plots
+
     async def _turns_true(self, condition: str) -> "TriggerTried":
         return within(await self.screen.pause.turns_true(condition), self.screen.held_ns)
 
@@ -292,6 +296,8 @@ class MomentSearch:
 
     def command_find_on(self, step: int) -> None:
         """Go on with the search; without one to the highest and lowest number, or the change next to here."""
+        if self._is_nothing_plotted():
+            return
         self.screen.pause_here()
         if self.found is not None:
             run_alone(self.screen, "find", self._search, self.found.search, step)
