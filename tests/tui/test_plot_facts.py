@@ -142,6 +142,10 @@ def test_ends_that_differ_little_have_plain_decimals(smallest, largest, words):
     assert text.of_range(smallest, largest, largest)[2] == words[1]
 
 
+def test_ends_that_differ_too_little_for_plain_decimals_are_told_apart():
+    assert text.of_range(17e8, 17e8 + 1e-5) == ("1.7G", "1.70000000000001G")
+
+
 def test_what_a_curve_lacks_is_told_by_its_length_and_why():
     values, marks = np.zeros(20), np.zeros(20, np.uint8)
     values[4:8], marks[4:8] = NAN, Gap.LOST << 4

@@ -50,9 +50,11 @@ def decimals_between(smallest: float, largest: float) -> int | None:
 def of_range(smallest: float, largest: float, *between: float) -> tuple[str, ...]:
     """Return both ends of what numbers were, and some between: short, with plain decimals where they differ little."""
     decimals = decimals_between(smallest, largest)
-    if decimals is None or largest - smallest > max(abs(smallest), abs(largest)) / 100:
-        return (*told_apart(smallest, largest), *map(compact, between))
-    return tuple(number(value, 14, decimals=max(0, decimals - 2)) for value in (smallest, largest, *between))
+    if decimals is not None and largest - smallest <= max(abs(smallest), abs(largest)) / 100:
+        words = tuple(number(value, 14, decimals=max(0, decimals - 2)) for value in (smallest, largest, *between))
+        if words[0] != words[1]:  # else there is no room for what tells them apart
+            return words
+    return (*told_apart(smallest, largest), *map(compact, between))
 
 
 def _fitting(value: float, width: int, most: int = 4) -> str:
