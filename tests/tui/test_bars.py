@@ -413,6 +413,15 @@ def test_plots_say_at_80_columns_how_one_leaves_them():
     assert "e Edit" not in keys(200, "monitor")  # of the logger alone: it is no key of plots
 
 
+def test_plots_have_what_holds_them_in_the_bar_at_80_columns():
+    drawn = Keys()
+    drawn.screen = SimpleNamespace(
+        scope="monitor", mode_keys=lambda: (), session=None,
+        label_now=lambda command: "Stop" if command.id == "start_stop" else command.label,
+    )  # fmt: skip
+    assert drawn.render().plain.startswith(" space Pause Enter Large")
+
+
 def test_while_edits_wait_the_bar_says_how_they_are_taken_back():
     line = keys(80, mode=[("filter", "Filter"), ("back", "No filter"), ("apply", "Apply 6")])
     assert "u Undo" in line
