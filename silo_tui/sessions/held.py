@@ -16,7 +16,7 @@ import numpy as np
 
 from silo.core.arrays.columns import ColumnGrid, ColumnStore, HistoryColumns, grid_of
 from silo.core.elements import BufferType, ElementInfo, LoggedEvent, Sought
-from silo.errors import ConnectionLostError, RefusedError, SiloError
+from silo.errors import RefusedError, SiloError
 from silo.expressions.search import FoundMoments, Looking
 from silo.expressions.span import NAN, Between, between
 from silo_tui.model.drawing.plots import Plotted
@@ -523,6 +523,11 @@ def _why(error: SiloError) -> str:
     return str(error) if isinstance(error, RefusedError) else "no link"
 
 
+def _tells_all(tried: "TriggerTried | SiloError", begin_ns: int) -> bool:
+    """Whether a logger could tell from a moment on when a condition turned true."""
+    return not isinstance(tried, SiloError) and not (tried.why or tried.blind) and tried.begin_ns <= begin_ns
+
+
 class Pause:
     """What the plots of a screen hold: one thing at a time. A large plot borrows it. Lives in the event loop."""
 
@@ -552,27 +557,25 @@ class Pause:
         return cast(HeldRows, held)
 
     async def turns_true(self, condition: str) -> "TriggerTried":
-        """Return when a condition turned true in all that the logger holds, or where it lost some, in what is pinned.
+        """Return when a condition turned true in all that the logger holds; where it can't tell, in what is pinned.
 
         Raises ExpressionError with the place of a mistake, a SiloError where neither can tell.
         """
-        lost: SiloError | None = None
         try:
-            tried = await self._session.turns_true(condition)
-        except RefusedError:
-            raise
-        except ConnectionLostError as error:
-            lost = error
-        if self.source is not None and self.source.pinned and (lost or tried.begin_ns > self.source.pieces[0].begin_ns):
-            from silo_tui.model.samples.turning import samples_for, turned_true
+            tried: TriggerTried | SiloError = await self._session.turns_true(condition)
+        except SiloError as error:
+            tried = error
+        if (source := self.source) is not None and source.pinned and not _tells_all(tried, source.pieces[0].begin_ns):
+            from silo_tui.model.samples.turning import samples_for, together, turned_true
 
             table = self._session.table
-            elements, held = table.elements[: table.own], self.source.all_pinned
+            elements, held = table.elements[: table.own], source.all_pinned
             recording = samples_for(condition, elements, table.prefix, present(table), held)
             if recording is not None:
-                return await turned_true(recording, condition)
-        if lost is not None:
-            raise lost
+                here = await turned_true(recording, condition)
+                return here if isinstance(tried, SiloError) else together(tried, here)
+        if isinstance(tried, SiloError):
+            raise tried
         return tried
 
     @property

@@ -3,10 +3,12 @@
 import re
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 from textual.widgets import Input
 
+from silo.conditions.requests import TriggerTried
 from silo.core.elements import BufferType
 from silo.history.requests import PinOpened
 from silo_tui.screens.dialogs.questions import Prompt
@@ -17,6 +19,7 @@ pytestmark = pytest.mark.slow  # each walks through the whole app
 
 TORQUE = "/log/legs/LF/HAA/torque"
 OTHER = "/log/legs/LH/HAA/torque"
+OFF = {"fires": 0, "ticks": [], "time_ns": [], "begin_ns": 0, "end_ns": 0}
 
 
 def monitor(screen):
@@ -105,6 +108,26 @@ async def test_a_condition_is_judged_by_what_is_pinned_when_the_buffers_have_ove
         await screen.do("find", "w")
         await screen.type("LH/HAA/torque > 1")  # which is not plotted
         await screen.shows("the logger, which judges it, has overwritten what is held here")
+
+
+@pytest.mark.parametrize("why", ["", "/log/legs/LF/HAA/torque is off"])
+async def test_a_condition_is_judged_by_what_is_pinned_where_the_logger_can_tell_it_of_a_part_alone(
+    new_fake, opened, monkeypatch, why
+):
+    """As of two signals, of which one has a shorter buffer; or of one that was switched off since."""
+    fake = new_fake([scalar(TORQUE, "Nm", buffer=BufferType.LOOPING, size=8000)])
+    async with opened(fake.run(60)) as screen:
+        await open_torque(screen)
+        held = await hold(screen)
+        early_ns = held.begin_ns - 10**9
+        tried = TriggerTried(2, [1, 2], [early_ns, fake.now_ns + 10**9], 0, 6000, early_ns, fake.now_ns, 6000, 5000)
+        tried = msgspec.structs.replace(tried, why=why, **OFF if why else {})
+        monkeypatch.setattr(fake, "try_trigger", lambda _: tried)
+        time_ns, values = await held.samples(TORQUE, held.begin_ns, held.end_ns)
+        rises = np.flatnonzero((values[1:] > 1) & (values[:-1] <= 1)) + 1
+        found = await monitor(screen).pause.turns_true("legs/LF/HAA/torque > 1")
+        assert found.time_ns == [early_ns] * (not why) + time_ns[rises].tolist()
+        assert (found.fires, found.why) == (len(found.time_ns), "")
 
 
 async def test_a_window_that_is_wider_later_shows_what_the_buffers_held_at_the_pause(new_fake, opened, monkeypatch):

@@ -4,6 +4,7 @@ import asyncio
 import threading
 from collections.abc import Callable, Sequence
 
+import msgspec
 import numpy as np
 
 from silo.conditions.requests import TriggerTried
@@ -42,6 +43,18 @@ def _turned_true(recording: Recording, condition: str, left: threading.Event) ->
     ticks, times = map(list, zip(*found, strict=True)) if found else ([], [])
     begin_ns, end_ns = judge.time_ns[[0, -1]].tolist() if len(judge.time_ns) else (0, 0)
     return TriggerTried(len(found), ticks, times, 0, len(judge.time_ns) - 1, begin_ns, end_ns, judged, blind)
+
+
+def together(there: TriggerTried, here: TriggerTried) -> TriggerTried:
+    """Return what was found in samples that are here, and before them what the logger found there."""
+    if there.why or there.begin_ns >= here.begin_ns:
+        return here
+    older = sum(time_ns < here.begin_ns for time_ns in there.time_ns)
+    untold = there.fires - len(there.time_ns) if older else 0
+    return msgspec.structs.replace(
+        here, fires=untold + older + here.fires, ticks=[*there.ticks[:older], *here.ticks],
+        time_ns=[*there.time_ns[:older], *here.time_ns], begin_ns=there.begin_ns,
+    )  # fmt: skip
 
 
 def samples_for(
