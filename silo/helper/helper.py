@@ -52,6 +52,7 @@ from silo.rpc.declaring import Done, Reply
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
 from silo.run_index.keeping import IndexKeeper
+from silo.settings.conditions_diff import NONE, diff_conditions
 from silo.state.events import EventLog, EventNotifier, plain
 from silo.state.handover import ChangeCount, RobotState
 from silo.state.held_runs import HeldRuns
@@ -397,8 +398,6 @@ def conditions_text(before: Conditions, now: Conditions) -> str:
     """Return what became of limits and triggers, fit to show; empty where nothing did."""
     if (before.limits, before.triggers) == (now.limits, now.triggers):
         return ""
-    from silo.settings.conditions_diff import NONE, diff_conditions
-
     told = []
     for change in diff_conditions(
         Conditions((), before.limits, before.triggers), Conditions((), now.limits, now.triggers)

@@ -4,14 +4,17 @@ import errno
 import os
 import resource
 import socket
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from types import SimpleNamespace
 
 import pytest
 
+from silo.core.conditions import NO_CONDITIONS, Conditions, SignalLimits
 from silo.core.elements import State
 from silo.errors import SegmentError
+from silo.helper.helper import conditions_text
 from silo.net import knocking
 from silo.net.configuration import LINK
 from silo.net.knocking import Door
@@ -49,6 +52,13 @@ def test_without_descriptors_it_lives_on_and_what_it_could_not_do_is_done_then(b
     wait_until(lambda: len({event.run for event in client.events() if event.kind == EventKind.CAPTURED.value}) == 2)
     assert client.status().helper_pid == pid
     wait_until(lambda: client.status().ticks == 50)
+
+
+def test_what_became_of_conditions_is_told_without_another_file(monkeypatch) -> None:
+    """By the main thread, which has nobody who would catch that a module can't be loaded now."""
+    monkeypatch.setitem(sys.modules, "silo.settings.conditions_diff", None)
+    limits = SignalLimits("x", (None, None, 1.0, 2.0))
+    assert conditions_text(NO_CONDITIONS, Conditions(limits=(limits,))).startswith("limits x")
 
 
 def test_a_run_that_begins_meanwhile_is_recorded_from_its_first_tick(bench, client) -> None:
