@@ -123,20 +123,27 @@ class Judge:
         `left`: it ended while there was no helper process. It is judged to its end, whatever goes on meanwhile.
         """
         try:
-            reader = self._held.open(run)
-        except SegmentError:
-            log.exception("a run can't be judged")
-            return
+            if not self._noted(run, left):
+                return
+        except (SegmentError, OSError) as error:
+            if not lacks_descriptors(error):  # else it is taken up once a file can be opened
+                log.exception("a run can't be judged")
+                return
+        self._due[run, left] = None
+        self._wake.set()
+
+    def _noted(self, run: str, left: bool) -> bool:
+        """Note that a run is to be judged; False where it isn't."""
+        reader = self._held.open(run)
         if reader is None:
-            return
+            return False
         with contextlib.closing(reader):
             if not (left or reader.schema.conditions.judged):
-                return
+                return False
             from silo.conditions.state_file import note_begun
 
             note_begun(reader.schema)
-        self._due[run, left] = None
-        self._wake.set()
+        return True
 
     def needs(self, run: str) -> bool:
         """Whether the rows of a run are still to be judged, or a capture of it is not written yet."""
@@ -359,21 +366,22 @@ class Judge:
     def _take_up(self, present: str) -> None:
         """Begin with the runs that are due, and the present one."""
         due = sorted(self._due.copy(), key=lambda one: not one[1])
-        for run, left in due:
-            is_done = True
+        for run, left in due or [(present, False)]:  # let go of, without triggers, or not handed over
+            is_done = bool(due)
             try:
                 if not left:
                     self._next_run(run)
                 elif (reader := self._held.open(run)) is not None:
                     self._judge_left(reader)
-            except Exception as error:
-                is_done = not lacks_descriptors(error)
-                raise
+            except (SegmentError, OSError) as error:
+                if not lacks_descriptors(error):
+                    raise
+                is_done = False
+                return  # it is taken up once a file can be opened
             finally:
                 if is_done:
                     del self._due[run, left]  # not what is said of it meanwhile: that it is over
         if not due:
-            self._next_run(present)  # let go of, without triggers, or not handed over
             self._before = None  # its memory is needed
 
     def _is_late(self) -> bool:

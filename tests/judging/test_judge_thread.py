@@ -261,3 +261,47 @@ def test_that_a_run_was_cut_is_said_alike_whether_its_end_was_seen_or_found(new_
     logger.stop()
     assert _how_it_ended(present, "a new run began") == present.stop_reason
     assert "stop" in present.stop_reason
+
+
+def test_a_run_that_cannot_be_opened_for_want_of_a_file_is_taken_up_later_and_ends_no_other(
+    tmp_path, runtime_folder, monkeypatch
+) -> None:
+    logger = silo.Logger("bot", max_time=0, folder=tmp_path, script=tmp_path / "none.yaml")
+    x = logger.array("x", ())
+    logger.trigger("spike", "x > 50", pre="20ms", post="10ms")
+    replica, events = Replica(robot_state(logger, "", -1)), Events(str(tmp_path))
+    held = HeldRuns(replica, lambda: None)
+    judge = Judge(replica, events, held)
+
+    def begin() -> None:
+        logger.start(unsaved="clear")
+        for value in (1.0, 60.0):
+            x[...] = value
+            logger.collect()
+        path = logger._present.path
+        replica.take_run(RunOffer(logger._present.run.id, path), os.open(path, os.O_RDONLY))
+        held.take()
+
+    def no_file(run: str) -> None:
+        raise SegmentError("can't be opened now") from OSError(errno.EMFILE, "no")
+
+    try:
+        begin()
+        judge.take(replica.run)
+        judge._guarded()
+        known = judge._judge
+        logger.stop()
+        begin()
+        with monkeypatch.context() as lacking:
+            lacking.setattr(held, "open", no_file)
+            judge.take(replica.run)
+            judge._guarded()
+            assert judge._judge is known
+            assert judge.needs(replica.run)
+        judge._guarded()
+        told = [(event.kind, event.text) for event in events.log.since(0, 1000)[0]]
+        assert told == [(EventKind.TRIGGERED.value, "trigger 'spike' fired at tick 1")] * 2
+    finally:
+        replica.let_go()
+        held.let_go(held_alone=False)
+        logger.close()
