@@ -17,14 +17,15 @@ from silo.errors import ElementError
 from silo.fleet.exchange import client_name
 from silo.rpc.published import EventKind
 from silo.settings.script import read_script
-from tests.waiting import wait_until
+from tests.waiting import answered, wait_until
 
 
 def trigger(client, name="high", state=None):
     """A trigger's status; with a state as soon as it has it."""
 
     def find():
-        found = next((one for one in client.triggers().triggers if one.options.name == name), None)
+        now = answered(client.triggers)
+        found = next((one for one in now.triggers if one.options.name == name), None) if now else None
         return found if found and state in (None, found.state) else None
 
     return wait_until(find)
@@ -34,7 +35,8 @@ def alarm(client, name="/log/x", **wanted):
     """How a signal stands, as soon as it stands so."""
 
     def find():
-        found = next((one for one in client.alarms().limits if one.name == name), None)
+        now = answered(client.alarms)
+        found = next((one for one in now.limits if one.name == name), None) if now else None
         return found if found and all(getattr(found, key) == value for key, value in wanted.items()) else None
 
     return wait_until(find)
