@@ -490,10 +490,10 @@ class FleetLink:
                     summaries = None
                 while (sample := tokens.try_recv()) is not None:
                     news.append(sample)
+                if summaries is not None:
+                    self._take_summaries(summaries)  # first: who goes has said before that it is closed
                 self._take_tokens(news, asking)
                 news = []
-                if summaries is not None:
-                    self._take_summaries(summaries)
                 self._take_answers(asking)
                 self._take_routers(routers)
                 idle_s = POLL_S if self._told.attentive else IDLE_S

@@ -172,13 +172,21 @@ def test_state_rate_losses_disk_alarms_and_who_is_there_are_told_without_asking(
 
 
 @pytest.mark.slow
-def test_a_program_that_closes_its_logger_is_closed_and_not_lost(site, served) -> None:
+def test_a_program_that_closes_its_logger_is_closed_and_not_lost(site, served, monkeypatch) -> None:
+    tell, gone = Fleet._tell, list[Member]()
+
+    def told(fleet: Fleet) -> None:
+        tell(fleet)
+        gone.extend(one for one in fleet._now.members if not one.here)
+
+    monkeypatch.setattr(Fleet, "_tell", told)
     with Fleet(site.desk) as fleet:
         waited(fleet, "walker", lambda one: one.summary)
         served.close()
         one = waited(fleet, "walker", lambda one: not one.here)
         assert one.closed
         assert not one.lost
+        assert all(one.closed for one in gone)  # at no moment
         fleet.look_again()
         wait_until(lambda: member(fleet, "walker") is None)
 
