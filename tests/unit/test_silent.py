@@ -284,6 +284,37 @@ def test_a_signal_handler_that_ends_a_logger_amid_a_start_of_it_lets_another_thr
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("second", ["_abandon", "close", "serving"])
+def test_what_is_in_no_file_is_saved_though_its_server_is_being_closed(tmp_path, runtime_folder, monkeypatch, second):
+    log = silo.Logger("walk", folder=tmp_path, script=tmp_path / "none.yaml")
+    log.add(x := np.zeros(1), "x")
+    log.start()
+    serving, leaving, go_on = log.serve(), threading.Event(), threading.Event()
+    for x[0] in range(3):
+        log.collect()
+    says = serving._say_goodbye
+
+    def slow() -> None:
+        leaving.set()
+        go_on.wait(10)
+        says()
+
+    monkeypatch.setattr(serving, "_say_goodbye", slow)
+    first = threading.Thread(target=serving.close)
+    ends = threading.Thread(target=serving.close if second == "serving" else getattr(log, second))
+    first.start()
+    assert leaving.wait(30)
+    ends.start()
+    ends.join(0.1)  # were it not to wait, it would be done now
+    assert ends.is_alive()
+    go_on.set()
+    for thread in (first, ends):
+        thread.join(30)
+    assert len(list(tmp_path.glob("*.silo"))) == (second == "_abandon")
+    log.close(discard=True)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("serves", [False, True])
 def test_closing_that_keeps_lets_go_of_memory_and_arrays_as_any(tmp_path, runtime_folder, serves):
     log, x = silo.Logger("walk", folder=tmp_path, script=tmp_path / "none.yaml"), np.zeros(1)

@@ -5,6 +5,7 @@ Called by the thread of `silo.logger.serving.serving`, never by the loop.
 
 import os
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from typing import Any, Protocol
 
 import msgspec
@@ -30,6 +31,12 @@ class RunSamples(Protocol):
     def note_saved(self, run_id: str, ticks: int, /) -> None: ...
 
 
+class EndsAlone(Protocol):
+    """A logger's life, seen from here."""
+
+    def ending(self) -> AbstractContextManager[None]: ...
+
+
 class Served(StateOfLogger, Protocol):
     """A logger, seen from here: what its clients may know of it and ask of it."""
 
@@ -37,6 +44,8 @@ class Served(StateOfLogger, Protocol):
     parameters: Parameters
     _present: CurrentRun
 
+    @property
+    def _life(self) -> EndsAlone: ...
     @property
     def _scripted(self) -> TableOfLogger: ...
     @property

@@ -13,6 +13,7 @@ import os
 import threading
 import time
 import weakref
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
@@ -494,7 +495,8 @@ class Serving:
 
     def close(self) -> None:
         """End the helper process: clients are told that the logger was closed. The logger goes on."""
-        self._end(say_goodbye=True)
+        with self._ending():
+            self._end(say_goodbye=True)
 
     def abandon(self, segment_path: str, ticks: int) -> None:
         """End without a goodbye: the helper process saves what was collected, so many ticks of that segment.
@@ -503,8 +505,15 @@ class Serving:
             segment_path: the segment to save.
             ticks: how many of its ticks.
         """
-        self.left = (segment_path, ticks)
-        self._end(say_goodbye=False)
+        with self._ending():
+            if self.alive:
+                self.left = (segment_path, ticks)
+                self._end(say_goodbye=False)
+
+    def _ending(self) -> AbstractContextManager[None]:
+        """Of several that end it, or its logger, the first one; it alone where the logger is gone."""
+        logger = self._logger_ref()
+        return nullcontext() if logger is None else logger._life.ending()
 
     def forget(self) -> None:
         """Serve nobody, in a forked child, and hold nothing by whose end others learn that its parent ended."""
