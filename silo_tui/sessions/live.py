@@ -142,6 +142,7 @@ class Session:
         self.rows = RowList(self.table, columns)
         self.live = LiveValues()
         self.columns = ColumnStore((), 1, 1)
+        self.reading = ""  # how far a file is read that takes long
         self.measured_hz = 0.0
         self.idle_s = 0.0  # since the last tick, as far as the logger told
         self.ticks = 0

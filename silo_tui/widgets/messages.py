@@ -136,6 +136,8 @@ class InfoLine(MessageLine):
             parts.append(LinePart(8, f"{fields} pending in {many(elements, 'row')}{way}", "", (f"{fields} pending",)))
         if conflicts := int(session.table.conflicts.sum()):
             parts.append(LinePart(0, f"! {many(conflicts, 'conflict')}"))
+        if session.reading:
+            parts.append(LinePart(0, session.reading))
         if rows.filter.text:
             unknown = rows.filter.measured and not rows.is_measured
             passing = "being measured" if unknown else f"{len(rows.shown)} of {len(session.table)}"

@@ -92,13 +92,15 @@ async def test_what_is_read_is_told_no_more_once_something_else_is_read_in_its_p
         table = screen.app.screen
         monkeypatch.setattr(file_table, "TELLS_AFTER_S", 0.0)
         monkeypatch.setattr(FileSession, "measure", never)
+        table.say("what was answered")
         run_alone(table, "facts", table._measured, [])
         await screen.until(reading.is_set)
-        await screen.shows("reading all samples: 1 of 5")
+        await screen.shows("reading all samples: 1 of 5 elements │ what was answered")
         monkeypatch.setattr(FileSession, "measure", measured)
         monkeypatch.setattr(file_table, "TELLS_AFTER_S", 1e9)
         run_alone(table, "facts", table._measured, [])
         await screen.until(lambda: "reading all samples" not in screen.text)
+        assert "what was answered" in screen.text
 
 
 @pytest.mark.parametrize("size", SIZES)

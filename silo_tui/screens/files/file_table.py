@@ -12,6 +12,7 @@ from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.elements import ElementsScreen
 from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.element_table import TREND
+from silo_tui.widgets.messages import MessageLine
 
 VALUES = 96  # from this width values stand beside the table
 TELLS_AFTER_S = 0.3
@@ -73,19 +74,16 @@ class FileTableScreen(ElementsScreen):
             self.session.table.facts = NOTHING  # of another moment, and nobody asks for them any more
 
     async def _measured(self, details: Sequence[str]) -> None:
-        begun_s, told = time.monotonic(), False
+        begun_s = time.monotonic()
 
         def tell(done: int) -> None:
-            nonlocal told
-            if told or time.monotonic() - begun_s >= TELLS_AFTER_S:
-                told = True
-                self.say(f"reading all samples: {done} of {len(self.session.table)} elements")
+            if self.file.reading or time.monotonic() - begun_s >= TELLS_AFTER_S:
+                self._tell_reading(f"reading all samples: {done} of {len(self.session.table)} elements")
 
         try:
             await self.file.measure(details, self.table.quantities, tell)
         finally:  # also where something else is read in its place
-            if told:
-                self.say("")
+            self._tell_reading("")
         rows = self.session.rows
         rows.refresh()
         if self._top_wanted:
@@ -93,6 +91,12 @@ class FileTableScreen(ElementsScreen):
             self._top_wanted = False
         self.table_changed()
         self._show_filter()
+
+    def _tell_reading(self, words: str) -> None:
+        """Tell how far it is beside what was answered, which stands until the next key."""
+        self.file.reading = words
+        for line in self.walk_children(MessageLine):
+            line.changed()
 
     def order_changed(self) -> None:
         """Show the order with what is known, and its column; what it needs is reckoned then."""
