@@ -484,7 +484,7 @@ COMMANDS: tuple[Command, ...] = (
             typed=_read(("view",), "views", ":view [save] NAME",
                         "put a view on the screen, or keep it; robot:NAME is on the robot", 8)),
     Command("open", "", "Open a file", "look into a saved log of this machine; Esc comes back", "Go", (),
-            typed=_read(("open",), "logs", ":open FILE", "look into a saved log of this machine, or list a folder", 9)),
+            typed=_read(("open",), "logs", ":open FILE", "look into a saved log of this machine", 9)),
     Command("picture", "", "Picture", "a screenshot: the screen as a picture", "Go", (),
             typed=_read(("picture",), "", ":picture FILE.svg", "a screenshot, to a file; else silo-tui.svg", 7)),
 )

@@ -1,6 +1,7 @@
 """The lines around the table: status on top, banner, information, keys at the bottom."""
 
 import math
+import re
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, cast
@@ -8,6 +9,7 @@ from typing import Any, cast
 import msgspec
 from msgspec.structs import replace
 from rich.cells import cell_len
+from rich.console import Console
 from rich.text import Text
 from textual.app import RenderResult
 from textual.widget import Widget
@@ -222,6 +224,15 @@ def left_a_file(session: Session) -> bool:
     return session.dead and bool(session.left_files or ": saved " in reason or "; saved " in reason)
 
 
+_WITHIN = re.compile(r"(?<=\d) (?=\d{3}(?!\d)|[kMGT]?B\b)")  # a number and its unit
+_HELD = "\ue000"  # of no use elsewhere, and no blank
+
+
+def lines_of(words: str, room: int, console: Console) -> list[str]:
+    """Return words in lines of so many cells, broken at blanks, none of them within a number (`12 345`, `9.8 MB`)."""
+    return [line.plain.replace(_HELD, " ") for line in Text(_WITHIN.sub(_HELD, words)).wrap(console, room)]
+
+
 class Banner(Guarded, Widget):
     """What is wrong and what to do, in one or two lines over the table; hidden when all is well."""
 
@@ -242,7 +253,7 @@ class Banner(Guarded, Widget):
             self.refresh(layout=True)
 
     def render(self) -> RenderResult:
-        return Text(self._shown)
+        return Text("\n".join(lines_of(self._shown, max(1, self.app.size.width - 2), self.app.console)))
 
     def _words(self) -> str:
         session = self.session

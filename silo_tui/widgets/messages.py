@@ -18,7 +18,7 @@ from silo_tui.model.table.facts import FULL, MEANINGS, OLD, STATISTICS
 from silo_tui.model.words import text
 from silo_tui.sessions.live import Session
 from silo_tui.theme import bold
-from silo_tui.widgets.bars import LONG, FittingLine, LinePart
+from silo_tui.widgets.bars import LONG, FittingLine, LinePart, lines_of
 
 READ_S = 4.0  # so long answers and news of the robot stand at least; then the next key takes them away
 HELD = "stands still 3 s after a key"
@@ -27,11 +27,10 @@ MOST_ROWS = 3  # of news and an answer together: they stand over the rows that t
 
 def beginning(words: str, room: int, rows: int, console: Console) -> str:
     """Return as much as so many rows of cells take, line by line, and where the rest is."""
-    wrapped, rest = Text(words).wrap(console, room), f" … ({key_of('messages') or ':messages'})"
-    lines = [line.plain for line in wrapped[:rows]]
-    if len(wrapped) > rows:
-        lines[-1] = wrapped[rows - 1].wrap(console, max(1, room - cell_len(rest)))[0].plain.rstrip() + rest
-    return "\n".join(lines)
+    lines, rest = lines_of(words, room, console), f" … ({key_of('messages') or ':messages'})"
+    if len(lines) > rows:
+        lines[rows - 1] = lines_of(lines[rows - 1], max(1, room - cell_len(rest)), console)[0].rstrip() + rest
+    return "\n".join(lines[:rows])
 
 
 class MessageLine(FittingLine):

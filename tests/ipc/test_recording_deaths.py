@@ -443,7 +443,9 @@ def left_by(robot, folder: Path) -> tuple[list[tuple[str, str]], list[tuple[str,
     """What the event log says of the run of a dead program but for figures, and the files, with why they were saved."""
     said = [one for one in read_events(folder, "bot") if str(robot.pid) in one.text and one.kind == "crashed"]
     assert len({one.run for one in said}) == 1
-    lines = [(one.kind, re.sub(r"[\d.:_-]+", "#", one.text)) for one in read_events(folder, "bot", said[0].run)]
+    lines = [
+        (one.kind, re.sub(r"[\d.:_-]+(?: \d+)*", "#", one.text)) for one in read_events(folder, "bot", said[0].run)
+    ]
     files = [(re.sub(r"\d", "#", path.name), open_log(path).recording.why) for path in folder.rglob("*.silo")]
     return lines, files + [(re.sub(r"\d", "#", path.name), "") for path in sorted(folder.rglob("*.mcap*"))]
 

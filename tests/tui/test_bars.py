@@ -312,7 +312,7 @@ def banner(desk: Desk, scope: str = "table") -> tuple[str, bool]:
     drawn = Top(desk.session)
     drawn.screen = SimpleNamespace(scope=scope)
     drawn.update()
-    return drawn.render().plain, drawn.display
+    return " ".join(line.strip() for line in drawn.render().plain.split("\n")), drawn.display
 
 
 def test_where_all_is_well_there_is_no_banner(desk):

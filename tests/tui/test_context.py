@@ -256,7 +256,7 @@ def test_one_flow_goes_on_at_a_time(desk):
     desk.run_flow(first)
     desk.run_flow(second)
     assert (len(begun), desk.heard) == (1, "still busy with the last command")
-    assert desk.holding._what == "robot"
+    assert desk.holding._what == "waiting for robot"
     begun[0].close()
     first.close()
 
@@ -357,7 +357,7 @@ class Paper(SiloScreen):
     app = property(lambda self: self.desk)
     context = property(lambda self: self.desk)
 
-    def query(self, kind: Any) -> Any:
+    def walk_children(self, kind: Any) -> Any:
         return [self.line] if kind is MessageLine else [self.bar]
 
     def begin_command(self, word: str) -> None:

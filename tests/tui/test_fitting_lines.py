@@ -7,7 +7,7 @@ from rich.console import Console
 
 from silo_tui.model.table.fields import Field
 from silo_tui.model.words.names import cells
-from silo_tui.widgets.bars import LinePart, fitting
+from silo_tui.widgets.bars import LinePart, fitting, lines_of
 from silo_tui.widgets.messages import beginning
 
 PART = st.builds(LinePart, st.integers(0, 9), st.text("abc", max_size=9))
@@ -57,6 +57,17 @@ async def test_the_editor_of_a_cell_leaves_the_columns_before_it_in_sight(fake, 
         await screen.do("j", "edit_divider")
         line = screen.text.split("\n")[2 + screen.session.rows.position]
         assert "[x]" in line
+
+
+@pytest.mark.parametrize(
+    ("words", "whole"),
+    [("saved 1 225 244 samples", "1 225 244"), ("is held (10.8 MB)", "10.8 MB"), ("so many: 12 345", "12 345")],
+)
+def test_no_line_ends_within_a_number_or_before_its_unit(words, whole):
+    for room in range(11, 30):
+        lines = lines_of(words, room, Console())
+        assert " ".join(line.strip() for line in lines) == words
+        assert any(whole in line for line in lines)
 
 
 def test_an_answer_is_measured_in_cells_and_keeps_its_lines():

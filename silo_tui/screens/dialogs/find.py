@@ -42,7 +42,7 @@ class FindDialog(Question):
 
 
 SIGNS = ("<", ">", "==", "!=")
-HINTS = {"when": "e.g. > 20, or abs({0}) > 20 and {1} < 0.1"}
+HINTS = {"when": "e.g. abs({0}) > 20 and {1} < 0.1"}
 
 
 class ConditionDialog(Form[Search]):
@@ -77,6 +77,6 @@ class ConditionDialog(Form[Search]):
 
     async def look(self) -> str:
         if not self.fields["when"]:
-            return CONDITION
+            return f"{CONDITION}; > 20 alone is of {self._chosen}"
         tried = await self._turns_true(self.made().condition)
         return "\n".join(tried_lines(tried, self.told_width, "turned true"))
