@@ -242,8 +242,8 @@ def sign_of(table: TableState, row: int, reading: Reading | None = None) -> str:
     """
     bits, one = int(table.signs[row]), table.limits.get(table.names[row])
     if not table.server[Field.ENABLED, row]:
-        bits &= _OF_LIMITS  # what is off isn't measured; its limits may be judged by others
-    elif one is not None and reading is not None:
+        return worst(bits & _OF_LIMITS)  # what is off isn't measured; its limits may be judged by others
+    if one is not None and reading is not None:
         shown = reading.with_value(0, table.facts.detail(one.name, "value")).newest[0]
         bits = bits & ~_OF_BOUNDS | LIMIT_BITS.get(one.word_of(float(shown)).value, 0)
     is_full = reading is not None and reading.why in (NotLive.FULL, NotLive.LIMIT)
