@@ -24,6 +24,7 @@ DRAWN_AFTER_THIN_S = 0.6
 NOT_AGAIN = ("load_script", "load_preset", "load_into_loggers", "save_script", "control")
 MOST_ROWS = 7
 LEAST_COLUMN = 24
+ZOOM, PAN = ("closer", "wider"), ("earlier", "later")  # of plots: without a letter, told in the title of their menu
 
 
 class MenuLines(Guarded, Static):
@@ -85,6 +86,10 @@ class MenuReader:
             return
         entries = in_menu(self._menu, screen.scope).get(key)
         if entries is None and back is not None and back.id in MENUS:
+            screen.action_command(back.id)
+            return
+        if entries is None and back is not None and self._menu == "menu_plots" and back.id in (*ZOOM, *PAN):
+            self.close()
             screen.action_command(back.id)
             return
         if entries is None:
@@ -152,7 +157,7 @@ class MenuReader:
         rows, column = -(-len(entries) // count), width // count
         title = BY_ID[self._menu].help.removeprefix("the menu of ")
         if self._menu == "menu_plots" and screen.scope in BY_ID["earlier"].scopes:  # what has no letter in it
-            zoom, pan = (" ".join(map(key_of, pair)) for pair in (("closer", "wider"), ("earlier", "later")))
+            zoom, pan = (" ".join(map(key_of, pair)) for pair in (ZOOM, PAN))
             title = f"plots: {zoom} zoom, {pan} go back and on"
         if len(of_all) == 1:
             title += f"  (now: {one})" if (one := of_all.pop()) else ""

@@ -81,7 +81,7 @@ def test_a_value_that_is_the_last_one_kept_has_a_sign_and_warns_where_nobody_ask
 
 
 def test_what_is_off_is_not_told_to_have_been_switched_on_later():
-    assert cells.sign(sight_of("/off", read(1.5, why=NotLive.ABSENT)), ROW["/off"], 2) == ("", "")
+    assert cells.sign_of(sight_of("/off").table, ROW["/off"], read(1.5, why=NotLive.ABSENT)) == ""
 
 
 @pytest.mark.parametrize(

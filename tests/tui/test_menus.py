@@ -105,6 +105,15 @@ def test_the_key_of_another_menu_opens_that_one_where_it_is_no_letter_of_this(re
     assert reading.sheet.told[-1] == "top"
 
 
+@pytest.mark.parametrize(("key", "does"), [("plus", "closer"), ("minus", "wider"), ("pageup", "earlier")])
+def test_a_key_that_the_title_of_the_menu_of_plots_tells_is_done_from_it(reading, key, does):
+    reading.sheet.scope = "monitor"
+    reading.typed("p")
+    reading.timer.do()
+    reading.typed(key)
+    assert reading.sheet.told[-3:] == ["the menu goes", "keys", does]
+
+
 def test_a_menu_of_a_screen_that_is_left_is_left_too(reading):
     reading.typed("e")
     other = Asked()
