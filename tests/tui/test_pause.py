@@ -589,8 +589,14 @@ async def test_two_cursors_over_the_picture_alone_tell_what_its_columns_tell(fak
         await screen.shows("ago, only the picture held")
         await screen.do("cursor_b", *["shift+left"] * 3)
         await screen.shows("picture only, to ")
-        line = [line for line in screen.text.splitlines() if "torque" in line][-1]
-        at_a, _, _, smallest, largest = (float(word) for word in line.split()[1:])
+
+        def told():
+            line = [line for line in screen.text.splitlines() if "torque" in line][-1]
+            words = line.split()[1:]
+            return words if len(words) == 5 and all(re.fullmatch(r"[-+.\de]+", word) for word in words) else []
+
+        await screen.until(told, "facts of the columns between the cursors")
+        at_a, _, _, smallest, largest = map(float, told())
         assert smallest <= at_a <= largest
 
 
