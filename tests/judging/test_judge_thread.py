@@ -2,6 +2,8 @@
 
 import errno
 import os
+from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -29,6 +31,21 @@ class Events:
 
     def publish(self, kind: EventKind, text: str, **_: object) -> LoggedEvent:
         return self.log.add(LoggedEvent(kind.value, text, 1, 0, 1, "bot", "", 0))
+
+
+def spiked(folder: Path) -> tuple[silo.Logger, Callable[[], None]]:
+    """A logger with a trigger, and what begins a run in which it fires at the second tick."""
+    logger = silo.Logger("bot", max_time=0, folder=folder, script=folder / "none.yaml")
+    x = logger.array("x", ())
+    logger.trigger("spike", "x > 50", pre="20ms", post="10ms")
+
+    def spike() -> None:
+        logger.start(unsaved="clear")
+        for value in (1.0, 60.0):
+            x[...] = value
+            logger.collect()
+
+    return logger, spike
 
 
 @pytest.mark.slow
@@ -126,13 +143,8 @@ def test_a_run_that_cannot_be_opened_is_told_of_once(tmp_path, runtime_folder, m
 def test_a_run_that_begins_while_no_file_can_be_opened_is_judged_from_its_first_row_once_one_can(
     tmp_path, runtime_folder, monkeypatch, is_due
 ) -> None:
-    logger = silo.Logger("bot", max_time=0, folder=tmp_path, script=tmp_path / "none.yaml")
-    x = logger.array("x", ())
-    logger.trigger("spike", "x > 50", pre="20ms", post="10ms")
-    logger.start()
-    for value in (1.0, 60.0):
-        x[...] = value
-        logger.collect()
+    logger, spike = spiked(tmp_path)
+    spike()
     replica, events = Replica(robot_state(logger, "", -1)), Events(str(tmp_path))
     held = HeldRuns(replica, lambda: None)
     replica.take_run(RunOffer(logger._present.run.id, logger._present.path), os.open(logger._present.path, os.O_RDONLY))
@@ -163,13 +175,8 @@ def test_a_run_that_begins_while_no_file_can_be_opened_is_judged_from_its_first_
 def test_a_run_that_ended_before_is_judged_or_it_is_told_why_not_where_no_file_can_be_opened(
     tmp_path, runtime_folder, monkeypatch, fails
 ) -> None:
-    logger = silo.Logger("bot", max_time=0, folder=tmp_path, script=tmp_path / "none.yaml")
-    x = logger.array("x", ())
-    logger.trigger("spike", "x > 50", pre="20ms", post="10ms")
-    logger.start()
-    for value in (1.0, 60.0):
-        x[...] = value
-        logger.collect()
+    logger, spike = spiked(tmp_path)
+    spike()
     replica, events = Replica(robot_state(logger, "", -1)), Events(str(tmp_path))
     held, run = HeldRuns(replica, lambda: None), logger._present.run.id
     replica.take_run(RunOffer(run, logger._present.path), os.open(logger._present.path, os.O_RDONLY))
@@ -266,18 +273,13 @@ def test_that_a_run_was_cut_is_said_alike_whether_its_end_was_seen_or_found(new_
 def test_a_run_that_cannot_be_opened_for_want_of_a_file_is_taken_up_later_and_ends_no_other(
     tmp_path, runtime_folder, monkeypatch
 ) -> None:
-    logger = silo.Logger("bot", max_time=0, folder=tmp_path, script=tmp_path / "none.yaml")
-    x = logger.array("x", ())
-    logger.trigger("spike", "x > 50", pre="20ms", post="10ms")
+    logger, spike = spiked(tmp_path)
     replica, events = Replica(robot_state(logger, "", -1)), Events(str(tmp_path))
     held = HeldRuns(replica, lambda: None)
     judge = Judge(replica, events, held)
 
     def begin() -> None:
-        logger.start(unsaved="clear")
-        for value in (1.0, 60.0):
-            x[...] = value
-            logger.collect()
+        spike()
         path = logger._present.path
         replica.take_run(RunOffer(logger._present.run.id, path), os.open(path, os.O_RDONLY))
         held.take()
