@@ -664,6 +664,7 @@ class Logger(LoggerNames):
         """A forked child must not write into its parent's buffers, nor delete them."""
         self._set_collect(forked_collect(self.options.name) if self._life.running else None)
         self._mark_in(None)
+        self._freeing = False  # that is its parent's
         self._life.forget()
         self._present.forget()
 

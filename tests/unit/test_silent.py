@@ -13,6 +13,8 @@ from silo.cli.main import run
 from silo.errors import ArgumentError, ElementError, SegmentError
 from silo.files.silo import writer
 from silo.logger import default
+from silo.logger.current_run import CurrentRun
+from silo.logger.life_cycle import LifeCycle
 from silo.logger.null import NullLogger
 from tests.stand_ins.ticking import Robot, collect, warnings_of
 
@@ -312,6 +314,24 @@ def test_what_is_in_no_file_is_saved_though_its_server_is_being_closed(tmp_path,
         thread.join(30)
     assert len(list(tmp_path.glob("*.silo"))) == (second == "_abandon")
     log.close(discard=True)
+
+
+def test_a_child_that_is_forked_while_its_parent_closes_a_logger_frees_nothing_of_it(closing, monkeypatch):
+    log, freed = closing(3), []
+    free = log._free
+
+    def forked_meanwhile():
+        with monkeypatch.context() as in_child:
+            in_child.setattr(log, "_present", CurrentRun())
+            in_child.setattr(log, "_life", LifeCycle("walk"))
+            log._after_fork_in_child()
+            in_child.setattr(log, "_free", lambda: freed.append("by the child"))
+            log._abandon()  # as at the end of the child
+        free()
+
+    monkeypatch.setattr(log, "_free", forked_meanwhile)
+    log.close()
+    assert freed == []
 
 
 @pytest.mark.slow
