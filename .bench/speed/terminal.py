@@ -41,7 +41,7 @@ def cursor_line() -> re.Pattern[bytes]:
     """Return what a frame holds that shows a name on the line of the cursor: letters on its ground."""
     ground = theme.DARK.variables["line"].lstrip("#")
     red, green, blue = (int(ground[at : at + 2], 16) for at in (0, 2, 4))
-    return re.compile(rb"48;2;%d;%d;%d[0-9;]*m[^\x1b]*[a-z_]{3}" % (red, green, blue))
+    return re.compile(rb"48;2;%d;%d;%d[0-9;]*m(?:(?!48;2;).)*?[a-z_]{3}" % (red, green, blue), re.DOTALL)
 
 
 @dataclass(frozen=True)
