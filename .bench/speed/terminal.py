@@ -193,11 +193,12 @@ def row(
 
 @contextmanager
 def robot(elements: int, environment: dict[str, str], folder: str) -> Iterator[None]:
-    """Run the demo robot of so many elements."""
+    """Run the demo robot of so many elements; it is there when this begins."""
     code = "from silo.cli import main; main()"
     command = [sys.executable, "-c", code, "demo", "--name", NAME, "--folder", folder, "--elements", str(elements)]
-    process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, start_new_session=True)
+    process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, start_new_session=True)
     try:
+        assert process.stdout and b"running" in process.stdout.readline()  # a few lines follow, which the pipe holds
         yield
     finally:
         process.send_signal(signal.SIGTERM)
@@ -251,6 +252,7 @@ def main() -> None:
     parser.add_argument("--link", type=int, default=0, help="bytes a second of a thin link, 0: none")
     parser.add_argument("--delay", type=float, default=0.0, help="seconds each way")
     options = parser.parse_args()
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # what is installed is compiled: no start compiles 200 modules
     told = f", {options.link} bytes/s" if options.link else ""
     told += f", {options.delay:g} s each way" if options.delay else ""
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} before{told}\n{HEAD}", flush=True)
