@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from silo.core.elements import LoggedEvent, SavedFile, Storage
-from silo.core.runtime import list_segments, runtime_dir, sweep_unfinished
+from silo.core.runtime import has_writer, list_segments, runtime_dir, sweep_unfinished
 from silo.errors import SegmentError, SiloError, StateError
 from silo.files.event_log import CRASHED
 from silo.files.saving import describe
@@ -149,7 +149,7 @@ def _delete(reader: SegmentReader) -> None:
     """Delete the segment once its writer is gone; one that only gave up its helper still needs it."""
     remove_journals(reader.schema)  # also where the segment stays: what is saved needs no journal
     deadline = time.monotonic() + ENDING_S
-    while reader.alive():
+    while reader.alive() and has_writer(reader.fileno()):  # a program that goes on may have let go of it
         if time.monotonic() > deadline:
             log.info("%s stays: process %d still lives", reader.path, reader.schema.pid)
             return

@@ -314,6 +314,16 @@ class CurrentRun:
             run.saved_ticks, run.unmarked = ticks, False
             run.segment.mark_saved(ticks)
 
+    def leave(self) -> None:
+        """Have what is in no file be another process's, that was told to save it."""
+        for run in self.stretches:
+            run.leave()
+
+    @property
+    def is_left(self) -> bool:
+        """Whether another process has still to save what it holds."""
+        return any(run.is_left for run in self.stretches)
+
     def _save(self, options: LoggerOptions, conditions: Conditions) -> None:
         """Save in this process: the link thread, which an answer of the helper comes by, may wait for the caller."""
         paths = []

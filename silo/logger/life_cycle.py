@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from silo.core.conditions import Conditions
 from silo.core.elements import State
 from silo.errors import SaveError, StateError
+from silo.logger.unclosed import Ending
 from silo.loop.plan import Element
 
 if TYPE_CHECKING:
@@ -19,11 +20,52 @@ if TYPE_CHECKING:
 LOOK_AGAIN_S = 0.5  # whether that is over whose thread was interrupted before it told
 
 
-class Cutter:
-    """That a thread prepares a stretch: as long as this is there, whatever interrupts it."""
+class AtWork:
+    """That a thread is at something: as long as this is there, whatever interrupts it."""
 
-    def __init__(self, thread: int) -> None:
-        self.thread = thread
+    def __init__(self) -> None:
+        self.thread = threading.get_ident()
+        self.ends = False  # the logger, not its server alone
+
+
+class Alone:
+    """What one thread does at a time, for which others wait without the lock. For who has the lock.
+
+    A thread's own may lie below it on its stack: of a signal handler, or after an interrupt.
+    """
+
+    def __init__(self, lock: threading.RLock) -> None:
+        self._lock, self._is_over = lock, threading.Condition(lock)
+        self._who: Callable[[], AtWork | None] = lambda: None
+
+    def begin(self) -> AtWork:
+        """Have nobody else begin as long as what is returned is there."""
+        mine = AtWork()
+        self._who = weakref.ref(mine)
+        return mine
+
+    def wait(self) -> AtWork | None:
+        """Wait until no other thread is at it; return what of this one is."""
+        while (who := self._who()) is not None and who.thread != threading.get_ident():
+            del who
+            self._is_over.wait(LOOK_AGAIN_S)
+        return who
+
+    def over(self) -> None:
+        """Have those go on who wait."""
+        with self._lock:
+            self._is_over.notify_all()
+
+    @contextlib.contextmanager
+    def turn(self) -> Iterator[AtWork]:
+        """Do it alone, for who may not have the lock: one that a signal handler ends may have it."""
+        with self._lock:
+            mine = self.wait() or self.begin()
+        try:
+            yield mine
+        finally:
+            del mine
+            self.over()
 
 
 class WantedStretch(NamedTuple):
@@ -40,15 +82,15 @@ class WantedStretch(NamedTuple):
 class LifeCycle:
     """The state of one logger. Changes take `lock`, which `collect()` never does.
 
-    While a thread is `cutting`, prepares a stretch without the lock, no other cut, start or end of the logger begins.
+    While a thread is at `cutting`, a stretch that is prepared without the lock, no other cut, start or end begins.
     """
 
     def __init__(self, name: str) -> None:
         self.name = name
         self._unlocked()
         self.running = False
-        self.closed = False
-        self._whose = "is closed"
+        self.ending: Ending | None = None  # how it ended, or is about to
+        self.freed = False  # it ended, and what it had is let go of
         self.reason = ""  # of the last stop
         self.serving: Serving | None = None
         self.cut: Callable[[WantedStretch], None] = _never_started  # go on with another stretch
@@ -58,45 +100,12 @@ class LifeCycle:
 
     def _unlocked(self) -> None:
         self.lock = threading.RLock()
-        self._ending = threading.RLock()  # of several that end it the first one
-        self._cut_over, self._ended = threading.Condition(self.lock), threading.Condition(self.lock)
-        self._cutter: Callable[[], Cutter | None] = lambda: None
+        self.cutting, self.ends = Alone(self.lock), Alone(self.lock)
 
-    def cutting(self) -> "Cutter":
-        """Have nobody else begin a cut as long as what is returned is there. For who has the lock."""
-        cutter = Cutter(threading.get_ident())
-        self._cutter = weakref.ref(cutter)
-        return cutter
-
-    def wait_for_cut(self) -> None:
-        """Wait, without the lock, until no other thread prepares a stretch. For who has the lock.
-
-        A thread's own cut may lie below it on its stack: of a signal handler, or after an interrupt.
-        """
-        while self._others_cut():
-            self._cut_over.wait(LOOK_AGAIN_S)
-
-    def _others_cut(self) -> bool:
-        cutter = self._cutter()
-        return cutter is not None and cutter.thread != threading.get_ident()
-
-    @contextlib.contextmanager
-    def ending(self) -> Iterator[None]:
-        """End it alone: of several others wait, without the lock, which one that a signal handler ends may have."""
-        with self.lock:
-            while not self._ending.acquire(blocking=False):
-                self._ended.wait(LOOK_AGAIN_S)
-        try:
-            yield
-        finally:
-            self._ending.release()
-            with self.lock:
-                self._ended.notify_all()
-
-    def cut_is_over(self) -> None:
-        """Have those go on who wait for the end of a cut."""
-        with self.lock:
-            self._cut_over.notify_all()
+    @property
+    def closed(self) -> bool:
+        """Whether it ended, or is about to."""
+        return self.ending is not None
 
     @property
     def state(self) -> State:
@@ -106,7 +115,8 @@ class LifeCycle:
     def check_open(self) -> None:
         """Raise StateError once it is closed."""
         if self.closed:
-            raise StateError(f"logger '{self.name}' {self._whose}; make a new one")
+            whose = self.ending.value.format(os.getpid()) if self.ending is Ending.FORKED else "is closed"
+            raise StateError(f"logger '{self.name}' {whose}; make a new one")
 
     def check_stopped(self, what: str) -> None:
         """Raise StateError while it runs, or once it is closed; `what` can't be done then."""
@@ -144,8 +154,7 @@ class LifeCycle:
         self._unlocked()
         if self.serving is not None:
             self.serving.forget()
-        self.running, self.closed, self.serving = False, True, None
-        self._whose = f"is that of the process that process {os.getpid()} was forked from"
+        self.running, self.ending, self.freed, self.serving = False, Ending.FORKED, True, None
 
 
 def _never_started(_: WantedStretch) -> None:

@@ -17,7 +17,7 @@ from silo.core.calls import of, told_class
 from silo.core.elements import DEFAULT_MAX_TIME_S, ControlMode, GroupRole, Storage, Threads
 from silo.core.episodes.block import EpisodeBlock
 from silo.core.quantities.writing import many
-from silo.errors import ArgumentError, SiloError, StateError
+from silo.errors import ArgumentError, StateError
 from silo.logger.arguments.keywords import AnyStorage, AnyThreads, ControlWord, GroupRoleWord
 from silo.logger.arguments.options import (
     logger_options,
@@ -29,7 +29,7 @@ from silo.logger.arguments.options import (
 )
 from silo.logger.arguments.other_names import LoggerNames, no_attribute_of
 from silo.logger.conditions import LoggerConditions
-from silo.logger.current_run import CurrentRun, check_cut, is_to_be_saved
+from silo.logger.current_run import CurrentRun, check_cut
 from silo.logger.life_cycle import LifeCycle, WantedStretch
 from silo.logger.registrations import Registrations
 from silo.logger.results import Elements, LoggedElement, as_html
@@ -37,13 +37,12 @@ from silo.logger.run_data import RunData, types_in_one_list
 from silo.logger.scripted_table import ScriptedTable
 from silo.logger.tunables import Tunables
 from silo.logger.unclosed import (
+    Ending,
     drop_journals,
     end_namesakes,
     forked_collect,
     say_dropped,
-    say_saved,
     say_what_is_held,
-    say_where_it_is,
     watch,
 )
 from silo.loop.clocks import TIMES, nanosecond_clock, timed
@@ -143,7 +142,6 @@ class Logger(LoggerNames):
         self._ignored = 0
         self._mark, self._mark_in = marker()
         vars(self)["mark"] = self._mark  # in the instance in place of the method, as `collect`: 40 ns less
-        self._freeing = False  # it was closed, and what it has is let go of
         self._times = [
             self._scripted.array(name, group="timing", unit="s", description=words)
             for name, words in (TIMES.items() if with_times else ())
@@ -281,7 +279,7 @@ class Logger(LoggerNames):
             SaveError: what had to be saved could not be: the last run is then kept as it was.
         """
         with self._life.lock:
-            self._life.wait_for_cut()  # which gives up, as the logger stopped
+            self._life.cutting.wait()  # which gives up, as the logger stopped
             if self._life.running and self._life.begun_by and self.ticks:
                 unsaved = "save"
                 log.warning(
@@ -555,38 +553,7 @@ class Logger(LoggerNames):
         Args:
             discard: what was not saved is to go: nothing is said of it.
         """
-        with self._life.ending():
-            with self._life.lock:
-                if discard:
-                    self._data.failed = None
-                dropped = 0
-                if not self._life.closed:
-                    self.stop()
-                    self._data.look_for_unheld()
-                    self._freeing = self._life.closed = True  # in this order: an interrupt may come between
-                    dropped = 0 if discard or self._data.save_failed else self._present.unsaved_ticks
-            if dropped:
-                say_dropped(self.options.name, dropped)
-            if self._freeing:  # also where it was interrupted
-                self._free()
-
-    def _free(self) -> None:
-        if self._life.serving is not None:
-            self._life.serving.close()
-        self._mark_in(None)
-        if not self._data.save_failed or self._data.save_at_end("was closed after a save() that failed"):
-            self._drop()
-            drop_journals(self.options)
-        self._table.release()
-        self._freeing = False
-
-    def _drop(self) -> None:
-        """Free the buffers, or leave them to those who come after a helper process that did not come to its end."""
-        with self._life.lock:  # another thread may be copying what was logged before a cut
-            self._life.wait_for_cut()
-            is_held = self._present.drop()
-        if is_held:
-            say_what_is_held(self.options)
+        self._end(Ending.DISCARDED if discard else Ending.CLOSED)
 
     def __enter__(self) -> "Logger":
         return self
@@ -598,60 +565,55 @@ class Logger(LoggerNames):
 
         `log.close()` before the end drops it.
         """
-        with self._life.ending():
-            if kind is not None or self._life.closed or not self.has_unsaved or not self._saved_at_end():
-                self._abandon()
-
-    def _saved_at_end(self) -> bool:
-        """Save what is in no file at a clean end, and close; False where that failed: nothing was changed then."""
-        self.stop()
-        try:
-            saved = self.save()
-        except SiloError as error:
-            log.warning("%s: saving at the end failed: %s", self.options.name, error)
-            return False
-        say_saved(self._present.run, self.options.name, saved)
-        self.close()
-        return True
-
-    def _abandon(self) -> None:
-        """End without `close()`, as at the end of a process: unsaved data is saved as `.silo`, and it is said where.
-
-        A served logger leaves that to its helper process. Where saving fails, `silo recover` can do it later.
-        """
-        with self._life.ending():
-            run = self._present.run
-            if self._life.closed or not self.has_unsaved or run is None:
-                self.close()
-                return
-            self.stop()
-            self._data.look_for_unheld()
-            self._life.closed = True
-            if self._life.serving is not None:
-                left = self._present.path, run.segment.ticks
-                if self._life.serving.is_up:
-                    self._life.serving.abandon(*left)
-                else:
-                    self._life.serving.close()
-                if self._life.serving.left == left:
-                    return  # the helper process saves them and deletes the segment
-            self._mark_in(None)
-            if self._data.save_at_end("ended without save() or close()"):
-                self._drop()
-                drop_journals(self.options)
+        self._end(Ending.BLOCK if kind is None else Ending.UNCLOSED)
 
     def __del__(self) -> None:
         """A logger that the program forgot: its thread and memory end, unsaved data is kept for `silo recover`."""
-        if "_freeing" not in vars(self) or self._life.closed:
-            return
-        run = self._present.run
-        if run is not None and self.has_unsaved and (self._life.serving is None or not self._life.serving.is_up):
-            self.stop()
-            self._life.closed = True
-            for one in filter(is_to_be_saved, self._present.stretches):
-                say_where_it_is(one, self.options)  # the collector may run in any thread: no place to write files
-        else:
-            self._abandon()
+        if "_times" in vars(self):  # else it was never made
+            self._end(Ending.FORGOTTEN)
+
+    def _end(self, ending: Ending) -> None:
+        """End it once, however that comes; what was interrupted goes on as it began, or drops where it is to."""
+        life = self._life
+        with life.ends.turn() as turn:
+            if turn.ends or life.freed:
+                return  # this thread is at it: this is a signal handler's
+            turn.ends = True
+            if ending is Ending.BLOCK and not life.closed and self.has_unsaved:
+                self.stop()
+                self._data.save_at_clean_end()
+            with life.lock:
+                first = not life.closed
+                if first:
+                    self.stop()
+                    self._data.look_for_unheld()
+                if first or ending is Ending.DISCARDED:
+                    life.ending = ending
+                if first and ending is Ending.CLOSED and not self._data.save_failed and self.has_unsaved:
+                    say_dropped(self.options.name, self._present.unsaved_ticks)
+            self._free()
+            life.freed = True
+
+    def _free(self) -> None:
+        life, present = self._life, self._present
+        assert life.ending is not None
+        keeps = life.ending.keeps or (life.ending is Ending.CLOSED and self._data.save_failed)
+        if life.serving is not None:
+            life.serving.end(present.leave if life.ending.keeps and present.has_unsaved else None)
+        self._mark_in(None)
+        if not keeps or self._data.save_at_end(life.ending):
+            self._drop()
+        self._table.release()
+
+    def _drop(self) -> None:
+        """Free the buffers, or leave them to those who come after a helper process that did not come to its end."""
+        with self._life.lock:  # another thread may be copying what was logged before a cut
+            self._life.cutting.wait()
+            is_held = self._present.drop()
+        if not self._present.is_left:
+            drop_journals(self.options)
+        if is_held:
+            say_what_is_held(self.options)
 
     def __reduce__(self) -> NoReturn:
         name = self.options.name
@@ -664,7 +626,6 @@ class Logger(LoggerNames):
         """A forked child must not write into its parent's buffers, nor delete them."""
         self._set_collect(forked_collect(self.options.name) if self._life.running else None)
         self._mark_in(None)
-        self._freeing = False  # that is its parent's
         self._life.forget()
         self._present.forget()
 

@@ -134,7 +134,6 @@ class NullLogger(LoggerNames):
     stop = _nothing(Logger.stop)
     restart = _nothing(Logger.restart)
     close = _nothing(Logger.close)
-    _abandon = _nothing(Logger.close)
     set = _nothing(Logger.set)
     load_script = _nothing(Logger.load_script)
     derive = _nothing(Logger.derive)

@@ -20,7 +20,7 @@ from silo.logger.current_run import CurrentRun, is_to_be_saved
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
 from silo.logger.results import LoggedElement, NewValues, NewValuesReader, SavedFiles, look_at
-from silo.logger.unclosed import save_at_end, save_run
+from silo.logger.unclosed import Ending, save_at_end, save_run, say_saved, say_where_it_is
 from silo.loop.run import Run
 
 P = ParamSpec("P")
@@ -172,15 +172,23 @@ class RunData:
         """Whether the program tried to save what it has, and could not."""
         return self.failed is not None and self.failed in self._present.stretches
 
-    def save_at_end(self, ended: str) -> bool:
+    def save_at_clean_end(self) -> None:
+        """Save what is in no file as `save()` does, and say so; where that fails it is left to the end."""
+        try:
+            saved = self.save()
+        except SiloError as error:
+            log.warning("%s: saving at the end failed: %s", self._options.name, error)
+        else:
+            say_saved(self._present.run, self._options.name, saved)
+
+    def save_at_end(self, ending: Ending) -> bool:
         """Save what is in no file, each stretch to its own, and say where; whether that went well with all."""
-        all_saved = True
         for one in filter(is_to_be_saved, self._present.stretches):
-            if save_at_end(one, self._options, self._conditions.now, ended):
+            if ending is Ending.FORGOTTEN:  # the collector may run in any thread: no place to write files
+                say_where_it_is(one, self._options, ended=ending.value)
+            elif save_at_end(one, self._options, self._conditions.now, ending.value):
                 self._present.mark_saved(one, one.segment.ticks)
-            else:
-                all_saved = False
-        return all_saved
+        return not any(map(is_to_be_saved, self._present.stretches))
 
     def save_cut_off(self) -> None:
         """Have the helper process save the stretches before the present one, if it is there; nobody waits for it."""

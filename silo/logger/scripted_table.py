@@ -428,7 +428,7 @@ class ScriptedTable:
         try:
             with self._life.lock:
                 if cut:
-                    self._life.wait_for_cut()
+                    self._life.cutting.wait()
                     if not who:
                         self._life.go_before_clients()
                 runs, before = cut and self._life.running, self._state
@@ -444,7 +444,7 @@ class ScriptedTable:
                         return
                     cuts = True  # all of it is to be, or nothing
                     wanted = self._wanted(changes, who, before)
-                    cutter = self._life.cutting()
+                    cutter = self._life.cutting.begin()
                 except BaseException:
                     cuts = runs
                     raise
@@ -455,7 +455,7 @@ class ScriptedTable:
         finally:
             if cutter is not None:
                 cutter = None
-                self._life.cut_is_over()
+                self._life.cutting.over()
 
     @property
     def _state(self) -> _State:

@@ -1,6 +1,8 @@
-"""What is done for a logger that ends without `close()`, and what is said of it on the console."""
+"""How loggers end, what is done for one that ends without `close()`, and what is said of it on the console."""
 
 import atexit
+import contextlib
+import enum
 import os
 import sys
 import weakref
@@ -17,6 +19,22 @@ from silo.journal.holdings import segment_holdings
 from silo.loop.run import Run
 
 
+class Ending(enum.Enum):
+    """How a logger ends: what its value says of it. Each decides what becomes of ticks that stand in no file."""
+
+    CLOSED = "was closed after a save() that failed"  # they are dropped, which is said; kept where that failed
+    DISCARDED = "was closed to drop what it has"  # they are dropped, without a word
+    BLOCK = "ended without save()"  # at the clean end of a `with`: they are saved as by save(), else as at any end
+    UNCLOSED = "ended without save() or close()"  # the helper process saves them, or else this one
+    FORGOTTEN = "was let go of without save() or close()"  # by the program: as before, but this one writes no file
+    FORKED = "is that of the process that process {} was forked from"  # nothing of it is this one's
+
+    @property
+    def keeps(self) -> bool:
+        """Whether ticks that stand in no file are kept."""
+        return self in (Ending.BLOCK, Ending.UNCLOSED, Ending.FORGOTTEN)
+
+
 class UnclosedLogger(Protocol):
     """A logger, seen from here."""
 
@@ -25,8 +43,7 @@ class UnclosedLogger(Protocol):
     @property
     def _is_closed(self) -> bool: ...
 
-    def _abandon(self) -> None:
-        """End without `close()`; unsaved data is kept."""
+    def _end(self, ending: Ending) -> None: ...
 
     def _after_fork_in_child(self) -> None:
         """Let go of everything that belongs to the parent process."""
@@ -48,13 +65,14 @@ def end_namesakes(name: str) -> None:
             "first one is closed; give loggers that are to live side by side names of their own",
             file=sys.stderr,
         )
-        other._abandon()
+        other._end(Ending.UNCLOSED)
 
 
 @atexit.register
 def _end_of_process() -> None:
-    for logger in list(_living):
-        logger._abandon()
+    with contextlib.ExitStack() as each:  # which does the others where one fails
+        for logger in list(_living):
+            each.callback(logger._end, Ending.UNCLOSED)
 
 
 def _forked() -> None:
@@ -126,9 +144,7 @@ def drop_journals(options: LoggerOptions) -> None:
             remove_journal(path)
 
 
-def say_where_it_is(
-    run: Run, options: LoggerOptions, problem: str = "", ended: str = "ended without save() or close()"
-) -> None:
+def say_where_it_is(run: Run, options: LoggerOptions, problem: str = "", ended: str = Ending.UNCLOSED.value) -> None:
     """Say that a run was left for `silo recover`."""
     try:
         held = segment_holdings(run.reader).text

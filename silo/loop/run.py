@@ -78,6 +78,7 @@ class Run:
         self._announced = options.storage is Storage.FILE
         self.number = number
         self.saved_ticks = 0  # how many of its ticks stand in files
+        self._left = False  # whether the last of these were left to another process that saves them
         self.unmarked = False  # whether these are of before it was cut, and don't tell that it is a part of a run
         self._reader: SegmentReader | None = None
         self.segment = Segment(
@@ -225,6 +226,15 @@ class Run:
         self._retire()
         self.segment.stop(reason)
 
+    def leave(self) -> None:
+        """Have another process save what it has: its file stays until that has done so."""
+        self.saved_ticks, self.unmarked, self._left = self.segment.ticks, False, True
+
+    @property
+    def is_left(self) -> bool:
+        """Whether another process has still to save what it has."""
+        return self._left and self.segment.saved_ticks < self.saved_ticks
+
     def forget(self) -> None:
         """No more ticks and changes in this process, a forked child; the segment goes on being its parent's."""
         self._retire()
@@ -243,8 +253,8 @@ class Run:
         self.plan = dataclasses.replace(self.plan, references=())
         self._elements, self._watched = None, Watched.of(())
         self._unheld.end()
-        kept = self.segment.unlink(held=held)
-        if self._announced and kept is None:
+        kept = self.segment.unlink(held=held, left=self.is_left)
+        if self._announced and kept is None and not self.is_left:
             withdraw_segment(self.segment.path)
         if self._reader is not None:
             self._reader.close()

@@ -135,7 +135,7 @@ class Segment:
         self._grows = True
         self._why: LostWhy | None = None  # it doesn't, until rows are lost by that
         self._untold: LostWhy | None = None  # and then until that was said
-        self._counted: tuple[int, int] | None = None  # ticks and lost rows of a deleted segment
+        self._counted: tuple[int, int, int] | None = None  # ticks, lost rows and saved ticks of a deleted segment
         self._failed: dict[str, int] | None = None  # and its failures
         self._body = _encoded(self.schema, elements_json)
         self._thread = threading.Thread(target=self._prepare_chunks, name="silo-chunks", daemon=True)
@@ -286,6 +286,11 @@ class Segment:
         """Remember how many ticks stand in a saved file."""
         self._set(ControlWord.SAVED_TICKS, ticks)
 
+    @property
+    def saved_ticks(self) -> int:
+        """How many ticks stand in a saved file, also one that another process made."""
+        return self._counted[2] if self._counted else self.words[self._control // 8 + ControlWord.SAVED_TICKS]
+
     def first_chunks(self, ring: int) -> list[Chunk]:
         """The chunks that were made ready at start."""
         return self._first[ring]
@@ -385,21 +390,21 @@ class Segment:
         self._ended = True
         self._wanted.set()
 
-    def unlink(self, *, held: bool = False) -> Path | None:
+    def unlink(self, *, held: bool = False, left: bool = False) -> Path | None:
         """Delete the file and let go of its memory, which readers keep; `ticks` and `lost` stay what they are.
 
-        `held`: it gets another name instead, which is returned: somebody still has to read it. May be called again: it
-        goes on where it was interrupted.
+        `held`: it gets another name instead, which is returned: somebody still has to read it; `left`: it stays, for
+        who saves it. May be called again: it goes on where it was interrupted.
         """
         self._end_chunks()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join()  # it may be making a chunk
         self._count()
         if not self._file.closed:
-            if held and self._kept is None:
+            if held and self._kept is None and not left:
                 with contextlib.suppress(OSError):
                     self._kept = hold(self.path)
-            for path in [self._temporary, self.path] if self._kept is None else []:
+            for path in [self._temporary, self.path] if self._kept is None and not left else []:
                 if is_at(self._file.fileno(), path):
                     path.unlink(missing_ok=True)
         self._let_go()
@@ -414,9 +419,9 @@ class Segment:
     def _count(self) -> None:
         if len(self.words):
             self._failed = self.failures
-            self._counted = self.ticks, self.lost_rows
+            self._counted = self.ticks, self.lost_rows, self.saved_ticks
         else:  # it was never made
-            self._failed, self._counted = self._failed or {}, self._counted or (0, 0)
+            self._failed, self._counted = self._failed or {}, self._counted or (0, 0, 0)
 
     def _let_go(self) -> None:
         with self._allocating:

@@ -415,7 +415,7 @@ def test_a_recorder_that_died_right_before_its_program_is_followed_by_another_on
 def test_that_a_program_ended_is_in_its_last_part_while_its_process_is_still_there(bench, client) -> None:
     folder = begin(bench, client)
     bench.ticks(300)
-    bench.serving.abandon(bench.logger._present.path, bench.logger.ticks)  # its link ends, as that of a dying one first
+    bench.serving.end(bench.logger._present.leave)  # its link ends, as that of a dying one first
     wait_until(lambda: list(folder.glob("*.mcap")))
     assert values_of(folder) == list(range(1, 301))
     assert happened(folder).count("crashed") == 1

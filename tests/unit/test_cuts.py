@@ -249,7 +249,7 @@ def test_a_logger_is_stopped_while_a_stretch_is_prepared_and_the_next_start_has_
         assert not logger.is_running
         starting = threading.Thread(target=lambda: began.append(logger.start(unsaved="save")))
         starting.start()
-        wait_until(lambda: logger._life._cut_over._waiters)
+        wait_until(lambda: logger._life.cutting._is_over._waiters)
         began.append(starting)
 
     with (
@@ -329,7 +329,7 @@ def test_a_cut_that_is_interrupted_anywhere_is_whole_or_never_was(new_logger, ru
         loop.turn(4)
         assert (logger.is_running, logger.ticks) == (True, 6), came
         assert len(set(map(id, logger._present.stretches))) == len(logger._present.stretches), came
-        assert logger._life._cutter() is None, came
+        assert logger._life.cutting._who() is None, came
         made = logger._present.run.segment.schema.elements[1].info.options
         assert logger["x"].options == made or re.search("_changing|state", came[0]), came  # it was put back just then
         logger.close(discard=True)
@@ -392,7 +392,7 @@ def test_of_two_who_cut_at_once_the_second_waits_for_the_first(new_logger, tmp_p
 
     def begin():
         other.start()
-        wait_until(lambda: logger._life._cut_over._waiters)
+        wait_until(lambda: logger._life.cutting._is_over._waiters)
 
     with while_prepared(monkeypatch, begin):
         logger.set("x", divider=2, cut=True)
@@ -414,7 +414,7 @@ def test_a_logger_that_is_closed_while_a_stretch_is_prepared_leaves_nothing(new_
 
     def close():
         closing.start()
-        wait_until(lambda: logger._life._cut_over._waiters)
+        wait_until(lambda: logger._life.cutting._is_over._waiters)
 
     with while_prepared(monkeypatch, close), pytest.raises(StateError, match=r"is closed|stop"):
         logger.set("x", divider=2, cut=True)

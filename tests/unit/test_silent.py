@@ -13,9 +13,8 @@ from silo.cli.main import run
 from silo.errors import ArgumentError, ElementError, SegmentError
 from silo.files.silo import writer
 from silo.logger import default
-from silo.logger.current_run import CurrentRun
-from silo.logger.life_cycle import LifeCycle
 from silo.logger.null import NullLogger
+from silo.logger.unclosed import Ending
 from tests.stand_ins.ticking import Robot, collect, warnings_of
 
 # ------------------------------------------------------------------------------------------------ ticks
@@ -229,8 +228,8 @@ def test_closing_that_was_interrupted_behind_its_save_saves_no_second_time(closi
     assert len(list(tmp_path.glob("*.silo"))) == 1
 
 
-@pytest.mark.parametrize("first", ["close", "_abandon", "__exit__"])
-@pytest.mark.parametrize("second", ["close", "_abandon", "__exit__"])
+@pytest.mark.parametrize("first", [Ending.CLOSED, Ending.UNCLOSED, Ending.BLOCK])
+@pytest.mark.parametrize("second", [Ending.CLOSED, Ending.UNCLOSED, Ending.BLOCK])
 def test_two_that_end_a_logger_at_once_write_one_file(closing, tmp_path, monkeypatch, first, second):
     log, real = unsaved(closing(3), tmp_path), writer.write_all
     writing, go_on = threading.Event(), threading.Event()
@@ -241,9 +240,7 @@ def test_two_that_end_a_logger_at_once_write_one_file(closing, tmp_path, monkeyp
         return real(*arguments)
 
     monkeypatch.setattr(writer, "write_all", slow)
-    ends = [
-        threading.Thread(target=getattr(log, end), args=(None,) * 3 * (end == "__exit__")) for end in (first, second)
-    ]
+    ends = [threading.Thread(target=log._end, args=(end,)) for end in (first, second)]
     ends[0].start()
     assert writing.wait(10)
     ends[1].start()
@@ -259,7 +256,7 @@ def test_a_signal_handler_that_ends_a_logger_amid_a_start_of_it_lets_another_thr
     closing, tmp_path, monkeypatch, is_amid_its_writing
 ):
     log, real, writing = unsaved(closing(3), tmp_path), writer.write_all, threading.Event()
-    ends = threading.Thread(target=log._abandon, daemon=True)
+    ends = threading.Thread(target=log._end, args=(Ending.UNCLOSED,), daemon=True)
 
     def slow(*arguments):
         writing.set()
@@ -286,7 +283,7 @@ def test_a_signal_handler_that_ends_a_logger_amid_a_start_of_it_lets_another_thr
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("second", ["_abandon", "close", "serving"])
+@pytest.mark.parametrize("second", [Ending.UNCLOSED, Ending.CLOSED, None])
 def test_what_is_in_no_file_is_saved_though_its_server_is_being_closed(tmp_path, runtime_folder, monkeypatch, second):
     log = silo.Logger("walk", folder=tmp_path, script=tmp_path / "none.yaml")
     log.add(x := np.zeros(1), "x")
@@ -303,7 +300,7 @@ def test_what_is_in_no_file_is_saved_though_its_server_is_being_closed(tmp_path,
 
     monkeypatch.setattr(serving, "_say_goodbye", slow)
     first = threading.Thread(target=serving.close)
-    ends = threading.Thread(target=serving.close if second == "serving" else getattr(log, second))
+    ends = threading.Thread(target=log._end if second else serving.close, args=filter(None, [second]))
     first.start()
     assert leaving.wait(30)
     ends.start()
@@ -312,26 +309,8 @@ def test_what_is_in_no_file_is_saved_though_its_server_is_being_closed(tmp_path,
     go_on.set()
     for thread in (first, ends):
         thread.join(30)
-    assert len(list(tmp_path.glob("*.silo"))) == (second == "_abandon")
+    assert len(list(tmp_path.glob("*.silo"))) == (second is Ending.UNCLOSED)
     log.close(discard=True)
-
-
-def test_a_child_that_is_forked_while_its_parent_closes_a_logger_frees_nothing_of_it(closing, monkeypatch):
-    log, freed = closing(3), []
-    free = log._free
-
-    def forked_meanwhile():
-        with monkeypatch.context() as in_child:
-            in_child.setattr(log, "_present", CurrentRun())
-            in_child.setattr(log, "_life", LifeCycle("walk"))
-            log._after_fork_in_child()
-            in_child.setattr(log, "_free", lambda: freed.append("by the child"))
-            log._abandon()  # as at the end of the child
-        free()
-
-    monkeypatch.setattr(log, "_free", forked_meanwhile)
-    log.close()
-    assert freed == []
 
 
 @pytest.mark.slow
@@ -384,7 +363,7 @@ def test_of_what_was_saved_only_the_ticks_after_that_are_told_of(closing, capsys
         (3, lambda log: (log.save(), log.close())),
         (3, lambda log: log.close(discard=True)),
         (3, lambda log: (log.close(discard=True), log.close())),
-        (3, lambda log: log._abandon()),
+        (3, lambda log: log._end(Ending.UNCLOSED)),
         (3, lambda log: log.__exit__(None, None, None)),
     ],
     ids=["nothing collected", "all saved", "discarded", "discarded and closed", "abandoned", "with"],

@@ -7,6 +7,7 @@ import pytest
 
 import silo
 from silo.files.convert import convert
+from silo.logger.unclosed import Ending
 from tests.stand_ins.ticking import Robot, collect, warnings_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::silo.LogWarning")
@@ -247,7 +248,7 @@ def test_a_logger_that_ends_without_close_says_it_in_its_file(new_logger, tmp_pa
     logger.add(robot.q, "q")
     logger.start()
     turned(logger, robot)
-    logger._abandon()
+    logger._end(Ending.UNCLOSED)
     (path,) = tmp_path.glob("*.silo")
     assert ALONE in silo.open_log(path).warnings[0]
 

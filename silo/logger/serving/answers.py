@@ -31,10 +31,17 @@ class RunSamples(Protocol):
     def note_saved(self, run_id: str, ticks: int, /) -> None: ...
 
 
-class EndsAlone(Protocol):
+class Alone(Protocol):
+    """What one thread does at a time, seen from here."""
+
+    def turn(self) -> AbstractContextManager[object]: ...
+
+
+class Life(Protocol):
     """A logger's life, seen from here."""
 
-    def ending(self) -> AbstractContextManager[None]: ...
+    @property
+    def ends(self) -> Alone: ...
 
 
 class Served(StateOfLogger, Protocol):
@@ -45,7 +52,9 @@ class Served(StateOfLogger, Protocol):
     _present: CurrentRun
 
     @property
-    def _life(self) -> EndsAlone: ...
+    def _life(self) -> Life: ...
+    @property
+    def _is_closed(self) -> bool: ...
     @property
     def _scripted(self) -> TableOfLogger: ...
     @property

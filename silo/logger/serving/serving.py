@@ -13,7 +13,7 @@ import os
 import threading
 import time
 import weakref
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
@@ -101,6 +101,7 @@ class Serving:
         """
         viewers = None if foxglove is None else FoxgloveProcess(logger.options.name, foxglove)
         self._logger_ref = weakref.ref(logger)
+        self._ends = logger._life.ends
         self._name = logger.options.name
         self._arguments = ["--name", self._name, "--id", drawn_id()]  # the same for every helper process of it
         if group is not None:
@@ -112,7 +113,7 @@ class Serving:
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._sending = threading.Lock()
         self._telling = threading.RLock()  # its state; taken before the lock of the logger, never with it
-        self._waking = threading.Lock()  # held for two writes of 8 bytes only
+        self._waking = threading.RLock()  # held for two writes of 8 bytes only
         self._changes = ChangeCount()
         self._numbers = itertools.count(1)
         self._answers: dict[int, concurrent.futures.Future[tuple[AnyReply, SaveFuture]]] = {}
@@ -126,7 +127,8 @@ class Serving:
         self._down = DownMark(self._name)
         self.alive = True  # until it is closed
         self.is_up = False  # whether a helper process is there right now
-        self.left: tuple[str, int] | None = None  # the segment and the ticks that the helper was told to save
+        self._was_up = False  # as it was closed
+        self._over = False  # it is closed to its end
         try:
             self._spawn()
         except (SiloError, OSError) as error:
@@ -495,51 +497,54 @@ class Serving:
 
     def close(self) -> None:
         """End the helper process: clients are told that the logger was closed. The logger goes on."""
-        with self._ending():
-            self._end(say_goodbye=True)
+        self.end()
 
-    def abandon(self, segment_path: str, ticks: int) -> None:
-        """End without a goodbye: the helper process saves what was collected, so many ticks of that segment.
+    def end(self, leave: Callable[[], None] | None = None) -> None:
+        """End the helper process: by a goodbye; or where it is to save what was collected, and is up, without.
 
         Args:
-            segment_path: the segment to save.
-            ticks: how many of its ticks.
+            leave: called before it begins to save.
         """
-        with self._ending():
-            if self.alive:
-                self.left = (segment_path, ticks)
-                self._end(say_goodbye=False)
-
-    def _ending(self) -> AbstractContextManager[None]:
-        """Of several that end it, or its logger, the first one; it alone where the logger is gone."""
-        logger = self._logger_ref()
-        return nullcontext() if logger is None else logger._life.ending()
+        if self._over:
+            return
+        with self._ends.turn():
+            if not self._over:
+                self._end(leave)
 
     def forget(self) -> None:
         """Serve nobody, in a forked child, and hold nothing by whose end others learn that its parent ended."""
-        self.alive = self.is_up = False
+        self.alive, self.is_up, self._over = False, False, True
         self._helper.let_go()
         self._down.let_go()
         if self._viewers is not None:
             self._viewers.let_go()
 
-    def _end(self, *, say_goodbye: bool) -> None:
-        if not self.alive:
-            return
+    def _end(self, leave: Callable[[], None] | None) -> None:
+        """Each step may be done again: where it was interrupted, or a signal handler does it amid this."""
         with self._waking:
             self.alive = False
+        self._no_more_asked()
         os.eventfd_write(self._wake, 1)
         if self._thread is not threading.current_thread():
             self._thread.join()  # the goodbye goes to the helper that is there then
-            os.close(self._wake)
+        self._no_more_asked()  # one that was just being started
         if self._viewers is not None:
             self._viewers.close()  # before its logger goes, which it would complain of
-        if say_goodbye:
+        if leave is not None and self._was_up:
+            leave()
+        else:
             self._say_goodbye()
         self._helper.let_go()
-        self._changes.close()
         self._fail_pending("the logger was closed meanwhile")
-        self.is_up = False
+        self.is_up, is_over, self._over = False, self._over, True
+        if not is_over:
+            self._changes.close()
+            if self._thread is not threading.current_thread():
+                os.close(self._wake)
+
+    def _no_more_asked(self) -> None:
+        """Nobody will read what it answers."""
+        self._was_up, self.is_up = self._was_up or self.is_up, False
 
     def _say_goodbye(self) -> None:
         """End the helper process; where it is down and left something to do, one more does that first."""
@@ -562,7 +567,7 @@ class Serving:
             log.info("%s: the helper process was gone already", self._name)
             return False
         self._helper.let_go()
-        return not self.is_up or self._helper.wait() == 0
+        return not self._was_up or self._helper.wait() == 0
 
     def __enter__(self) -> "Serving":
         return self
@@ -572,8 +577,5 @@ class Serving:
     ) -> None:
         """Close; after Ctrl-C or an error, the helper process saves what was not saved yet."""
         logger = self._logger_ref()
-        if kind is None or logger is None or not logger.has_unsaved:
-            self.close()
-        else:
-            run = logger._present.run
-            self.abandon(logger._present.path, run.segment.ticks if run is not None else 0)
+        keeps = kind is not None and logger is not None and logger.has_unsaved and not logger._is_closed
+        self.end(logger._present.leave if logger is not None and keeps else None)

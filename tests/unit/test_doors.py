@@ -1,0 +1,292 @@
+"""All ways in which a logger ends, in any order, at once, amid one another, and in a forked child.
+
+Whatever comes together, each tick that is kept stands in one file, nothing stands still, and nothing is left over: no
+shared memory, no journal, no socket, no helper process.
+"""
+
+import contextlib
+import os
+import signal
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import silo
+from silo.files.silo import writer
+from silo.logger import unclosed
+from silo.logger.serving.serving import Serving
+from silo.logger.unclosed import Ending
+from tests.waiting import wait_until
+
+TICKS = 3
+ERROR = (KeyboardInterrupt, KeyboardInterrupt(), None)
+CLEAN = (None, None, None)
+
+# what becomes of ticks that are in no file: "" where the logger goes on
+DOORS = {
+    "close": (lambda log, _: log.close(), "dropped"),
+    "discard": (lambda log, _: log.close(discard=True), "dropped"),
+    "with": (lambda log, _: log.__exit__(*CLEAN), "saved"),
+    "with, error": (lambda log, _: log.__exit__(*ERROR), "saved"),
+    "exit": (lambda log, _: log._end(Ending.UNCLOSED), "saved"),
+    "forgotten": (lambda log, _: log.__del__(), "left"),
+}
+SERVED = DOORS | {
+    "forgotten": (DOORS["forgotten"][0], "saved"),  # by the helper process
+    "server": (lambda _, serving: serving.__exit__(*CLEAN), ""),
+    "server, error": (lambda _, serving: serving.__exit__(*ERROR), "saved"),
+}
+PAIRS = [(first, second) for first in DOORS for second in DOORS]
+# who forgets one whose server was closed is as who forgets one that was never served
+SERVED_PAIRS = [(first, second) for first in SERVED for second in SERVED if {first, second} != {"server", "forgotten"}]
+
+
+@pytest.fixture
+def logger(tmp_path):
+    """Makes a logger with some ticks, `served` or not."""
+
+    def made(served):
+        log = silo.Logger(
+            "walk", folder=tmp_path, script=tmp_path / "none.yaml", storage="disk" if served else "memory"
+        )
+        log.add(x := np.zeros(1), "x")
+        serving = log.serve() if served else None
+        log.start()
+        for x[0] in range(TICKS):
+            log.collect()
+        return log, serving
+
+    return made
+
+
+def pass_through(door, log, serving):
+    SERVED[door][0](log, serving)
+
+
+def check(log, serving, fates, folder, runtime_folder):
+    """After the end of the process, which is the last door."""
+    log._end(Ending.UNCLOSED)
+    fates = {*fates} - {""} or {"saved"}
+    if serving is not None:
+        if fates == {"saved"}:
+            wait_until(lambda: list(folder.glob("*.silo")))
+        if is_there(serving.helper_pid):  # it saved, and stays to be asked what became of it
+            os.kill(serving.helper_pid, signal.SIGTERM)
+        wait_until(lambda: not is_there(serving.helper_pid))
+        assert not serving._thread.is_alive()
+        assert serving._over
+    files = list(folder.glob("*.silo"))
+    assert len(files) in {"saved": {1}, "dropped": {0}, "left": {0}}[fates.pop()] | ({0, 1} if fates else set())
+    for file in files:
+        assert silo.open_log(file)["x"].values.ravel().tolist() == [*range(TICKS)]
+    left = [path.name for path in runtime_folder.iterdir()]
+    if log._life.ending is Ending.FORGOTTEN and serving is None:
+        assert left == [Path(log._present.path).name]
+        log._present.run.drop()
+    else:
+        assert [name for name in left if not name.endswith((".lock", ".dead"))] == []
+    kept = [path.name for path in folder.iterdir() if path not in files]
+    assert [name for name in kept if not name.endswith(("_fileNumber", ".events.jsonl"))] == []
+    assert not any(thread.name == "silo-chunks" for thread in threading.enumerate())
+
+
+def is_there(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except FileNotFoundError:
+        return False
+
+
+def decided(*doors, of=SERVED):
+    """What the first of them that decides anything decides."""
+    return {next(filter(None, (of[door][1] for door in doors)), "")}
+
+
+def amid(log, serving, monkeypatch, what):
+    """Have something done amid the first end that writes a file, or says goodbye."""
+    done = []
+
+    def first(real):
+        def call(*arguments):
+            if not done:
+                done.append(True)
+                what()
+            return real(*arguments)
+
+        return call
+
+    monkeypatch.setattr(writer, "write_all", first(writer.write_all))
+    monkeypatch.setattr(Serving, "_say_goodbye", first(Serving._say_goodbye))
+    monkeypatch.setattr(log._present, "drop", first(log._present.drop))
+    return done
+
+
+# ------------------------------------------------------------------------------------------------------ alone
+
+
+@pytest.mark.parametrize(("first", "second"), PAIRS)
+def test_one_after_the_other(logger, tmp_path, runtime_folder, first, second):
+    log, _ = logger(served=False)
+    pass_through(first, log, None)
+    pass_through(second, log, None)
+    check(log, None, decided(first, second, of=DOORS), tmp_path, runtime_folder)
+
+
+@pytest.mark.parametrize(("first", "second"), PAIRS)
+def test_at_the_same_time_from_two_threads(logger, tmp_path, runtime_folder, first, second):
+    log, _ = logger(served=False)
+    at_once(log, None, first, second)
+    check(log, None, {DOORS[first][1], DOORS[second][1]}, tmp_path, runtime_folder)
+
+
+def at_once(log, serving, first, second):
+    together = threading.Barrier(2)
+
+    def end(door):
+        together.wait()
+        pass_through(door, log, serving)
+
+    threads = [threading.Thread(target=end, args=(door,), daemon=True) for door in (first, second)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(30)
+        assert not thread.is_alive()
+
+
+@pytest.mark.parametrize("second", DOORS)
+@pytest.mark.parametrize("first", DOORS)
+def test_in_a_signal_handler_amid_the_other(logger, tmp_path, runtime_folder, monkeypatch, first, second):
+    log, _ = logger(served=False)
+    with handling(lambda: pass_through(second, log, None)):
+        amid(log, None, monkeypatch, lambda: signal.raise_signal(signal.SIGUSR1))
+        pass_through(first, log, None)
+    check(log, None, decided(first, second, of=DOORS), tmp_path, runtime_folder)
+
+
+@contextlib.contextmanager
+def handling(what):
+    before = signal.signal(signal.SIGUSR1, lambda *_: what())
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+
+
+@pytest.mark.parametrize("first", DOORS)
+def test_a_signal_handler_that_ends_the_program_amid_it_leaves_the_rest_to_the_end_of_the_process(
+    logger, tmp_path, runtime_folder, monkeypatch, first
+):
+    log, _ = logger(served=False)
+
+    def leave():
+        log.close()
+        raise SystemExit
+
+    with handling(leave):
+        done = amid(log, None, monkeypatch, lambda: signal.raise_signal(signal.SIGUSR1))
+        try:
+            pass_through(first, log, None)
+        except SystemExit:
+            assert done
+        else:
+            assert not done
+    check(log, None, decided(first, of=DOORS), tmp_path, runtime_folder)
+
+
+def test_the_end_of_a_process_ends_all_loggers_though_one_fails(logger, tmp_path, runtime_folder, monkeypatch):
+    log, _ = logger(served=False)
+    other = silo.Logger("other", folder=tmp_path, script=tmp_path / "none.yaml")
+
+    def fails(_):
+        raise OSError("full")
+
+    monkeypatch.setattr(other, "_end", fails)
+    monkeypatch.setattr(unclosed, "_living", [other, log, other])
+    with pytest.raises(OSError, match="full"):
+        unclosed._end_of_process()
+    assert log._life.freed
+    monkeypatch.undo()
+    other.close()
+
+
+# ----------------------------------------------------------------------------------------------------- served
+
+
+@pytest.mark.slow
+@pytest.mark.sampled
+def test_served_one_after_the_other(logger, tmp_path, runtime_folder, drawn, each_pair):
+    each_pair(drawn(SERVED_PAIRS, 6), lambda log, serving, *doors: [pass_through(door, log, serving) for door in doors])
+
+
+@pytest.mark.slow
+@pytest.mark.sampled
+def test_served_at_the_same_time_from_two_threads(drawn, each_pair):
+    each_pair(drawn(SERVED_PAIRS, 6), at_once, at_once=True)
+
+
+@pytest.mark.slow
+@pytest.mark.sampled
+def test_served_in_a_signal_handler_amid_the_other(monkeypatch, drawn, each_pair):
+    def both(log, serving, first, second):
+        with handling(lambda: pass_through(second, log, serving)), monkeypatch.context() as patch:
+            amid(log, serving, patch, lambda: signal.raise_signal(signal.SIGUSR1))
+            pass_through(first, log, serving)
+
+    each_pair(drawn(SERVED_PAIRS, 6), both)
+
+
+@pytest.fixture
+def each_pair(logger, tmp_path, runtime_folder):
+    def tried(pairs, both, at_once=False):
+        for first, second in pairs:
+            log, serving = logger(served=True)
+            both(log, serving, first, second)
+            fates = {SERVED[first][1], SERVED[second][1]} if at_once else decided(first, second)
+            try:
+                check(log, serving, fates, tmp_path, runtime_folder)
+            except AssertionError as error:
+                raise AssertionError(f"{first}, {second}: {error}") from error
+            for path in tmp_path.iterdir():
+                path.unlink()
+
+    return tried
+
+
+# ------------------------------------------------------------------------------------------------ a forked child
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("served", [False, True])
+@pytest.mark.parametrize("amid_an_end", [False, True])
+def test_in_a_forked_child_none_of_them_does_anything(
+    logger, tmp_path, runtime_folder, monkeypatch, served, amid_an_end
+):
+    log, serving = logger(served)
+    forked = []
+
+    def fork() -> None:
+        child = os.fork()
+        if child == 0:
+            signal.alarm(20)
+            try:
+                for first, second in SERVED_PAIRS if served else PAIRS:
+                    at_once(log, serving, first, second)
+                unclosed._end_of_process()
+            except BaseException:  # noqa: BLE001
+                os._exit(1)
+            os._exit(0)
+        forked.append(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+
+    if amid_an_end:
+        amid(log, serving, monkeypatch, fork)
+        ends = threading.Thread(target=log.__exit__, args=CLEAN)
+        ends.start()
+        ends.join()
+    else:
+        fork()
+        assert len(log.snapshot().time_ns) == TICKS
+    assert forked == [0]
+    check(log, serving, {"saved"}, tmp_path, runtime_folder)
