@@ -9,6 +9,7 @@ nothing of `silo_tui`.
 import unicodedata
 from collections.abc import Mapping, Sequence
 from functools import cache, partial
+from types import MappingProxyType
 
 import msgspec
 from textual.keys import REPLACED_KEYS
@@ -133,6 +134,7 @@ _LIVE_PLOTS = _MONITOR + _DETAIL
 _HAPPENED = _EVENTS + _FILE_EVENTS
 _MARKING = _BOTH + _DETAIL + _EVENTS
 _ASIDE = _CONDITIONS + _PARAMETERS + _RECORDINGS + _EVENTS
+_OF_LOGGER = _BOTH + _DETAIL + _SCOPE + _ASIDE
 _MARKED = _CONDITIONS + _PARAMETERS + _RECORDINGS + _LOGGERS + _RUNS
 _ORDERED = _MARKED + _HAPPENED + _COMPARED
 _MESSAGES = ("messages",)
@@ -197,13 +199,15 @@ COMMANDS: tuple[Command, ...] = (
             _TABLE, writes=True),
     Command("undo", "u", "Undo", "take the last edit back", "Edit", _TABLE + _PARAMETERS, 14, typed=Typed(("undo",))),
     Command("redo", "ctrl+r", "Redo", "do it again", "Edit", _TABLE + _PARAMETERS, typed=Typed(("redo",))),
-    _acts("apply", "a", "Apply", "show what would change, and apply it", "Edit", _TABLE, 6, typed=Typed(("apply",))),
+    _acts("apply", "a", "Apply", "show what would change, and apply it", "Edit", _OF_LOGGER, 6,
+          typed=Typed(("apply",))),
     Command("discard", "x", "Discard", "drop pending edits of the row or of what is marked; forget a derived signal",
             "Edit", _TABLE, typed=Typed(("discard",))),
     _acts("forget_derived", "", "Delete", "forget the derived signal, after a question", "Edit", _TABLE),
     # -------------------------------------------------------------------------------------------------- logger
-    _acts("start_stop", "S", "Start/Stop", "start or stop logging", "Logger", _BOTH, 8, typed=_read(("start", "stop"))),
-    _acts("restart", "R", "Restart", "stop and start again", "Logger", _BOTH, typed=Typed(("restart",))),
+    _acts("start_stop", "S", "Start/Stop", "start or stop logging", "Logger", _OF_LOGGER, 8,
+          typed=_read(("start", "stop"))),
+    _acts("restart", "R", "Restart", "stop and start again", "Logger", _OF_LOGGER, typed=Typed(("restart",))),
     _acts("save_data", "w", "Save", "write the logged data to files", "Logger", _TABLE, 9,
             typed=_read(("data",), "types", ":data silo csv bag NAME", "save data", 4)),
     _acts("load_script", "L", "Load configuration", "see what one on the robot differs in; load it", "Logger", _TABLE,
@@ -519,35 +523,39 @@ RENAMED = {old: new for new, names in _ONCE.items() for old in names.split()}
 BY_ID = {command.id: command for command in COMMANDS}
 BY_WORD = {word: command for command in COMMANDS if command.typed is not None for word in command.typed.words}
 _own: dict[str, str] = {}  # the user's keys, by command
+_narrower: dict[str, tuple[str, ...]] = {}  # where they count, if that is on fewer screens in the user's keymap
 
 
-def use_keys(keys: Mapping[str, str]) -> None:
+def use_keys(keys: Mapping[str, str], narrower: Mapping[str, tuple[str, ...]] = MappingProxyType({})) -> None:
     """Let all that is shown and said name the user's keys."""
     _own.clear()
     _own.update(keys)
+    _narrower.clear()
+    _narrower.update(narrower)
     commands_for.cache_clear()
 
 
 def with_keys(command: Command) -> Command:
     """Return a command with the keys of the user's keymap, and the user's own, if it has some."""
-    return _with(command.id, _own[command.id]) if command.id in _own else command
+    keys, scopes = _own.get(command.id, command.keys), _narrower.get(command.id, command.scopes)
+    return command if (keys, scopes) == (command.keys, command.scopes) else _with(command.id, keys, scopes)
 
 
 @cache
-def _with(command_id: str, keys: str) -> Command:
+def _with(command_id: str, keys: str, scopes: tuple[str, ...]) -> Command:
     command = BY_ID[command_id]
     shown = command.shown_key if set(command.keys.split(",")) <= set(keys.split(",")) else ""
-    return msgspec.structs.replace(command, keys=keys, shown_key=shown)
+    return msgspec.structs.replace(command, keys=keys, shown_key=shown, scopes=scopes)
 
 
 @cache  # each key asks for it, and each painting of the key bar
 def commands_for(scope: str) -> tuple[Command, ...]:
     """Return what can be done with keys on a screen; what is only typed counts where its word can be typed."""
-    there = (
-        scope in each.scopes or "any" in each.scopes or (not each.scopes and typed_on(scope, each)) for each in COMMANDS
+    return tuple(
+        each
+        for each in map(with_keys, COMMANDS)
+        if each.keys and ({scope, "any"} & set(each.scopes) or (not each.scopes and typed_on(scope, each)))
     )
-    all_here = zip(COMMANDS, there, strict=True)
-    return tuple(own for each, is_there in all_here if is_there and (own := with_keys(each)).keys)
 
 
 def typed_on(scope: str, command: Command) -> bool:
@@ -571,8 +579,8 @@ def commands_like(scope: str) -> list[Command]:
     """Return what can be done where a screen belongs to: on loggers, or on a file."""
     on_file = scope in FILE_SCOPES
     return [
-        with_keys(command)
-        for command in COMMANDS
+        command
+        for command in map(with_keys, COMMANDS)
         if any(each == "any" or (each in FILE_SCOPES) == on_file for each in command.scopes)
     ]
 

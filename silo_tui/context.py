@@ -193,6 +193,11 @@ class Context:
         """The uppermost full screen, below any dialog."""
         return next((screen for screen in reversed(self.app.screen_stack) if isinstance(screen, SiloScreen)), None)
 
+    def key_in_table(self, command: str) -> str:
+        """Return the key of a command of the table, to be named on any screen: elsewhere it may mean another thing."""
+        elsewhere = (screen := self.upper_screen) is not None and screen.scope != "table"
+        return f"{key_of(command)}{' in the table' * elsewhere}"
+
     def screen_of(self, scope: str) -> "SiloScreen | None":
         """The full screen of a scope; None where it isn't there."""
         screens = (screen for screen in self.app.screen_stack if isinstance(screen, SiloScreen))
@@ -519,6 +524,9 @@ class SiloScreen(Leaving[None]):
             return "Open the file"
         if session is not None and command.id == "start_stop":
             return "Stop" if session.running else "Start"
+        if session is not None and command.id == "apply":
+            fields = session.table.pending_count[0]
+            return f"{command.label} {fields}" if fields else ""
         return command.label
 
     def update_keys(self) -> None:

@@ -142,8 +142,15 @@ TWO_LAYERS = {command: keys for keys, commands in _TABLE for command in commands
 TWO_LAYERS |= {each.id: each.keys for each in COMMANDS if each.keys and each.id not in TWO_LAYERS}
 # the key bar, one order on every screen; and who gives way first where it has no room for all
 _BAR = "space enter r; m plus minus h,left slash p e g v r o a u S w D full_stop escape"  # r; what stands in a menu
-_GIVES_WAY = "full_stop o minus plus h,left w D r v S pause space u p m slash e escape turn_down g r; enter a"
+_GIVES_WAY = (
+    "full_stop o minus plus h,left w D r v monitor S pause space u save_data p m slash e escape turn_down g r; enter a"
+)
 BASES: dict[str, Mapping[str, str]] = {"two-layer": TWO_LAYERS, "classic": {}}
+# where the letters mean other things on lists, or are free for keys of the user's own
+NARROWER: dict[str, Mapping[str, tuple[str, ...]]] = {
+    "two-layer": {},
+    "classic": {"apply": ("table",), "start_stop": ("table", "monitor"), "restart": ("table", "monitor")},
+}
 DEFAULT = "two-layer"
 
 
@@ -171,7 +178,8 @@ def with_alike(keymap: str, own: Mapping[str, str]) -> Mapping[str, str]:
 def use_keys(keymap: str, own: Mapping[str, str]) -> None:
     """Let all keys be these, and all that is shown and said name them."""
     own = with_alike(keymap, own)
-    actions.use_keys({command: keys_in(keymap, command, own) for command in {**BASES[keymap], **own}})
+    keys = {command: keys_in(keymap, command, own) for command in {**BASES[keymap], **own}}
+    actions.use_keys(keys, NARROWER[keymap])
     in_bar.cache_clear()
 
 
@@ -223,7 +231,8 @@ def in_bar(scope: str, *, read_only: bool) -> list[tuple[Command, int]]:
         place = next((at for at, key in enumerate(bar) if key.split(",")[0] in keys[:2]), len(bar))
         if command.id in OPENERS.values() and command.id not in _menus_of(scope):
             continue
-        name = command.id if command.id in gives_way else bar[place] if place < len(bar) else ""
+        aside = command.id == "start_stop" and scope not in ("table", "monitor")  # there it is one of many
+        name = "" if aside else command.id if command.id in gives_way else bar[place] if place < len(bar) else ""
         found.append((place, gives_way.index(name) + 2 if name else 1, command))
     return [(command, rank) for _, rank, command in sorted(found, key=lambda each: each[0])]
 
@@ -259,7 +268,7 @@ def clashes(keymap: str, keys: Mapping[str, str]) -> Iterator[tuple[str, str, st
     The letter of a menu is taken by its commands: who wants it for another one gives these others first.
     """
     keys_of = {command.id: keys_in(keymap, command.id, keys).split(",") for command in COMMANDS}
-    for scope, commands in _on_screens():
+    for scope, commands in _on_screens(keymap):
         taken: dict[str, str] = {}
         for command in commands:
             for key in filter(None, keys_of[command.id]):
@@ -270,14 +279,15 @@ def clashes(keymap: str, keys: Mapping[str, str]) -> Iterator[tuple[str, str, st
 
 
 @cache
-def _on_screens() -> list[tuple[str, list[Command]]]:
+def _on_screens(keymap: str) -> list[tuple[str, list[Command]]]:
     """Return each screen with the commands that count or can be typed there, whatever their keys are."""
     scopes = dict.fromkeys(scope for command in COMMANDS for scope in command.scopes if scope != "any")
-    return [(scope, [each for each in COMMANDS if _is_on(scope, each)]) for scope in scopes]
+    return [(scope, [each for each in COMMANDS if _is_on(scope, each, NARROWER[keymap])]) for scope in scopes]
 
 
-def _is_on(scope: str, command: Command) -> bool:
-    return bool({scope, "any"} & set(command.scopes)) or (not command.scopes and typed_on(scope, command))
+def _is_on(scope: str, command: Command, narrower: Mapping[str, tuple[str, ...]]) -> bool:
+    scopes = narrower.get(command.id, command.scopes)
+    return bool({scope, "any"} & set(scopes)) or (not scopes and typed_on(scope, command))
 
 
 use_keys(DEFAULT, {})  # also for what is said before there is an app

@@ -43,13 +43,13 @@ async def start_stop(context: Context) -> None:
         await session.start(unsaved)
         context.say("started")
     else:
-        body = f"What was logged stays in memory; {key_of('save_data')} saves it."
+        body = f"What was logged stays in memory; {context.key_in_table('save_data')} saves it."
         choices = [Choice("", "No"), Choice("stop", "Stop", "y"), Choice("save", "Stop and save", "s")]
         choices.append(Choice("restart", "Stop and start again: asks what becomes of the data", "r"))
         answer = await context.app.push_screen_wait(Question("Stop logging?", body, choices))
         if answer == "stop":
             await session.stop()
-            context.say(f"stopped; {key_of('save_data')} saves the data")
+            context.say(f"stopped; {context.key_in_table('save_data')} saves the data")
         elif answer == "save":
             await _stop_and_save(context)
         elif answer == "restart":
@@ -133,7 +133,7 @@ async def _stop_and_save(context: Context) -> bool:
     context.status_changed()
     if await _save_all(context):
         return True
-    saves = f"{key_of('save_data')} saves it"
+    saves = f"{context.key_in_table('save_data')} saves it"
     context.say(f"stopped and not saved: nothing else was done, the data is still there ({saves})")
     return False
 
@@ -167,7 +167,7 @@ async def apply(context: Context) -> None:
         answer = await _ask_to_apply(context, changes)
         if answer == "discard":
             session.table.discard(list(range(len(session.table))))
-            context.say(f"all pending edits discarded; {key_of('undo')} brings them back")
+            context.say(f"all pending edits discarded; {context.key_in_table('undo')} brings them back")
         if answer not in {"apply", "cut", "save", "drop", "go"}:
             return
         if answer == "save" and not await _stop_and_save(context):
@@ -181,7 +181,7 @@ async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> s
     elements = len({change.name for change in changes})
     title = f"Apply {many(len(changes), 'edit')} to {many(elements, 'element')}?"
     keep = Choice("", "Keep them pending")
-    discard = Choice("discard", f"Discard all edits; {key_of('undo')} brings them back", "x")
+    discard = Choice("discard", f"Discard all edits; {context.key_in_table('undo')} brings them back", "x")
     body = _what_changes(context, changes)
     if context.session.running:
         told = "\nThe logger runs: Apply and go on loses no tick; its buffers begin empty."
@@ -235,7 +235,7 @@ async def _carry_out(context: Context, *, around: bool, cut: bool, unsaved: Unsa
     if around:
         await session.start(unsaved)
     went = ", logging again" if around else ", it goes on" if cut else ""
-    back = [f"{key_of('undo')} takes it back, as edits to apply"] * session.table.can_undo
+    back = [f"{context.key_in_table('undo')} takes it back, as edits to apply"] * session.table.can_undo
     # beside it what works and is likely not meant, as the shell tells it: buffers of gigabytes
     context.say("; ".join([f"applied to {many(applied.changed, 'element')}{went}", *back, *applied.warnings]))
     return True
@@ -251,7 +251,7 @@ async def _settle_conflicts(context: Context) -> bool:
     if len(conflicts) > 200:
         body.append(f"and {len(conflicts) - 200} more\n")
     choices = [
-        Choice("", f"Decide later (look at each: {key_of('discard')} takes theirs)"),
+        Choice("", f"Decide later (look at each: {context.key_in_table('discard')} takes theirs)"),
         Choice("theirs", "Take theirs", "t", loses=True),
         Choice("mine", "Keep yours", "y", loses=True),
     ]
@@ -279,7 +279,7 @@ async def _chosen_script(context: Context, path: str) -> tuple[str, list[FieldCh
     diff = await link.read(lambda client: client.diff_script(name))
     if not diff.changes and not diff.conditions:
         edits = _pending(context)
-        kept = f"; kept: {edits} ({key_of('discard')} takes back those of a row)" if edits else ""
+        kept = f"; kept: {edits} ({context.key_in_table('discard')} takes back those of a row)" if edits else ""
         context.say(f"{name} says what the logger has already: nothing to load{kept}{_unknown_words(diff.unknown)}")
         return "", []
     if seen:
@@ -483,5 +483,5 @@ async def take_up_edits(context: Context) -> None:
         path.unlink(missing_ok=True)
     if answer == "take":
         taken = session.table.take_up(edits)
-        context.say(f"{many(taken, 'edit')} pending again; {key_of('undo')} takes that back")
+        context.say(f"{many(taken, 'edit')} pending again; {context.key_in_table('undo')} takes that back")
     context.keep_edits()

@@ -339,10 +339,7 @@ class TableScreen(ElementsScreen):
         return (*keys, (apply.id, label)) if keys and (label := self.label_now(apply)) else keys
 
     def label_now(self, command: Command) -> str:
-        """Return it; there is something to apply where edits are pending, and it says how many."""
-        if command.id == "apply":
-            fields = self.session.table.pending_count[0]
-            return f"{command.label} {fields}" if fields else ""
+        """Return it; nothing to take back where nothing was edited."""
         return "" if command.id == "undo" and not self.session.table.can_undo else super().label_now(command)
 
     def _choose_field(self, field: Field) -> None:

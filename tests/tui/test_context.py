@@ -398,7 +398,8 @@ def paper(desk):
         ("table", ("quit",), "quit"),
         ("table", ("fold",), ""),  # nobody here does it
         ("triggers", ("toggle",), ""),  # it is no key there, and has no word
-        ("triggers", ("apply",), ":apply"),
+        ("triggers", ("apply",), "apply"),
+        ("triggers", ("refresh",), ":refresh"),
         ("triggers", ("sort",), ":sort "),
         ("triggers", ("goto",), ":goto "),
         ("table", ("unmark",), ":unmark"),

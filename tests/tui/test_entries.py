@@ -146,11 +146,11 @@ BARS = {
     ("two-layer", "table"): "mark monitor fold filter menu_edit menu_go menu_view menu_record sort apply undo "
     "start_stop save_data again back help command quit mark_shown",
     ("two-layer", "monitor"): "pause detail closer wider cursor_left find menu_plots menu_go menu_view "
-    "menu_record start_stop export_plots again back earlier later arrange_plots newest help command quit",
+    "menu_record apply start_stop export_plots again back earlier later arrange_plots newest help command quit",
     ("two-layer", "detail"): "pause closer wider cursor_left find menu_plots menu_go menu_view menu_record "
-    "export_plots again back mode earlier detail_refresh later newest help command quit",
+    "apply start_stop export_plots again back mode earlier detail_refresh later newest help command quit",
     ("two-layer", "triggers"): "list_mark trigger_capture trigger_toggle trigger_new plot_conditions list_filter "
-    "menu_edit menu_go menu_view menu_record list_order trigger_remove again back help command quit",
+    "menu_edit menu_go menu_view menu_record list_order apply start_stop trigger_remove again back help command quit",
     ("two-layer", "file"): "mark plot fold filter menu_go menu_view sort again back help command quit mark_shown",
     ("classic", "table"): "mark filter sort fold edit apply monitor start_stop save_data help command quit mark_shown "
     "toggle undo",

@@ -18,7 +18,7 @@ ENDS = {"quit", "quit_now", "suspend", "palette"}  # those that leave, and Textu
 KINDS = ["of one", "nothing in it", "never started"]
 # how each screen is reached from the table
 SCREENS = {
-    "table": (), "monitor": ("m",), "detail": ("m", "enter"), "scope": ("m", "S"), "triggers": ("T",), "alarms": ("A",),
+    "table": (), "monitor": ("m",), "detail": ("m", "enter"), "scope": ("m", "c"), "triggers": ("T",), "alarms": ("A",),
     "events": ("E",), "recordings": ("F",), "settings": ("f2",),
 }  # fmt: skip
 FILES = {"file": (), "file_monitor": ("m",), "file_detail": ("m", "enter"), "file_events": ("E",)}

@@ -333,7 +333,7 @@ async def test_the_bar_has_room_for_what_commands_the_logger_and_says_what_waits
     async with opened(fake.run()) as screen:
         assert bar(screen) == " space Mark m Plot / Filter e Edit g Go v View r Rec S Stop w Save ? Help q Quit"
         await screen.do("toggle")
-        assert bar(screen).startswith(" space Mark m Plot / Filter e Edit g Go a Apply 1 u Undo S Stop")
+        assert bar(screen) == " space Mark / Filter e Edit g Go a Apply 1 u Undo S Stop w Save    ? Help q Quit"
         await screen.do("down", "edit_divider", "5", "enter")
         assert "a Apply 2 u Undo S Stop" in bar(screen)
         await screen.do("undo", "undo")
@@ -381,6 +381,35 @@ async def test_home_is_the_table_from_wherever_one_is(fake, opened):
             await screen.until(lambda: screen.app.screen.scope not in ("table", ""))
             await screen.do("go_home")
             await screen.until(lambda: screen.app.screen.scope == "table")
+
+
+@pytest.mark.slow
+async def test_applying_starting_and_stopping_ask_the_same_on_every_screen_of_a_logger_and_come_back_to_it(
+    fake, opened
+):
+    async with opened(fake.run(20)) as screen:
+        await screen.do("toggle")
+        asked = {}
+        ways = {each: [each] for each in ("monitor", "detail", "alarms", "parameters", "recordings", "events")}
+        ways = {"table": [], **ways, "triggers": ["triggers"], "scope": ["go_home", "monitor", "catch"]}
+        for scope, way in ways.items():
+            await screen.do(*way)
+            await screen.until(lambda scope=scope: screen.app.screen.scope == scope, scope)
+            asked[scope] = []
+            for command in ("start_stop", "restart", "apply"):
+                await screen.do(command)
+                question = screen.app.screen.query("Static")
+                asked[scope].append("\n".join(str(each.render()) for each in question))
+                await screen.press("escape")
+                assert screen.app.screen.scope == scope
+        assert "Stop logging?" in asked["table"][0]
+        assert "Apply 1 edit" in asked["table"][2]
+        in_table = {each: [one.replace(" in the table", "") for one in told] for each, told in asked.items()}
+        assert all(told == asked["table"] for told in in_table.values()), in_table
+        assert all("w in the table saves it" in told[0] for scope, told in asked.items() if scope != "table")
+        await screen.do("apply", "enter")
+        await screen.until(lambda: fake.calls, "the edits to be applied")
+        await screen.until(lambda: screen.app.screen.scope == "scope", "the plot again")
 
 
 async def test_stopping_offers_a_restart_and_what_drops_is_answered_by_its_own_letter(fake, opened):
