@@ -27,6 +27,9 @@ from silo_tui.sessions.live import Session, why
 if TYPE_CHECKING:
     from silo.client.client import Client
 
+GOES_ON = (
+    "The logger runs: {} and go on saves what its buffers hold (looping ones: the newest alone) and begins them empty."
+)
 SPLIT = "Stopping ends this recording."
 
 
@@ -184,9 +187,8 @@ async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> s
     discard = Choice("discard", f"Discard all edits; {context.key_in_table('undo')} brings them back", "x")
     body = _what_changes(context, changes)
     if context.session.running:
-        told = "\nThe logger runs: Apply and go on loses no tick; its buffers begin empty."
-        body.append(f"{told}{_watching_again(context.session)} {SPLIT}", style="bold")
-        go_on = Choice("cut", "Apply and go on: no tick is lost, what it has is saved", "a")
+        body.append(f"\n{GOES_ON.format('Apply')}{_watching_again(context.session)} {SPLIT}", style="bold")
+        go_on = Choice("cut", "Apply and go on: no tick is lost", "a")
         return await _ask_around(context, title, body, [go_on, keep], "stop, apply, start again", "r", [discard])
     return await context.app.push_screen_wait(Question(title, body, [Choice("apply", "Apply", "a"), keep, discard]))
 
@@ -301,9 +303,8 @@ async def load_script(context: Context, path: str = "") -> None:
             return
     around, cut, unsaved = False, False, Unsaved.REFUSE
     if session.running:
-        told = "The logger runs, and takes a script without losing a tick: Load and go on."
-        body_text = Text(f"{told}{_watching_again(session)} {SPLIT}")
-        go_on = Choice("cut", "Load and go on: no tick is lost, what it has is saved", "l")
+        body_text = Text(f"{GOES_ON.format('Load')}{_watching_again(session)} {SPLIT}")
+        go_on = Choice("cut", "Load and go on: no tick is lost", "l")
         first, steps = [go_on, Choice("", "Don't load")], "stop, load, start again"
         answer = await _ask_around(context, f"Load {name} while it runs?", body_text, first, steps, "y")
         if not answer or (answer == "save" and not await _stop_and_save(context)):

@@ -96,7 +96,8 @@ class FileSession(Session):
         facts += f"  {many(len(report.elements), 'element')}" if wide else ""
         facts += f"  {text.short(report.rate_hz)} Hz" if report.rate_hz and source.recording.offset else ""
         facts += f"  {size_text(report.size_bytes)}" if wide and report.size_bytes else ""
-        lost = f"  lost {text.count(report.lost)}"
+        lost, holes = f"  lost {text.count(report.lost)}", len(source.recording.gaps)
+        lost += f", {many(holes, 'hole')}" * bool(holes)
         silo = "silo " if wide else ""  # on a small screen the file's name is worth more
         name = fitted_among(self.name, (), width - len(silo) - 5 - len(facts) - len(lost))
         return [

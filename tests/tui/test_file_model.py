@@ -248,3 +248,10 @@ def test_a_sample_from_before_a_capture_makes_its_time_axis_no_longer_and_no_hol
         assert not holes_of(past.marks[0]).any()
         there = past.low[0][times[260] // past.column_ns - past.first :] if name == "/log/a" else past.low[0]
         assert not np.isnan(there).any()
+
+
+def test_the_head_says_beside_what_was_lost_that_there_are_holes():
+    times = START_NS + STEP_NS * np.arange(10, dtype=np.int64)
+    recording = Recording("robot", times, 10, (element("a", np.arange(10.0)),), gaps=((int(times[4]), int(times[5])),))
+    head = FileSession(Log(recording, "whole.silo")).facts_words(100, wide=True)
+    assert head[-1][1] == "  lost 0, 1 hole"

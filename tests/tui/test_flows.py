@@ -162,8 +162,9 @@ def test_what_applying_asks_counts_edits_and_elements_and_says_what_goes_on(runn
     assert desk.does(flows.apply(desk)).startswith("applied to 2 elements, logging again")
     assert desk.asked[0].startswith("Apply 3 edits to 2 elements?\n")
     assert desk.asked[0].endswith(
-        "\nThe logger runs: Apply and go on loses no tick; its buffers begin empty. Stopping ends this recording."
-        "\n(a) Apply and go on: no tick is lost, what it has is saved\n() Keep them pending"
+        "\nThe logger runs: Apply and go on saves what its buffers hold (looping ones: the newest alone) and begins "
+        "them empty. Stopping ends this recording."
+        "\n(a) Apply and go on: no tick is lost\n() Keep them pending"
         "\n(r) Stop, apply, start again\n(x) Discard all edits; u brings them back"
     )
 
@@ -265,7 +266,7 @@ def test_a_new_run_has_triggers_watch_again_that_fired(fired, words, running):
     options = [(name, TriggerWord.FIRED) for name in fired.split()] + [("armed", TriggerWord.ARMED)]
     desk.session.triggers = [TriggerStatus(TriggerOptions(name, "x > 1"), word) for name, word in options]
     desk.does(flows.apply(desk))
-    assert f"its buffers begin empty.{words} Stopping ends" in desk.asked[0]
+    assert f"begins them empty.{words} Stopping ends" in desk.asked[0]
 
 
 def test_what_is_likely_not_meant_is_told_with_what_was_applied(saved):

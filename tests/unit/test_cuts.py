@@ -804,6 +804,9 @@ def test_what_a_program_says_of_a_cut_stays_beside_that_its_run_was_cut(new_logg
     assert loop.whole(tmp_path).recording.told_about["cut"] == "diamond"
 
 
+OVERWRITTEN = "looping buffers, which keep what is newest, had overwritten"
+
+
 @pytest.mark.parametrize(("tick", "there"), [(20, 10), (25, 15), (29, 19), (3, 10), (-1, 9)])
 def test_an_event_of_a_part_that_lost_its_oldest_ticks_stands_at_its_own(tick, there):
     def part(number, offset, *events):
@@ -813,16 +816,17 @@ def test_an_event_of_a_part_that_lost_its_oldest_ticks_stands_at_its_own(tick, t
     marked = LoggedEvent("marker", "there", 7, tick, 1000 * tick, "arm", "run", 1)
     whole = joined([part(2, 30, marked), part(1, 10)])
     assert [event.tick for event in whole.events] == [there]
-    assert whole.warnings == ("part 2: its oldest 20 ticks were overwritten",)
+    assert whole.warnings == (f"part 2: {OVERWRITTEN} its oldest 20 ticks",)
     assert (len(whole.time_ns), whole.offset) == (20, 20)
 
 
 @pytest.mark.parametrize(
     ("firsts", "told"),
     [
-        ([20, 20], "part 2: its oldest 20 ticks were overwritten"),
-        ([20, 9], "part 2: its oldest 5 ticks were overwritten, of some elements 20"),
-        ([20, 4], "part 2: its oldest ticks were overwritten of some elements: 20"),
+        ([20, 20], f"part 2: {OVERWRITTEN} its oldest 20 ticks"),
+        ([20, 9], f"part 2: {OVERWRITTEN} its oldest 5 ticks, of some elements 20"),
+        ([20, 4], f"part 2: {OVERWRITTEN} up to 20 ticks of some elements, its oldest"),
+        ([10_506, 4], f"part 2: {OVERWRITTEN} up to 10 506 ticks of some elements, its oldest"),
         ([0, 0], ""),
     ],
 )
@@ -831,9 +835,9 @@ def test_the_hole_that_looping_buffers_left_between_parts_is_told_where_all_stam
 
     def part(number, fast, slow):
         loops = element("x", np.zeros(3), first=fast), element("slow", np.zeros(2), divider=5, first=slow)
-        stamps = np.arange(30, dtype=np.int64) * 1000
+        stamps = np.arange(max(firsts) + 30, dtype=np.int64) * 1000
         elements = (*loops, element("once", np.zeros(1), buffer_type=BufferType.GROWING))
-        return Recording("arm", stamps, 30, elements, stretch=Stretch("run", number))
+        return Recording("arm", stamps, len(stamps), elements, stretch=Stretch("run", number))
 
     whole = joined([part(1, 7, 5), part(2, *firsts)])
     assert "".join(whole.warnings) == told
