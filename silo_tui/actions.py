@@ -618,11 +618,11 @@ def why_no_use(key: str, scope: str) -> str:
     if edits_by(key, scope):
         return f"{NOT_EDITED}; {key_text(key)} ({there[0].label}): {where}" if there else NOT_EDITED
     if not there:
-        were = [
-            each for each in COMMANDS if key in each.keys.split(",") and (scope in each.scopes or "any" in each.scopes)
-        ]
+        were = [each for each in COMMANDS if key in each.keys.split(",")]
         if were:
-            return f"{key_text(key)} is no key here; {were[0].label} is {key_of(were[0].id)}"
+            here = [each for each in were if {scope, "any"} & set(each.scopes)]
+            where = "" if here else f", a key of {places_of(were[:1])}"
+            return f"{key_text(key)} is no key here; {(here or were)[0].label} is {key_of((here or were)[0].id)}{where}"
         return f"{key_text(key)} is no key of silo-tui; {key_of('help')} shows those that are"
     return f"{key_text(key)} ({there[0].label}) has no use here: {where}"
 

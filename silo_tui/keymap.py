@@ -163,13 +163,12 @@ def keys_in(keymap: str, command: str, own: Mapping[str, str] = MappingProxyType
 
 
 def with_alike(keymap: str, own: Mapping[str, str]) -> Mapping[str, str]:
-    """Return keys of the user with those of commands that are the same in lists and the table, where a key is free."""
+    """Return keys of the user with those of commands that are the same on other screens, where a key is free."""
     found = dict(own)
     for command, key in own.items():
-        for each in COMMANDS:
-            same = each.label == BY_ID[command].label and TWO_LAYERS.get(each.id, "") == TWO_LAYERS.get(command)
-            same = same and any(one.startswith("list_") for one in (each.id, command))  # `D` deletes many a thing
-            if same and each.id not in found:
+        label, keys = BY_ID[command].label, keys_in(keymap, command)
+        for each in COMMANDS if TWO_LAYERS.get(command) != DESTROYS else ():  # it deletes many a thing
+            if each.label == label and each.id not in found and keys_in(keymap, each.id) == keys:
                 taken = clashes(keymap, {**found, each.id: key})
                 found |= {} if any(each.id in clash[:2] for clash in taken) else {each.id: key}
     return found

@@ -37,6 +37,14 @@ def test_a_key_that_is_given_holds_on_all_screens_that_have_the_same_where_it_is
         assert (key_of("mark_shown"), key_of("list_mark_all")) == ("M", "M")
         use_keys("classic", {"mark_shown": "F"})  # recordings, on lists
         assert (key_of("mark_shown"), key_of("list_mark_all")) == ("F", "*")
+        for keymap_of_user in BASES:
+            use_keys(keymap_of_user, {"monitor": "f9"})  # on a table, on that of a file, over parameters
+            assert why_no_use("m", "table") == "m is no key here; Plot is F9"
+            assert [key_of(each) for each in ("monitor", "plot_conditions")] == ["F9", "F9"]
+        use_keys("two-layer", {"monitor": "M", "delete_recording": "X"})
+        assert [key_of(each) for each in ("plot", "plot_conditions", "alarm_remove")] == ["M", "M", "D"]
+        assert why_no_use("m", "file") == "m is no key here; Plot is M"
+        assert why_no_use("m", "settings") == "m is no key here; Plot is M, a key of table"
     finally:
         use_keys("two-layer", {})
 
