@@ -40,7 +40,12 @@ from silo_tui.widgets.inputs import Fleeting
 from silo_tui.widgets.messages import MessageLine
 
 MOST_TOLD = 500
-GONE = "the robot program is gone: start it again, silo-tui follows"
+
+
+def gone_words() -> str:
+    """Return that nobody is there to do what was asked, and the ways out."""
+    others = f"{key_of('loggers')} lists other loggers, {key_of('demo')} there starts a demo"
+    return f"the robot program is gone: start it again, silo-tui follows; {others}"
 
 
 class Message(msgspec.Struct, frozen=True):
@@ -299,7 +304,7 @@ class Context:
         asked = isinstance(top, Dialog) and top.asks and (self._asks_robot if self._flow_running else top.loses)
         if gone and asked and top is not None:
             top.dismiss(None)
-            self.say(GONE)
+            self.say(gone_words())
 
     # ------------------------------------------------------------------------------------------------------ flows
 
@@ -491,6 +496,11 @@ class SiloScreen(Leaving[None]):
         told = {"top": "first line", "recordings": "of robot", "runs": "of a folder"}
         told |= {"new_of_row": "trigger or limits", "trigger_new": "trigger", "alarm_new": "limits"}
         return told.get(command_id, "")
+
+    @property
+    def subject(self) -> str:
+        """What the cursor is on, or what is marked, to be told by what covers it; empty where that is nothing."""
+        return ""
 
     def open_left(self, names: Sequence[str] = ()) -> None:
         """Open what a dead robot left, with plots of these elements."""

@@ -155,10 +155,12 @@ class MenuReader:
         of_all = {why[0] if why else "" for why in reasons.values()}  # one that all have is told once
         count = max(-(-len(entries) // MOST_ROWS), min(3, width // LEAST_COLUMN, len(entries)))
         rows, column = -(-len(entries) // count), width // count
-        title = BY_ID[self._menu].help.removeprefix("the menu of ")
+        title, about = BY_ID[self._menu].help.removeprefix("the menu of "), screen.subject
+        if about and self._menu not in ("menu_go", "menus"):  # it may cover the line
+            title = f"{BY_ID[self._menu].label}: {about}"
         if self._menu == "menu_plots" and screen.scope in BY_ID["earlier"].scopes:  # what has no letter in it
             zoom, pan = (" ".join(map(key_of, pair)) for pair in (ZOOM, PAN))
-            title = f"plots: {zoom} zoom, {pan} go back and on"
+            title = f"{title if about else 'plots'}: {zoom} zoom, {pan} go back and on"
         if len(of_all) == 1:
             title += f"  (now: {one})" if (one := of_all.pop()) else ""
         else:

@@ -17,7 +17,7 @@ from silo.errors import RefusedError
 from silo.rpc.refusals import RefusedWhy
 from silo.state.requests import Unsaved
 from silo_tui.actions import key_of
-from silo_tui.context import GONE, Context
+from silo_tui.context import Context, gone_words
 from silo_tui.model.table.changes import cost_of
 from silo_tui.model.table.fields import Field, phrase_for
 from silo_tui.model.table.state import PendingChange
@@ -27,9 +27,7 @@ from silo_tui.sessions.live import Session, why
 if TYPE_CHECKING:
     from silo.client.client import Client
 
-GOES_ON = (
-    "The logger runs: {} and go on saves what its buffers hold (looping ones: the newest alone) and begins them empty."
-)
+GOES_ON = "{} and go on saves what its buffers hold (looping ones: the newest alone) and begins them empty."
 SPLIT = "Stopping ends this recording."
 
 
@@ -37,7 +35,7 @@ async def start_stop(context: Context) -> None:
     """Start a stopped logger; stops a running one after asking."""
     session = context.session
     if session.dead:
-        context.say(GONE)
+        context.say(gone_words())
         return
     if not session.running:
         unsaved = await _start_over(context) if _is_unsaved(context.session) else Unsaved.REFUSE
@@ -63,7 +61,7 @@ async def restart(context: Context) -> None:
     """Stop and starts after asking."""
     session = context.session
     if session.dead:
-        context.say(GONE)
+        context.say(gone_words())
         return
     unsaved: Unsaved | None = Unsaved.REFUSE
     if session.running:
@@ -154,7 +152,7 @@ async def apply(context: Context) -> None:
     """Show what would change and applies it as one transaction; offers to stop and start again around it."""
     session = context.session
     if session.dead:
-        context.say(f"{GONE}; the edits stay pending")
+        context.say(f"the edits stay pending; {gone_words()}")
         return
     while True:
         changes = session.table.changes()
@@ -187,7 +185,8 @@ async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> s
     discard = Choice("discard", f"Discard all edits; {context.key_in_table('undo')} brings them back", "x")
     body = _what_changes(context, changes)
     if context.session.running:
-        body.append(f"\n{GOES_ON.format('Apply')}{_watching_again(context.session)} {SPLIT}", style="bold")
+        told = f"{GOES_ON.format('Apply')}{_watching_again(context.session)} {SPLIT}\n"
+        body = Text(told, style="bold").append_text(body)  # first: what all costs may be out of sight
         go_on = Choice("cut", "Apply and go on: no tick is lost", "a")
         return await _ask_around(context, title, body, [go_on, keep], "stop, apply, start again", "r", [discard])
     return await context.app.push_screen_wait(Question(title, body, [Choice("apply", "Apply", "a"), keep, discard]))

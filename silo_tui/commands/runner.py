@@ -175,6 +175,10 @@ class CommandRunner:
     def command_save_data(self, typed: Spelled) -> None:
         from silo_tui.screens.files.save_data import SaveDialog
 
+        session = self._context.session
+        if not session.running and not session.status.run_ticks:
+            self._context.say(f"nothing was logged yet, so there is nothing to save; {key_of('start_stop')} starts")
+            return
         types, name = command_line.read_save(typed.arguments)
         self._context.app.push_screen(SaveDialog(self._context, types, name, at_once=bool(typed.arguments)))
 

@@ -55,6 +55,15 @@ class ElementsScreen(SiloScreen):
         self.table_head = TableHead(self.table)
         self.inspector_wanted: bool | None = None  # None: by the width of the screen
 
+    @property
+    def subject(self) -> str:
+        rows, row = self.session.rows, self.session.rows.row
+        if rows.anchor is not None or rows.marked.any():
+            return rows.targets_words
+        if row is None:
+            return rows.branch.path if rows.branch is not None else ""
+        return self.session.short_name(self.session.table.names[row])
+
     def compose(self) -> ComposeResult:
         yield from self.bars()
         with Horizontal(id="body"):
@@ -452,7 +461,7 @@ class ElementsScreen(SiloScreen):
             words = f"{len(by)} by a component: {self.session.short_name(self.session.table.names[by[0]])}"
             words += " …" if len(by) > 1 else ""
         elif line.value and (by := found.by_description(self.session.table, rows.marked, rows.shown.tolist())):
-            words = f"no name has it: {self.session.table.elements[by[0]].description}"
+            words = f"{len(by)} by what is said of them: {self.session.table.elements[by[0]].description}"
         *above, last = words.split("\n")
         above += [last] if len(last) >= room else []
         notes.update("\n".join([*above, f"{'' if len(last) >= room else last:<{max(0, room)}}{count}"]))

@@ -81,6 +81,10 @@ async def test_with_everything_saved_a_restart_has_nothing_to_drop(fake, opened)
 async def test_the_save_dialog_is_walked_through_left_and_ticked_by_letters_that_are_letters_in_the_name(fake, opened):
     async with opened(fake, size=(100, 30)) as screen:
         await screen.press("w")
+        await screen.shows("nothing was logged yet, so there is nothing to save; S starts")
+        fake.run()
+        await screen.until(lambda: screen.session.running)
+        await screen.press("w")
         await screen.shows("> [x] silo")
         await screen.press("j")
         await screen.shows("> [ ] csv")

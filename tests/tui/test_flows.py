@@ -97,8 +97,11 @@ def test_a_start_and_a_stop_ask_what_becomes_of_the_data_and_do_no_more_than_tha
 def test_of_a_robot_program_that_is_gone_nothing_is_asked(flow, running):
     running.state = State.DEAD
     desk = Desk(running)
-    edits = "; the edits stay pending" if flow is flows.apply else ""
-    assert desk.does(flow(desk)) == f"the robot program is gone: start it again, silo-tui follows{edits}"
+    edits = "the edits stay pending; " if flow is flows.apply else ""
+    assert desk.does(flow(desk)) == (
+        f"{edits}the robot program is gone: start it again, silo-tui follows; g l lists other loggers, g d there "
+        "starts a demo"
+    )
 
 
 def test_what_runs_and_is_saved_is_restarted_by_a_yes(running):
@@ -160,10 +163,11 @@ def test_what_applying_asks_counts_edits_and_elements_and_says_what_goes_on(runn
     desk.session.table.edit([desk.session.table.row(NAME)], Field.SIZE, 50)
     desk.edit("/log/imu/temperature")
     assert desk.does(flows.apply(desk)).startswith("applied to 2 elements, logging again")
-    assert desk.asked[0].startswith("Apply 3 edits to 2 elements?\n")
+    assert desk.asked[0].startswith(
+        "Apply 3 edits to 2 elements?\nApply and go on saves what its buffers hold (looping ones: the newest alone) "
+        "and begins them empty. Stopping ends this recording.\n"
+    )
     assert desk.asked[0].endswith(
-        "\nThe logger runs: Apply and go on saves what its buffers hold (looping ones: the newest alone) and begins "
-        "them empty. Stopping ends this recording."
         "\n(a) Apply and go on: no tick is lost\n() Keep them pending"
         "\n(r) Stop, apply, start again\n(x) Discard all edits; u brings them back"
     )

@@ -201,6 +201,10 @@ async def test_a_menu_is_drawn_while_the_one_before_goes(fake, opened):
             reader._timer.stop()
             reader.draw()
         await screen.until(lambda: "Divider: 1" in drawn(screen))
+        await screen.press("escape", "space", "space", "e")
+        await screen.until(lambda: drawn(screen).startswith("e  Edit: 2 marked elements"))
+        await screen.press("escape", "m", "p")
+        await screen.until(lambda: drawn(screen).startswith("p  Plots: /base/orientation_x: + - zoom, PgUp PgDn"))
 
 
 @pytest.mark.slow
@@ -211,6 +215,7 @@ async def test_a_menu_that_waits_is_drawn_and_stays_at_an_unknown_letter(fake, o
         assert "Divider: 1" in drawn(screen)
         assert "(x) Discard: none waits" in drawn(screen)
         assert "brackets: not now" in drawn(screen)
+        assert drawn(screen).startswith("e  Edit: /base/orientation  ")  # which it may cover
         await screen.press("k")
         await screen.shows("k is not in the menu")
         assert screen.session.rows.position == 0

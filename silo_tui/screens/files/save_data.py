@@ -148,7 +148,7 @@ class SaveDialog(Form[list[SavedFile]]):
         files, status = self.made(), session.status
         names = ", ".join(f"{one.path or status.logger + '_…'}{SAVED[one.type].ending}" for one in files)
         held = f"{text.count(status.held_samples)} samples of up to {duration(status.held_s)}"
-        return f"{names}: {held}" if status.held_samples else f"{names}: nothing is held yet"
+        return f"{names}: {held}" if status.held_samples else f"{names}: would have no sample, none is held"
 
     def _stands(self) -> bool:
         return bool(self._told) and (self._saving or self._files is not None or self.made() == self._asked)

@@ -9,7 +9,7 @@ from textual import events
 from textual.app import ComposeResult
 from textual.widgets import Static
 
-from silo_tui.actions import Command, key_of, key_that_retries
+from silo_tui.actions import BY_ID, Command, key_of, key_that_retries
 from silo_tui.context import SiloScreen
 from silo_tui.keymap import DESTROYS, TWO_LAYERS
 from silo_tui.modal import ask
@@ -148,6 +148,12 @@ class ListScreen(SiloScreen, Generic[LineT]):
     def named(self, key: str) -> str:
         """Return a line by the name that it is known by."""
         return key
+
+    @property
+    def subject(self) -> str:
+        if self.marks.keys or self.scope not in BY_ID["list_mark"].scopes:
+            return f"{len(self.marks.keys)} marked" * bool(self.marks.keys)
+        return self.named(self.chosen_key)
 
     def enter(self) -> None:
         """Do what a click on the line under the cursor does."""

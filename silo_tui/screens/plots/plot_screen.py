@@ -176,6 +176,10 @@ class PlotScreen(SiloScreen):
                 (int(time_ns[at]), value_words(plotted.entry, values[at : at + 1])) for at in begins
             ]
 
+    @property
+    def subject(self) -> str:
+        return self.session.short_name(self.stack.chosen_plot.name) if self.stack.plots else ""
+
     # ------------------------------------------------------------------------------------ what the app tells us
 
     def live_changed(self, frame: Frame) -> None:
