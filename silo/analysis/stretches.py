@@ -20,7 +20,7 @@ from silo.core.arguments import INT64
 from silo.core.elements import BufferType, LoggedEvent, Stretch
 from silo.core.names import grouped
 from silo.core.parameter_images import between as told_between
-from silo.core.quantities.writing import count, plural_count
+from silo.core.quantities.writing import plural_count
 from silo.core.recording import (
     DamageNotes,
     Failures,
@@ -329,7 +329,7 @@ def _overwritten(stretch: Stretch, part: Recording) -> list[str]:
     loops = [one for one in part.elements if one.count and one.buffer_type is BufferType.LOOPING]
     ticks = [max(first, first + one.first - one.divider + 1) for one in loops] or [first]
     least, most = min(ticks), max(ticks)
-    told = f"its oldest {plural_count(least or most, 'tick')}, of some elements {count(most)}"
+    told = f"its oldest {plural_count(least or most, 'tick')}, of some elements {plural_count(most, 'tick')}"
     if least + max((one.divider for one in loops), default=0) >= most:
         told = f"its oldest {plural_count(most, 'tick')}"
     elif not least:

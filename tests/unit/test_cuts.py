@@ -824,7 +824,7 @@ def test_an_event_of_a_part_that_lost_its_oldest_ticks_stands_at_its_own(tick, t
     ("firsts", "told"),
     [
         ([20, 20], f"part 2: {OVERWRITTEN} its oldest 20 ticks"),
-        ([20, 9], f"part 2: {OVERWRITTEN} its oldest 5 ticks, of some elements 20"),
+        ([20, 9], f"part 2: {OVERWRITTEN} its oldest 5 ticks, of some elements 20 ticks"),
         ([20, 4], f"part 2: {OVERWRITTEN} up to 20 ticks of some elements, its oldest"),
         ([10_506, 4], f"part 2: {OVERWRITTEN} up to 10 506 ticks of some elements, its oldest"),
         ([0, 0], ""),

@@ -87,7 +87,7 @@ FILE_SIGNS = (
 )  # fmt: skip
 _NUMBER = re.compile(r"\d+(?:[ .:]\d+)*")
 WORDS = (
-    ("torque LF", "both words in the name"),
+    ("torque LF", "both words, in name or description"),
     ("LF|RF", "either"),
     ("~regex", "by a regular expression"),
     ("/log/*/q", "globs"),
