@@ -198,6 +198,8 @@ class Tally:
 
     def advance(self, now_s: float, all_sums: Sequence[RunningStatistics]) -> None:
         """Take in every row that came since the last time."""
+        for sums in all_sums:
+            sums.since_ns = sums.since_ns or self.reader.stamp_of(0)  # of a run that had no tick yet
         for ring in self._rings:
             head = self.reader.head(ring.number)
             block = self._block(ring)

@@ -214,7 +214,7 @@ def test_statistics_go_on_as_signals_are_derived_and_begin_where_these_are_chang
     robot.advance(9.0)
     assert told("/log/x", "count", "bad", "min", "max", "mean") == [6, 1, -2, 7, 3]
     assert told("/log/force", "count", "bad") == told("/log/x", "count", "bad")
-    assert robot.sums.since_ns == 0
+    assert robot.sums.since_ns == 1_000_000_000  # of the first tick
     assert told("/log/square", "count", "max") == [3, 49]  # 49, 1, 16: from where it was derived, on over the next
     assert told("/log/double", "count", "min", "max") == [2, 2, 8]
     over(msgspec.structs.replace(SQUARE, expression="x + x"), DOUBLE)
@@ -279,6 +279,20 @@ def test_who_asks_for_statistics_is_told_once_that_they_failed_and_begin_anew(ro
         assert refused.text == "no survey: 8 clients have statistics; close one first"
     finally:
         surveyor.stop()
+
+
+def test_statistics_of_a_run_without_a_tick_begin_with_its_first(robot):
+    robot.log.restart(unsaved="clear")
+    robot.tally = Tally(SegmentReader(robot.log._present.path), whole=True)
+    robot.sums = robot.tally.sums(whole=True)
+    robot.advance()
+    assert robot.sums.since_ns == 0
+    robot.now_ns = begin_ns = 10**18
+    robot.tick(1.0)
+    robot.now_ns += 10**9
+    robot.tick(2.0)
+    robot.advance()
+    assert (robot.sums.since_ns, robot.of("/log/x", "count")) == (begin_ns, 2)
 
 
 def test_statistics_that_are_asked_for_before_a_start_are_of_the_whole_run(robot, monkeypatch):
