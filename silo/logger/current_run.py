@@ -418,40 +418,43 @@ class _Unhurried:
 
     def __init__(self) -> None:
         self._lock = threading.RLock()
-        self._within: set[weakref.ref[_Within]] = set()
+        self._within: dict[int, weakref.ref[_Within]] = {}
         self._before: tuple[float, bool] | None = None  # how it was
 
     @contextlib.contextmanager
     def __call__(self) -> Iterator[None]:
         mine = _Within()
-        with self._lock:
-            self._within.add(weakref.ref(mine, self._over))
-            if self._before is None:
-                self._before = (sys.getswitchinterval(), gc.isenabled())
-                sys.setswitchinterval(min(self._before[0], SWITCH_S))
-                gc.disable()
+        key = id(mine)
         try:
+            with self._lock:
+                # where an interrupt comes amid what ends it, it is ended as this goes
+                self._within[key] = weakref.ref(mine, lambda _: self._over(key))
+                if self._before is None:
+                    self._before = (sys.getswitchinterval(), gc.isenabled())
+                    sys.setswitchinterval(min(self._before[0], SWITCH_S))
+                    gc.disable()
             yield
         finally:
-            del mine
+            self._over(key)
 
-    def _over(self, one: "weakref.ref[_Within]") -> None:
+    def _over(self, key: int) -> None:
         with self._lock:
-            self._within.discard(one)
-            if not self._within:
+            if self._within.keys() <= {key}:
                 self._put_back()
+            self._within.pop(key, None)  # last: interrupted before that it is done once more
 
     def forget(self) -> None:
         """Nobody is within, in a forked child; its parent's threads may have been."""
-        self._lock, self._within = threading.RLock(), set()
+        self._lock, self._within = threading.RLock(), {}
         self._put_back()
 
     def _put_back(self) -> None:
-        before, self._before = self._before, None
-        if before is not None:
-            sys.setswitchinterval(before[0])
-            if before[1]:
+        if self._before is not None:
+            interval_s, collects = self._before
+            sys.setswitchinterval(interval_s)
+            if collects:
                 gc.enable()
+            self._before = None  # last, likewise
 
 
 _unhurried = _Unhurried()
