@@ -297,7 +297,7 @@ async def load_script(context: Context, path: str = "") -> None:
     if not name:
         return
     if edits := _pending(context):
-        body = f"{edits} stay pending on top of the script."
+        body = f"{edits} stay pending on top of the configuration."
         if not await confirmed(context.app, "Load over pending edits?", body, "Load"):
             return
     around, cut, unsaved = False, False, Unsaved.REFUSE
@@ -348,7 +348,7 @@ async def save_script(context: Context, path: str | None = None) -> None:
         fields, _ = session.table.pending_count
         current = session.status.script.rpartition("/")[2]
         scripts = await context.link.read(lambda client: client.scripts())
-        body = f"as a script in {scripts.folder}, on the robot"
+        body = f"in {scripts.folder}, on the robot"
         if current:
             body += f"\n{current} is what the program reads when it starts again."
         if fields:
@@ -358,8 +358,8 @@ async def save_script(context: Context, path: str | None = None) -> None:
     if path is None:
         return
     name = _script_name(path)
-    ending = ": scripts end in .yaml" if name != path else ""
-    title = f"Overwrite {name or 'the script'}?"
+    ending = ": configurations end in .yaml" if name != path else ""
+    title = f"Overwrite {name or 'the configuration'}?"
     said = await keep_on_robot(context, title, "Overwrite", lambda client, again: client.save_script(name, again))
     if said is None:
         return
@@ -385,13 +385,13 @@ async def restore(context: Context) -> None:
     """Set again what was judged and derived before the robot program started anew."""
     lent = context.session.lent
     if not lent.gone and not lent.gone_edits:
-        context.say("nothing is gone: what is derived and judged stays with the robot program, or its script has it")
+        context.say("nothing is gone: what is derived and judged stays with the robot program, or its configuration has it")
         return
     done, refused, edits = await lent.restore()
     told = [f"refused: {one}" for one in refused]
     told += [f"{many(edits, 'edit')} pending again: {key_of('apply')} applies"] * bool(edits)
     told += [f"set again: {and_more(done, 3)}"] * bool(done)
-    told += [f"{key_of('save_script')} keeps it in the script"] * bool(edits or done)
+    told += [f"{key_of('save_script')} keeps it in the configuration"] * bool(edits or done)
     context.say("; ".join(told))
 
 

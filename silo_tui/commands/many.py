@@ -111,7 +111,7 @@ class Many:
         from silo.client.bulk import loading
 
         title = f"Load a configuration into {many(len(able), 'logger')}"
-        words = f"{body.plain}The script of that name in each one's own folder; those that run refuse."
+        words = f"{body.plain}The configuration of that name in each one's own folder; those that run refuse."
         name = await self._context.app.push_screen_wait(Prompt(title, words, "", "walk.yaml", label="name"))
         if not name:
             return None

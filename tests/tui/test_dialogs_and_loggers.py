@@ -370,7 +370,7 @@ async def test_a_script_is_there_as_it_is_saved_and_another_overwritten_only_whe
             await screen.press("backspace")
         await screen.enter("abc")
         await screen.until(lambda: "abc.yaml" in fake.files, "the script")
-        await screen.shows("abc.yaml: scripts end in .yaml")
+        await screen.shows("abc.yaml: configurations end in .yaml")
         await screen.enter(":load abc")
         await screen.shows("abc.yaml says what the logger has already")
         await screen.enter(":save robot.yaml")

@@ -369,7 +369,7 @@ SEES = "e l shows what differs"
 @pytest.mark.parametrize(
     ("path", "answers", "done", "said"),
     [
-        ("walk", (), ("save_script", "walk.yaml", False), "saved /home/ann/config/walk.yaml: scripts end in .yaml"),
+        ("walk", (), ("save_script", "walk.yaml", False), "saved /home/ann/config/walk.yaml: configurations end in .yaml"),
         ("walk.yml", (), ("save_script", "walk.yml", False), "saved /home/ann/config/walk.yml"),
         ("robot.yaml", ("y",), ("save_script", "robot.yaml", True), "saved /home/ann/config/robot.yaml"),
         ("robot.yaml", (ESC,), ("save_script", "robot.yaml", False), ""),
@@ -387,14 +387,14 @@ def test_the_script_of_the_logger_itself_has_no_name(saved):
     saved.files[""] = ""
     desk = Desk(saved, "y")
     assert desk.does(flows.save_script(desk, "")) == f"saved /home/ann/config/; {SEES}"
-    assert desk.asked[0].startswith("Overwrite the script?")
+    assert desk.asked[0].startswith("Overwrite the configuration?")
 
 
 def test_a_script_has_no_pending_edits_and_says_so_before_and_after(saved):
     desk = Desk(saved, "walk.yaml").edit()
     said = desk.does(flows.save_script(desk))
     assert desk.asked == [
-        "Save the configuration\nas a script in /home/ann/config, on the robot\n"
+        "Save the configuration\nin /home/ann/config, on the robot\n"
         "robot.yaml is what the program reads when it starts again.\n"
         "1 pending edit will not be in it: apply them first.\nrobot.yaml"
     ]
