@@ -22,7 +22,7 @@ from msgspec.structs import asdict
 from silo.core.arguments import check_name
 from silo.core.elements import BufferType, RecorderState
 from silo.core.names import matching
-from silo.core.quantities.writing import and_more, size_text
+from silo.core.quantities.writing import and_more, many, size_text
 from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
 from silo.decoding import converted
 from silo.errors import SegmentError, lacks_descriptors, reason
@@ -197,8 +197,8 @@ class EndlessRecordings:
         if not short:
             return ""
         return (
-            f"{len(short)} of the elements are recorded only until their buffers are full ({and_more(short, 5)}), "
-            "those that grow until there is no memory: set buffer=looping, or action=both, to record them without end"
+            f"set buffer=looping or action=both of {many(len(short), 'element')} to record without end: else only until "
+            f"their buffers are full ({and_more(short, 5)}), those that grow until there is no memory"
         )
 
     def _present(self) -> dict[str, Any]:

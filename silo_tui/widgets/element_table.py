@@ -118,7 +118,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         self._ready: dict[int, Content] = {}  # found to differ, not painted yet
         self._names: dict[tuple[int, str], dict[str, str]] = {}  # as they fit, by width and what they are below
         self._names_of: tuple[object, ...] = ()
-        self._needs: tuple[object, int, int] = ((), 0, 0)
+        self._needs: tuple[object, int, int, int] = ((), 0, 0, 0)
         self._trends: dict[int, str] = {}  # by row; all of them are drawn together, once a second
         self._trends_of: object = None
         self._trends_due_s = 0.0
@@ -178,8 +178,13 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
             others = [each for each in offered if not each.measured]
             steady = shown_columns(others, sight, rest - FLAGS, rest, sort, measured=by_measured)
             names = max(8, rest - FLAGS - sum(1 + cells for _, cells in steady))
-            longest, widest = self._needed()
-            if (spare := names - longest) > 0:  # what names don't need is for statistics, and the entries of vectors
+            longest, widest, unit = self._needed()
+            # what names don't need is for whole units, statistics, and the entries of vectors
+            more = sum(max(0, unit - cells) for each, cells in steady if each.title == "unit")
+            if 0 < more < names - longest:
+                steady = [(each, cells + more * (each.title == "unit")) for each, cells in steady]
+                names -= more
+            if (spare := names - longest) > 0:
                 wide = [max(cells, each.wide) for each, cells in measured]
                 if (more := sum(wide) - sum(cells for _, cells in measured)) <= spare:
                     measured = [(each, cells) for (each, _), cells in zip(measured, wide, strict=True)]
@@ -190,14 +195,15 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
             self._laid = Layout(width, names, self._space_of(names) if longest > names else "", steady, rest, measured)
         return self._laid
 
-    def _needed(self) -> tuple[int, int]:
-        """Return how many cells the longest name takes, and the widest value; of all rows, whatever is shown."""
+    def _needed(self) -> tuple[int, int, int]:
+        """Return how many cells the longest name takes, the widest value, and unit; of all rows, whatever is shown."""
         table, short = self.session.table, self.session.short_name
         made_for = (id(table.names), len(table), table.prefix)
         if self._needs[0] != made_for:
             longest = max((cell_len(short(name)) for name in table.names), default=0)
-            self._needs = made_for, longest, max(map(cells_of_value, table.elements), default=0)
-        return self._needs[1] + IN_TREE * (self.rows.sort == TREE), self._needs[2]
+            unit = max((cell_len(each.unit) for each in table.elements), default=0)
+            self._needs = made_for, longest, max(map(cells_of_value, table.elements), default=0), unit
+        return self._needs[1] + IN_TREE * (self.rows.sort == TREE), *self._needs[2:]
 
     @property
     def shows_trends(self) -> bool:

@@ -237,7 +237,10 @@ def test_what_can_not_be_recorded_is_refused_in_words(bench, client, tmp_path) -
         client.record(split="often")
     with pytest.raises(SaveError, match="nothing is being recorded"):
         bench.logger.stop_recording()
-    assert "until their buffers are full (/log/kept)" in client.record(name="short").text
+    assert client.record(name="short").text == (
+        "set buffer=looping or action=both of 1 element to record without end: else only until their buffers are full "
+        "(/log/kept), those that grow until there is no memory"
+    )
     with pytest.raises(RefusedError, match="a recording 'short' is under way already"):
         client.record(name="short")
     assert client.recorders()[0].state is RecorderState.WAITING

@@ -356,6 +356,13 @@ def test_statistics_are_wide_where_names_leave_room(name, cells, new_fake):
     assert [widths[title] for title in ("min", "max", "mean", "std")] == [cells] * 4
 
 
+@pytest.mark.parametrize(("name", "cells"), [("/log/a", 8), (f"/log/{'a' * 40}", 5)])
+def test_units_are_whole_where_names_leave_room(name, cells, new_fake):
+    table = Table(Desk(new_fake([scalar(name, "kg m^2/s")])), width=90)
+    assert {column.title: width for column, width in table.laid.steady}["unit"] == cells
+    assert ("kg m^2/s" in table.text[0]) is (cells == 8)
+
+
 def test_names_that_share_a_name_space_are_told_below_it_where_they_have_no_room(new_fake):
     elements = [vector(f"/log/{'deep/' * 4}{'leg' * 8}{each}", "m") for each in range(3)]
     table = Table(Desk(new_fake(elements)), width=72)
