@@ -122,22 +122,24 @@ def test_a_word_that_no_name_has_is_looked_for_in_what_the_program_says_of_its_e
     assert found.by_description(state, none, rows.tolist()) == rows.tolist()
 
 
-def test_of_several_words_each_may_be_in_name_or_description(robot):
+def test_where_no_name_has_all_words_each_may_be_in_name_or_description(robot):
     """`left` is in the name of a sonar, which hides nothing of the left leg: all words together say what is meant."""
     said = {"/log/legs/LF/HAA/torque": "Left hip", "/log/imu/temperature": "beside the left hip"}
-    names = {"/log/base/position": "/log/base/left", "/log/base/velocity": "/log/hip/of_left"}
+    said["/log/base/velocity"] = "torque and hip"
+    names = {"/log/base/position": "/log/base/left", "/log/base/velocity": "/log/of_left"}
     state = TableState()
     state.load(Table(1, [
         structs.replace(one, name=names.get(one.name, one.name), description=said.get(one.name, "")) for one in robot
     ]))  # fmt: skip
-    assert passing(state, "left") == ["/log/base/left", "/log/hip/of_left"], "names have it"
-    assert passing(state, "left hip torque") == ["/log/legs/LF/HAA/torque"]
-    assert passing(state, "left hip") == ["/log/hip/of_left", "/log/imu/temperature", "/log/legs/LF/HAA/torque"]
-    assert passing(state, "left hip -torque") == ["/log/hip/of_left", "/log/imu/temperature"]
+    assert passing(state, "left") == ["/log/base/left", "/log/of_left"], "names have it"
+    assert passing(state, "left hip torque") == ["/log/of_left", "/log/legs/LF/HAA/torque"]
+    assert passing(state, "left hip") == ["/log/of_left", "/log/imu/temperature", "/log/legs/LF/HAA/torque"]
+    assert passing(state, "left hip -torque") == ["/log/imu/temperature"]
+    assert passing(state, "lf torque") == [f"/log/legs/LF/{each}/torque" for each in ("HAA", "HFE", "KFE")]
     found, none = filters.parse("left hip"), np.zeros(len(state), bool)
     rows = np.flatnonzero(found.mask(state, none)).tolist()
     assert [state.names[row] for row in found.by_description(state, none, rows)] == [
-        "/log/imu/temperature", "/log/legs/LF/HAA/torque"
+        "/log/of_left", "/log/imu/temperature", "/log/legs/LF/HAA/torque"
     ]  # fmt: skip
     state.facts = Facts({"value": np.array([5.0 * ("left" not in name) for name in state.names])})
     assert passing(state, "left value>1") == [], "what is measured takes rows away, and brings none"

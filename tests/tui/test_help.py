@@ -130,8 +130,10 @@ async def test_help_is_searched_and_does_what_was_found(fake, opened):
     async with opened(fake) as screen:
         before = screen.value(screen.session.table.names[int(screen.session.rows.shown[0])], Field.ENABLED)
         await screen.press("question_mark", "slash")
-        await screen.type("switch logging")
+        await screen.enter("switch logging")
         await screen.shows('hold "switch logging"')
+        await screen.shows("Enter does it")
+        assert screen.app.screen.is_modal
         await screen.press("enter")
         await screen.until(lambda: not screen.app.screen.is_modal)
         assert screen.value(screen.session.table.names[int(screen.session.rows.shown[0])], Field.ENABLED) != before
@@ -140,15 +142,13 @@ async def test_help_is_searched_and_does_what_was_found(fake, opened):
 async def test_what_is_asked_for_by_a_command_from_help_is_answered(fake, opened):
     async with opened(fake.run(), size=(100, 30)) as screen:
         await screen.press("question_mark", "slash")
-        await screen.type("mark the tick")
-        await screen.press("enter")
+        await screen.enter("mark the tick", "enter")
         await screen.shows("Mark this moment")
         await screen.type("fell")
         await screen.press("enter")
         await screen.until(lambda: [call[:2] for call in fake.calls] == [("mark", "fell")])
         await screen.press("question_mark", "slash")
-        await screen.type("the screen as a picture")
-        await screen.press("enter")
+        await screen.enter("the screen as a picture")
         await screen.shows("Enter does it")
         await screen.press("enter")
         await screen.shows("silo-tui.svg")
@@ -158,7 +158,7 @@ async def test_the_arrows_choose_among_what_was_found(fake, opened):
     async with opened(fake) as screen:
         await screen.press("question_mark", "slash")
         await screen.type("off")
-        await screen.press("up", "down", "enter")  # the first stays chosen
+        await screen.press("up", "down", "enter", "enter")  # the first stays chosen
         await screen.until(lambda: type(screen.app.screen).__name__ == "ParametersScreen")
 
 
@@ -169,7 +169,7 @@ async def test_what_is_not_on_this_screen_is_found_on_the_others(fake, opened):
         await screen.press("slash")
         await screen.type("hold the y scale")
         await screen.shows("silo help of all screens  1 of")
-        await screen.press("enter")
+        await screen.press("enter", "enter")
         await screen.until(lambda: not screen.app.screen.is_modal)
         await screen.shows("it is a key of plots (m)")
 
@@ -199,5 +199,5 @@ async def test_letters_are_words_while_they_are_typed(fake, opened):
 async def test_a_command_that_writes_is_refused_from_help_too(fake, opened):
     async with opened(fake, read_only=True) as screen:
         await screen.press("question_mark", "slash")
-        await screen.enter("switch logging")
+        await screen.enter("switch logging", "enter")
         await screen.shows("read-only")

@@ -1,7 +1,7 @@
 """The filter language: words, name globs, regular expressions and `field:value` terms, all of which must hold.
 
-    torque LF  LF|RF       all words, each in the name or in what the program says of the element, in any order and
-                           case; either of them; one alone in names, and in what is said where no name has it
+    torque LF  LF|RF       all words somewhere in the name, in any order and case; either of them; where no name has all,
+                           each of them in the name or in what the program says of the element
     "two words"  -word     quoted; not
     /log/*/q  joint?_tau   globs, as commands mean them: on the whole name when they begin with `/` (with or without the
                            logger's prefix), else behind any `/`, or anywhere where there is none
@@ -31,7 +31,6 @@ from silo_tui.model.table.terms import OTHER_TERMS, Test, negate
 _TOKEN = re.compile(r'-?~\S+|(?:"[^"]*"?|[^\s"])+')
 _PART = re.compile(r'\|[A-Za-z]+\|(?:>=|<=|!=|>|<|=|:)[^\s|"]*|(?:"[^"]*"?|[^|"])+')
 _TERM = re.compile(r"(\|?[A-Za-z]+\|?)(>=|<=|!=|>|<|=|:)(.*)", re.DOTALL)
-_OTHER = re.compile(r"[*?[~<>=:]")  # what a plain word doesn't have
 _MEASURED_WORDS = ("alarm", *WORDS)
 _FLAGS = ("dirty", "pending", "marked", "edited", "conflict", "live", "derived", "off", *_MEASURED_WORDS)
 TERMS = (*(term for column in LIVE_COLUMNS for term in column.terms), *OTHER_TERMS)
@@ -43,7 +42,6 @@ class Condition(msgspec.Struct, frozen=True):
     text: str
     test: Test
     quantities: frozenset[str] = frozenset()
-    is_word: bool = False
 
 
 class Filter(msgspec.Struct, frozen=True):
@@ -62,9 +60,10 @@ class Filter(msgspec.Struct, frozen=True):
     def mask(self, table: TableState, marked: Mask) -> Mask:
         """Return shape `(n,)`: the elements that pass every term.
 
-        Of several words each may be in the name or in the description.
+        Where no name has all words, each of them may be in the name or in the description.
         """
-        if sum(each.is_word for each in self.conditions) > 1 and not table.said_too:
+        steady = [each.test(_named(table), marked) for each in self.conditions if not each.quantities]
+        if steady and not np.logical_and.reduce(steady).any() and not table.said_too:
             table = copy(table)
             table.said_too = True
         result = np.ones(len(table), np.bool_)
@@ -81,9 +80,7 @@ class Filter(msgspec.Struct, frozen=True):
 
     def by_description(self, table: TableState, marked: Mask, passing: Sequence[int]) -> list[int]:
         """Return which of those that pass do so by what is said of them: their names don't have all words."""
-        named = copy(table)
-        named.described = [""] * len(table)
-        by_name = self.mask(named, marked)
+        by_name = self.mask(_named(table), marked)
         return [row for row in passing if not by_name[row]]
 
     def blocked_by(self, table: TableState, marked: Mask) -> tuple[str, int] | None:
@@ -99,6 +96,13 @@ class Filter(msgspec.Struct, frozen=True):
     def without_any(self, table: TableState, marked: Mask) -> list[str]:
         """Return the terms that nothing passes, each by itself."""
         return [each.text for each in self.conditions if not each.test(table, marked).any()]
+
+
+def _named(table: TableState) -> TableState:
+    """Return a table of whose elements nothing is said."""
+    named = copy(table)
+    named.described = [""] * len(table)
+    return named
 
 
 def parse(text: str) -> Filter:
@@ -141,8 +145,7 @@ def _condition(token: str) -> Condition | str | None:
     if not tests:
         return None
     both = tests[0] if len(tests) == 1 else (_all_of(tests) if sign == "!=" else _any_of(tests))
-    is_word = not negated and any(part.lower() not in _FLAGS and not _OTHER.search(part) for part in parts)
-    return Condition(token, negate(both) if negated else both, quantities, is_word)
+    return Condition(token, negate(both) if negated else both, quantities)
 
 
 def _any_of(tests: list[Test]) -> Test:

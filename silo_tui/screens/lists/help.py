@@ -87,7 +87,7 @@ FILE_SIGNS = (
 )  # fmt: skip
 _NUMBER = re.compile(r"\d+(?:[ .:]\d+)*")
 WORDS = (
-    ("torque LF", "both words, in name or description"),
+    ("torque LF", "both words in the name, else in name or description"),
     ("LF|RF", "either"),
     ("~regex", "by a regular expression"),
     ("/log/*/q", "globs"),
@@ -292,7 +292,7 @@ class HelpScreen(Dialog[None]):
         text = page(found, self.size.width - 1, chosen) if found else Text(" Nothing holds these words. Esc: all again")
         self.query_one("#help-page", Static).update(text)
         typing = self.query_one(Line).display
-        keys = "Enter does it  ↑↓ Choose" if typing or words else "/ Search"
+        keys = f"Enter {'finds' if typing else 'does it'}  ↑↓ Choose" if typing or words else "/ Search"
         tab = "Tab This screen" if self._everywhere else "Tab All screens"
         self.query_one("#help-keys", Static).update(f" {keys}  {tab}  t Tour  j k Scroll  Esc Closes")
 
@@ -367,8 +367,7 @@ class HelpScreen(Dialog[None]):
 
     def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
         self._words = event.value
-        self._show()
-        self.action_do()
+        self._show()  # who typed on, Enter too, has read nothing: the next one does it
 
     def on_fleeting_left(self, event: Fleeting.Left) -> None:
         self._words = ""
