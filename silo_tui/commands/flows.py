@@ -385,11 +385,17 @@ async def restore(context: Context) -> None:
     """Set again what was judged and derived before the robot program started anew."""
     lent = context.session.lent
     if not lent.gone and not lent.gone_edits:
-        context.say("nothing is gone: what is derived and judged stays with the robot program, or its configuration has it")
+        context.say(
+            "nothing is gone: what is derived and judged stays with the robot program, or its configuration has it"
+        )
         return
     done, refused, edits = await lent.restore()
     told = [f"refused: {one}" for one in refused]
     told += [f"{many(edits, 'edit')} pending again: {key_of('apply')} applies"] * bool(edits)
+    left = len(lent.gone_edits)
+    told += [f"{many(left, 'edit')} left out: of elements that are not there; :restore again once they are"] * bool(
+        left
+    )
     told += [f"set again: {and_more(done, 3)}"] * bool(done)
     told += [f"{key_of('save_script')} keeps it in the configuration"] * bool(edits or done)
     context.say("; ".join(told))

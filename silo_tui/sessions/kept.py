@@ -247,7 +247,7 @@ class Lent:
     async def restore(self) -> tuple[list[str], list[str], int]:
         """Set again what went; return what was set, what was refused with the reason, how many edits are to be applied.
 
-        What is refused can be tried again.
+        What is refused can be tried again; edits of elements that are not there stay.
         """
         done, refused, session = list[str](), list[str](), self._session
         for words, one in list(self.gone.items()):
@@ -258,8 +258,9 @@ class Lent:
                 del self.gone[words]
         await session.reload()
         await session.refresh_conditions()
-        edits, self.gone_edits = self.gone_edits, []
-        return done, refused, session.table.take_up(edits)
+        edits, row_of = self.gone_edits, session.table.row
+        self.gone_edits = [edit for edit in edits if row_of(edit.name) is None]
+        return done, refused, session.table.take_up([edit for edit in edits if row_of(edit.name) is not None])
 
 
 def _set(one: Condition, client: "Client") -> object:

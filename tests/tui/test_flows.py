@@ -369,7 +369,12 @@ SEES = "e l shows what differs"
 @pytest.mark.parametrize(
     ("path", "answers", "done", "said"),
     [
-        ("walk", (), ("save_script", "walk.yaml", False), "saved /home/ann/config/walk.yaml: configurations end in .yaml"),
+        (
+            "walk",
+            (),
+            ("save_script", "walk.yaml", False),
+            "saved /home/ann/config/walk.yaml: configurations end in .yaml",
+        ),
         ("walk.yml", (), ("save_script", "walk.yml", False), "saved /home/ann/config/walk.yml"),
         ("robot.yaml", ("y",), ("save_script", "robot.yaml", True), "saved /home/ann/config/robot.yaml"),
         ("robot.yaml", (ESC,), ("save_script", "robot.yaml", False), ""),
@@ -706,3 +711,15 @@ def test_many_loggers_are_asked_one_thing_at_a_time(fake):
     asking._verb, asking._counts = "stop", [1, 0, 2]
     asking.begin("save", [])
     assert desk.said == ["stop: 2 have not answered yet"]
+
+
+def test_what_is_restored_leaves_edits_of_elements_that_are_not_there_and_says_so(saved):
+    desk = Desk(saved)
+    of_none = [kept.KeptEdit(f"/log/nothing{each}", Field.DIVIDER, 1, 5) for each in range(2)]
+    desk.session.lent.gone_edits = [kept.KeptEdit(NAME, Field.DIVIDER, 1, 5), *of_none]
+    left = "2 edits left out: of elements that are not there; :restore again once they are"
+    assert desk.does(flows.restore(desk)) == (
+        f"1 edit pending again: a applies; {left}; e w keeps it in the configuration"
+    )
+    assert desk.session.lent.gone_edits == of_none
+    assert desk.does(flows.restore(desk)) == left
