@@ -197,8 +197,8 @@ class EndlessRecordings:
         if not short:
             return ""
         return (
-            f"set buffer=looping or action=both of {many(len(short), 'element')} to record without end: else only until "
-            f"their buffers are full ({and_more(short, 5)}), those that grow until there is no memory"
+            f"set buffer=looping or action=both of {many(len(short), 'element')} to record without end: else only "
+            f"until their buffers are full ({and_more(short, 5)}), those that grow until there is no memory"
         )
 
     def _present(self) -> dict[str, Any]:

@@ -49,9 +49,6 @@ class NamingLine(Input):
         self._make_whole = complete
         super().__init__(value, compact=True, suggester=LineSuggester(complete), **options)
 
-    def on_mount(self) -> None:
-        leave_out_unseen(self)
-
     def action_take(self) -> None:
         """Take the name that stands behind the cursor, or go to the next field."""
         found = self._make_whole(self.value) if self.cursor_at_end and self.selection.is_empty else []
@@ -62,10 +59,14 @@ class NamingLine(Input):
             self.screen.focus_next()
 
 
-def leave_out_unseen(line: Input) -> None:
-    """Leave suggestions out without many colours: they differ by colour alone, and Tab has to do."""
-    if line.app.no_color or line.app.current_theme.name.startswith("ansi"):
+def tell_apart(line: Input) -> None:
+    """Let nothing that isn't typed look as if it were, without many colours: they alone tell it apart.
+
+    Suggestions are left out, Tab has to do; what stands in an empty line is put in brackets.
+    """
+    if line.app.no_color or line.app.current_theme.ansi:
         line.suggester = None
+        line.placeholder = f"({line.placeholder})" if line.placeholder else ""
 
 
 class Fleeting(Guarded, Input):
@@ -154,7 +155,7 @@ class Line(Fleeting):
         self._inside: list[str] = []  # what is in the folder that Tab took last
 
     def on_mount(self) -> None:
-        leave_out_unseen(self)
+        tell_apart(self)
 
     def begin_over(self, old: str) -> str:
         """Begin over what was typed last: the first letter takes its place. Return what the keys do."""

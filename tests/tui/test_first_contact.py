@@ -9,6 +9,7 @@ from textual import events
 from silo.core.elements import FileType, State
 from silo.rpc.published import EventKind
 from silo_tui.model.table.fields import Field
+from silo_tui.settings.options import Settings
 from silo_tui.widgets import messages
 from tests.stand_ins.fake_logger import FakeClient
 from tests.stand_ins.fake_signals import scalar
@@ -133,9 +134,14 @@ async def test_set_knows_the_words_of_the_shell(fake, opened):
         assert list(screen.session.table.values[:, row]) == [0, 5, 1, 2, 800]
 
 
-async def test_without_colours_nothing_is_suggested_behind_what_is_typed(fake, opened, monkeypatch):
-    monkeypatch.setenv("NO_COLOR", "1")
-    async with opened(fake) as screen:
+@pytest.mark.parametrize("theme", ["dark", "16"])
+async def test_without_many_colours_nothing_untyped_looks_as_if_it_were_typed(theme, fake, opened, monkeypatch):
+    if theme == "dark":
+        monkeypatch.setenv("NO_COLOR", "1")
+    async with opened(fake.run(), settings=Settings(theme=theme)) as screen:
+        await screen.do("save_data")
+        await screen.shows("(empty: date, time and run number)")
+        await screen.press("escape")
         await screen.type("/unit:N")
         await screen.shows("unit:N")
         assert screen.app.focused.suggester is None  # nothing that could come later

@@ -1,7 +1,7 @@
 """The filter language: words, name globs, regular expressions and `field:value` terms, all of which must hold.
 
-    torque LF  LF|RF       all words somewhere in the name, in any order and case; either of them; where no name has all,
-                           each of them in the name or in what the program says of the element
+    torque LF  LF|RF       all words somewhere in the name, in any order and case; either of them; where no name
+                           has all, each of them in the name or in what the program says of the element
     "two words"  -word     quoted; not
     /log/*/q  joint?_tau   globs, as commands mean them: on the whole name when they begin with `/` (with or without the
                            logger's prefix), else behind any `/`, or anywhere where there is none

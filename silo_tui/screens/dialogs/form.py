@@ -20,7 +20,7 @@ from silo.expressions.parsing import LOGIC
 from silo_tui.actions import BY_ID, key_of
 from silo_tui.modal import Dialog, run_alone
 from silo_tui.sessions.link import refusal
-from silo_tui.widgets.inputs import NamingLine
+from silo_tui.widgets.inputs import NamingLine, tell_apart
 from silo_tui.widgets.lines import CURSOR
 
 if TYPE_CHECKING:
@@ -148,6 +148,8 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
 
     def on_mount(self) -> None:
         """Give the keys to a field, at once: the first picture shows it; and look at what is there."""
+        for line in self.query(Input):
+            tell_apart(line)
         if self._start:
             self.set_focus(self.field(self._start))
             self.tell(self._problem, "failed")

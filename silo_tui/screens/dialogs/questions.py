@@ -31,7 +31,7 @@ from silo_tui.model.table.changes import Cost, groups_of
 from silo_tui.model.table.columns import TableOrder
 from silo_tui.model.table.state import PendingChange
 from silo_tui.model.words.names import below, cells
-from silo_tui.widgets.inputs import Fleeting, Line
+from silo_tui.widgets.inputs import Fleeting, Line, tell_apart
 
 MOVED_BY = "jkqG"  # letters that are bound
 MOVES = "j k Move  PgDn PgUp Scroll  Esc Back"
@@ -255,6 +255,9 @@ class Prompt(Dialog[str | None]):
                     yield Static(self._label, classes="form-label")
                 yield self._line
             yield Static("", id="line-problem", markup=False)
+
+    def on_mount(self) -> None:
+        tell_apart(self._line)
 
     def offer(self, value: str) -> None:
         """Offer a value that came later, be the line drawn or not, unless one is typed already."""
