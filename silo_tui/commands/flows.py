@@ -12,8 +12,10 @@ from rich.text import Text
 
 from silo.core.conditions import TriggerWord
 from silo.core.elements import FieldChange
-from silo.core.quantities.writing import and_more, duration, many, plural_count
+from silo.core.quantities.writing import and_more, duration, many, plural_count, wall_clock
 from silo.errors import RefusedError
+from silo.net.access.senders import short_words
+from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.state.requests import Unsaved
 from silo_tui.actions import key_of
@@ -41,8 +43,18 @@ async def start_stop(context: Context) -> None:
         unsaved = await _start_over(context) if _is_unsaved(context.session) else Unsaved.REFUSE
         if unsaved is None:
             return
-        await session.start(unsaved)
-        context.say("started")
+        try:
+            await session.start(unsaved)
+        except RefusedError as refused:
+            if why(refused) is not RefusedWhy.RUNNING:
+                raise
+            await session.refresh_status()
+            await session.learn_events()
+            starts = [one for one in session.happened if one.kind == EventKind.STARTED.value]
+            by = "".join(f", by {short_words(one.who)} at {wall_clock(one.time_ns)}" for one in starts[-1:])
+            context.say(f"somebody was faster: it was started already{by}")
+        else:
+            context.say("started")
     else:
         body = f"What was logged stays in memory; {context.key_in_table('save_data')} saves it."
         choices = [Choice("", "No"), Choice("stop", "Stop", "y"), Choice("save", "Stop and save", "s")]

@@ -12,6 +12,7 @@ from silo.client.bulk import Outcome
 from silo.conditions.standing import TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import Control, FileType, Present, RecorderState, State
+from silo.core.quantities.writing import wall_clock
 from silo.errors import RefusedError
 from silo.fleet.member import Member
 from silo.net.found import LoggerAddress
@@ -723,3 +724,13 @@ def test_what_is_restored_leaves_edits_of_elements_that_are_not_there_and_says_s
     )
     assert desk.session.lent.gone_edits == of_none
     assert desk.does(flows.restore(desk)) == left
+
+
+def test_who_starts_a_logger_that_somebody_else_just_started_is_told_who_was_first(saved):
+    desk = Desk(saved)
+    saved.state = State.RUNNING  # of which no news came yet
+    saved.happen("started", "started", saved.now_ns, who="bob@desk silo-tui 7")
+    assert desk.does(flows.start_stop(desk)) == (
+        f"somebody was faster: it was started already, by bob@desk at {wall_clock(saved.now_ns)}"
+    )
+    assert desk.session.running
