@@ -218,13 +218,17 @@ class Inspector(Guarded, Widget):
                 pane.append(f"{'lost':<12} {text.count(reading.lost)}\n", style=self._color("alarm"))
             if reading.failed:
                 pane.append(f"{'not read':<12} at {many(reading.failed, 'tick')}\n", style=self._color("alarm"))
+        self._statistics(pane, element)
+
+    def _statistics(self, pane: InspectorLines, element: ElementInfo) -> None:
+        """Tell those of the entry, for which the table may have no room beside this; a norm has none, nor have words."""
         at = 0 if len(element.entries) == 1 else self.session.rows.entry
         if at is None or element.entries[at].labels:
-            return  # a norm has none, nor have words
+            return
         name = element.name + element.entries[at].suffix * (len(element.entries) > 1)
-        for quantity in STATISTICS:  # for which the table may have no room beside it
-            if not math.isnan(found := table.facts.detail(name, quantity)):
-                pane.append(f"{quantity:<12} ", style=quiet)
+        for quantity in STATISTICS:
+            if not math.isnan(found := self.session.table.facts.detail(name, quantity)):
+                pane.append(f"{quantity:<12} ", style=self._color("quiet"))
                 pane.append(f"{text.short(found, 5)}\n")
 
     def _facts_of_file(self, pane: InspectorLines, element: ElementInfo) -> None:
