@@ -221,7 +221,7 @@ class Inspector(Guarded, Widget):
         self._statistics(pane, element)
 
     def _statistics(self, pane: InspectorLines, element: ElementInfo) -> None:
-        """Tell those of the entry, for which the table may have no room beside this; a norm has none, nor have words."""
+        """Tell those of the entry: beside this the table may have no room for them. A norm has none, nor have words."""
         at = 0 if len(element.entries) == 1 else self.session.rows.entry
         if at is None or element.entries[at].labels:
             return
