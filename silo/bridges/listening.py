@@ -1,14 +1,18 @@
 """The port on which a bridge waits for viewers: bound where its address is asked for, so that who asks is told at once.
 
-Light enough for a robot program to import.
+And where a request there has to go: to this computer, by the token. Light enough for a robot program to import.
 """
 
+import hmac
 import importlib.util
+import re
 import socket
 
 from silo.errors import SiloError, reason
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
+LOCAL = r"(?:127\.0\.0\.1|localhost|\[::1\])(?::\d{1,5})?"  # how addresses name this computer
+_LOCAL_HOST = re.compile(LOCAL, re.IGNORECASE)
 
 
 def check_installed(package: str, extra: str) -> None:
@@ -30,3 +34,20 @@ def bound(bind: str, port: int) -> socket.socket:
             f"can't listen at {bind} port {port}: {reason(error)}; port 0 takes one that is free"
         ) from error
     return listening
+
+
+def refusal(path: str, host: str | None, token: str, program: str) -> str:
+    """Return why a request is refused, by where it goes; empty where it isn't.
+
+    Args:
+        path: of the request; its first part is the token.
+        host: the header, whose port may be another (`ssh -L`); None where any name may have led here.
+        token: that has to be there, empty for none.
+        program: which printed it.
+    """
+    if host is not None and not _LOCAL_HOST.fullmatch(host):
+        return f"'{host}' is no address of this computer"  # a name that was bent to 127.0.0.1
+    first = path.split("?", maxsplit=1)[0].lstrip("/").partition("/")[0]
+    if token and not hmac.compare_digest(first.encode(), token.encode()):
+        return f"the address has not the token that {program} printed"
+    return ""

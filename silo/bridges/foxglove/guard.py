@@ -4,16 +4,13 @@ Reading needs no token on loopback, since PlotJuggler knows host and port alone;
 What web pages may do is decided by their origin, which they can't choose: programs that are no browsers send none.
 """
 
-import hmac
 import re
 from collections.abc import Sequence
 
-OWN_HOSTS = ("127.0.0.1", "localhost", "[::1]")
+from silo.bridges import listening
+
 VIEWERS = ("https://app.foxglove.dev", "https://lichtblick-suite.github.io")
-_PORT = r"(?::\d{1,5})?"
-_LOCAL = "|".join(map(re.escape, OWN_HOSTS))
-_OWN_HOST = re.compile(rf"(?:{_LOCAL}){_PORT}", re.IGNORECASE)
-_OWN_ORIGIN = re.compile(rf"https?://(?:{_LOCAL}){_PORT}|file://|app://.*", re.IGNORECASE)
+_OWN_ORIGIN = re.compile(rf"https?://{listening.LOCAL}|file://|app://.*", re.IGNORECASE)
 
 
 def refusal(path: str, host: str, origin: str | None, token: str, origins: Sequence[str], *, on_loopback: bool) -> str:
@@ -27,11 +24,8 @@ def refusal(path: str, host: str, origin: str | None, token: str, origins: Seque
         origins: web pages that may connect, beside those of this computer and the known viewers.
         on_loopback: whether the server listens on loopback alone; then no other name may have led here.
     """
-    if on_loopback and not _OWN_HOST.fullmatch(host):
-        return f"'{host}' is no address of this computer"  # a name that was bent to 127.0.0.1
-    first = path.split("?", maxsplit=1)[0].strip("/").partition("/")[0]
-    if token and not hmac.compare_digest(first.encode(), token.encode()):
-        return "the address has not the token that silo foxglove printed"
+    if why := listening.refusal(path, host if on_loopback else None, token, "silo foxglove"):
+        return why
     if origin is None or origin in (*VIEWERS, *origins) or _OWN_ORIGIN.fullmatch(origin):
         return ""
     return f"pages of {origin} may not connect; `silo foxglove --origin {origin}` lets them"
