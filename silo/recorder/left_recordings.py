@@ -50,8 +50,11 @@ def left_lists() -> list[tuple[Path, list[RecorderHandover]]]:
         for path in sorted(runtime_dir().glob(f"*{RECORDERS_SUFFIX}")):
             try:
                 descriptor = open_own(path, os.O_RDONLY)
-            except OSError:
+            except FileNotFoundError:
                 continue  # its helper process needs it no more
+            except OSError as error:
+                log.warning("%s can't be opened (%s): what was recorded waits until it can be", path, reason(error))
+                continue
             with closing_file(descriptor):
                 kept = _stored(path)
                 if kept and kept[0].program.pid:

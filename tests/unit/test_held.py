@@ -258,6 +258,14 @@ def test_a_list_of_recorders_that_is_begun_anew_while_somebody_looks_stays(monke
     assert not path.exists()  # nobody can use it
 
 
+def test_a_list_of_recorders_that_can_not_be_opened_is_told_and_stays(tmp_path, caplog) -> None:
+    path = recorders_path("bot", "9811a58f56")
+    path.symlink_to(tmp_path)
+    assert left_lists() == []
+    assert f"{path} can't be opened (it is a link" in caplog.text
+    assert path.is_symlink()
+
+
 def test_nothing_is_said_of_a_process_of_another_container(monkeypatch) -> None:
     mine = child_of("alone", "id", 2**22 + 5)  # a process that isn't there
     assert not is_live(mine)
