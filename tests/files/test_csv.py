@@ -461,10 +461,17 @@ def test_a_row_that_is_too_long_is_told_by_its_number(plan, recorded, tmp_path):
         ('time,a,name\n0,1,5" pipe\n1,2,x\n2,3,y\n', ['5" pipe', "x", "y"], ""),
         ('time,name,a\n0,5" pipe,1\n1,6" pipe,2\n2,"x, y",3\n', ['5" pipe', '6" pipe', "x, y"], ""),
         ('time,a,name\n0,1,a""b\n1,2,"""x"""\n2,3,"y\nz"\n', ['a""b', '"x"', "y\nz"], ""),
-        ('time,name,a\n0,"x,1\n1,y,2\n2,z,3\n', ["x", "y", "z"], "line 2 has a quote that is never closed"),
+        (
+            'time,name,a\n0,"x,1\n1,y,2\n2,z,3\n',
+            ["x", "y", "z"],
+            "line 2, column 'name' has a quote that is never closed",
+        ),
         ('time,a,name,5" pipe\n0,1,"x\n,",0\n1,2,y,0\n2,3,z,0\n', ["x\n,", "y", "z"], ""),
         ('time,"name,a\n0,x,1\n1,y,2\n2,z,3\n', ["x", "y", "z"], ""),
         ('time, "b,c", "name",a\n0,5,x,1\n1,2,y,2\n2,3,z,3\n', ["x", "y", "z"], ""),
+        ('time,name,a\n0, "x, y",1\n1,y,2\n2,\t"z" ,3\n', ["x, y", "y", "z"], ""),
+        ("time,name,a\n0,x,1\n1,y\0,2\n2,z,3\n", ["x", "y", "z"], "line 3, column 'name' has a byte of value 0"),
+        ("time,name,a\n0,x,1\n1,y,2\n2,z,3\n7,7\0\n", ["x", "y", "z"], "line 5 has a byte of value 0"),
     ],
 )
 def test_a_quote_opens_a_cell_where_it_begins_one_and_swallows_no_lines(tmp_path, text, names, told):

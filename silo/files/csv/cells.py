@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from silo.decoding import json_decoder
 
 QUOTE = b'"'
-_COMMA, _LINE, _MARK, _RETURN, _NINE, _EXPONENT = b',\n"\r9e'
+_COMMA, LINE, _MARK, _RETURN, _NINE, _EXPONENT = b',\n"\r9e'
 _PIECE = 1 << 20  # bytes that are looked at together: they stay in the cache
 _ROWS_TOLD = 256  # of a plain table, rows that tell the types
 _WIDEST = 64  # bytes of a cell that are taken together; longer ones one by one
@@ -33,7 +33,7 @@ class Cells(NamedTuple):
 
     `odd` are records of other lengths: the number of each, the header being the first, and how many cells it has.
     `plain` if there is nothing in it but figures, points and exponents. `unclosed` is where the first quote stands that
-    begins a cell and is never closed, -1 for none.
+    begins a cell and is never closed, -1 for none. `has_blanks`: before a quote that begins a cell may stand some.
     """
 
     text: NDArray[np.uint8]
@@ -42,6 +42,7 @@ class Cells(NamedTuple):
     odd: list[tuple[int, int]]
     plain: bool
     unclosed: int = -1
+    has_blanks: bool = False
 
     def begins(self, number: int) -> Places:
         """Where the cells of a column begin."""
@@ -72,6 +73,9 @@ class Cells(NamedTuple):
             for row in np.flatnonzero(begins >= len(every)).tolist():
                 letters[row, : sizes[row]] = self.text[begins[row] : begins[row] + sizes[row]]
             letters[np.arange(longest) >= sizes[:, None]] = 0
+        if self.has_blanks:
+            stripped = np.char.lstrip(found)
+            found = np.where(np.char.startswith(stripped, QUOTE), stripped, found)
         quoted = np.char.startswith(found, QUOTE)
         return np.array([unquoted(cell) for cell in found.tolist()], "S") if quoted.any() else found
 
@@ -137,16 +141,16 @@ def unquoted(cell: bytes) -> bytes:
 
 def find_cells(text: NDArray[np.uint8], begin: int, width: int) -> Cells:
     """The cells of a table of so many columns whose records begin at this byte; empty lines are none."""
-    ends, count, plain, unclosed = _separators(text, begin)
+    ends, count, plain, unclosed, has_blanks = _separators(text, begin)
     regular = width > 1 and len(ends) == width * count
     last = ends[width - 1 :: width] if regular else ends
-    is_line = (last == len(text)) | (text[np.minimum(last, max(len(text) - 1, 0))] == _LINE)
+    is_line = (last == len(text)) | (text[np.minimum(last, max(len(text) - 1, 0))] == LINE)
     odd: list[tuple[int, int]] = []
     if regular and is_line.all():
         ends = ends.reshape(-1, width)
         starts = np.concatenate([ends[:1, -1] * 0 + begin, ends[:-1, -1] + 1])
     else:
-        lines = np.flatnonzero((ends == len(text)) | (text[np.minimum(ends, max(len(text) - 1, 0))] == _LINE))
+        lines = np.flatnonzero((ends == len(text)) | (text[np.minimum(ends, max(len(text) - 1, 0))] == LINE))
         counts = np.diff(lines, prepend=-1)
         starts = np.append(begin, ends[lines[:-1]] + 1)[: len(lines)]
         records = ~_blank(text, starts, ends[lines], counts)
@@ -157,22 +161,22 @@ def find_cells(text: NDArray[np.uint8], begin: int, width: int) -> Cells:
     if len(ends) and ends[0, -1] and text[ends[0, -1] - 1] == _RETURN:
         ends = ends.copy()
         ends[:, -1] -= (ends[:, -1] > (ends[:, -2] + 1 if width > 1 else starts)) & (text[ends[:, -1] - 1] == _RETURN)
-    return Cells(text, starts, ends, odd, plain, unclosed)
+    return Cells(text, starts, ends, odd, plain, unclosed, has_blanks)
 
 
-def _separators(text: NDArray[np.uint8], begin: int) -> tuple[Places, int, bool, int]:
+def _separators(text: NDArray[np.uint8], begin: int) -> tuple[Places, int, bool, int, bool]:
     """Where cells end: at commas and ends of lines outside of quotes, and at the end of the text.
 
-    Also how many of these end a line, 0 if there are quotes, whether all between them are numbers without NaN, and
-    where a quote is never closed.
+    Also how many of these end a line, 0 if there are quotes, whether all between them are numbers without NaN, where a
+    quote is never closed, and whether there may be blanks before one that begins a cell.
     """
     kind = np.int32 if len(text) < 2**31 - 1 else np.int64
     found: list[Places] = [np.empty(0, kind)]
     marks: list[Places] = [np.empty(0, kind)]
-    lines, plain, unclosed = 0, True, -1
+    lines, plain, unclosed, has_blanks = 0, True, -1, False
     for start in range(begin, len(text), _PIECE):
         piece = text[start : start + _PIECE]
-        line = piece == _LINE
+        line = piece == LINE
         lines += int(np.count_nonzero(line))
         found.append((np.flatnonzero((piece == _COMMA) | line) + start).astype(kind))
         plain = plain and bool((piece[piece > _NINE] | 0x20 == _EXPONENT).all())
@@ -182,10 +186,11 @@ def _separators(text: NDArray[np.uint8], begin: int) -> tuple[Places, int, bool,
     ends, quotes = np.concatenate(found), np.concatenate(marks)
     if quoted := len(quotes) > 0:
         quotes, unclosed = _quoting(text, begin, quotes)
+        has_blanks = bool(np.isin(text[quotes[::2] - 1], [*_BLANK.replace(b"\n", b"")]).any())
         ends, lines, plain = ends[np.searchsorted(quotes, ends) % 2 == 0], 0, False
-    if begin < len(text) and (not len(ends) or ends[-1] != len(text) - 1 or text[ends[-1]] != _LINE):
+    if begin < len(text) and (not len(ends) or ends[-1] != len(text) - 1 or text[ends[-1]] != LINE):
         ends, lines = np.append(ends, np.array(len(text), kind)), lines + (not quoted)
-    return ends, lines, plain, unclosed
+    return ends, lines, plain, unclosed, has_blanks
 
 
 def _quoting(text: NDArray[np.uint8], begin: int, marks: Places) -> tuple[Places, int]:
@@ -195,7 +200,7 @@ def _quoting(text: NDArray[np.uint8], begin: int, marks: Places) -> tuple[Places
     """
     opening = marks[::2]
     before = text[np.maximum(opening - 1, 0)]
-    begins = (opening == begin) | (before == _COMMA) | (before == _LINE)
+    begins = (opening == begin) | (before == _COMMA) | (before == LINE)
     begins[1:] |= opening[1:] == marks[1:-1:2] + 1  # of two in a cell, which mean one
     begins[~begins] = [_begins_cell(text, begin, mark) for mark in opening[~begins].tolist()]
     if begins.all() and len(marks) % 2 == 0:
@@ -219,7 +224,7 @@ def _begins_cell(text: NDArray[np.uint8], begin: int, place: int) -> bool:
     """Whether there are but blanks between a place and the comma, or the end of a line, before it."""
     while place > begin and text[place - 1] in _BLANK:
         place -= 1
-    return place == begin or int(text[place - 1]) in (_COMMA, _LINE)
+    return place == begin or int(text[place - 1]) in (_COMMA, LINE)
 
 
 def _blank(

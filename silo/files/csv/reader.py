@@ -22,7 +22,7 @@ from silo.core.elements import BufferType, Entry
 from silo.core.kinds import regroup
 from silo.core.recording import RecordedElement, Recording, lazy_entry
 from silo.errors import FileFormatError, LogNotFoundError, reason
-from silo.files.csv.cells import DIGITS, QUOTE, Cells, Words, as_numbers, find_cells, unquoted
+from silo.files.csv.cells import DIGITS, LINE, QUOTE, Cells, Words, as_numbers, find_cells, unquoted
 from silo.files.csv.metadata import Column, NotThisTableError, restored, sidecar_of, spread, unpack
 from silo.files.silo.format import decode_text, first_stamp
 
@@ -221,8 +221,13 @@ def _from_columns(
         f"record {number} has {count} cells where the header has {width}; it is left out" for number, count in cells.odd
     ]
     if cells.unclosed >= 0:
-        line = 1 + int(np.count_nonzero(cells.text[: cells.unclosed] == ord("\n")))
-        warnings.append(f"line {line} has a quote that is never closed: its cell ends where it would without")
+        where = _where(cells, head, cells.unclosed)
+        warnings.append(f"{where} has a quote that is never closed: its cell ends where it would without")
+    if not cells.text.min(initial=1):
+        where = _where(cells, head, int(cells.text.argmin()))
+        warnings.append(
+            f"{where} has a byte of value 0: at the end of a cell it is left out; look at what wrote the file"
+        )
     sizes = cells.sizes
     if cells.odd and not len(sizes):
         raise FileFormatError(f"none of its records has {width} cells, as its first one has")
@@ -258,6 +263,14 @@ def _from_columns(
             "needs one before them, called time, time_ms or time_ns"
         )
     return names[1:end], columns[1:end], time_ns
+
+
+def _where(cells: Cells, head: list[bytes], place: int) -> str:
+    """The line, and the column of a record that is read, in which a byte stands."""
+    line = f"line {1 + int(np.count_nonzero(cells.text[:place] == LINE))}"
+    row = int(np.searchsorted(cells.starts, place, "right")) - 1
+    column = int(np.searchsorted(cells.ends[row], place)) if row >= 0 else len(head)
+    return f"{line}, column '{_text(head[column])}'" if column < len(head) else line
 
 
 def _from_rows(
