@@ -15,7 +15,7 @@ from silo.core.conditions import Derived
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike
 from silo.expressions.binding import BoundExpression
-from silo.expressions.derived_signals import bound_derived, entries_of, info_of, lookback
+from silo.expressions.derived_signals import bound_derived, entries_of, info_of
 from silo.expressions.evaluation import UNOBSERVABLE
 from silo.expressions.over_recordings import RecordingJudge
 
@@ -51,8 +51,7 @@ def with_derived(recording: Recording) -> Recording:
 def _computed(judge: RecordingJudge, recording: Recording, one: Derived, bound: BoundExpression) -> RecordedElement:
     """The samples from where all its signals have one to where the first of them ends.
 
-    Of looping buffers readers expect the newest samples: where it ends earlier, NaN follows. NaN stands also where a
-    window reaches back before what is kept, of a run that began earlier.
+    Of looping buffers readers expect the newest samples: where it ends earlier, NaN follows.
     """
     info = info_of(one, bound)
     divider = math.gcd(*bound.sources.values())
@@ -70,9 +69,8 @@ def _computed(judge: RecordingJudge, recording: Recording, one: Derived, bound: 
         told = told and not bool((judged.codes()[inside] == UNOBSERVABLE).any())
     held = np.searchsorted(np.concatenate(ticks), wanted, "right") - 1 if ticks else wanted[:0]
     columns = np.concatenate(values)[held] if ticks else np.zeros((0, bound.width or 1))
-    unknown = (wanted >= end) | _looks_before(recording, bound, first, wanted)
-    columns[unknown] = np.nan
-    dtype = "|b1" if told and not unknown.any() else "<f8"
+    columns[wanted >= end] = np.nan
+    dtype = "|b1" if told and until == end else "<f8"
     return alike(
         RecordedElement,
         info,
@@ -84,17 +82,6 @@ def _computed(judge: RecordingJudge, recording: Recording, one: Derived, bound: 
             for at, entry in enumerate(entries_of(bound.width))
         ),
     )
-
-
-def _looks_before(recording: Recording, bound: BoundExpression, first: int, at: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """At which time stamps a window isn't full, as what it reaches back to was there and is not kept."""
-    window_ns = lookback(bound).window_ns
-    stretch = recording.stretch  # one that goes on another is not whole by itself
-    kept_whole = recording.offset - len(recording.time_ns) + first == 0 and (stretch is None or stretch.part <= 1)
-    if kept_whole or not window_ns or not len(at):
-        return np.zeros(len(at), np.bool_)
-    early: NDArray[np.bool_] = recording.time_ns[at] - recording.time_ns[first] < window_ns
-    return early
 
 
 def _buffer(recording: Recording, bound: BoundExpression) -> BufferType:

@@ -31,7 +31,9 @@ from silo.core.recording import (
     ticks_of,
 )
 from silo.expressions.binding import BoundExpression, Catalogue, Known, bind
+from silo.expressions.derived_signals import lookback
 from silo.expressions.evaluation import UNOBSERVABLE, Evaluator, Judged, SourceRows
+from silo.expressions.operations import Truth, raw
 
 BATCH_TICKS = 16_384  # what is computed at once stays in the cache
 # sources from here on down have no values, but a row at every tick that rates have in common: each has one by what they
@@ -130,6 +132,10 @@ class RecordingJudge:
         alone = bool(stamps) and not cut and len(stamps) == len(self._elements)
         self.time_ns = common_axis(stamps) if alone else recording.time_ns
         self._numbers = _apart(self.time_ns, recording.gaps)
+        stretch = recording.stretch  # one that goes on another is not whole by itself
+        goes_on = stretch is not None and stretch.part > 1
+        # where the run began, by number: nothing was before; any sample of others may be the first
+        self._begin = None if goes_on else len(self.time_ns) if alone else len(recording.time_ns) - recording.offset
         # elements of one topic have the same array
         own = {key: _own_ticks(self.time_ns, one) for key, one in {id(one.own_ns): one for one in its_own}.items()}
         numbers: dict[tuple[int, int, int, int], int] = {}
@@ -146,6 +152,7 @@ class RecordingJudge:
     def batches(self, *expressions: BoundExpression, whole: bool = False) -> Iterator[Judged]:
         """Judge bound expressions together from the first tick to the last; what is `whole` gives integers."""
         evaluator = Evaluator(*expressions, whole=whole)
+        full_ns = [self._full_from(bound) for bound in expressions]
         wanted: dict[int, set[tuple[int, int]]] = {source: set() for source in evaluator.sources if source <= _RATES}
         for column in (column for bound in expressions for column in bound.columns):
             wanted.setdefault(column.source, set()).add((column.element, column.entry))
@@ -155,7 +162,15 @@ class RecordingJudge:
             judged = evaluator.feed({at: self.rows(at, keys, begin, end) for at, keys in wanted.items()})
             if self._numbers is not None:
                 judged = replace(judged, ticks=np.searchsorted(self._numbers, judged.ticks))
-            yield judged
+            yield _without_early(judged, full_ns) if any(full_ns) else judged
+
+    def _full_from(self, bound: BoundExpression) -> int:
+        """The time stamp before which windows lack what was there and is not kept; 0 where they lack nothing."""
+        window_ns = lookback(bound).window_ns
+        first, end = self.common_span(bound)
+        if not window_ns or first >= end or (self._begin is not None and first <= self._begin):
+            return 0
+        return int(self.time_ns[first]) + window_ns
 
     def rows(self, source: int, keys: set[tuple[int, int]], begin: int, end: int) -> SourceRows:
         """Return the samples of some columns of a source at the ticks `begin ... end - 1`."""
@@ -225,6 +240,23 @@ class RecordingJudge:
 
 
 _NO_TICKS = np.zeros(0, np.int64)
+
+
+def _without_early(judged: Judged, full_ns: Sequence[int]) -> Judged:
+    """Have nothing told by expressions before these time stamps."""
+    values, seen = list(judged.values), list(judged.seen)
+    for which, full in enumerate(full_ns):
+        early = judged.time_ns < full
+        if early.any():
+            value, there = values[which], seen[which]
+            seen[which] = ~early if there is None else there & ~early
+            rows = early[:, None] if np.ndim(raw(value)) == 2 else early
+            if isinstance(value, Truth):
+                unknown = rows if value.unknown is None else rows | value.unknown
+                values[which] = Truth(value.true & ~rows, np.broadcast_to(unknown, np.shape(value.true)))
+            else:
+                values[which] = np.where(rows, np.nan, value)
+    return replace(judged, values=tuple(values), seen=tuple(seen))
 
 
 def _apart(time_ns: NDArray[np.int64], gaps: Sequence[tuple[int, int]]) -> NDArray[np.int64] | None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import silo
+from silo.analysis.check import check
 from silo.analysis.log import Log
 from silo.core.conditions import Conditions, Derived
 from silo.core.elements import BufferType
@@ -95,6 +96,11 @@ def test_a_window_that_reaches_back_before_what_is_kept_tells_nothing(overwritte
     assert repr(found["/log/high"]) == repr([*lost, *map(float, highs)] if unknown else highs)
     assert found["/log/twice"] == [2.0 * at for at in range(12 - first)]
     assert repr(found["/log/both"][:unknown]) == repr(lost)
+    log = Log(dataclasses.replace(made, offset=12 + overwritten, conditions=Conditions()))
+    assert log.eval("mean(x, 4ms)").values.tolist() == means[unknown:]
+    assert log.eval("mean(x, 4ms) > 3").values.tolist() == highs
+    (found,) = check(log.recording, [], never=["mean(x, 4ms) < 1"])
+    assert (found.worst, found.samples) == (("GREEN", 0) if unknown else ("VIOLATED", 2))
 
 
 def test_the_readers_of_the_original_get_their_values_and_time_stamps(tmp_path):
