@@ -23,7 +23,7 @@ from silo.core.arguments import real, shown, text
 from silo.core.arrays.enumerations import contradiction, to_compare
 from silo.core.arrays.values import as_floats, difference, from_base
 from silo.core.calls import told, told_class, told_names
-from silo.core.quantities.writing import and_more, html_table, many
+from silo.core.quantities.writing import and_more, count, html_table, many
 from silo.core.recording import RecordedElement, Recording, falls, stamps_of
 from silo.errors import ElementError
 
@@ -81,7 +81,7 @@ class SignalDifference:
     def words(self) -> str:
         """What differs, in a line of `silo diff`."""
         size = f", by at most {self.most:.6g}" if self.most > 0 else ""
-        return f"{self.count} of {self.samples} samples differ{size}, first at {self.first_s:.6g} s"
+        return f"{count(self.count)} of {many(self.samples, 'sample')} differ{size}, first at {self.first_s:.6g} s"
 
     @property
     def cells(self) -> tuple[str, ...]:
@@ -180,9 +180,9 @@ class Comparison:
         for which, names in (("first", self.only_a), ("second", self.only_b)):
             if names:
                 notes.append(f"only in the {which}: {and_more(names, 5)}")
-        for words, count in Counter(self.partly.values()).most_common(5):
+        for words, times in Counter(self.partly.values()).most_common(5):
             which = next(name for name, each in self.partly.items() if each == words)
-            notes.append(f"{words}: {which}{f' and {count - 1} more' if count > 1 else ''}")
+            notes.append(f"{words}: {which}{f' and {times - 1} more' if times > 1 else ''}")
         return notes
 
     def plot(self, name: str = "", **options: Any) -> Any:
@@ -279,7 +279,7 @@ def differences(
     found = [Difference(name, "only in the first log") for name in ours if name not in theirs]
     found += [Difference(name, "only in the second log") for name in theirs if name not in ours]
     if len(a.time_ns) != len(b.time_ns):
-        found.append(Difference("time", f"{len(a.time_ns)} ticks, then {len(b.time_ns)}"))
+        found.append(Difference("time", f"{many(len(a.time_ns), 'tick')}, then {count(len(b.time_ns))}"))
     first = Log(a)
     second = Log(b, start_ns=first.start_ns if by == "stamps" else None)
     for one in _compared(first, second, [name for name in ours if name in theirs], 0.0, tolerance):
@@ -546,12 +546,12 @@ def _different(scalars: Sequence[_Scalar], tolerance: float) -> Iterator[tuple[i
         weight = np.where(rms > 0, np.where(spread > 0, rms / spread, np.inf), counts / differ.shape[1])
     columns = (largest, meeting.times[where], rms, mean, counts / differ.shape[1], counts, meeting.times[begin], most)
     numbers = zip(*(each.tolist() for each in columns), weight.tolist(), strict=True)
-    for place, (size, at_s, root, middle, share, count, first_s, largest_known, heavy) in zip(
+    for place, (size, at_s, root, middle, share, times, first_s, largest_known, heavy) in zip(
         places.tolist(), numbers, strict=True
     ):
         one = scalars[place]
         yield place, SignalDifference(
-            one.name, one.unit, size, at_s, root, middle, share, count, differ.shape[1], first_s, largest_known, heavy,
+            one.name, one.unit, size, at_s, root, middle, share, times, differ.shape[1], first_s, largest_known, heavy,
             one.signals,
         )  # fmt: skip
 

@@ -17,7 +17,7 @@ from silo.analysis.compute.calculus import Floats
 from silo.analysis.plots.events import LogEvent, event_lines, events_of
 from silo.analysis.stretches import holes
 from silo.core.arrays.values import from_base, text_of
-from silo.core.quantities.writing import size_text
+from silo.core.quantities.writing import count, many, size_text
 from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, alike, lasted_s, rate_of, stamps_of
 from silo.printing import printable, printable_lines
 
@@ -108,7 +108,7 @@ def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
 
 
 def _describe(recording: Recording, element: RecordedElement) -> ElementReport:
-    count = element.count
+    samples = element.count
     times = stamps_of(recording, element)
     zero = int(recording.time_ns[0]) if len(recording.time_ns) else 0
     labels = element.entries[0].entry.labels if element.entries else None
@@ -117,9 +117,9 @@ def _describe(recording: Recording, element: RecordedElement) -> ElementReport:
         element,
         type=type_text(element),
         buffer=element.buffer_type.name.lower(),
-        samples=count,
-        start_s=float(times.min() - zero) / 1e9 if count else None,
-        end_s=float(times.max() - zero) / 1e9 if count else None,
+        samples=samples,
+        start_s=float(times.min() - zero) / 1e9 if samples else None,
+        end_s=float(times.max() - zero) / 1e9 if samples else None,
         rate_hz=rate_of(times, holes(recording, element)) or None,
         labels=labels or {},
     )
@@ -145,10 +145,10 @@ def statistics(signal: "Samples") -> SignalStats:
     common: tuple[str, ...] = ()
     if text:
         texts = Counter(printable(text_of(value)) for value in signal.values.tolist())
-        common = tuple(f"'{one}' {count}x" for one, count in texts.most_common(3))
+        common = tuple(f"'{one}' {times}x" for one, times in texts.most_common(3))
     elif names:
         told = Counter(number for number in signal.values.tolist() if number is not None)
-        common = tuple(f"{printable(str(names.get(number, number)))} {count}x" for number, count in told.most_common(3))
+        common = tuple(f"{printable(str(names.get(number, number)))} {times}x" for number, times in told.most_common(3))
     numbers = numbers_of(values)
     plain = SignalStats(signal.name, signal.unit, len(values), 0, None, None, None, None, None, common)
     if text or not len(numbers):
@@ -202,12 +202,12 @@ def format_report(facts: LogReport, width: int) -> str:
     """Return the report as text: a few lines on the log, a table of its elements, warnings last."""
     when = datetime.fromtimestamp(facts.start_ns / 1e9, tz=timezone.utc).astimezone() if facts.start_ns > 0 else None
     rate = f", {facts.rate_hz:.6g} Hz" if facts.rate_hz else ""
-    entries = f"{len(facts.elements)} elements"
+    entries = many(len(facts.elements), "element")
     lines = [
         f"{facts.path}  ({size_text(facts.size_bytes)})",
         f"logger {facts.logger}, started {when:%Y-%m-%d %H:%M:%S %z}" if when else f"logger {facts.logger}",
-        f"{entries}, {facts.ticks} ticks, {facts.duration_s:.6g} s{rate}, lost {facts.lost}"
-        + (f", failed {facts.failed}" if facts.failed else ""),
+        f"{entries}, {many(facts.ticks, 'tick')}, {facts.duration_s:.6g} s{rate}, lost {count(facts.lost)}"
+        + (f", failed {count(facts.failed)}" if facts.failed else ""),
         *(f"{key}: {text}" for key, text in facts.about.items()),
         "",
     ]
@@ -216,12 +216,12 @@ def format_report(facts: LogReport, width: int) -> str:
             element.name,
             element.unit,
             element.type,
-            str(element.samples),
+            count(element.samples),
             "" if element.rate_hz is None else f"{element.rate_hz:.5g}",
             "" if element.start_s is None else f"{element.start_s:.4g} … {element.end_s:.4g}",
             element.buffer,
-            str(element.lost or ""),
-            str(element.failures.count or ""),
+            count(element.lost) if element.lost else "",
+            count(element.failures.count) if element.failures.count else "",
         )
         for element in facts.elements
     ]
@@ -240,7 +240,7 @@ def format_statistics(rows: Sequence[SignalStats], width: int) -> str:
         numbers = (row.minimum, row.maximum, row.mean, row.std, row.rms)
         texts = ["" if number is None else f"{number:.4g}" for number in numbers]
         counts = (row.not_finite - row.infinite, row.infinite)
-        cells.append((row.name, row.unit, str(row.samples), *(str(count or "") for count in counts), *texts))
+        cells.append((row.name, row.unit, count(row.samples), *(count(one) if one else "" for one in counts), *texts))
     lines = table(head, cells, width, "llrrrrrrrr")
     lines += [f"{row.name}: {', '.join(row.most_common)}" for row in rows if row.most_common]
     return "\n".join(lines)

@@ -20,7 +20,7 @@ from silo.core.arguments import INT64
 from silo.core.elements import BufferType, LoggedEvent, Stretch
 from silo.core.names import grouped
 from silo.core.parameter_images import between as told_between
-from silo.core.quantities.writing import plural_count
+from silo.core.quantities.writing import many
 from silo.core.recording import (
     DamageNotes,
     Failures,
@@ -329,11 +329,11 @@ def _overwritten(stretch: Stretch, part: Recording) -> list[str]:
     loops = [one for one in part.elements if one.count and one.buffer_type is BufferType.LOOPING]
     ticks = [max(first, first + one.first - one.divider + 1) for one in loops] or [first]
     least, most = min(ticks), max(ticks)
-    told = f"its oldest {plural_count(least or most, 'tick')}, of some elements {plural_count(most, 'tick')}"
+    told = f"its oldest {many(least or most, 'tick')}, of some elements {many(most, 'tick')}"
     if least + max((one.divider for one in loops), default=0) >= most:
-        told = f"its oldest {plural_count(most, 'tick')}"
+        told = f"its oldest {many(most, 'tick')}"
     elif not least:
-        told = f"up to {plural_count(most, 'tick')} of some elements, its oldest"
+        told = f"up to {many(most, 'tick')} of some elements, its oldest"
     keep = "looping buffers, which keep what is newest, had overwritten"
     return [f"part {stretch.part}: {keep} {told}"] if most else []
 

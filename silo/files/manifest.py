@@ -23,7 +23,7 @@ import msgspec
 
 from silo.core.child import end_abandoned_holder, note_holder
 from silo.core.conditions import Conditions
-from silo.core.quantities.writing import many, plural_count, size_text
+from silo.core.quantities.writing import many, size_text
 from silo.core.runtime import closing_file, open_own, read_own
 from silo.decoding import json_decoder
 from silo.errors import SaveError, reason
@@ -287,7 +287,7 @@ class RecordedTotals(msgspec.Struct):
         """All of it, fit to show."""
         more = f", and the end of {self.gone} runs" if self.gone > 1 else ", and the end of a run" if self.gone else ""
         size = f", {size_text(self.size_bytes)}" if self.size_bytes else ""
-        counts = many(self.parts, "file"), plural_count(self.samples, "sample"), f"{self.lost} lost"
+        counts = many(self.parts, "file"), many(self.samples, "sample"), f"{self.lost} lost"
         return f"{', '.join(counts)}{more}{size}"
 
 

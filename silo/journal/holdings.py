@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 
 from silo.core.elements import BufferType
-from silo.core.quantities.writing import duration, many, plural_count
+from silo.core.quantities.writing import duration, many
 from silo.core.recording import Recording
 from silo.journal.reader import JournalReader
 from silo.segment.layout import TIME_RING, SegmentSchema
@@ -42,10 +42,10 @@ class Holdings:
     @property
     def text(self) -> str:
         """Fit to show: `1 000 samples of 1 element over 9.99 s, of 12 840 ticks since start`."""
-        ticks = plural_count(self.ticks, "tick")
+        ticks = many(self.ticks, "tick")
         if not self.samples:
             return f"no sample, of {ticks} since {self.since}"
-        held = f"{plural_count(self.samples, 'sample')} of {many(self.elements, 'element')}"
+        held = f"{many(self.samples, 'sample')} of {many(self.elements, 'element')}"
         held += f" ({self.published} more only published)" if self.published else ""
         most = f" (most of them {duration(self.most_s)} or less)" if 0 < 2 * self.most_s < self.seconds else ""
         return f"{held} over {duration(self.seconds)}{most}, of {ticks} since {self.since}"

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from silo.core.arrays.spans import Span, doubled, merged, spans_text, without
 from silo.core.elements import DAMAGED, Action, BufferType, LoggedEvent
-from silo.core.quantities.writing import and_more, many
+from silo.core.quantities.writing import and_more, count, many
 from silo.core.recording import Recording
 from silo.core.runtime import list_segments, read_own
 from silo.errors import LogNotFoundError, SegmentError, SiloError
@@ -45,7 +45,7 @@ _TELL_LOSS = frozenset(
                  EventKind.RECOVERED, EventKind.SAVE_FAILED, EventKind.DELETED, EventKind.FILES_DELETED)
 )  # fmt: skip
 _TOTALS = re.compile(
-    r"recording '(?P<name>[^']+)'.*?(?P<parts>\d+) files?, (?P<samples>[\d ]+) samples?, (?P<lost>\d+) lost"
+    r"recording '(?P<name>[^']+)'.*?(?P<parts>[\d ]+) files?, (?P<samples>[\d ]+) samples?, (?P<lost>\d+) lost"
 )
 _LOST_AT = re.compile(r"recording '(?P<name>[^']+)': (?P<lost>\d+) samples were lost, of ticks \d+ to (?P<last>\d+)")
 _ENDED = re.compile(r"recording '(?P<name>[^']+)'.*(ended|stopped|files?, [\d ]+ samples?)")
@@ -361,7 +361,7 @@ def _not_kept(run: _Run, lacks_files: bool, newest: bool) -> Iterator[Verdict]:
             why = f"recording '{name}' had them, and its budget deleted them, as it is to"
             if not by_budget:
                 why = f"recording '{name}' had them, and its parts that did are no longer there"
-            text = f"run {run.run}: {spans_text(deleted)} of {run.ticks} ticks are in no file: {why}"
+            text = f"run {run.run}: {spans_text(deleted)} of {many(run.ticks, 'tick')} are in no file: {why}"
             yield Verdict("not kept", text, run.logger, run.run, tuple(deleted))
         lacks = without(lacks, had)
     lacks = without(lacks, run.paused)
@@ -371,7 +371,7 @@ def _not_kept(run: _Run, lacks_files: bool, newest: bool) -> Iterator[Verdict]:
             why = (
                 "nothing tells of its end, and no memory of it can be seen from here: it may be another user's, or gone"
             )
-            text = f"run {run.run}: {spans_text(unseen)} of {run.ticks} ticks are in no file: {why}"
+            text = f"run {run.run}: {spans_text(unseen)} of {many(run.ticks, 'tick')} are in no file: {why}"
             yield Verdict("not kept", text, run.logger, run.run, tuple(unseen))
             lacks = without(lacks, unseen)
     saved = [span for _, span, _ in run.saved]
@@ -386,7 +386,8 @@ def _not_kept(run: _Run, lacks_files: bool, newest: bool) -> Iterator[Verdict]:
         (without(lacks, [(0, end - 1)]), "its memory was let go of, and nobody had saved them"),
     ):
         if spans:
-            where = f"run {run.run}: {spans_text(spans)} of {run.ticks} ticks are in no file, and nothing recorded them"
+            of = many(run.ticks, "tick")
+            where = f"run {run.run}: {spans_text(spans)} of {of} are in no file, and nothing recorded them"
             gone = ", unless what is gone has them" if lacks_files else ""
             yield Verdict("not kept", f"{where}: {why}{gone}{held}", run.logger, run.run, tuple(spans))
 
@@ -529,7 +530,8 @@ def _recording(run: _Run, name: str, parts: list[_Part], there: _Folder) -> Iter
         spans = merged(paused)
         run.paused += spans
         told = ", ".join(f"{stop.number} and {after.number}" for stop, after in stops if after is not None)
-        text = f"recording '{name}': {spans_text(spans)} of run {run.run}, of {run.ticks} ticks, were not recorded: "
+        of = many(run.ticks, "tick")
+        text = f"recording '{name}': {spans_text(spans)} of run {run.run}, of {of}, were not recorded: "
         text += f"it was stopped then, and begun again (events {told})"
         yield Verdict("not recorded", text, run.logger, run.run, tuple(spans))
     if again:
@@ -545,7 +547,7 @@ def _meets(rows: Span, pauses: Iterable[Span], ring: RingFacts) -> bool:
 
 
 def _missing(run: _Run, name: str, spans: list[Span]) -> Verdict:
-    text = f"recording '{name}': {spans_text(spans)} of run {run.run}, of {run.ticks} ticks, are in no part"
+    text = f"recording '{name}': {spans_text(spans)} of run {run.run}, of {many(run.ticks, 'tick')}, are in no part"
     return Verdict("missing", text, run.logger, run.run, tuple(spans), run.told([f"'{name}'", "recording", "recorder"]))
 
 
@@ -573,7 +575,11 @@ def _totals(runs: Iterable[_Run]) -> Iterator[Verdict]:
             if (found := _LOST_AT.match(event.text)) is not None:
                 where[run.logger, found["name"]] += int(found["lost"])
             elif (found := _TOTALS.match(event.text)) is not None and "stays in memory" not in event.text:
-                counts = int(found["parts"]), int(found["samples"].replace(" ", "")), int(found["lost"])
+                counts = (
+                    int(found["parts"].replace(" ", "")),
+                    int(found["samples"].replace(" ", "")),
+                    int(found["lost"]),
+                )
                 told[run.logger, found["name"]] = _Total(event, *counts)
     for (logger, name), total in told.items():
         scans = parts.get((logger, name), [])
@@ -605,9 +611,9 @@ def _captures(run: _Run, listed: list[CaptureEntry]) -> Iterator[Verdict]:
         if recording.conditions.capture is not None
         for fire in recording.conditions.capture.fires
     )
-    for (trigger, fire), count in fires.items():
-        if count > 1:
-            text = f"trigger '{trigger}' fired once at tick {fire} of run {run.run}, and {count} captures have it"
+    for (trigger, fire), times in fires.items():
+        if times > 1:
+            text = f"trigger '{trigger}' fired once at tick {fire} of run {run.run}, and {times} captures have it"
             yield Verdict("twice", text, run.logger, run.run, ((fire, fire),))
     captured = [(one.offset - len(one.time_ns), one.offset - 1) for _, one in run.captured if len(one.time_ns)]
     recorded = [span for part in run.parts for span in part.covered()]
@@ -635,9 +641,9 @@ def _captures(run: _Run, listed: list[CaptureEntry]) -> Iterator[Verdict]:
         if not about and not run.ended:
             continue  # it may be under way
         yield Verdict("missing", text, run.logger, run.run, ((event.tick, event.tick),), about)
-    for (name, tick), count in told.items():
-        if count > 1:
-            text = f"trigger '{name}' is told {count} times to have fired at tick {tick} of run {run.run}"
+    for (name, tick), times in told.items():
+        if times > 1:
+            text = f"trigger '{name}' is told {times} times to have fired at tick {tick} of run {run.run}"
             yield Verdict("twice", text, run.logger, run.run, ((tick, tick),))
     for entry in listed:
         if entry.run == run.run and not entry.files and run.ended:
@@ -661,9 +667,9 @@ def _lost(run: _Run) -> Iterator[Verdict]:
     for (_, name), samples in run.lost.items():
         counts[name] += samples
     if counts:
-        names = and_more([f"{samples} of {name}" for name, samples in counts.items()], MOST_SHOWN)
+        names = and_more([f"{count(samples)} of {name}" for name, samples in counts.items()], MOST_SHOWN)
         lost = many(counts.total(), "sample")
-        text = f"run {run.run}, of {run.ticks} ticks: {lost} had no room in a buffer: {names}"
+        text = f"run {run.run}, of {many(run.ticks, 'tick')}: {lost} had no room in a buffer: {names}"
         yield Verdict("missing", text, run.logger, run.run, told=run.told(["samples could not be kept"]))
 
 

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from silo.core.conditions import TriggerWord
 from silo.core.elements import FieldChange
-from silo.core.quantities.writing import and_more, duration, many, plural_count, wall_clock
+from silo.core.quantities.writing import and_more, duration, many, wall_clock
 from silo.errors import RefusedError
 from silo.net.access.senders import short_words
 from silo.rpc.published import EventKind
@@ -100,7 +100,7 @@ def _is_unsaved(session: Session) -> bool:
 def _held(context: Context) -> str:
     """Return what the buffers hold, in words: the longest holds so much, of most ticks they may have forgotten all."""
     status = context.session.status
-    return f"{plural_count(status.held_samples, 'sample')} of up to {duration(status.held_s)}"
+    return f"{many(status.held_samples, 'sample')} of up to {duration(status.held_s)}"
 
 
 def _decided(answer: str) -> Unsaved:
@@ -464,7 +464,7 @@ def left_words(session: Session) -> str:
         return f"{name} logs on{recorded}"
     if not _is_unsaved(session):
         return f"{name} is stopped"
-    return f"{name} is stopped, and {plural_count(status.run_ticks, 'tick')} stand in no file: `silo save {name}`"
+    return f"{name} is stopped, and {many(status.run_ticks, 'tick')} stand in no file: `silo save {name}`"
 
 
 def forget_edits(context: Context) -> None:

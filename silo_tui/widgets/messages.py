@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.text import Text
 from textual.app import RenderResult
 
-from silo.core.quantities.writing import many, plural_count, wall_clock
+from silo.core.quantities.writing import many, wall_clock
 from silo.rpc.published import NOT_LIVE_TEXTS
 from silo_tui.actions import key_of
 from silo_tui.model.drawing.window import PlotWindow
@@ -219,5 +219,5 @@ def _cursor_words(session: Session) -> str:
     name = element.name + (element.entries[position].suffix if rows.entry is not None else "")
     bad = session.table.facts.detail(name, "bad")
     if bad > 0:
-        parts.append(f"{plural_count(int(bad), 'sample')} nan or inf: min to std leave nan out")
+        parts.append(f"{many(int(bad), 'sample')} nan or inf: min to std leave nan out")
     return " │ ".join(parts)

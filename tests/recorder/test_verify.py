@@ -14,6 +14,7 @@ from silo.cli.main import run
 from silo.conditions.captures.files import write_capture
 from silo.conditions.segment_judge import SegmentJudge
 from silo.core.elements import LoggedEvent
+from silo.core.quantities.writing import count, many
 from silo.files.event_log import append_events, event_log_path
 from silo.files.manifest import CaptureEntry, CaptureList
 from silo.files.mcap.chunks import records
@@ -350,7 +351,7 @@ def test_a_ring_that_was_overwritten_is_not_called_whole(tmp_path, truth, capsys
     robot.ticks(2500)
     assert run(["verify", str(tmp_path)]) == 0
     shown = capsys.readouterr().out
-    assert "of 2500 ticks are in no file, and nothing recorded them: buffers keep the newest samples" in shown
+    assert "of 2 500 ticks are in no file, and nothing recorded them: buffers keep the newest samples" in shown
     assert "in memory are " in shown
     assert "1 run: all is there that was to be kept" in shown
     assert ": whole" not in shown
@@ -362,7 +363,7 @@ def test_a_ring_that_was_overwritten_is_not_called_whole(tmp_path, truth, capsys
     robot.log.close()
     assert run(["verify", str(tmp_path)]) == 0
     shown = capsys.readouterr().out
-    assert "2000 ticks (0-1999) of 2500 ticks are in no file" in shown
+    assert "2 000 ticks (0-1999) of 2 500 ticks are in no file" in shown
     assert "saved are 500 ticks (2000-2499)" in shown
     assert ": whole" not in shown
 
@@ -432,7 +433,7 @@ def test_ticks_that_a_recording_had_and_its_budget_deleted_are_told_as_such(kept
     assert run(["verify", str(kept.folder)]) == 0
     shown = capsys.readouterr().out
     why = "its parts that did are no longer there" if by_hand else "its budget deleted them"
-    assert f"of 2000 ticks are in no file: recording 'bot' had them, and {why}" in shown
+    assert f"of 2 000 ticks are in no file: recording 'bot' had them, and {why}" in shown
     assert "nothing recorded them" not in shown
 
 
@@ -486,8 +487,8 @@ def test_values_of_a_saved_log_that_are_damaged_are_told_as_damage(tmp_path, tru
 
 
 def _had_no_room(lost):
-    names = ", ".join(f"{count} of {name}" for name, count in lost.items())
-    return f"{sum(lost.values())} samples had no room in a buffer: {names}"
+    names = ", ".join(f"{count(samples)} of {name}" for name, samples in lost.items())
+    return f"{many(sum(lost.values()), 'sample')} had no room in a buffer: {names}"
 
 
 def test_samples_that_growing_buffers_had_no_room_for_are_missing(tmp_path, capsys):
@@ -508,7 +509,7 @@ def test_samples_that_growing_buffers_had_no_room_for_are_missing(tmp_path, caps
     log.close()
     words = _had_no_room(lost)
     assert run(["verify", str(tmp_path)]) == 4
-    assert f", of 4000 ticks: {words}" in capsys.readouterr().out
+    assert f", of 4 000 ticks: {words}" in capsys.readouterr().out
     recording, told = silo.open_log(tmp_path / "a.silo").recording, "184 samples could not be kept"
     texts = {"started": "started", "lost": told}
     events = [

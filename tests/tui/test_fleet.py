@@ -220,7 +220,7 @@ async def test_marked_loggers_are_stopped_after_a_question_that_names_them_and_e
         assert "legs   running" not in screen.text
         await screen.press("y")
         await screen.shows("! ann is a viewer here")
-        await screen.shows("stopped, 4800 ticks, not saved")
+        await screen.shows("stopped, 4 800 ticks, not saved")
         await screen.shows("stop: 1 did, 1 did not, 0 waiting")
         assert [len(fake.calls) for fake in robots] == [0, 1, 0]
         await screen.press("escape")

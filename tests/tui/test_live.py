@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from silo.core.elements import ElementInfo, ElementOptions, Entry
-from silo.core.quantities.writing import duration_text, plural_count
+from silo.core.quantities.writing import duration_text, many
 from silo_tui.model.samples.live import (
     LiveValues,
     Reading,
@@ -214,7 +214,7 @@ def test_large_numbers_keep_the_digits_that_differ():
                79_200: "22 h", 86_400: "1 d", 2_592_000: "30 d"}),
         (text.compact, {999.0: "999", 1000.0: "1000", 9999.0: "9999", 1e4: "10k"}),
         (text.brief, {0.0: "0.00", 0.0049: "5e-3", 0.005: "0.01", 9.5: "9.50", 10: "10.0", 100: "100", 1e5: "100k"}),
-        (lambda count: plural_count(count, "tick"), {0: "0 ticks", 1: "1 tick", 12345: "12 345 ticks"}),
+        (lambda count: many(count, "tick"), {0: "0 ticks", 1: "1 tick", 12345: "12 345 ticks"}),
     ],
 )  # fmt: skip
 def test_where_one_unit_ends_the_next_begins(write, told):

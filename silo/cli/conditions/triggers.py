@@ -8,7 +8,7 @@ import click
 from silo.cli.common import together
 from silo.cli.verbs import Listing, LoggerFirst, verb
 from silo.core.conditions import AROUND_S, CLIENTS_KEEP
-from silo.core.quantities.writing import duration_text, many, share_words
+from silo.core.quantities.writing import count, duration_text, many, share_words
 from silo.files.formats import SAVED_NAMES, file_types
 
 if TYPE_CHECKING:
@@ -166,6 +166,6 @@ def tried_text(tried: "TriggerTried") -> str:
         return f"blind: {tried.why}"
     times = f"{many(tried.fires, 'time')}"
     held_s = (tried.end_ns - tried.begin_ns) / 1e9
-    blind = f"; blind at {tried.blind} of {tried.judged} ticks" if tried.blind else ""
+    blind = f"; blind at {count(tried.blind)} of {many(tried.judged, 'tick')}" if tried.blind else ""
     held = f"; true {share_words(tried.held, tried.judged - tried.blind)}" if tried.held else ""
     return f"would have fired {times} in the {held_s:.3g} s that are held{held}{blind}"

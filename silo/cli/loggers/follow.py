@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from silo.cli.common import aligned, configuration, show_json
-from silo.core.quantities.writing import duration_text, many, size_text, wall_clock
+from silo.core.quantities.writing import count, duration_text, many, size_text, wall_clock
 from silo.printing import drawing, printable
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def _cells(one: "Member", name: str, now_s: float, now_ns: int) -> tuple[str, ..
     what = " ".join([*idle, *one.people]) if one.here and not one.dead else _after(one)
     return (
         name, one.word, duration_text(run_s) if run_s is not None else "-",
-        one.rate, str(told.lost),
+        one.rate, count(told.lost),
         size_text(told.disk_free_bytes) if told.disk_bytes else "-", f"{one.sign}{alarms}", seen, what,
     )  # fmt: skip
 

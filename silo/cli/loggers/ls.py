@@ -16,7 +16,7 @@ from silo.cli.common import (
     show_rows,
     tell_unreachable,
 )
-from silo.core.quantities.writing import and_more, duration_text, many, size_text
+from silo.core.quantities.writing import and_more, count, duration_text, many, size_text
 from silo.errors import ConnectionLostError
 from silo.net.configuration import LOCAL
 from silo.printing import printable
@@ -117,7 +117,7 @@ def _reasons(answers: "list[Member]") -> list[str]:
 
 # columns that are shown where one of the loggers has something in them, of the others a word for nothing
 _MORE: "tuple[tuple[str, Callable[[Status], str], str], ...]" = (
-    ("DURABLE TO TICK", lambda one: str(one.durable_ticks) if one.durable_ticks >= 0 else "", "-"),
+    ("DURABLE TO TICK", lambda one: count(one.durable_ticks) if one.durable_ticks >= 0 else "", "-"),
     ("REC", lambda one: str(one.recorders or ""), "0"),
     ("FREE", lambda one: size_text(one.disk_free_bytes) if one.disk_bytes else "", "-"),
     ("ALARM", lambda one: f"{one.alarm} {one.alarms}" if one.alarms else "", "-"),
@@ -200,10 +200,9 @@ def _tell_orphans(answers: "list[Member]") -> None:
     """What programs left behind that nobody would find without being told."""
     from silo.core.runtime import orphaned_segments
 
-    count = len(orphaned_segments())
-    if count:
+    if orphans := len(orphaned_segments()):
         click.echo(
-            f"{many(count, 'recording')} of programs that died may be in no file: `silo recover --list`", err=True
+            f"{many(orphans, 'recording')} of programs that died may be in no file: `silo recover --list`", err=True
         )
     for folder in _log_folders(answers):
         if any(Path(folder).glob(".*.journal")):
@@ -214,10 +213,9 @@ def _tell_journals(folder: str) -> None:
     from silo.recovery.journals import orphaned_journals, sweep_journals  # needs NumPy, as a rule none is there
 
     sweep_journals(folder)
-    count = len(orphaned_journals(folder))
-    if count:
+    if orphans := len(orphaned_journals(folder)):
         click.echo(
-            f"{many(count, 'journal')} in {folder} may hold what a power cut took from memory: "
+            f"{many(orphans, 'journal')} in {folder} may hold what a power cut took from memory: "
             f"`silo recover --list {folder}`",
             err=True,
         )
@@ -237,8 +235,8 @@ def _ls_row(one: "Member") -> tuple[str, ...]:
         f"{one.word} {whole_duration(status.idle_s)}" if one.stalled else one.word,
         logged_for(status),
         "0" if one.stalled else f"{status.measured_hz:.4g}" if status.measured_hz else "-",
-        str(status.run_ticks),
-        str(status.lost),
+        count(status.run_ticks),
+        count(status.lost),
         f"{status.enabled}/{status.elements}",
         str(status.pid),
         status.user,

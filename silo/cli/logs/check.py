@@ -8,6 +8,7 @@ import click
 from silo.cli.codes import EXIT_BLIND, EXIT_FOUND
 from silo.cli.common import LogWord, TypedPath, find_saved, show_json, show_rows
 from silo.cli.logs.files import _read, _warn, whole_option
+from silo.core.quantities.writing import count
 
 if TYPE_CHECKING:
     from silo.analysis.check import Finding
@@ -105,7 +106,7 @@ def _show(found: "list[Finding]", *, as_json: bool) -> None:
         peak = "" if one.peak is None else f"{one.peak:.6g}{'' if one.unit in ('', '-') else ' ' + one.unit}"
         word = one.worst.lower().replace("_", " ")
         rows.append([
-            one.what, word + (f", stale {one.stale}x" if one.stale else ""), str(one.violations), str(one.samples),
+            one.what, word + (f", stale {one.stale}x" if one.stale else ""), count(one.violations), count(one.samples),
             _at(one.first_s), peak, _at(one.peak_s),
         ])  # fmt: skip
     show_rows(rows, right=(2, 3, 4, 5, 6))

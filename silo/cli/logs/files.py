@@ -18,7 +18,7 @@ from click.shell_completion import CompletionItem
 
 from silo.cli.codes import EXIT_BLIND, EXIT_FOUND
 from silo.cli.common import LogWord, TypedPath, find_saved, progress, show, show_json, show_rows, together
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import count, many
 from silo.errors import ElementError, SiloError
 from silo.files.formats import readable, writable
 from silo.printing import drawing
@@ -142,7 +142,9 @@ def _make_data_set(sources: tuple[str, ...], target: Path, force: bool, options:
     for name, why in made.short:
         click.echo(f"warning: {name}: {why}", err=True)
     if made.lost:
-        click.echo(f"warning: {made.lost} samples of these runs are lost; column silo/lost says of which", err=True)
+        click.echo(
+            f"warning: {count(made.lost)} samples of these runs are lost; column silo/lost says of which", err=True
+        )
     problems = check_lerobot(target) if options["to"] == "lerobot" else []
     if problems:
         raise SiloError(f"'{target}' was written, but {problems[0]}; please report that")

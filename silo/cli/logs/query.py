@@ -7,7 +7,7 @@ import click
 
 from silo.cli.codes import EXIT_FAILED, EXIT_FOUND
 from silo.cli.common import progress, show_json, show_rows
-from silo.core.quantities.writing import many, size_text
+from silo.core.quantities.writing import count, many, size_text
 from silo.errors import SaveError
 from silo.files.optional_packages import need
 
@@ -48,7 +48,7 @@ def query(statement: str, places: tuple[str, ...], where: str, file: str | None,
         numbers = [place for place, kind in enumerate(frame.dtypes) if kind.is_numeric()]
         show_rows([frame.columns, *([_cell(one) for one in row] for row in frame.head(MOST_ROWS).iter_rows())], numbers)
         if len(frame) > MOST_ROWS:
-            click.echo(f"... {len(frame) - MOST_ROWS:,} rows more: LIMIT fewer, or write them, --to rows.csv")
+            click.echo(f"... {count(len(frame) - MOST_ROWS)} rows more: LIMIT fewer, or write them, --to rows.csv")
 
 
 @click.command("archive")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from silo.cli.common import complete_words, connect, json_option, show_json, show_rows, split_logger
-from silo.core.quantities.writing import duration_text, many, size_text
+from silo.core.quantities.writing import count, duration_text, many, size_text
 
 if TYPE_CHECKING:
     from silo.recorder.requests import RecorderInfo
@@ -92,7 +92,7 @@ def _row(info: "RecorderInfo") -> tuple[str, ...]:
         duration_text((time.time_ns() - info.since_ns) / 1e9),
         str(info.parts + bool(info.part)),
         size_text(info.size_bytes),
-        str(info.samples),
-        str(info.lost),
+        count(info.samples),
+        count(info.lost),
         info.folder,
     )

@@ -10,7 +10,7 @@ import click
 
 from silo.cli.common import TypedPath, find_saved, progress, show_json, show_rows
 from silo.core.arguments import shown
-from silo.core.quantities.writing import many, size_text
+from silo.core.quantities.writing import count, many, size_text
 from silo.errors import LogNotFoundError, LogWarning
 
 MOST_APART = 20
@@ -188,7 +188,7 @@ def _row(run: "ListedRun", more: list[str]) -> tuple[str, ...]:
     place = f"#{facts.episodes[0].number}" if facts.kind == "episode" else ""
     return (
         f"{facts.path}{place}", facts.robot, f"{run.begun:%Y-%m-%d %H:%M:%S}", f"{facts.span_s:.4g} s",
-        str(facts.lost or ""), str(facts.limits or ""), facts.task, *more, run.said,
+        count(facts.lost) if facts.lost else "", str(facts.limits or ""), facts.task, *more, run.said,
     )  # fmt: skip
 
 

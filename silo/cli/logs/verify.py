@@ -7,7 +7,7 @@ import click
 
 from silo.cli.codes import EXIT_FOUND
 from silo.cli.common import TypedPath, json_option, show_json, show_rows
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import count, many
 from silo.printing import printable
 
 if TYPE_CHECKING:
@@ -63,4 +63,4 @@ def _show(found: "Verified") -> None:
 
 def _row(run: "RunCovered") -> list[str]:
     counts = (run.ticks, run.recorded, run.saved, run.captured, run.in_memory)
-    return [run.logger, run.run, *(str(one) if one else "-" for one in counts)]
+    return [run.logger, run.run, *(count(one) if one else "-" for one in counts)]

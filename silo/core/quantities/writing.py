@@ -56,18 +56,13 @@ def share_words(some: int, total: int) -> str:
     return f"for {min(share, 99.9):.3g} %" if share >= 0.01 else "for less than 0.01 %"
 
 
-def many(count: int, noun: str) -> str:
-    """Return `1 element`, `3 elements`."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
-
-
 def count(value: int) -> str:
     """Return a count in groups: `12 345`."""
     return f"{value:,}".replace(",", " ")
 
 
-def plural_count(value: int, noun: str) -> str:
-    """Return `1 tick`, `12 345 ticks`: of what may be very many."""
+def many(value: int, noun: str) -> str:
+    """Return `1 tick`, `3 ticks`, `12 345 ticks`."""
     return f"{count(value)} {noun}{'' if value == 1 else 's'}"
 
 

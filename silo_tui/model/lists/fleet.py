@@ -7,7 +7,7 @@ import msgspec
 
 from silo.conditions.standing import LimitWord
 from silo.core.elements import State
-from silo.core.quantities.writing import duration_text, idle_words, many, plural_count, size_text, wall_clock
+from silo.core.quantities.writing import duration_text, idle_words, many, size_text, wall_clock
 from silo.fleet.member import NO_TICK, RED, Member, Stands, segments
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
@@ -182,7 +182,7 @@ def details(one: FoundLogger) -> str:
         elif (
             not told.saved and told.ticks and (member.lost or told.state is not State.RUNNING)
         ):  # else more comes anyway
-            parts.append(f"{plural_count(told.ticks, 'tick')}, not saved")
+            parts.append(f"{many(told.ticks, 'tick')}, not saved")
     return " │ ".join(parts)
 
 
@@ -190,7 +190,7 @@ def asked_line(one: FoundLogger, now_ns: int) -> str:
     """Return a logger as a question about many names it."""
     told, run_s = one.member.summary, one.member.run_s(now_ns)
     state = f"{one.member.word}{f' {duration_text(run_s)}' if run_s is not None else ''}"
-    ticks = f", {plural_count(told.ticks, 'tick')} not saved" if told and told.ticks and not told.saved else ""
+    ticks = f", {many(told.ticks, 'tick')} not saved" if told and told.ticks and not told.saved else ""
     alone = "" if one.can_be_asked else ": left alone"
     return f"{one.address}   {state}{ticks}{alone}"
 

@@ -13,7 +13,7 @@ import numpy as np
 from textual.app import App
 
 from silo.core.arrays.values import as_floats, text_of
-from silo.core.quantities.writing import many, plural_count
+from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.files.atomic import atomic_file
 from silo_tui.context import SiloScreen
@@ -158,7 +158,7 @@ async def export(
             path = path.with_suffix(".svg")
             write_whole(path, picture(app).encode())
             return f"PNG needs matplotlib, which isn't installed here: the screen is in {path} instead"
-    return f"{plural_count(count, 'sample')} of {many(len(plots), 'signal')} {'is' if count == 1 else 'are'} in {path}"
+    return f"{many(count, 'sample')} of {many(len(plots), 'signal')} {'is' if count == 1 else 'are'} in {path}"
 
 
 def picture(app: App[Any]) -> str:

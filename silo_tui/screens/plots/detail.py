@@ -26,7 +26,7 @@ from silo.analysis.compute.spectra import (
 )
 from silo.core.arrays.columns import MAX_COLUMNS, Floats
 from silo.core.arrays.values import as_floats
-from silo.core.quantities.writing import duration, many, plural_count
+from silo.core.quantities.writing import duration, many
 from silo.core.units import product
 from silo.errors import SiloError
 from silo.rpc.frames import Frame
@@ -258,7 +258,7 @@ class DetailScreen(MonitorScreen):
         if first.left_out:
             notes.append(first.left_out)
         notes.append(f"0 dB = 1 {unit}" if self.level == "dB" else f"unit {unit}")
-        return Analysed(drawn, notes, f"Hann {plural_count(len(first.values), 'sample')}", peaks, top_hz, spectra[0])
+        return Analysed(drawn, notes, f"Hann {many(len(first.values), 'sample')}", peaks, top_hz, spectra[0])
 
     async def _pair(self) -> Analysed:
         if len(self.plots) < 2:
@@ -280,7 +280,7 @@ class DetailScreen(MonitorScreen):
         unit = "J (hysteresis)" if is_work else product(*units).removeprefix("-")
         notes.append(f"loop area {text.compact(found.area)} {unit}".rstrip())
         both_ns = min(of_x[0][-1], of_y[0][-1]) - max(of_x[0][0], of_y[0][0])  # less than is shown, where less is held
-        count = plural_count(len(found.x), "sample")
+        count = many(len(found.x), "sample")
         notes.append(f"newest ●  older • ∙ ·   {count} in {text.span(both_ns / SECOND_NS)}")
         return Analysed(drawn, notes)
 
