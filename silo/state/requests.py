@@ -260,6 +260,7 @@ class EventRequests(Caller):
         Raises:
             ElementError: the words or a number make no sense.
             RefusedError: there is no such tick any more; nothing was marked.
+            GoesOnError: it is marked, and its line not written yet: the disk takes long.
             ConnectionLostError: the helper process doesn't answer.
         """
         return self._add_mark(

@@ -8,6 +8,7 @@ import msgspec
 
 from silo.core.conditions import Conditions
 from silo.core.elements import Edit, Problem, State
+from silo.errors import GoesOnError
 from silo.net.access.senders import SAYS_SO, local_words
 from silo.net.keys import may_use
 from silo.rpc.clocks import clock_s
@@ -123,8 +124,13 @@ class StateServer(Server, does=[requests]):
             age_ns = status.last_tick_ns - replica.stamp_of(meant)
         time_ns = time.time_ns() - max(0, age_ns)
         mark = events.publish(EventKind.MARKER, words, by=turn.by, tick=meant, time_ns=time_ns)
-        # what was answered outlives a kill of this process, and has its number for good
-        return requests.Marked(events.log.settled(mark, WRITTEN_S) or mark)
+        written = events.log.settled(mark, WRITTEN_S)
+        if written is None:
+            raise GoesOnError(
+                "the mark is noted, and the disk of the event log takes long just now: until it is there, a kill of "
+                "the helper process would lose it"
+            )
+        return requests.Marked(written)  # it outlives a kill of this process, and has its number for good
 
 
 def apply_edits(

@@ -1,11 +1,12 @@
 """The event log: what happened, to whom it is told, and that it outlives helper and robot."""
 
+import fcntl
 import os
 import signal
 
 import pytest
 
-from silo.errors import RefusedError
+from silo.errors import GoesOnError, RefusedError
 from silo.files.event_log import event_log_path, read_events
 from silo.files.formats import read_recording
 from silo.rpc.published import EventKind
@@ -59,6 +60,18 @@ def test_a_mark_of_the_program_comes_to_the_log_and_to_clients(bench, client, he
     assert (told.text, told.tick, told.stamp_ns) == ("push 3", 2, bench.begin_ns + 2 * bench.tick_ns)
     event = logged(client, "marker")
     assert (event.number, event.who, event.stamp_ns) == (told.logged, "bot", told.stamp_ns)
+
+
+def test_a_mark_of_a_client_that_a_kill_would_still_lose_is_told_to_be_one(bench, client):
+    bench.logger.start()
+    bench.ticks(3)
+    logged(client, "started")
+    folder = bench.logger.options.folder
+    with event_log_path(folder, "bot").open() as file:
+        fcntl.flock(file, fcntl.LOCK_EX)  # as a disk that hangs
+        with pytest.raises(GoesOnError, match="a kill of the helper process would lose it"):
+            client.mark("slipped")
+    wait_until(lambda: "slipped" in [event.text for event in read_events(folder, "bot")])
 
 
 def test_marks_of_a_client_have_their_tick_and_author_and_events_are_asked_for_from_a_line_on(bench, client):
@@ -151,7 +164,8 @@ def test_a_log_in_a_folder_that_cannot_be_written_is_still_answered_from_memory(
     event_log_path(folder, "bot").mkdir(parents=True)
     bench.logger.start()
     bench.ticks(1)
-    client.mark("slipped")
+    with pytest.raises(GoesOnError, match="the mark is noted"):
+        client.mark("slipped")
     assert "slipped" in [event.text for event in client.events()]
     event_log_path(folder, "bot").rmdir()
     client.mark("again")
