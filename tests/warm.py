@@ -79,7 +79,6 @@ class WarmPopen(subprocess.Popen):
         }  # fmt: skip
         if self.nursery is not None:
             self.nursery.begin()
-        sys.audit("subprocess.Popen", words[0], words, None, None)  # so that it is noted as a process
         self._end = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._end.connect(_address(known))
         socket.send_fds(self._end, [json.dumps(asked).encode()], list(taken.values()))

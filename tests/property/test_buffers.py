@@ -109,7 +109,8 @@ def fill(array, rng):
 def leaves(array):
     """The bytes of every scalar, little-endian, in the order of the file."""
     if array.dtype.fields is not None:
-        return [leaf for index in np.ndindex(array.shape) for leaf in _fields(array[(*index, ...)])]
+        items = [np.array(leaves(array[name]), object).reshape(array.size, -1) for name in array.dtype.names]
+        return np.hstack(items).reshape(-1).tolist()
     if array.dtype.kind == "c":
         half = np.dtype(f"{array.dtype.byteorder}f{array.dtype.itemsize // 2}")
         parts = np.ascontiguousarray(array).reshape(-1).view(half)
@@ -118,10 +119,6 @@ def leaves(array):
     size = array.dtype.itemsize
     raw = flat.tobytes()
     return [raw[i * size : (i + 1) * size] for i in range(flat.size)]
-
-
-def _fields(item):
-    return [leaf for name in item.dtype.names for leaf in leaves(item[name])]
 
 
 @dataclass
