@@ -96,15 +96,13 @@ def expand(dtype: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ...
     """All scalars of an array, in the order of the file. Raises ElementError where the kind doesn't fit the shape."""
     if dtype.subdtype is not None:
         base, inner = dtype.subdtype
-        inner_strides = tuple(base.itemsize * int(np.prod(inner[axis + 1 :])) for axis in range(len(inner)))
+        inner_strides = tuple(base.itemsize * math.prod(inner[axis + 1 :]) for axis in range(len(inner)))
         return expand(base, shape + inner, strides + inner_strides, kind)
     if math.prod(shape) > MAX_ENTRIES:
         raise ElementError(f"an array of shape {shape} has more than {MAX_ENTRIES} values; log a part of it")
-    return [
-        Scalar(suffix + inner.suffix, inner.dtype, offset + inner.offset)
-        for suffix, offset in _items(dtype, shape, strides, kind)
-        for inner in _item_scalars(dtype)
-    ]
+    items = _items(dtype, shape, strides, kind)
+    scalars = _item_scalars(dtype) if items else []
+    return [Scalar(suffix + one.suffix, one.dtype, offset + one.offset) for suffix, offset in items for one in scalars]
 
 
 def _item_scalars(dtype: np.dtype[Any]) -> list[Scalar]:

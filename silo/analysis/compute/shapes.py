@@ -3,6 +3,7 @@
 A recording holds one column per scalar. `assembled` makes of them what was logged, `scalars` takes it apart again.
 """
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -29,7 +30,7 @@ def assembled(element: RecordedElement) -> NDArray[Any]:
         return _complex(columns, (count, *shape))
     if len(types) > 1 and any(column.dtype.kind != "U" for column in columns):
         return _flat_record(element, columns)
-    if int(np.prod(shape)) != len(columns):
+    if math.prod(shape) != len(columns):
         return columns[0] if len(columns) == 1 else _stacked(columns)
     # one column stays what it is, a view of the file
     return (columns[0] if len(columns) == 1 else _stacked(columns)).reshape(count, *shape)
@@ -48,7 +49,7 @@ def component_names(element: RecordedElement) -> tuple[str, ...]:
 
 def scalars(values: NDArray[Any]) -> Iterator[NDArray[Any]]:
     """Columns of shape `(m,)` of samples of shape `(m, *shape)`, in the order of the entries."""
-    items = values.reshape(len(values), int(np.prod(values.shape[1:])))
+    items = values.reshape(len(values), math.prod(values.shape[1:]))
     for place in range(items.shape[1]):
         item = items[:, place]
         if item.dtype.names is not None:
@@ -78,7 +79,7 @@ def _as_declared(element: RecordedElement) -> NDArray[Any] | None:
         return None
     if dtype is None or dtype.hasobject:
         return None
-    size = int(np.prod(element.shape)) * len(list(scalars(np.empty(1, dtype))))
+    size = math.prod(element.shape) * len(list(scalars(np.empty(1, dtype))))
     if size != len(element.entries):
         return None
     made = np.zeros((element.count, *element.shape), dtype)

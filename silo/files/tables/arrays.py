@@ -4,6 +4,7 @@ An element's samples stand together with their time stamps, so that nobody has t
 """
 
 import io
+import math
 import re
 import zipfile
 from collections import Counter
@@ -381,7 +382,7 @@ def _fill_group(h5py: Any, group: Any, element: RecordedElement) -> list[Place]:
     columns = [_hdf5_values(entry.values) for entry in written]
     if columns and len({column.dtype for column in columns}) == 1:
         values = columns[0] if len(columns) == 1 else np.column_stack(columns)
-        if len(columns) > 1 and np.prod(element.shape) == len(columns):
+        if len(columns) > 1 and math.prod(element.shape) == len(columns):
             values = values.reshape(element.count, *element.shape)
         dataset = _checked(group, _free(group, "values"), values)
         _tell_fill(dataset, written)
