@@ -398,7 +398,7 @@ async def test_what_names_don_t_need_shows_entries_of_vectors(size, entries, new
 
 
 async def test_a_unit_that_has_no_room_is_seen_to_be_cut(new_fake, opened):
-    async with opened(new_fake([scalar("/log/base/inertia", "kg m^2")])) as screen:
+    async with opened(new_fake([scalar(f"/log/base/{'inertia' * 8}", "kg m^2")])) as screen:
         await screen.shows("kg m…")
         assert "kg m^ " not in screen.text
 
