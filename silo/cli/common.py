@@ -33,24 +33,21 @@ _Made = TypeVar("_Made")
 _Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
 
 
-class TypedPath(click.Path):
-    """A path as it is typed: where the shell left a quoted `~` as it is, it is the home."""
+class _AtHome:
+    """What is typed: where the shell left a quoted `~` as it is, it is the home."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the path, that of the home in place of `~`."""
-        return super().convert(_at_home(value), param, ctx)
+        """Return it, the path of the home in place of `~`."""
+        at_home = os.path.expanduser(value) if isinstance(value, str) else value  # noqa: PTH111  # raises for no `~name`
+        return super().convert(at_home, param, ctx)  # type: ignore[misc]  # of the other base
 
 
-class LogWord(StringParamType):
-    """A logger, or a file, whose `~` is the home."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the word, the path of the home in place of `~`."""
-        return super().convert(_at_home(value), param, ctx)
+class TypedPath(_AtHome, click.Path):
+    """A path as it is typed."""
 
 
-def _at_home(value: Any) -> Any:
-    return os.path.expanduser(value) if isinstance(value, str) else value  # noqa: PTH111  # raises for no `~name`
+class LogWord(_AtHome, StringParamType):
+    """A logger, or a file."""
 
 
 def configuration() -> str:
@@ -354,14 +351,8 @@ def next_names(names: Sequence[str], incomplete: str) -> list[str]:
     return sorted(heads)[:MOST_COMPLETIONS]
 
 
-def logger_argument(command: _Command) -> _Command:
-    """Return the optional argument LOGGER."""
-    return click.argument("logger", required=False, metavar="[LOGGER]", shell_complete=complete_logger)(command)
-
-
-def json_option(command: _Command) -> _Command:
-    """Return the option `--json`."""
-    return click.option("--json", "as_json", is_flag=True, help="JSON, for machines.")(command)
+logger_argument = click.argument("logger", required=False, metavar="[LOGGER]", shell_complete=complete_logger)
+json_option = click.option("--json", "as_json", is_flag=True, help="JSON, for machines.")
 
 
 def together(*options: Callable[[Any], Any]) -> Callable[[_Command], _Command]:

@@ -91,13 +91,13 @@ class Authentication:
         """Return who asks under a key, in words, whether or not it is let in."""
         user = key.rsplit("/", 1)[-1]
         if user == keys.LOCAL_SENDER or "*" in key:
-            return senders.group_words(self._group, client) if self._group else senders.local_words(client)
+            return senders.group_words(self._group, client) if self._group else senders.bracketed(client)
         return senders.network_words(keys.unescape(user), client, proven=self.admission.proven)
 
     def _local(self, attachment: bytes, client: str) -> Sender:
         claim = senders.claim_of(client)
         if not self._group or attachment == self._own:
-            return Sender(senders.local_identity(claim.user), senders.local_words(client))
+            return Sender(senders.local_identity(claim.user), senders.bracketed(client))
         if attachment != self._groups:
             text = "it comes neither from the robot's user nor from the group that shares its socket"
             raise RequestRefusedError(RefusedWhy.FORBIDDEN, f"{text}; nothing was changed")

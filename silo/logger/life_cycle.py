@@ -93,7 +93,7 @@ class LifeCycle:
         self.freed = False  # it ended, and what it had is let go of
         self.reason = ""  # of the last stop
         self.serving: Serving | None = None
-        self.cut: Callable[[WantedStretch], None] = _never_started  # go on with another stretch
+        self.cut: Callable[[WantedStretch], None]  # go on with another stretch, of a run
         self.memory_bytes: Callable[[], int] = int  # that its buffers have
         self.begun_by = ""  # the client that had the present run begin; empty: the program
         self.give_way: Callable[[], None] = lambda: None  # of a run that a client began, where no tick came since
@@ -155,7 +155,3 @@ class LifeCycle:
         if self.serving is not None:
             self.serving.forget()
         self.running, self.ending, self.freed, self.serving = False, Ending.FORKED, True, None
-
-
-def _never_started(_: WantedStretch) -> None:
-    raise StateError("there is nothing to cut: the logger was never started")

@@ -9,7 +9,7 @@ import msgspec
 from silo.core.conditions import Conditions
 from silo.core.elements import Edit, Problem, State
 from silo.errors import GoesOnError
-from silo.net.access.senders import SAYS_SO, local_words
+from silo.net.access.senders import SAYS_SO, bracketed
 from silo.net.keys import may_use
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, Request, request_of
@@ -64,7 +64,7 @@ class StateServer(Server, does=[requests]):
     def hello(self, request: requests.Hello) -> requests.HelloReply:
         if request.id and may_use(request.id, request.proof):
             # who says it by its own key, too, is known
-            self.outside.name_client(plain(request.id), f"{local_words(plain(request.client))}{SAYS_SO}")
+            self.outside.name_client(plain(request.id), f"{bracketed(plain(request.client))}{SAYS_SO}")
         # a client that gets this from the key `do` too may edit
         status, closed, newest = self.replica.status(), self.outside.closed(), self.events.log.newest
         user = self.replica.user

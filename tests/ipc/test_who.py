@@ -21,9 +21,9 @@ from silo.fleet.resolving import discover
 from silo.net.access.admission import INSECURE, Admission, admission_of, rules_hold_names
 from silo.net.access.senders import (
     PROVEN,
+    bracketed,
     came_by_network,
     claim_of,
-    local_words,
     network_words,
     on_behalf,
     short_words,
@@ -72,7 +72,7 @@ def test_who_names_another_one_over_a_network_stands_beside_it() -> None:
 
 def test_nobody_can_claim_to_be_proven() -> None:
     assert claim_of("anna@desk (proven) 1").program == "[proven] 1"
-    assert not came_by_network(local_words("anna (proven) from desk2"))
+    assert not came_by_network(bracketed("anna (proven) from desk2"))
     assert network_words("bob", "x@anna(proven) y", proven=False).count("(") == 1
 
 

@@ -21,7 +21,7 @@ class Claim(NamedTuple):
 
 def claim_of(client: str) -> Claim:
     """Read what a client says of itself; nobody can claim to be proven."""
-    who, _, program = _bracketed(client).partition(" ")
+    who, _, program = bracketed(client).partition(" ")
     user, _, host = who.partition("@")
     return Claim(user or "somebody", host, program)
 
@@ -31,7 +31,7 @@ def network_words(user: str, client: str, *, proven: bool) -> str:
     claim = claim_of(client)
     place = f" from {claim.host}" if claim.host else ""
     # where nobody checks names, one may be `anna (proven)`, or move a terminal's cursor
-    name = "".join(letter if letter.isprintable() else "?" for letter in _bracketed(user))
+    name = "".join(letter if letter.isprintable() else "?" for letter in bracketed(user))
     return f"{name}{PROVEN if proven else SAYS_SO}{place}{_with(claim.program)}"
 
 
@@ -41,19 +41,14 @@ def group_words(group: str, client: str) -> str:
     return f"{claim.user}{SAYS_SO} of group {group}{_with(claim.program)}"
 
 
-def local_words(client: str) -> str:
-    """Return who sent a change as the robot's own user; a program may leave its name out."""
-    return _bracketed(client)
-
-
 def on_behalf(by: str, who: str) -> str:
     """Return who is meant by what somebody does in another's name: that one on the robot's own computer, else both."""
     if not who:
         return by
-    return f"{by} for {_bracketed(who)}" if PROVEN in by or SAYS_SO in by else _bracketed(who)
+    return f"{by} for {bracketed(who)}" if PROVEN in by or SAYS_SO in by else bracketed(who)
 
 
-def _bracketed(claimed: str) -> str:
+def bracketed(claimed: str) -> str:
     """Return what somebody says of itself, in which nothing reads as a word of ours."""
     return claimed.replace("(", "[").replace(")", "]")
 
@@ -71,7 +66,7 @@ def short_words(who: str) -> str:
 def is_by(who: str, client: str) -> bool:
     """Return whether these words are of the client that names itself so."""
     claim = claim_of(client)
-    return who == local_words(client) or (bool(claim.program) and who.endswith(f" from {claim.host}, {claim.program}"))
+    return who == bracketed(client) or (bool(claim.program) and who.endswith(f" from {claim.host}, {claim.program}"))
 
 
 def came_by_network(who: str) -> bool:
