@@ -557,6 +557,7 @@ class Serving:
             except (SiloError, OSError) as error:
                 log.warning("%s: no helper process to end with: %s", self._name, error)
             else:
+                self._no_more_asked()
                 self._parted()
 
     def _parted(self) -> bool:
