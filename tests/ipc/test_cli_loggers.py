@@ -20,6 +20,7 @@ from silo.cli.loggers.watch import show_clock
 from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import Action, BufferType
+from silo.core.quantities.writing import count
 from silo.errors import RefusedError
 from tests.stand_ins.ticking import turning
 from tests.waiting import DEADLINE_S, wait_until
@@ -287,7 +288,7 @@ def test_ticks_are_of_the_whole_run_as_its_time_is(log: silo.Logger, command: Ru
     # while it runs, too
     wait_until(lambda: "  cut: /log/joints/q divider 1 -> 2  (arm)\n" in command("events", "arm").out)
     said = command("stop", "arm").out
-    whole = log.ticks
+    whole = count(log.ticks)
     assert f"arm: stopped, {whole} ticks" in said
     assert f"stopped, {whole} ticks" in command("stop", "--all").out
     assert f" {whole} " in command("ls").out

@@ -12,6 +12,7 @@ from silo.conditions.captures.files import write_capture
 from silo.conditions.segment_judge import MOST_SPOOL_BYTES, SegmentJudge, try_trigger
 from silo.conditions.standing import TriggerWord
 from silo.core.conditions import Conditions, TriggerOptions
+from silo.core.quantities.writing import count
 from silo.files.manifest import CaptureList
 from silo.judging.checks import trigger_rule
 from silo.judging.triggers import NO_END
@@ -276,7 +277,8 @@ def test_of_a_capture_whose_rows_were_overwritten_the_ticks_that_are_missing_are
     missing = int(silo.Log(recording)["brief"].values[0]) - recording.conditions.capture.first
     assert missing > 3000
     assert (
-        recording.conditions.capture.ended == f"the first {missing} ticks were overwritten before they could be copied"
+        recording.conditions.capture.ended
+        == f"the first {count(missing)} ticks were overwritten before they could be copied"
     )
 
 
@@ -550,7 +552,7 @@ def test_what_there_was_no_time_to_judge_before_the_end_is_told(robot):
     robot.ticks(200)
     found = robot.judge.end("closed", lambda: True)
     assert found.blind[0].startswith("triggers and limits did not judge the last 200 ticks")
-    assert [buffer.why for buffer in found.whole] == ["closed, 4901 ticks before its end"]
+    assert [buffer.why for buffer in found.whole] == ["closed, 4 901 ticks before its end"]
 
 
 def test_an_alarm_that_nobody_has_seen_outlives_an_edit_of_its_limits(robot):
