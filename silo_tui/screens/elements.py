@@ -291,9 +291,13 @@ class ElementsScreen(SiloScreen):
         return name in self.table.sets
 
     def command_columns(self) -> None:
-        sets = self.table.sets
-        name = sets[(sets.index(self.table.column_set) + 1) % len(sets)]
-        self.show_set(name)
+        """Show the next set that brings other columns: on a wide screen some stand beside one another."""
+        sets, before = self.table.sets, self.table.titles
+        at = sets.index(self.table.column_set)
+        for name in (*sets[at + 1 :], *sets[: at + 1]):
+            self.show_set(name)
+            if self.table.titles != before:
+                break
         self.say(f"columns: {name}" + (self.statistics_words() if name == "statistics" else ""))
         self.table_changed()
 

@@ -206,9 +206,14 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         return self._needs[1] + IN_TREE * (self.rows.sort == TREE), *self._needs[2:]
 
     @property
+    def titles(self) -> list[str]:
+        """The titles of the columns that are shown."""
+        return [column.title for column, _ in (*self.laid.steady, *self.laid.measured)]
+
+    @property
     def shows_trends(self) -> bool:
         """Whether trends have room."""
-        return any(column.title == "trend" for column, _ in self.laid.measured)
+        return "trend" in self.titles
 
     @property
     def measured_width(self) -> int:

@@ -1,5 +1,6 @@
 """What is measured, on the table's screen: signs, columns, orders, the tree."""
 
+import itertools
 import re
 
 import numpy as np
@@ -25,6 +26,17 @@ async def test_signs_stand_in_their_column_with_statistics_beside(fake, opened):
         line = next(line for line in screen.text.splitlines() if "/base/position" in line)
         assert " NN " in line
         assert "columns: statistics of every sample" in screen.text
+
+
+@pytest.mark.parametrize("width", [80, 160])
+async def test_each_press_brings_other_columns(width, fake, opened):
+    async with opened(fake, size=(width, 30)) as screen:
+        heads = [screen.text.splitlines()[1]]
+        for _ in range(3):
+            await screen.press("C")
+            await screen.shows("columns: ")
+            heads.append(screen.text.splitlines()[1])
+        assert all(one != other for one, other in itertools.pairwise(heads)), heads
 
 
 async def test_a_slow_loop_is_one_word_in_the_head_not_a_sign_of_each_row(fake, opened):
