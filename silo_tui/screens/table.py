@@ -172,7 +172,6 @@ class TableScreen(ElementsScreen):
     def _quantities(self) -> list[str]:
         """What is asked of what is on the screen; by an order of values these are of the moment of the order."""
         asked = self.table.quantities
-        asked += [each for each in STATISTICS if self.inspector.display and each not in asked]
         return [*asked, "value"] if self.session.rows.sort in {"value", "|value|"} and "value" not in asked else asked
 
     def _survey_came(self, now_s: float) -> None:

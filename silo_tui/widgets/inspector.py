@@ -23,7 +23,6 @@ from silo_tui.model.drawing import braille
 from silo_tui.model.drawing.plots import hold_piece, signs_of
 from silo_tui.model.samples.live import Reading, entry_text, fill_share
 from silo_tui.model.table.cells import span_words, type_word
-from silo_tui.model.table.facts import STATISTICS
 from silo_tui.model.table.fields import Field, phrase_for
 from silo_tui.model.words import text
 from silo_tui.sessions.live import Session
@@ -218,18 +217,6 @@ class Inspector(Guarded, Widget):
                 pane.append(f"{'lost':<12} {text.count(reading.lost)}\n", style=self._color("alarm"))
             if reading.failed:
                 pane.append(f"{'not read':<12} at {many(reading.failed, 'tick')}\n", style=self._color("alarm"))
-        self._statistics(pane, element)
-
-    def _statistics(self, pane: InspectorLines, element: ElementInfo) -> None:
-        """Tell those of the entry: beside this the table may have no room for them. A norm has none, nor have words."""
-        at = 0 if len(element.entries) == 1 else self.session.rows.entry
-        if at is None or element.entries[at].labels:
-            return
-        name = element.name + element.entries[at].suffix * (len(element.entries) > 1)
-        for quantity in STATISTICS:
-            if not math.isnan(found := self.session.table.facts.detail(name, quantity)):
-                pane.append(f"{quantity:<12} ", style=self._color("quiet"))
-                pane.append(f"{text.short(found, 5)}\n")
 
     def _facts_of_file(self, pane: InspectorLines, element: ElementInfo) -> None:
         report = self.session.rows_of[element.name]

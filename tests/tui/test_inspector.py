@@ -46,7 +46,7 @@ class CursorOn:
 
     def __init__(self, session: Any, name: str) -> None:
         self._session = session
-        self.rows = SimpleNamespace(row=session.table.row(name), entry=None)
+        self.rows = SimpleNamespace(row=session.table.row(name))
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._session, name)
@@ -371,12 +371,3 @@ async def test_beside_the_inspector_settings_and_names_keep_their_room(fake, ope
         await screen.until(lambda: table.laid.width < 120, "a narrower table")
         assert set(table.field_spans()) == set(Field)
         assert not table.laid.space, "all names are whole"
-
-
-async def test_the_inspector_has_the_statistics_for_which_the_table_has_no_room_beside_it(fake, opened):
-    async with opened(fake.run(), size=(160, 50)) as screen:
-        await screen.do("filter")
-        await screen.enter("/imu/temperature")
-        await screen.do("inspector")
-        await screen.until(lambda: "mean" not in screen.text.splitlines()[2])
-        await screen.shows("mean ")
