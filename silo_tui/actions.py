@@ -180,7 +180,7 @@ COMMANDS: tuple[Command, ...] = (
             typed=_read(("sort",), "sorts", ":sort div", "order by a column", 6)),
     Command("into", "", "Into", "plot the row; fold a name space, or unfold it", "Look", _TABLES),
     Command("fold", "z", "Fold", "fold or unfold a name space, a vector into its entries", "Find and mark", _TABLES, 4),
-    Command("component", "n", "Entry", "norm of a vector, its first entry, the next ...", "Look", _TABLES),
+    Command("component", "n", "Vector", "norm of a vector, its first entry, the next ...", "Look", _TABLES),
     Command("columns", "C", "Columns", "settings or values, statistics, timing", "Look", _TABLES),
     Command("zero", "Z", "Zero", "reset min, max, mean: from now on (of the last seconds: derive max(x, 10s))", "Look",
             _TABLE + _MONITOR),

@@ -30,7 +30,7 @@ from silo_tui.menus import MenuReader
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.drawing import dots
 from silo_tui.model.table.fields import Field
-from silo_tui.model.words.command_line import BY_KEY, Spelled
+from silo_tui.model.words.command_line import BY_KEY, Spelled, folder_here
 from silo_tui.sessions.demo import Demo
 from silo_tui.sessions.finder import ClientFinder
 from silo_tui.sessions.link import LinkChanged, LoggerEvent, ViewFailed
@@ -534,8 +534,12 @@ class SiloApp(Guarded, App[None]):
         screen = self.context.upper_screen
         on_file = screen is not None and screen.scope in FILE_SCOPES
         begun = f"{word} " if word else ""
-        if word == "open" and (session := self._live_session) is not None and session.left_files:
+        session = self._live_session if word == "open" else None
+        if session is not None and session.left_files:
             begun += shlex.quote(session.left_files[0].path)  # of a dead robot
+        elif session is not None:  # on with a name in the folder where the logger saves
+            folder = folder_here(session.status.folder)
+            begun += folder if folder == shlex.quote(folder) else ""
         words = "goto filter sort picture theme help quit" if on_file else "view theme start stop help quit"
         if screen is not None and screen.scope == "table":
             words = "load save set goto sort data start stop help quit"

@@ -266,6 +266,16 @@ class TestScreens:
             await screen.shows("ARMED")
             assert fake.trigger_statuses[0].options.when == "x > 3"
 
+    async def test_what_buffers_are_too_short_for_is_told_before_enter(self, fake, opened):
+        async with opened(fake, size=(160, 50)) as screen:
+            await screen.press("T", "N")
+            await screen.shows("the condition: signals")
+            screen.app.screen.field("when").value = "x > 3"
+            await screen.shows("would have fired 3 ×")
+            assert "refused" not in screen.text
+            screen.app.screen.field("pre").value = "3600 s"
+            await screen.shows("Enter is refused: too short for pre of 3600 s")
+
     async def test_the_cursor_is_on_a_trigger_that_was_just_made(self, fake, opened):
         fake.trigger_statuses = [
             TriggerStatus(TriggerOptions(name, "x > 1", 1, 1), TriggerWord.ARMED) for name in ("slip", "tilt")

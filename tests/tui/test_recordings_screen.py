@@ -331,6 +331,16 @@ async def test_on_the_table_of_a_dead_robot_enter_opens_what_it_left(opened, fak
         await screen.until(lambda: "00006" in screen.text.partition("\n")[0], "its name")
 
 
+async def test_a_file_is_named_in_the_folder_where_the_logger_saves(opened, fake, logs, monkeypatch):
+    monkeypatch.chdir(logs.parent)
+    status = fake.run().status
+    monkeypatch.setattr(fake, "status", lambda: msgspec.structs.replace(status(), folder=str(logs)))
+    async with opened(fake) as screen:
+        screen.app.begin_command("open")
+        await screen.until(lambda: screen.app.screen.query("Line"), "the line")
+        assert screen.app.screen.query_one("Line").value == f"open {logs.name}/"
+
+
 async def test_on_the_plots_of_a_dead_robot_enter_opens_what_it_left_and_why_is_said_once(opened, fake, logs):
     async with opened(fake.run()) as screen:
         await screen.press("m")

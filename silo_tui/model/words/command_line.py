@@ -72,10 +72,17 @@ def logs(begun: str, near: str = "") -> list[str]:
         return []
     shown = [path for path in found if path.name.startswith(last) and (last or not path.name.startswith("."))]
     folders = [f"{before}{path.name}/" for path in shown if path.is_dir() and not path.name.endswith(LOG_ENDINGS)]
-    below = os.path.relpath(near) if near else ""
-    first = [f"{near if below.startswith('..') else below}/"] if near and not begun and Path(near).is_dir() else []
+    first = [folder] if not begun and (folder := folder_here(near)) else []
     found_logs = [f"{before}{path.name}" for path in shown if path.name.endswith(LOG_ENDINGS)]
     return list(dict.fromkeys([*first, *found_logs, *folders]))
+
+
+def folder_here(near: str) -> str:
+    """Return the folder where a logger saves as one types it, with a slash; empty where this machine has none."""
+    if not near or not Path(near).is_dir():
+        return ""
+    below = os.path.relpath(near)
+    return f"{near if below.startswith('..') else below}/"
 
 
 def _newest_first(path: Path) -> tuple[float, str]:

@@ -4,6 +4,8 @@ from collections.abc import Awaitable, Callable
 from typing import ClassVar
 
 from silo.core.conditions import TriggerOptions
+from silo.errors import ElementError
+from silo.judging.checks import check_held
 from silo_tui.context import Context
 from silo_tui.model.lists.conditions import (
     UNNAMED,
@@ -89,9 +91,18 @@ class TriggerEditor(Form[TriggerOptions]):
                 *tried_lines(tried, self.told_width),
                 capture_words(tried, made),
                 *([slow] if slow else []),
+                *self._too_short(made),
                 *([f"name it before Enter: {UNNAMED}"] if unnamed else []),
             ]
         )
+
+    def _too_short(self, made: TriggerOptions) -> list[str]:
+        """Return why the robot would refuse it, as its buffers are now."""
+        try:
+            check_held(made, self._session.table.elements, self._session.status.frequency_hz)
+        except ElementError as error:
+            return [f"Enter is refused: {error}"]
+        return []
 
     def made(self) -> TriggerOptions:
         return options_of_fields(self.fields, self._options)
