@@ -10,6 +10,7 @@ from silo_tui.actions import BY_ID, COMMANDS, commands_for, key_of, key_text, wh
 from silo_tui.keymap import BASES, OPENERS, TWO_LAYERS, clashes, in_menu, use_keys, where
 from silo_tui.menus import MenuLines
 from silo_tui.model.table.fields import Field
+from silo_tui.screens.dialogs.questions import Question
 from silo_tui.settings.options import Settings
 from silo_tui.settings.reading import read
 from tests.tui.test_conditions import FALL, HOT
@@ -411,10 +412,11 @@ async def test_applying_starting_and_stopping_ask_the_same_on_every_screen_of_a_
             asked[scope] = []
             for command in ("start_stop", "restart", "apply"):
                 await screen.do(command)
+                await screen.until(lambda: isinstance(screen.app.screen, Question), command)
                 question = screen.app.screen.query("Static")
                 asked[scope].append("\n".join(str(each.render()) for each in question))
                 await screen.press("escape")
-                assert screen.app.screen.scope == scope
+                await screen.until(lambda scope=scope: screen.app.screen.scope == scope, "the screen of before")
         assert "Stop logging?" in asked["table"][0]
         assert "Apply 1 edit" in asked["table"][2]
         in_table = {each: [one.replace(" in the table", "") for one in told] for each, told in asked.items()}
