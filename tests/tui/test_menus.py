@@ -274,4 +274,4 @@ def test_without_a_logger_an_entry_about_one_says_how_to_open_one(reading):
 def test_the_menu_of_edits_and_the_words_typed_call_what_is_saved_a_configuration(reading):
     _, entries = menu(reading, "e")
     assert {"w  Save configuration", "l  Load configuration"} <= {each.strip() for each in entries}
-    assert BY_ID["save_script"].typed.help == "save the configuration as a script"
+    assert BY_ID["save_script"].typed.help == "save the configuration"
