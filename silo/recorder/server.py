@@ -279,7 +279,7 @@ class EndlessRecordings:
         self._assign(recorder)
         for run in recorder.runs:
             if recorder.lacks(run) and not self._hand_over(recorder, run):
-                break  # it comes again, and they go over in their order
+                return  # it comes again, and they go over in their order; what is told is of the newest that did
         if self._replica.run in recorder.runs and self._replica.now.robot.segment == self._replica.segment:
             recorder.change(self._replica.now.robot.conditions)
 

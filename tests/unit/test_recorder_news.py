@@ -109,3 +109,17 @@ def test_a_run_is_read_to_its_end_once_the_row_of_its_last_tick_is(ticks, read, 
     assert RingCursor.done(of) is done
     of.is_over = lambda: False
     assert not RingCursor.done(of)
+
+
+@pytest.mark.parametrize("taken", [True, False])
+def test_limits_of_a_run_that_could_not_be_handed_over_are_told_of_none_before_it(taken):
+    server, told = object.__new__(EndlessRecordings), []
+    server._held = SimpleNamespace(ids=lambda: ["before", "now"])
+    robot = SimpleNamespace(segment="s", conditions="new limits")
+    server._replica = SimpleNamespace(run="now", segment="s", now=SimpleNamespace(robot=robot))
+    server._hand_over = lambda recorder, run: taken
+    recorder = SimpleNamespace(
+        known={"before"}, runs=["before"], ending=False, lacks=lambda run: run == "now", change=told.append
+    )
+    server._follow(recorder)
+    assert told == (["new limits"] if taken else [])
