@@ -60,11 +60,13 @@ class Alone:
     def turn(self) -> Iterator[AtWork]:
         """Do it alone, for who may not have the lock: one that a signal handler ends may have it."""
         with self._lock:
-            mine = self.wait() or self.begin()
+            own = self.wait()
+            mine = own or self.begin()
         try:
             yield mine
         finally:
-            del mine
+            if own is None:  # else it lies below; who keeps a traceback keeps `mine`
+                self._who = lambda: None
             self.over()
 
 

@@ -196,6 +196,29 @@ def test_a_signal_handler_that_ends_the_program_amid_it_leaves_the_rest_to_the_e
     check(log, None, decided(first, of=DOORS), tmp_path, runtime_folder)
 
 
+@pytest.mark.parametrize("in_thread", [False, True])
+def test_who_keeps_what_interrupted_an_end_keeps_nobody_from_ending_it(
+    logger, tmp_path, runtime_folder, monkeypatch, in_thread
+):
+    log, _ = logger(served=False)
+
+    def interrupt():
+        raise KeyboardInterrupt
+
+    amid(log, None, monkeypatch, interrupt)
+    try:
+        log.close()
+    except KeyboardInterrupt as error:  # its traceback has all that was under way
+        ends = threading.Thread(target=log.close, daemon=True)
+        if in_thread:
+            ends.start()
+            ends.join(5)
+        else:
+            log.close()
+        assert log._life.freed, error
+    check(log, None, {"dropped"}, tmp_path, runtime_folder)
+
+
 def test_the_end_of_a_process_ends_all_loggers_though_one_fails(logger, tmp_path, runtime_folder, monkeypatch):
     log, _ = logger(served=False)
     other = silo.Logger("other", folder=tmp_path, script=tmp_path / "none.yaml")
