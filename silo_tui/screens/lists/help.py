@@ -269,9 +269,6 @@ class HelpScreen(Dialog[None]):
         yield Line(lambda line: [], "words of what you look for", "help-search")
         yield Static("", id="help-keys", markup=False)
 
-    def on_mount(self) -> None:
-        self._show()
-
     def on_resize(self, event: events.Resize) -> None:
         self._show()
 
