@@ -33,9 +33,13 @@ async def _done(pump: MessagePump, *, drawn: bool = False) -> None:
     passed = asyncio.Event()
     if not (pump.call_after_refresh if drawn else pump.call_later)(passed.set):
         return
-    waits = asyncio.ensure_future(passed.wait())
-    await asyncio.wait([waits, *([pump._task] if pump._task else [])], return_when=asyncio.FIRST_COMPLETED)
-    waits.cancel()
+    tasks = [pump._task] if pump._task else []
+    ended = cast(Callable[[object], None], lambda _: passed.set())  # no task of its own waits: some ten a key
+    for task in tasks:
+        task.add_done_callback(ended)
+    await passed.wait()
+    for task in tasks:
+        task.remove_done_callback(ended)
 
 
 class Gate:
