@@ -185,10 +185,11 @@ def pytest_runtest_setup() -> None:
     _started.clear()
 
 
-@pytest.fixture(autouse=True)
-def _fast_unless_marked(request: pytest.FixtureRequest) -> Iterator[None]:
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_teardown(item: pytest.Item) -> Iterator[None]:
+    """No fixture, which each test would set up for itself."""
     yield
-    if _started and not request.node.get_closest_marker("slow"):
+    if _started and not item.get_closest_marker("slow"):
         pytest.fail(f"a test that starts a process belongs to the slow tier, mark it so: {_started[0]}")
 
 

@@ -81,9 +81,10 @@ def _replace_known(node: Any, rules: dict[str, Any], *, animate: bool) -> None:
     """`Stylesheet.replace_rules`, without a look at rules that stay as they are, or are the first of a node."""
     base = node.styles.base
     there, known = base._rules, _results.get(id(rules))
-    if animate or known is None:
+    moves = animate and "transitions" in rules
+    if moves or known is None:
         replace(node, rules, animate=animate)
-        if not animate:
+        if not moves:
             _results[id(rules)] = there | ({"layout": there["layout"].name} if "layout" in there else {})
         return
     if there or node._is_mounted:

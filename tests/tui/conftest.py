@@ -3,11 +3,12 @@
 import asyncio
 import functools
 import inspect
+import itertools
 import time
 import traceback
 import unicodedata
 from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, asynccontextmanager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, asynccontextmanager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from textual.css.stylesheet import Stylesheet
 from textual.keys import REPLACED_KEYS, _character_to_key, _get_unicode_name_from_key
 from textual.message import Message
 from textual.message_pump import MessagePump
-from textual.pilot import Pilot
+from textual.pilot import Pilot, WaitForScreenTimeout
 from textual.reactive import Reactive
 from textual.screen import ModalScreen
 from textual.strip import Strip
@@ -296,42 +297,40 @@ def nothing_logged() -> Iterator[None]:
         yield
 
 
-MOST_ROUNDS = 10
+@for_all
+def nothing_prevented_at_once() -> Iterator[None]:
+    """Make no context where no messages are to be prevented: Textual makes two for each message."""
+    prevent, nothing = MessagePump.prevent, nullcontext()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(MessagePump, "prevent", lambda pump, *types: prevent(pump, *types) if types else nothing)
+        yield
 
 
-class Busy:
-    """Of an app, what `Pilot` waits for: itself and the widgets that have something to do.
-
-    Its own wait has each widget call back, hundreds of messages a key: half of the processor time of these tests.
-    """
-
-    def __init__(self, app: App[Any]) -> None:
-        self.app = self.screen = self
-        self._whole = app
-        self._exception_event = app._exception_event
-        self.call_later = app.call_later
-
-    def walk_children(self, *, with_self: bool) -> list[Any]:
-        nodes: list[Any] = [self._whole.screen]
-        for node in nodes:  # which grows meanwhile: Textual's own walk takes a tenth of what a key does
-            nodes += node._nodes._nodes
-        queues = [(node, node._message_queue) for node in (self._whole, *nodes)]
-        return [node for node, queue in queues if queue.values or not queue.ready_event._waiters]
+def busy(app: App[Any]) -> bool:
+    """Return whether an app, or a widget of its screen, has something to do."""
+    nodes: list[Any] = [app.screen]
+    for node in nodes:  # which grows meanwhile: Textual's own walk takes a tenth of what a key does
+        nodes += node._nodes._nodes
+    queues = [node._message_queue for node in (app, *nodes) if not (node._closing or node._closed)]
+    return any(queue.values or not queue.ready_event._waiters for queue in queues)
 
 
 @for_all
 def only_the_busy_are_waited_for() -> Iterator[None]:
-    """Until none is busy, or as often as one that is busy for long is waited for."""
-    wait = Pilot._wait_for_screen
+    """Until none is busy for three turns of the loop, in which what they began goes on.
+
+    Pilot's own wait has each widget call back, hundreds of messages a key: half of the processor time of these tests.
+    """
 
     async def wait_for_the_busy(pilot: Pilot[Any], timeout: float = 30.0) -> bool:
-        busy = Busy(pilot.app)
-        for _ in range(MOST_ROUNDS):
-            if not await wait(busy, timeout):
+        deadline, quiet, turns = time.monotonic() + timeout, 0, 0
+        while quiet < 3:
+            await asyncio.sleep(0 if turns < 100 else 0.001)  # one that is busy for so long waits for a thread
+            if not pilot.app.screen_stack or pilot.app._exception_event.is_set():
                 return False
-            await asyncio.sleep(0)
-            if not busy.walk_children(with_self=True):
-                break
+            quiet, turns = 0 if busy(pilot.app) else quiet + 1, turns + 1
+            if time.monotonic() > deadline:
+                raise WaitForScreenTimeout(f"still busy after {timeout} s")
         return True
 
     with pytest.MonkeyPatch.context() as patch:
@@ -495,9 +494,10 @@ class Screen:
         """Waits until the key, what its command posted, and what that opened is done; or waits itself."""
         await self.pilot._wait_for_screen()
         deadline = time.monotonic() + DEADLINE_S
+        turns = itertools.count()
         while not self.app.gate.free and not getattr(self.app.screen, "waits", False) and self.app.is_running:
             assert time.monotonic() < deadline, f"a key is not carried out\n{self.text}"
-            await self.pilot._wait_for_screen()
+            await asyncio.sleep(0 if next(turns) < 100 else 0.001)  # what takes so long waits for a thread
         await self.pilot._wait_for_screen()
 
     async def leave(self) -> None:
