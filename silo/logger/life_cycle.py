@@ -53,6 +53,7 @@ class Alone:
 
     def over(self) -> None:
         """Have those go on who wait."""
+        self._who = lambda: None  # what began may be there for long: in a traceback that somebody keeps
         with self._lock:
             self._is_over.notify_all()
 
@@ -60,14 +61,14 @@ class Alone:
     def turn(self) -> Iterator[AtWork]:
         """Do it alone, for who may not have the lock: one that a signal handler ends may have it."""
         with self._lock:
-            own = self.wait()
-            mine = own or self.begin()
+            below = self.wait()
+            mine = below or self.begin()
         try:
             yield mine
         finally:
-            if own is None:  # else it lies below; who keeps a traceback keeps `mine`
-                self._who = lambda: None
-            self.over()
+            if below is None:
+                self.over()
+            del below, mine
 
 
 class WantedStretch(NamedTuple):

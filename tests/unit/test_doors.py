@@ -166,6 +166,13 @@ def test_in_a_signal_handler_amid_the_other(logger, tmp_path, runtime_folder, mo
     check(log, None, decided(first, second, of=DOORS), tmp_path, runtime_folder)
 
 
+def in_a_thread(what):
+    thread = threading.Thread(target=what, daemon=True)
+    thread.start()
+    thread.join(30)
+    assert not thread.is_alive()
+
+
 @contextlib.contextmanager
 def handling(what):
     before = signal.signal(signal.SIGUSR1, lambda *_: what())
@@ -196,27 +203,23 @@ def test_a_signal_handler_that_ends_the_program_amid_it_leaves_the_rest_to_the_e
     check(log, None, decided(first, of=DOORS), tmp_path, runtime_folder)
 
 
-@pytest.mark.parametrize("in_thread", [False, True])
-def test_who_keeps_what_interrupted_an_end_keeps_nobody_from_ending_it(
-    logger, tmp_path, runtime_folder, monkeypatch, in_thread
+@pytest.mark.parametrize("again", [lambda end: end(), in_a_thread], ids=["here", "in another thread"])
+@pytest.mark.parametrize("first", DOORS)
+def test_one_that_failed_is_done_again_by_who_holds_its_error(
+    logger, tmp_path, runtime_folder, monkeypatch, first, again
 ):
     log, _ = logger(served=False)
 
-    def interrupt():
+    def fails():
         raise KeyboardInterrupt
 
-    amid(log, None, monkeypatch, interrupt)
+    assert amid(log, None, monkeypatch, fails) == []
     try:
-        log.close()
-    except KeyboardInterrupt as error:  # its traceback has all that was under way
-        ends = threading.Thread(target=log.close, daemon=True)
-        if in_thread:
-            ends.start()
-            ends.join(5)
-        else:
-            log.close()
-        assert log._life.freed, error
-    check(log, None, {"dropped"}, tmp_path, runtime_folder)
+        pass_through(first, log, None)
+    except KeyboardInterrupt:
+        again(log.close)
+        assert log._life.freed
+    check(log, None, decided(first, of=DOORS), tmp_path, runtime_folder)
 
 
 def test_the_end_of_a_process_ends_all_loggers_though_one_fails(logger, tmp_path, runtime_folder, monkeypatch):
