@@ -24,14 +24,15 @@ class AtWork:
     """That a thread is at something: as long as this is there, whatever interrupts it."""
 
     def __init__(self) -> None:
-        self.thread = threading.get_ident()
+        self.threads = {threading.get_ident()}
         self.ends = False  # the logger, not its server alone
 
 
 class Alone:
     """What one thread does at a time, for which others wait without the lock. For who has the lock.
 
-    A thread's own may lie below it on its stack: of a signal handler, or after an interrupt.
+    A thread's own may lie below it on its stack: of a signal handler, or after an interrupt. And one that it waits for
+    may come to it, by the collector.
     """
 
     def __init__(self, lock: threading.RLock) -> None:
@@ -46,7 +47,7 @@ class Alone:
 
     def wait(self) -> AtWork | None:
         """Wait until no other thread is at it; return what of this one is."""
-        while (who := self._who()) is not None and who.thread != threading.get_ident():
+        while (who := self._who()) is not None and threading.get_ident() not in who.threads:
             del who
             self._is_over.wait(LOOK_AGAIN_S)
         return who
@@ -56,6 +57,13 @@ class Alone:
         self._who = lambda: None  # what began may be there for long: in a traceback that somebody keeps
         with self._lock:
             self._is_over.notify_all()
+
+    def join(self, thread: threading.Thread) -> None:
+        """Wait for the end of a thread, for who is at it; that one may be at it, too."""
+        if (who := self._who()) is not None:
+            who.threads |= {thread.ident or 0}
+            thread.join()
+            who.threads -= {thread.ident or 0}  # which another may have now
 
     @contextlib.contextmanager
     def turn(self) -> Iterator[AtWork]:

@@ -454,7 +454,6 @@ class ScriptedTable:
             self._life.cut(wanted)  # without the lock: others look, and stop the logger, while it is prepared
         finally:
             if cutter is not None:
-                cutter = None
                 self._life.cutting.over()
 
     @property

@@ -360,6 +360,22 @@ def test_a_forgotten_logger_ends_with_its_helper_process(tmp_path, until):
     assert saved_at(tmp_path, "/log/x") == [5.0]
 
 
+def test_one_that_is_forgotten_while_no_helper_process_can_be_started_ends_too(tmp_path, monkeypatch, until, caplog):
+    log = silo.Logger("bot", folder=tmp_path, script=tmp_path / "none.yaml")
+    serving = log.serve()
+
+    def no(_):
+        raise OSError("no memory")
+
+    monkeypatch.setattr(type(serving), "_spawn", no)
+    os.kill(serving.helper_pid, signal.SIGKILL)
+    until(lambda: "no helper process: no memory" in caplog.text)
+    gone = weakref.ref(log)
+    del log
+    until(lambda: gc.collect() >= 0 and gone() is None)
+    until(lambda: not serving._thread.is_alive())
+
+
 def test_a_second_logger_of_the_name_saves_and_closes_the_first(served, tmp_path, capfd):
     first = served()
     x = first.array("x")

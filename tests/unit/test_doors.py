@@ -264,6 +264,16 @@ def test_served_in_a_signal_handler_amid_the_other(monkeypatch, drawn, each_pair
     each_pair(drawn(SERVED_PAIRS, 6), both)
 
 
+@pytest.mark.slow
+def test_the_collector_may_forget_one_in_the_thread_of_a_server_that_is_just_closed(
+    logger, tmp_path, runtime_folder, monkeypatch
+):
+    log, serving = logger(served=True)
+    monkeypatch.setattr(serving, "_look_at_parameters", lambda: None if serving.alive else log.__del__())
+    in_a_thread(serving.close)
+    check(log, serving, {"saved"}, tmp_path, runtime_folder)
+
+
 @pytest.fixture
 def each_pair(logger, tmp_path, runtime_folder):
     def tried(pairs, both, at_once=False):

@@ -6,6 +6,7 @@ Called by the thread of `silo.logger.serving.serving`, never by the loop.
 import os
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
+from threading import Thread
 from typing import Any, Protocol
 
 import msgspec
@@ -35,6 +36,7 @@ class Alone(Protocol):
     """What one thread does at a time, seen from here."""
 
     def turn(self) -> AbstractContextManager[object]: ...
+    def join(self, thread: Thread, /) -> None: ...
 
 
 class Life(Protocol):

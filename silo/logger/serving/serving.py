@@ -333,6 +333,7 @@ class Serving:
         self._landing.clear()  # whoever waited asked the process that died
         if (logger := self._logger_ref()) is not None:
             logger.parameters.excitations.stop("", "the helper process died")
+        del logger  # it may be forgotten while no new one starts
         self._down.set()
         code = self._helper.end()
         self._fail_pending("the helper process died while it saved; a new one is being started: save again")
@@ -526,7 +527,7 @@ class Serving:
         self._no_more_asked()
         os.eventfd_write(self._wake, 1)
         if self._thread is not threading.current_thread():
-            self._thread.join()  # the goodbye goes to the helper that is there then
+            self._ends.join(self._thread)  # the goodbye goes to the helper that is there then
         self._no_more_asked()  # one that was just being started
         if self._viewers is not None:
             self._viewers.close()  # before its logger goes, which it would complain of
