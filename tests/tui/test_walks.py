@@ -37,6 +37,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.through_all]
 SECOND = 10**9
 NOW_NS = START_NS + 3600 * SECOND
 LF = "/log/legs/LF"
+STANDING = ("held", "scope", "messages", "loggers", "fleet", "holding", "parameters")  # modules without a stopwatch
 
 
 def over(name, word, **more):
@@ -140,7 +141,7 @@ def standing(monkeypatch):
             importlib.import_module(module.name)
     for name, module in list(sys.modules.items()):
         if name.startswith("silo_tui.") and getattr(module, "time", None) is time:
-            stands = name.rpartition(".")[2] in ("held", "scope", "messages", "loggers", "fleet", "holding")
+            stands = name.rpartition(".")[2] in STANDING
             clock = SimpleNamespace(**wall, **kept, monotonic=(lambda: 1000.0) if stands else time.monotonic)
             monkeypatch.setattr(module, "time", clock)
     monkeypatch.setattr("silo_tui.model.lists.recorders.RATE_S", 1e9)
