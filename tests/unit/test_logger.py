@@ -250,7 +250,7 @@ def test_a_logger_that_the_program_forgot_keeps_its_unsaved_data(tmp_path, capsy
     del logger
     gc.collect()
     told = capsys.readouterr().err
-    assert "logger 'forgotten' ended without save() or close(); " in told
+    assert "logger 'forgotten' was let go of without save() or close(); " in told
     assert "keeps 1 sample of 1 element" in told
     assert len(list_segments()) == 1
 
