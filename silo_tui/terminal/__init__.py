@@ -66,7 +66,7 @@ def may_paint(app: App[Any], wished_hz: float) -> bool:
 def thin_head(app: App[Any], room: int) -> str:
     """Return what the head says of a thin link, or of a computer too busy to paint as often as is wished.
 
-    `THIN 1.2 of 5 Hz 64 kbit/s 210 ms`, as much of it as has room, `BUSY 1.2 of 5 Hz` where it is not the link,
+    `THIN 1.2 of 5 Hz 64 kbit/s 210 ms`, as much of it as has room, `BUSY drawn 1.2 of 5 Hz` where it is not the link,
     `DRAWN 1.2 of 5 Hz` where neither is known to be why; empty where all is shown.
     """
     driver = _driver_of(app)

@@ -155,7 +155,7 @@ def head_words(thinness: Thinness, painted: Painted, link: list[str], room: int,
         return ""
     if not thinness.step and not busy:
         return told if len(told := f"DRAWN {painted.words}") <= room else ""
-    parts = list(filter(None, ["THIN", painted.words, *link])) if thinness.step else ["BUSY", painted.words]
+    parts = list(filter(None, ["THIN", painted.words, *link])) if thinness.step else ["BUSY", f"drawn {painted.words}"]
     while len(parts) > 1 and len(" ".join(parts)) > room:
         parts.pop()  # a number that is cut would be another one
     return " ".join(parts)

@@ -151,7 +151,9 @@ def test_nothing_of_the_head_moves_whatever_comes_and_goes(width, desk, monkeypa
     desk.session.measured_hz = 400.0
     limits = [LimitStatus(NAME, NAME, word, alarm=True) for word in (LimitWord.RED_HIGH, LimitWord.OK)]
     always = head(desk, width)
-    for rate, busy, alarms in itertools.product((399.96, 400.0, 361.4, 99.9), ("", "BUSY 3.4 of 5 Hz"), ([], limits)):
+    for rate, busy, alarms in itertools.product(
+        (399.96, 400.0, 361.4, 99.9), ("", "BUSY drawn 3.4 of 5 Hz"), ([], limits)
+    ):
         desk.session.measured_hz, desk.session.limits = rate, alarms
         monkeypatch.setattr(bars, "thin_head", lambda _, room, busy=busy: busy if room >= len(busy) else busy[:4])
         line = head(desk, width)
@@ -267,7 +269,7 @@ def test_of_a_dead_robot_nothing_is_told_that_would_watch(desk):
 
 @pytest.mark.parametrize(
     ("state", "words", "is_told"),
-    [(State.RUNNING, "BUSY 3.4 of 5 Hz", True), (State.STOPPED, "BUSY 0.74 of 1 Hz", False),
+    [(State.RUNNING, "BUSY drawn 3.4 of 5 Hz", True), (State.STOPPED, "BUSY drawn 0.74 of 1 Hz", False),
      (State.STOPPED, "THIN 64 kbit/s", True)],
 )  # fmt: skip
 def test_of_what_stands_still_nothing_is_drawn_too_rarely(state, words, is_told, desk, monkeypatch):

@@ -100,7 +100,7 @@ async def test_each_word_and_sign_of_the_first_screen_is_found_in_help(fake, ope
     async with opened(fake, size=(width, 24)) as screen:
         session = screen.session
         session.status = msgspec.structs.replace(session.status, recorders=1)
-        for slow, busy in ((1.0, "BUSY 1.2 of 5 Hz"), (0.9, "THIN 64 kbit/s")):
+        for slow, busy in ((1.0, "BUSY drawn 1.2 of 5 Hz"), (0.9, "THIN 64 kbit/s")):
             session.measured_hz = slow * session.status.frequency_hz
             head = f"{screen.app.screen.status_bar._line().plain} {busy}".split()[2:]  # behind silo and its name
             titles = next(line for line in screen.text.splitlines() if "↓name" in line).split()

@@ -453,7 +453,7 @@ def test_a_busy_computer_is_no_thin_link():
     slow = Painted()
     for tick in range(30):
         slow.note(5.0, painted=False, now_s=tick / 5)
-    assert head_words(Thinness(), slow, ["64 kbit/s"], 60, busy=True) == "BUSY 0.0 of 5 Hz"
+    assert head_words(Thinness(), slow, ["64 kbit/s"], 60, busy=True) == "BUSY drawn 0.0 of 5 Hz"
     assert head_words(Thinness(), Painted(), [], 60, busy=True) == ""
     thin = Thinness()
     thin.step = 1

@@ -50,7 +50,7 @@ HEAD = (
     ("read-only", "nothing can be changed from here; who may is told"),
     ("PAUSED SCOPE FILE", "of plots: they stand still, show crossings, are of a saved file"),
     ("THIN 1.2 of 5 Hz", "the link takes so many pictures a second, carries kbit/s, answers after ms; keys go first"),
-    ("BUSY 1.2 of 5 Hz", "this computer is too busy to draw as often as it should; not the link"),
+    ("BUSY drawn 1.2 of 5 Hz", "this computer is too busy to draw as often as it should; not the link"),
     ("DRAWN 1.2 of 5 Hz", "it is drawn less often than it should be, and neither is known to be why"),
 )  # fmt: skip
 COLUMNS = (
