@@ -274,6 +274,18 @@ def test_the_collector_may_forget_one_in_the_thread_of_a_server_that_is_just_clo
     check(log, serving, {"saved"}, tmp_path, runtime_folder)
 
 
+@pytest.mark.slow
+def test_a_server_that_a_signal_handler_ends_amid_its_end_starts_no_other_helper_process(logger, monkeypatch):
+    log, serving = logger(served=True)
+    log.trigger("high", f"x > {TICKS}")
+    started = []
+    monkeypatch.setattr(Serving, "_spawn", started.append)
+    with handling(log.close):
+        assert amid(log, serving, monkeypatch, lambda: signal.raise_signal(signal.SIGUSR1)) == []
+        serving.close()
+    assert (log._life.freed, serving._over, started) == (True, True, [])
+
+
 @pytest.fixture
 def each_pair(logger, tmp_path, runtime_folder):
     def tried(pairs, both, at_once=False):

@@ -550,7 +550,7 @@ class Serving:
     def _say_goodbye(self) -> None:
         """End the helper process; where it is down and left something to do, one more does that first."""
         logger = self._logger_ref()
-        if self._parted() or logger is None:
+        if self._parted() or logger is None or self._over:
             return
         if has_left(logger.options.name, logger.options.id) or (logger.ticks and logger._conditions.now.judged):
             try:
