@@ -435,7 +435,10 @@ class _Unhurried:
                     gc.disable()
             yield
         finally:
-            self._over(key)
+            try:
+                self._over(key)
+            finally:
+                del mine  # which the traceback of an interrupt would keep
 
     def _over(self, key: int) -> None:
         with self._lock:

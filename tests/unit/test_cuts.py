@@ -344,6 +344,25 @@ def test_a_cut_that_is_interrupted_anywhere_is_whole_or_never_was(new_logger, ru
         current_run._unhurried.forget()
 
 
+def test_who_keeps_what_interrupted_the_end_of_a_cut_does_not_keep_the_interpreter_as_it_was_within(
+    new_logger, monkeypatch
+):
+    before, puts_back = (sys.getswitchinterval(), gc.isenabled()), current_run._Unhurried._put_back
+    interrupts = iter([KeyboardInterrupt])
+
+    def interrupted(unhurried):
+        for interrupt in interrupts:
+            raise interrupt
+        puts_back(unhurried)
+
+    loop = Loop(new_logger("bot"))
+    loop.turn(2)
+    monkeypatch.setattr(current_run._Unhurried, "_put_back", interrupted)
+    with pytest.raises(KeyboardInterrupt) as kept:
+        loop.logger.set("x", divider=2, cut=True)
+    assert (sys.getswitchinterval(), gc.isenabled()) == before, kept
+
+
 def test_of_two_loggers_that_are_cut_at_once_the_last_puts_the_interpreter_back(new_logger, monkeypatch):
     before = sys.getswitchinterval(), gc.isenabled()
     loops = [Loop(new_logger(name)) for name in ("one", "two")]
