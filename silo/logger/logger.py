@@ -302,17 +302,30 @@ class Logger(LoggerNames):
             self._present.number += 1
             self._life.cut, self._life.memory_bytes = self._cut, self._present.memory_bytes
             self._life.begun_by, self._life.give_way = "", self._give_way
-            run = self._present.replace(
-                self._make_run, self.options, self._conditions.now, self._let_go, self._hand_over, self._is_wanted
-            )
-            self._life.reason = ""
-            self._ignored = 0
-            self._life.running = True
-            self._present.tell_of_drop(dropped, self.options.name)
-            warn_of_end(self.options, self._table.infos)
-            self._mark_in(run.segment.marks)
-            self._set_collect(self._collect_of(run))
-            self._life.tell()
+            try:
+                self._begin(dropped)
+            except Exception:
+                self._life.check_open()  # a signal handler ended it amid this
+                raise
+            if self._life.closed:
+                self._life.running = False
+                self._set_collect(None)
+                self._mark_in(None)
+                self._present.drop()
+                self._life.check_open()
+
+    def _begin(self, dropped: int) -> None:
+        run = self._present.replace(
+            self._make_run, self.options, self._conditions.now, self._let_go, self._hand_over, self._is_wanted
+        )
+        self._life.reason = ""
+        self._ignored = 0
+        self._life.running = True
+        self._present.tell_of_drop(dropped, self.options.name)
+        warn_of_end(self.options, self._table.infos)
+        self._mark_in(run.segment.marks)
+        self._set_collect(self._collect_of(run))
+        self._life.tell()
 
     def _begun_by(self, client: str) -> None:
         """Note whose start the present run has: until it has a tick, no call of the program fails for it."""

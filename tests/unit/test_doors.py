@@ -203,6 +203,28 @@ def test_a_signal_handler_that_ends_the_program_amid_it_leaves_the_rest_to_the_e
     check(log, None, decided(first, of=DOORS), tmp_path, runtime_folder)
 
 
+@pytest.mark.parametrize("step", ["_make_run", "_hand_over", "_collect_of"])
+@pytest.mark.parametrize("before", [True, False])
+def test_a_signal_handler_that_closes_it_amid_a_start_leaves_none_that_logs_on(
+    logger, tmp_path, runtime_folder, monkeypatch, step, before
+):
+    log, _ = logger(served=False)
+    real = getattr(log, step)
+
+    def amid_it(*arguments):
+        made = None if before else real(*arguments)
+        signal.raise_signal(signal.SIGUSR1)
+        return real(*arguments) if before else made
+
+    monkeypatch.setattr(log, step, amid_it)
+    with handling(log.close), pytest.raises(silo.StateError, match="is closed"):
+        log.restart()
+    monkeypatch.undo()
+    log.collect()
+    assert not log.is_running
+    check(log, None, {"dropped"}, tmp_path, runtime_folder)
+
+
 @pytest.mark.parametrize("again", [lambda end: end(), in_a_thread], ids=["here", "in another thread"])
 @pytest.mark.parametrize("first", DOORS)
 def test_one_that_failed_is_done_again_by_who_holds_its_error(
