@@ -144,9 +144,10 @@ def test_an_interrupt_anywhere_in_the_first_tick_leaves_the_run_to_its_thread(tm
         logger.start()
         return logger
 
-    with started() as first:
-        count = len(interrupts.places(first.collect))
-        first.close(discard=True)
+    for _ in range(2):  # the first tick of a process takes some instructions more
+        with started() as first:
+            count = len(interrupts.places(first.collect))
+            first.close(discard=True)
     assert count > 50
     for number in range(count):
         logger = started()
