@@ -273,7 +273,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("later", "pagedown,ctrl+d", "Later", "half a window on", "Plots", _PLOTS, 8, shown_key="PgDn", does="pan",
             given=1),
     Command("oldest", "home,circumflex_accent", "Oldest", "the oldest that is held", "Plots", _PLOTS),
-    Command("newest", "end,dollar_sign", "Now", "now; in a file its end", "Plots", _PLOTS, 9, shown_key="End"),
+    Command("newest", "end,dollar_sign", "Newest", "now; in a file its end", "Plots", _PLOTS, 9, shown_key="End"),
     Command("all_held", "0", "All", "all that is held", "Plots", _PLOTS, 9),
     Command("export_plots", "w", "Write", "what is shown to a CSV, PNG or SVG file here", "Plots", _PLOTS,
             11),

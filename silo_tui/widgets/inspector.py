@@ -29,10 +29,12 @@ from silo_tui.sessions.live import Session
 from silo_tui.terminal import pace_of
 from silo_tui.theme import color
 from silo_tui.unforeseen import Guarded
+from silo_tui.widgets.bars import lines_of
 
 MAX_PLOTS = 6
 MAX_VALUES = 16
 MAX_LABELS = 8
+DESCRIBED = 4  # lines
 BESIDE_FROM = 54  # cells from which a pane below the table has values and plots beside the facts: of rows it has few
 
 
@@ -185,8 +187,7 @@ class Inspector(Guarded, Widget):
         dtype = element.entries[0].dtype.lstrip("<>|=") if element.entries else ""
         unit = "" if element.unit == "-" else f"  [{element.unit}]"
         pane.append(f"{element.kind} {shape} {dtype}{unit}".replace("  ", " ") + "\n", style=quiet)
-        if element.description:
-            pane.append(element.description + "\n", style=quiet)
+        self._described(pane, element)
         table = self.session.table
         values, server, pending, conflicts = table.values, table.server, table.pending, table.conflicts
         for field in Field if not element.expression else (Field.ENABLED, Field.DIVIDER):
@@ -218,10 +219,16 @@ class Inspector(Guarded, Widget):
             if reading.failed:
                 pane.append(f"{'not read':<12} at {many(reading.failed, 'tick')}\n", style=self._color("alarm"))
 
+    def _described(self, pane: InspectorLines, element: ElementInfo) -> None:
+        """Tell what it is, beside the table in some lines; below it lines are few."""
+        words = element.description
+        lines = [words] if self.spread else lines_of(words, max(8, self.content_size.width), self.app.console)
+        for line in lines[:DESCRIBED] if words else ():
+            pane.append(line + "\n", style=self._color("quiet"))
+
     def _facts_of_file(self, pane: InspectorLines, element: ElementInfo) -> None:
         report = self.session.rows_of[element.name]
-        if element.description:
-            pane.append(element.description + "\n", style=self._color("quiet"))
+        self._described(pane, element)
         facts = [
             ("kind", element.kind), ("type", type_word(element, report)), ("unit", element.unit),
             ("divider", str(report.divider)), ("samples", text.count(report.samples)),

@@ -371,3 +371,14 @@ async def test_beside_the_inspector_settings_and_names_keep_their_room(fake, ope
         await screen.until(lambda: table.laid.width < 120, "a narrower table")
         assert set(table.field_spans()) == set(Field)
         assert not table.laid.space, "all names are whole"
+
+
+@pytest.mark.slow
+async def test_beside_the_table_a_description_is_whole_in_some_lines(new_fake, opened):
+    words = "left front knee flexion: difference of the two encoders, before and behind the gear"
+    fake = new_fake([msgspec.structs.replace(scalar("/log/x"), description=words)])
+    async with opened(fake.run(), size=(160, 50)) as screen:
+        await screen.do("inspector")
+        await screen.until(
+            lambda: words in " ".join(line[line.rfind("│") + 1 :].strip() for line in screen.text.splitlines())
+        )
