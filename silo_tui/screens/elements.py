@@ -298,7 +298,9 @@ class ElementsScreen(SiloScreen):
             self.show_set(name)
             if self.table.titles != before:
                 break
-        self.say(f"columns: {name}" + (self.statistics_words() if name == "statistics" else ""))
+        has_statistics = "mean" in self.table.titles
+        beside = " and statistics" if has_statistics and name != "statistics" else ""
+        self.say(f"columns: {name}{beside}" + (self.statistics_words() if has_statistics else ""))
         self.table_changed()
 
     @abstractmethod

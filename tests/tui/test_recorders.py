@@ -34,8 +34,9 @@ class TestRows:
 
     @pytest.mark.parametrize(
         ("size", "keep", "shown"),
-        [(45_300_000, 10**9, "  45 MB of 1 GB"), (400_000_000, 2 * 10**9, "0.4 of 2 GB"), (70, 0, " 30 GB")],
-    )
+        [(45_300_000, 10**9, "  45 MB of 1 GB"), (400_000_000, 2 * 10**9, "0.4 of 2 GB"), (70, 0, " 30 GB"),
+         (54_000, 100_000_000, " 54 kB of 100 MB"), (123_000, 1_250_000_000, " 120 kB of 1.25 GB")],
+    )  # fmt: skip
     def test_what_is_written_shows_in_a_large_budget_and_without_one_only_its_own(self, robot, size, keep, shown):
         one = structs.replace(WALK, size_bytes=size, keep_bytes=keep)
         line = row(one, [each.name for each in robot], None, "/home/ann/logs", 80, NOW_NS)

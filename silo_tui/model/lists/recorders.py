@@ -21,6 +21,7 @@ LOUD = (RecorderState.FAILED,)
 CAUTION = (RecorderState.WAITING, RecorderState.DIED, RecorderState.OTHER)
 USUAL = "recordings"  # the folder, which needs no mention
 BAR = 5
+BUDGET = 20  # cells of what is written, of its budget
 FULL_SHARE = 0.8  # of the budget, from which it is amber
 RATE_S = 2.5  # least time between two looks that make a rate: a recorder writes once a second
 
@@ -83,7 +84,10 @@ def budget_text(one: RecorderInfo) -> str:
     """Return a bar and `21 of 50 GB`; without a budget what was written since it was started."""
     if not one.keep_bytes:
         return f"{'':{BAR}} {size_text(one.written_bytes)}"
-    return f"{text.bar(min(1.0, one.size_bytes / one.keep_bytes), BAR):{BAR}} {_of(one.size_bytes, one.keep_bytes)}"
+    sizes = _of(one.size_bytes, one.keep_bytes)
+    if BAR + 1 + len(sizes) > BUDGET:  # in kB of more: of a bar nothing would show
+        return sizes
+    return f"{text.bar(min(1.0, one.size_bytes / one.keep_bytes), BAR):{BAR}} {sizes}"
 
 
 def _of(part: int, whole: int) -> str:
@@ -109,5 +113,5 @@ def _line(cells: Sequence[str], width: int) -> str:
         rate = text.clean(rate)
         told = f"{rate[:30] + '…' if len(rate) > 31 else rate:<31}"
     else:
-        told = f"{rate:>10} {budget:<20}"
+        told = f"{rate:>10} {budget:<{BUDGET}}"
     return f"  {state:<4} {name:<{room}} {signals:>7} {since:>8} {told} {parts:>5} {lost:>5}"

@@ -143,7 +143,7 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
         """Draw what is being recorded; nothing where nothing is."""
         for lines in self.query("#recordings-running").results(Static):  # none of a screen that is gone
             lines.display = bool(self.session.recorders)
-            lines.update(Text("\n").join(self._running_lines()))
+            lines.update(Text("\n", no_wrap=True).join(self._running_lines()))
 
     def _running_lines(self) -> list[Text]:
         session, width = self.session, max(40, self.size.width)

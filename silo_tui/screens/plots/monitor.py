@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from silo_tui.actions import key_of
+from silo_tui.actions import Command, key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.drawing.plots import Plotted, plots_of
 from silo_tui.model.plots.panels import Panel, gathered, has_curves, isolate, join, sides, stacked
@@ -289,6 +289,10 @@ class MonitorScreen(PlotScreen):
             if panels != self.stack.panels:
                 return panels, f"plots: {words}"
         return self.stack.panels, ""
+
+    def label_now(self, command: Command) -> str:
+        """Return it; of one plot there is no other way to stand."""
+        return "" if command.id == "arrange_plots" and len(self.stack.plots) < 2 else super().label_now(command)
 
     def why_not_now(self, command_id: str) -> str:
         """Return why something can't be done with what is plotted: it needs two, or numbers."""
