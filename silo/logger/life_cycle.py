@@ -62,7 +62,10 @@ class Alone:
         """Wait for the end of a thread, for who is at it; that one may be at it, too."""
         if (who := self._who()) is not None:
             who.threads |= {thread.ident or 0}
-            thread.join()
+            thread.join(LOOK_AGAIN_S)
+            while thread.is_alive():  # it may wait for the lock, which a call has that a signal handler does this amid
+                with self._lock:
+                    self._is_over.wait(LOOK_AGAIN_S)
             who.threads -= {thread.ident or 0}  # which another may have now
 
     @contextlib.contextmanager

@@ -8,6 +8,7 @@ import contextlib
 import os
 import signal
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -294,6 +295,20 @@ def test_the_collector_may_forget_one_in_the_thread_of_a_server_that_is_just_clo
     monkeypatch.setattr(serving, "_look_at_parameters", lambda: None if serving.alive else log.__del__())
     in_a_thread(serving.close)
     check(log, serving, {"saved"}, tmp_path, runtime_folder)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lock", ["lock of the logger", "telling"])
+def test_a_signal_handler_that_closes_a_served_one_amid_a_call_waits_for_no_thread_that_waits_for_that_call(
+    logger, tmp_path, runtime_folder, lock
+):
+    log, serving = logger(served=True)
+    with handling(log.close), log._life.lock if lock == "lock of the logger" else serving._telling:
+        serving.state_changed()
+        time.sleep(0.2)  # until its thread waits for the lock
+        signal.raise_signal(signal.SIGUSR1)
+        assert log._life.freed
+    check(log, serving, {"dropped"}, tmp_path, runtime_folder)
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ one that the program forgot ends with its helper process.
 """
 
 import concurrent.futures
+import contextlib
 import functools
 import itertools
 import logging
@@ -13,7 +14,7 @@ import os
 import threading
 import time
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
@@ -241,7 +242,9 @@ class Serving:
     def _handle(self, message: object) -> None:
         logger = self._logger_ref()
         if isinstance(message, LinkRequest) and logger is not None:
-            with self._telling:
+            with self._turn_to_tell() as goes_on:
+                if not goes_on:
+                    return
                 self._by = message.request.client
                 reply = answer(logger, message.request)
                 self._push_state()
@@ -279,11 +282,23 @@ class Serving:
         logger = self._logger_ref()
         if logger is None:
             return  # it is being forgotten, and ends this
-        with self._telling:
-            state = robot_state(logger, self._by, self._table_sent, self._changes.now)
-            self._by = ""
-            self._send(state)
-            self._table_sent = state.revision
+        with self._turn_to_tell() as goes_on:
+            if goes_on:
+                state = robot_state(logger, self._by, self._table_sent, self._changes.now)
+                self._by = ""
+                self._send(state)
+                self._table_sent = state.revision
+
+    @contextlib.contextmanager
+    def _turn_to_tell(self) -> Iterator[bool]:
+        """Have nobody else tell; False once it is closed: a signal handler may do that amid who tells, and wait."""
+        while not (held := self._telling.acquire(timeout=ROUND_S)) and self.alive:
+            pass
+        try:
+            yield held
+        finally:
+            if held:
+                self._telling.release()
 
     def _send(self, message: RobotState | LinkRequest | LinkReply | LetGo | Goodbye) -> None:
         """Send a message. Raises OSError where the helper process is gone, or frozen with its buffer full."""
