@@ -132,6 +132,15 @@ class LifeCycle:
             whose = self.ending.value.format(os.getpid()) if self.ending is Ending.FORKED else "is closed"
             raise StateError(f"logger '{self.name}' {whose}; make a new one")
 
+    @contextlib.contextmanager
+    def told_if_closed(self) -> Iterator[None]:
+        """Raise StateError in the place of what comes of it that a signal handler closes the logger amid this."""
+        try:
+            yield
+        except Exception:
+            self.check_open()
+            raise
+
     def check_stopped(self, what: str) -> None:
         """Raise StateError while it runs, or once it is closed; `what` can't be done then."""
         self.check_open()

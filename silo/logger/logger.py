@@ -302,11 +302,8 @@ class Logger(LoggerNames):
             self._present.number += 1
             self._life.cut, self._life.memory_bytes = self._cut, self._present.memory_bytes
             self._life.begun_by, self._life.give_way = "", self._give_way
-            try:
+            with self._life.told_if_closed():
                 self._begin(dropped)
-            except Exception:
-                self._life.check_open()  # a signal handler ended it amid this
-                raise
             if self._life.closed:
                 self._life.running = False
                 self._set_collect(None)

@@ -451,7 +451,8 @@ class ScriptedTable:
                 finally:
                     if cuts:
                         self._state = before
-            self._life.cut(wanted)  # without the lock: others look, and stop the logger, while it is prepared
+            with self._life.told_if_closed():
+                self._life.cut(wanted)  # without the lock: others look, and stop the logger, while it is prepared
         finally:
             if cutter is not None:
                 self._life.cutting.over()

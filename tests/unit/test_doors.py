@@ -19,6 +19,7 @@ from silo.files.silo import writer
 from silo.logger import unclosed
 from silo.logger.serving.serving import Serving
 from silo.logger.unclosed import Ending
+from silo.segment.writer import Segment
 from tests.waiting import wait_until
 
 TICKS = 3
@@ -223,6 +224,20 @@ def test_a_signal_handler_that_closes_it_amid_a_start_leaves_none_that_logs_on(
     monkeypatch.undo()
     log.collect()
     assert not log.is_running
+    check(log, None, {"dropped"}, tmp_path, runtime_folder)
+
+
+def test_a_signal_handler_that_closes_it_amid_a_cut_is_told_as_that(logger, tmp_path, runtime_folder, monkeypatch):
+    log, _ = logger(served=False)
+    fill = Segment._fill
+
+    def amid_it(*arguments):
+        signal.raise_signal(signal.SIGUSR1)
+        fill(*arguments)
+
+    monkeypatch.setattr(Segment, "_fill", amid_it)
+    with handling(log.close), pytest.raises(silo.StateError, match="is closed"):
+        log.set("x", size="5s", cut=True)
     check(log, None, {"dropped"}, tmp_path, runtime_folder)
 
 
