@@ -137,6 +137,8 @@ class LifeCycle:
         """Raise StateError in the place of what comes of it that a signal handler closes the logger amid this."""
         try:
             yield
+        except StateError:
+            raise  # which tells it
         except Exception:
             self.check_open()
             raise
