@@ -13,7 +13,7 @@ import pytest
 
 from silo.core.conditions import NO_CONDITIONS, Conditions, SignalLimits
 from silo.core.elements import State
-from silo.errors import SegmentError
+from silo.errors import GoesOnError, SegmentError
 from silo.helper.helper import conditions_text
 from silo.net import knocking
 from silo.net.configuration import LINK
@@ -46,10 +46,12 @@ def test_without_descriptors_it_lives_on_and_what_it_could_not_do_is_done_then(b
         bench.ticks(50)
         assert client.restart("discard").state is State.RUNNING  # its run can't be handed over now
         bench.ticks(50)
-        assert client.mark("in the dark").text == "in the dark"
+        with pytest.raises(GoesOnError, match="the mark is noted"):
+            client.mark("in the dark")
     finally:
         limit(pid, soft)
     wait_until(lambda: len({event.run for event in client.events() if event.kind == EventKind.CAPTURED.value}) == 2)
+    wait_until(lambda: any(event.text == "in the dark" for event in client.events()))
     assert client.status().helper_pid == pid
     wait_until(lambda: client.status().ticks == 50)
 
@@ -72,7 +74,8 @@ def test_a_run_that_begins_meanwhile_is_recorded_from_its_first_tick(bench, clie
     try:
         bench.logger.restart()
         bench.ticks(50)
-        client.mark("in the dark")  # by then the helper process knows of the run
+        with pytest.raises(GoesOnError, match="the mark is noted"):
+            client.mark("in the dark")  # by then the helper process knows of the run
     finally:
         limit(pid, soft)
     wait_until(lambda: client.recorders()[0].samples == 70)

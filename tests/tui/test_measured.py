@@ -321,7 +321,8 @@ async def test_beside_the_entries_of_a_vector_stand_the_least_and_the_most_of_an
     name = "/log/imu/acceleration"
     fake.facts = {"least": {name: -7.5}, "most": {name: 8.25}, "max": {name: 99.0}, "mean": {name: 55.0}}
     async with opened(fake, size=size) as screen:
-        await screen.press("C")
+        if "mean" not in screen.text:
+            await screen.press("C")
         await screen.until(lambda: "8.25" in row_with(screen, "/imu/acceleration"))
         line = row_with(screen, "/imu/acceleration")
         assert "-7.50" in line
