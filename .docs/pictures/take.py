@@ -49,7 +49,7 @@ SCREENS = {
 }  # fmt: skip
 CELL = (10, 21)  # about, in pixels
 ASKED, ANSWERED = "\x1b[5n", b"\x1b[0n"
-ELSEWHERE = "/home/ann/robots"  # what a path of this machine is shown as
+ELSEWHERE = "/data/ann/robots"  # what a path of this machine is shown as
 SHOWN = "RUNNING"  # what the table begins with
 DEADLINE_S = 90.0
 # seconds to wait, then the keys

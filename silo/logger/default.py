@@ -13,7 +13,7 @@ from silo.core.calls import told
 from silo.logger.logger import Logger
 from silo.logger.null import NullLogger
 from silo.logger.serving.serving import Serving
-from silo.logger.unclosed import Ending
+from silo.logger.unclosed import LoggerEnd
 from silo.segment.marks import NO_WORDS
 
 log = logging.getLogger("silo")
@@ -34,7 +34,7 @@ def _making(kind: Callable[P, Logger]) -> Callable[P, Logger]:
     def init(*args: P.args, **kwargs: P.kwargs) -> Logger:
         global _default  # noqa: PLW0603  # the one logger of the program
         if isinstance(_default, Logger):
-            _default._end(Ending.UNCLOSED)
+            _default._end(LoggerEnd.UNCLOSED)
         made = kind(*args, **kwargs)
         if _early:
             log.warning("%s before silo.init() went to a logger that does nothing: call silo.init() first", _counted())

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from silo.core.conditions import Conditions
 from silo.core.elements import State
 from silo.errors import SaveError, StateError
-from silo.logger.unclosed import Ending
+from silo.logger.unclosed import LoggerEnd
 from silo.loop.plan import Element
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ class LifeCycle:
         self.name = name
         self._unlocked()
         self.running = False
-        self.ending: Ending | None = None  # how it ended, or is about to
+        self.ending: LoggerEnd | None = None  # how it ended, or is about to
         self.freed = False  # it ended, and what it had is let go of
         self.reason = ""  # of the last stop
         self.serving: Serving | None = None
@@ -129,7 +129,7 @@ class LifeCycle:
     def check_open(self) -> None:
         """Raise StateError once it is closed."""
         if self.closed:
-            whose = self.ending.value.format(os.getpid()) if self.ending is Ending.FORKED else "is closed"
+            whose = self.ending.value.format(os.getpid()) if self.ending is LoggerEnd.FORKED else "is closed"
             raise StateError(f"logger '{self.name}' {whose}; make a new one")
 
     @contextlib.contextmanager
@@ -179,4 +179,4 @@ class LifeCycle:
         self._unlocked()
         if self.serving is not None:
             self.serving.forget()
-        self.running, self.ending, self.freed, self.serving = False, Ending.FORKED, True, None
+        self.running, self.ending, self.freed, self.serving = False, LoggerEnd.FORKED, True, None

@@ -37,7 +37,7 @@ from silo.logger.run_data import RunData, types_in_one_list
 from silo.logger.scripted_table import ScriptedTable
 from silo.logger.tunables import Tunables
 from silo.logger.unclosed import (
-    Ending,
+    LoggerEnd,
     drop_journals,
     end_namesakes,
     forked_collect,
@@ -563,7 +563,7 @@ class Logger(LoggerNames):
         Args:
             discard: what was not saved is to go: nothing is said of it.
         """
-        self._end(Ending.DISCARDED if discard else Ending.CLOSED)
+        self._end(LoggerEnd.DISCARDED if discard else LoggerEnd.CLOSED)
 
     def __enter__(self) -> "Logger":
         return self
@@ -575,21 +575,21 @@ class Logger(LoggerNames):
 
         `log.close()` before the end drops it.
         """
-        self._end(Ending.BLOCK if kind is None else Ending.UNCLOSED)
+        self._end(LoggerEnd.BLOCK if kind is None else LoggerEnd.UNCLOSED)
 
     def __del__(self) -> None:
         """A logger that the program forgot: its thread and memory end, unsaved data is kept for `silo recover`."""
         if "_times" in vars(self):  # else it was never made
-            self._end(Ending.FORGOTTEN)
+            self._end(LoggerEnd.FORGOTTEN)
 
-    def _end(self, ending: Ending) -> None:
+    def _end(self, ending: LoggerEnd) -> None:
         """End it once, however that comes; what was interrupted goes on as it began, or drops where it is to."""
         life = self._life
         with life.ends.turn() as turn:
             if turn.ends or life.freed:
                 return  # this thread is at it: this is a signal handler's
             turn.ends = True
-            if ending is Ending.BLOCK and not life.closed and self.has_unsaved:
+            if ending is LoggerEnd.BLOCK and not life.closed and self.has_unsaved:
                 self.stop()
                 self._data.save_at_clean_end()
             with life.lock:
@@ -597,9 +597,9 @@ class Logger(LoggerNames):
                 if first:
                     self.stop()
                     self._data.look_for_unheld()
-                if first or ending is Ending.DISCARDED:
+                if first or ending is LoggerEnd.DISCARDED:
                     life.ending = ending
-                if first and ending is Ending.CLOSED and not self._data.save_failed and self.has_unsaved:
+                if first and ending is LoggerEnd.CLOSED and not self._data.save_failed and self.has_unsaved:
                     say_dropped(self.options.name, self._present.unsaved_ticks)
             self._free()
             life.freed = True
@@ -607,7 +607,7 @@ class Logger(LoggerNames):
     def _free(self) -> None:
         life, present = self._life, self._present
         assert life.ending is not None
-        keeps = life.ending.keeps or (life.ending is Ending.CLOSED and self._data.save_failed)
+        keeps = life.ending.keeps or (life.ending is LoggerEnd.CLOSED and self._data.save_failed)
         if life.serving is not None:
             life.serving.end(present.leave if life.ending.keeps and present.has_unsaved else None)
         self._mark_in(None)

@@ -20,7 +20,7 @@ from silo.logger.current_run import CurrentRun, is_to_be_saved
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
 from silo.logger.results import LoggedElement, NewValues, NewValuesReader, SavedFiles, look_at
-from silo.logger.unclosed import Ending, save_at_end, save_run, say_saved, say_where_it_is
+from silo.logger.unclosed import LoggerEnd, save_at_end, save_run, say_saved, say_where_it_is
 from silo.loop.run import Run
 
 P = ParamSpec("P")
@@ -181,10 +181,10 @@ class RunData:
         else:
             say_saved(self._present.run, self._options.name, saved)
 
-    def save_at_end(self, ending: Ending) -> bool:
+    def save_at_end(self, ending: LoggerEnd) -> bool:
         """Save what is in no file, each stretch to its own, and say where; whether that went well with all."""
         for one in filter(is_to_be_saved, self._present.stretches):
-            if ending is Ending.FORGOTTEN:  # the collector may run in any thread: no place to write files
+            if ending is LoggerEnd.FORGOTTEN:  # the collector may run in any thread: no place to write files
                 say_where_it_is(one, self._options, ended=ending.value)
             elif save_at_end(one, self._options, self._conditions.now, ending.value):
                 self._present.mark_saved(one, one.segment.ticks)

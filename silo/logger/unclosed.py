@@ -19,7 +19,7 @@ from silo.journal.holdings import segment_holdings
 from silo.loop.run import Run
 
 
-class Ending(enum.Enum):
+class LoggerEnd(enum.Enum):
     """How a logger ends: what its value says of it. Each decides what becomes of ticks that stand in no file."""
 
     CLOSED = "was closed after a save() that failed"  # they are dropped, which is said; kept where that failed
@@ -32,7 +32,7 @@ class Ending(enum.Enum):
     @property
     def keeps(self) -> bool:
         """Whether ticks that stand in no file are kept."""
-        return self in (Ending.BLOCK, Ending.UNCLOSED, Ending.FORGOTTEN)
+        return self in (LoggerEnd.BLOCK, LoggerEnd.UNCLOSED, LoggerEnd.FORGOTTEN)
 
 
 class UnclosedLogger(Protocol):
@@ -43,7 +43,7 @@ class UnclosedLogger(Protocol):
     @property
     def _is_closed(self) -> bool: ...
 
-    def _end(self, ending: Ending) -> None: ...
+    def _end(self, ending: LoggerEnd) -> None: ...
 
     def _after_fork_in_child(self) -> None:
         """Let go of everything that belongs to the parent process."""
@@ -65,14 +65,14 @@ def end_namesakes(name: str) -> None:
             "first one is closed; give loggers that are to live side by side names of their own",
             file=sys.stderr,
         )
-        other._end(Ending.UNCLOSED)
+        other._end(LoggerEnd.UNCLOSED)
 
 
 @atexit.register
 def _end_of_process() -> None:
     with contextlib.ExitStack() as each:  # which does the others where one fails
         for logger in list(_living):
-            each.callback(logger._end, Ending.UNCLOSED)
+            each.callback(logger._end, LoggerEnd.UNCLOSED)
 
 
 def _forked() -> None:
@@ -144,7 +144,7 @@ def drop_journals(options: LoggerOptions) -> None:
             remove_journal(path)
 
 
-def say_where_it_is(run: Run, options: LoggerOptions, problem: str = "", ended: str = Ending.UNCLOSED.value) -> None:
+def say_where_it_is(run: Run, options: LoggerOptions, problem: str = "", ended: str = LoggerEnd.UNCLOSED.value) -> None:
     """Say that a run was left for `silo recover`."""
     try:
         held = segment_holdings(run.reader).text

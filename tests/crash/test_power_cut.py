@@ -25,7 +25,7 @@ from silo.core.runtime import process_start
 from silo.errors import LogWarning, SegmentError
 from silo.journal.format import SCHEMA_FILE
 from silo.journal.reader import JournalReader
-from silo.logger.unclosed import Ending
+from silo.logger.unclosed import LoggerEnd
 from silo.recovery.journals import find_stale_journals, is_written
 from silo.recovery.runs import left_of
 from silo.rpc.published import EventKind
@@ -388,7 +388,7 @@ def test_what_was_logged_before_serving_ended_is_all_durable_until_it_is_saved_o
 
 def test_a_program_that_saves_at_its_end_by_itself_leaves_no_journal(durable, tmp_path):
     durable._life.serving.close()
-    durable._end(Ending.UNCLOSED)
+    durable._end(LoggerEnd.UNCLOSED)
     assert journals(tmp_path) == []
     (path,) = tmp_path.glob("*.silo")
     assert silo.open_log(path)["/log/x"].values.tolist() == list(range(50))

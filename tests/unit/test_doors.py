@@ -8,7 +8,6 @@ import contextlib
 import os
 import signal
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,7 @@ import silo
 from silo.files.silo import writer
 from silo.logger import unclosed
 from silo.logger.serving.serving import Serving
-from silo.logger.unclosed import Ending
+from silo.logger.unclosed import LoggerEnd
 from silo.segment.writer import Segment
 from tests.waiting import wait_until
 
@@ -32,7 +31,7 @@ DOORS = {
     "discard": (lambda log, _: log.close(discard=True), "dropped"),
     "with": (lambda log, _: log.__exit__(*CLEAN), "saved"),
     "with, error": (lambda log, _: log.__exit__(*ERROR), "saved"),
-    "exit": (lambda log, _: log._end(Ending.UNCLOSED), "saved"),
+    "exit": (lambda log, _: log._end(LoggerEnd.UNCLOSED), "saved"),
     "forgotten": (lambda log, _: log.__del__(), "left"),
 }
 SERVED = DOORS | {
@@ -69,7 +68,7 @@ def pass_through(door, log, serving):
 
 def check(log, serving, fates, folder, runtime_folder):
     """After the end of the process, which is the last door."""
-    log._end(Ending.UNCLOSED)
+    log._end(LoggerEnd.UNCLOSED)
     fates = {*fates} - {""} or {"saved"}
     if serving is not None:
         if fates == {"saved"}:
@@ -84,7 +83,7 @@ def check(log, serving, fates, folder, runtime_folder):
     for file in files:
         assert silo.open_log(file)["x"].values.ravel().tolist() == [*range(TICKS)]
     left = [path.name for path in runtime_folder.iterdir()]
-    if log._life.ending is Ending.FORGOTTEN and serving is None:
+    if log._life.ending is LoggerEnd.FORGOTTEN and serving is None:
         assert left == [Path(log._present.path).name]
         log._present.run.drop()
     else:
@@ -315,12 +314,19 @@ def test_the_collector_may_forget_one_in_the_thread_of_a_server_that_is_just_clo
 @pytest.mark.slow
 @pytest.mark.parametrize("lock", ["lock of the logger", "telling"])
 def test_a_signal_handler_that_closes_a_served_one_amid_a_call_waits_for_no_thread_that_waits_for_that_call(
-    logger, tmp_path, runtime_folder, lock
+    logger, tmp_path, runtime_folder, monkeypatch, lock
 ):
     log, serving = logger(served=True)
+    pushes, push = threading.Event(), serving._push_state
+
+    def pushed():
+        pushes.set()
+        push()
+
+    monkeypatch.setattr(serving, "_push_state", pushed)
     with handling(log.close), log._life.lock if lock == "lock of the logger" else serving._telling:
         serving.state_changed()
-        time.sleep(0.2)  # until its thread waits for the lock
+        assert pushes.wait(30)  # its thread is about to wait for the lock
         signal.raise_signal(signal.SIGUSR1)
         assert log._life.freed
     check(log, serving, {"dropped"}, tmp_path, runtime_folder)

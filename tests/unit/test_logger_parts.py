@@ -15,7 +15,7 @@ from silo.logger.logger import Logger
 from silo.logger.registrations import Registrations
 from silo.logger.run_data import RunData
 from silo.logger.scripted_table import ScriptedTable
-from silo.logger.unclosed import Ending
+from silo.logger.unclosed import LoggerEnd
 
 PARTS = {"_scripted": ScriptedTable, "_conditions": LoggerConditions, "_data": RunData}
 
@@ -64,7 +64,7 @@ def test_what_a_life_cycle_forbids_no_part_does(parts):
     conditions.derive("d", "q_z")
     conditions.trigger("t", "q_z > 1")
     conditions.limit("q_z", (None, None, 1, 2))
-    life.ending, before = Ending.CLOSED, conditions.now
+    life.ending, before = LoggerEnd.CLOSED, conditions.now
     for call in (
         lambda: scripted.array("x"),
         scripted.save_script,

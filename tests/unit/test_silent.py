@@ -14,7 +14,7 @@ from silo.errors import ArgumentError, ElementError, SegmentError
 from silo.files.silo import writer
 from silo.logger import default
 from silo.logger.null import NullLogger
-from silo.logger.unclosed import Ending
+from silo.logger.unclosed import LoggerEnd
 from tests.stand_ins.ticking import Robot, collect, warnings_of
 
 # ------------------------------------------------------------------------------------------------ ticks
@@ -228,8 +228,8 @@ def test_closing_that_was_interrupted_behind_its_save_saves_no_second_time(closi
     assert len(list(tmp_path.glob("*.silo"))) == 1
 
 
-@pytest.mark.parametrize("first", [Ending.CLOSED, Ending.UNCLOSED, Ending.BLOCK])
-@pytest.mark.parametrize("second", [Ending.CLOSED, Ending.UNCLOSED, Ending.BLOCK])
+@pytest.mark.parametrize("first", [LoggerEnd.CLOSED, LoggerEnd.UNCLOSED, LoggerEnd.BLOCK])
+@pytest.mark.parametrize("second", [LoggerEnd.CLOSED, LoggerEnd.UNCLOSED, LoggerEnd.BLOCK])
 def test_two_that_end_a_logger_at_once_write_one_file(closing, tmp_path, monkeypatch, first, second):
     log, real = unsaved(closing(3), tmp_path), writer.write_all
     writing, go_on = threading.Event(), threading.Event()
@@ -256,7 +256,7 @@ def test_a_signal_handler_that_ends_a_logger_amid_a_start_of_it_lets_another_thr
     closing, tmp_path, monkeypatch, is_amid_its_writing
 ):
     log, real, writing = unsaved(closing(3), tmp_path), writer.write_all, threading.Event()
-    ends = threading.Thread(target=log._end, args=(Ending.UNCLOSED,), daemon=True)
+    ends = threading.Thread(target=log._end, args=(LoggerEnd.UNCLOSED,), daemon=True)
 
     def slow(*arguments):
         writing.set()
@@ -283,7 +283,7 @@ def test_a_signal_handler_that_ends_a_logger_amid_a_start_of_it_lets_another_thr
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("second", [Ending.UNCLOSED, Ending.CLOSED, None])
+@pytest.mark.parametrize("second", [LoggerEnd.UNCLOSED, LoggerEnd.CLOSED, None])
 def test_what_is_in_no_file_is_saved_though_its_server_is_being_closed(tmp_path, runtime_folder, monkeypatch, second):
     log = silo.Logger("walk", folder=tmp_path, script=tmp_path / "none.yaml")
     log.add(x := np.zeros(1), "x")
@@ -309,7 +309,7 @@ def test_what_is_in_no_file_is_saved_though_its_server_is_being_closed(tmp_path,
     go_on.set()
     for thread in (first, ends):
         thread.join(30)
-    assert len(list(tmp_path.glob("*.silo"))) == (second is Ending.UNCLOSED)
+    assert len(list(tmp_path.glob("*.silo"))) == (second is LoggerEnd.UNCLOSED)
     log.close(discard=True)
 
 
@@ -363,7 +363,7 @@ def test_of_what_was_saved_only_the_ticks_after_that_are_told_of(closing, capsys
         (3, lambda log: (log.save(), log.close())),
         (3, lambda log: log.close(discard=True)),
         (3, lambda log: (log.close(discard=True), log.close())),
-        (3, lambda log: log._end(Ending.UNCLOSED)),
+        (3, lambda log: log._end(LoggerEnd.UNCLOSED)),
         (3, lambda log: log.__exit__(None, None, None)),
     ],
     ids=["nothing collected", "all saved", "discarded", "discarded and closed", "abandoned", "with"],

@@ -7,7 +7,7 @@ import pytest
 
 import silo
 from silo.files.convert import convert
-from silo.logger.unclosed import Ending
+from silo.logger.unclosed import LoggerEnd
 from tests.stand_ins.ticking import Robot, collect, warnings_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::silo.LogWarning")
@@ -248,7 +248,7 @@ def test_a_logger_that_ends_without_close_says_it_in_its_file(new_logger, tmp_pa
     logger.add(robot.q, "q")
     logger.start()
     turned(logger, robot)
-    logger._end(Ending.UNCLOSED)
+    logger._end(LoggerEnd.UNCLOSED)
     (path,) = tmp_path.glob("*.silo")
     assert ALONE in silo.open_log(path).warnings[0]
 

@@ -32,8 +32,8 @@ class RunSamples(Protocol):
     def note_saved(self, run_id: str, ticks: int, /) -> None: ...
 
 
-class Alone(Protocol):
-    """What one thread does at a time, seen from here."""
+class EndsOfLogger(Protocol):
+    """How one thread at a time ends a logger, seen from here."""
 
     def turn(self) -> AbstractContextManager[object]: ...
     def join(self, thread: Thread, /) -> None: ...
@@ -43,7 +43,7 @@ class Life(Protocol):
     """A logger's life, seen from here."""
 
     @property
-    def ends(self) -> Alone: ...
+    def ends(self) -> EndsOfLogger: ...
 
 
 class Served(StateOfLogger, Protocol):
