@@ -252,6 +252,8 @@ class SiloApp(Guarded, App[None]):
 
     async def _learn_conditions(self, session: Session) -> None:
         await session.refresh_conditions()
+        self.context.status_changed()
+        await self._opener.first_shown.wait()  # for what is kept all of expressions is loaded, a tenth of a start
         with self.context.telling("limits and triggers can't be kept for the next start"):
             if told := session.lent.keep():
                 self.context.say(told)  # beside the news that it started

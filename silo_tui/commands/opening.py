@@ -40,6 +40,7 @@ class Opener:
         self.demo = demo
         self._context = context
         self._app = context.app
+        self.first_shown = asyncio.Event()  # a logger on its table
         self._finder = finder
         self._wanted = wanted
         self._view = view  # put on the screen of the first logger that is opened
@@ -168,6 +169,7 @@ class Opener:
                 await settled((app.switch_screen if len(app.screen_stack) > 1 else app.push_screen)(screen))
                 shown.set()
                 await asyncio.wait([filling], timeout=AT_ONCE_S)
+            app.call_after_refresh(self.first_shown.set)
             await filling
         except (SiloError, OSError) as error:
             self._failed[logger.key] = f"{logger.name} ({logger.where}): {error}"
