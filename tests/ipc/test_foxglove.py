@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from urllib.parse import urlencode
 
+import psutil
 import pytest
 
 import silo
@@ -470,9 +471,9 @@ class TestPrograms:
     def test_the_bridge_of_a_robot_that_is_killed_ends(self, robots, tmp_path):
         robot = robots("bot", "", "foxglove")
         (pid,) = [
-            int(path.parent.name)
-            for path in Path("/proc").glob("[0-9]*/cmdline")
-            if f"--logger\0bot.{robot.pid}\0" in path.read_text()
+            one.pid  # others end meanwhile
+            for one in psutil.process_iter(["cmdline"])
+            if f"--logger bot.{robot.pid} " in " ".join(one.info["cmdline"] or ()) + " "
         ]
         robot.kill()
         wait_until(lambda: not Path(f"/proc/{pid}").exists())
