@@ -130,8 +130,8 @@ OPTIONS = (
         "action", "act", ("action", "act"), "what becomes of the samples",
         (
             OptionWord(Action.SAVE, "save", "save", "into files"),
-            OptionWord(Action.SAVE_AND_PUBLISH, "both", "both", "", ("save+publish",), "save and publish"),
-            OptionWord(Action.PUBLISH, "publish", "pub", "live only"),
+            OptionWord(Action.SAVE_AND_PUBLISH, "both", "save+pub", "", ("save+publish",), "save and publish"),
+            OptionWord(Action.PUBLISH, "publish", "publish", "live only", ("pub",)),
         ),
         late=True,
     ),

@@ -9,7 +9,7 @@ from silo_tui.context import Context
 from silo_tui.layouts.layout import KeptLayout
 from silo_tui.modal import settled
 from silo_tui.model.drawing.window import SPANS_S
-from silo_tui.model.table.columns import TREE
+from silo_tui.model.table.columns import BEFORE, TREE
 from silo_tui.sessions.live import Session
 
 if TYPE_CHECKING:
@@ -93,8 +93,9 @@ def _show_rows(session: Session, layout: KeptLayout) -> None:
 def show_table(table: "TableScreen", layout: KeptLayout) -> list[str]:
     """Show rows and columns as a view has them; return what of it isn't on this logger."""
     rows, missing = table.session.rows, []
-    if layout.sort in rows.orders:
-        rows.sort, rows.turned = layout.sort, layout.turned and layout.sort != TREE
+    sort = BEFORE.get(layout.sort, layout.sort)
+    if sort in rows.orders:
+        rows.sort, rows.turned = sort, layout.turned and sort != TREE
     else:
         missing.append(f"order {layout.sort}")
     _show_rows(table.session, layout)

@@ -16,7 +16,7 @@ from silo_tui.actions import key_of
 from silo_tui.context import SiloScreen
 from silo_tui.modal import ask
 from silo_tui.model.table import filter as filters
-from silo_tui.model.table.columns import NAME, TREE, TableColumn
+from silo_tui.model.table.columns import BEFORE, NAME, TREE, TableColumn
 from silo_tui.model.table.tree import parts_of
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.model.words.names import next_levels
@@ -52,6 +52,7 @@ class ElementsScreen(SiloScreen):
         self.table = ElementTable(session, columns)
         self.inspector = Inspector(session)
         self.info = InfoLine(session)
+        self.info.legend = lambda: self.table.legend
         self.table_head = TableHead(self.table)
         self.inspector_wanted: bool | None = None  # None: by the width of the screen
 
@@ -266,9 +267,10 @@ class ElementsScreen(SiloScreen):
     def command_sort(self, typed: Spelled = BY_KEY) -> None:
         rows = self.session.rows
         if typed is not BY_KEY:
-            if typed.rest not in rows.orders:
+            order = BEFORE.get(typed.rest, typed.rest)
+            if order not in rows.orders:
                 raise ValueError(f"sort by one of {', '.join(rows.orders)}")
-            self._order_by(typed.rest)
+            self._order_by(order)
             return
         ask(self, OrderDialog(list(rows.orders.values()), rows.sort, rows.arrow), self._order_by)
 

@@ -108,7 +108,7 @@ class TableScreen(ElementsScreen):
     def lay_out_table(self, width: int, rest: int) -> None:
         """Give values more room on a wide screen; a trend where names keep theirs."""
         narrow = width < WIDE and self.table.column_set == "settings"
-        value_width = 17 if narrow else 11 if rest < WIDE else 14 if rest < 140 else 17 if rest < 170 else 24
+        value_width = 10 if narrow else 7 if rest < WIDE else 10 if rest < 140 else 13 if rest < 170 else 20
         wide = rest >= WIDE_SET
         self.table.lay_out(value_width, wide=wide, fill=not narrow)
         rest -= self.table.measured_width + TABLE_WIDTH
@@ -468,7 +468,7 @@ class TableScreen(ElementsScreen):
     def _choose_value(self, field: Field, value: int) -> None:
         """Let one of a few values be chosen from a list."""
         words = field.option.words
-        choices = [Choice(str(int(each.value)), phrase_for(field, int(each.value)), each.cell[0]) for each in words]
+        choices = [Choice(str(int(each.value)), phrase_for(field, int(each.value)), each.word[0]) for each in words]
         title = f"{field.label} of {self.session.rows.targets_words}"
         question = Question(title, f"now {and_more(self._values_of(field), 3)}", choices, str(value))
         ask(self, question, lambda answer: self._set(field, int(answer)))

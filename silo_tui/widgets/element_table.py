@@ -19,7 +19,9 @@ from textual.message import Message
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
+from silo.core.arrays.columns import HOLE_TEXTS, Gap
 from silo.core.names import component_name
+from silo_tui.model.drawing.braille import SHADE
 from silo_tui.model.samples.live import cells_of_value
 from silo_tui.model.table.cells import ENTRY, Sight
 from silo_tui.model.table.columns import (
@@ -28,6 +30,7 @@ from silo_tui.model.table.columns import (
     LIVE_SETS,
     NAME,
     SETTINGS,
+    STATE,
     TREE,
     TableColumn,
     in_set,
@@ -216,6 +219,11 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         return "trend" in self.titles
 
     @property
+    def legend(self) -> str:
+        """What a sign in the trends is, where one has it."""
+        return f"{SHADE} {HOLE_TEXTS[Gap.NONE]}" if any(SHADE in each for each in self._trends.values()) else ""
+
+    @property
     def measured_width(self) -> int:
         """Cells of what is measured, with the rail."""
         return self.size.width - self.laid.rest
@@ -268,7 +276,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         rows, names = self.rows_on_screen(), self.session.table.names
         found = [name for row in rows for name in (names[row], self.sight.shown_name(row))]
         if "value" in self.quantities:  # entries that stand beside statistics are of the same moment
-            room = max((cells for column, cells in self.laid.measured if column.title == "value"), default=0)
+            room = sum(cells + 1 for column, cells in self.laid.measured if column.title in ("value", STATE))
             for at in rows:
                 count = len(self.session.table.elements[at].entries)
                 beside = min(count, room // ENTRY + 1) if count > 1 and not self.sight.component(at) else 0
@@ -450,8 +458,9 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
     def _pieces(self, line: int, row: int | None, entry: int | None, laid: Layout) -> list[tuple[str, str]]:
         """Return the measured words of a line, each with its style."""
         pieces: list[tuple[str, str]] = []
-        for column, width in laid.measured:
-            words, style = "", ""
+        spare = 0
+        for column, cells in laid.measured:
+            words, style, width, spare = "", "", cells + spare, 0
             if row is None:
                 if column.branch is not None:
                     words, style = column.branch(self.sight, self.rows.tree.branches[-1 - line].rows)
@@ -460,7 +469,11 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
                 words, style = column.draw(self.sight, row, width)
             elif column.entry is not None:
                 words, style = column.entry(self.sight, row, entry, width)
-            pieces.append((" " + fitted(words, width, right=column.right), f"table--{style}" if style else ""))
+            told = " " + fitted(words, width, right=column.right)
+            if column.title == STATE:  # few rows have a word there: the value has what that leaves
+                told = told.rstrip()
+                spare = 1 + width - len(told)
+            pieces.append((told, f"table--{style}" if style else ""))
         return pieces
 
     def _trend(self, row: int) -> str:

@@ -14,8 +14,9 @@ from silo_tui.actions import key_of
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.table.cells import sign_of
 from silo_tui.model.table.columns import NAME, STEADY
-from silo_tui.model.table.facts import FULL, MEANINGS, OLD, STATISTICS
+from silo_tui.model.table.facts import STATISTICS
 from silo_tui.model.words import text
+from silo_tui.model.words.states import FULL, MEANINGS, OLD
 from silo_tui.sessions.live import Session
 from silo_tui.theme import bold
 from silo_tui.widgets.bars import LONG, FittingLine, LinePart, lines_of
@@ -110,6 +111,7 @@ class InfoLine(MessageLine):
     def __init__(self, session: Session) -> None:
         super().__init__()
         self.session = session
+        self.legend: Callable[[], str] = str  # of what is drawn in the table
         self._prompt = ""
 
     def ask(self, words: str) -> None:
@@ -156,7 +158,7 @@ class InfoLine(MessageLine):
         if (edited := int(session.table.edited.sum())) and rows.filter.text != "edited":
             way = f"{key_of('view')} e" if key_of("view") else ":view edited"
             parts.append(LinePart(1, f"{edited} edited since the program began ({way})", "", (f"{edited} edited",)))
-        return parts if self.said else [*parts, LinePart(1, _cursor_words(session))]
+        return parts if self.said else [*parts, LinePart(1, _cursor_words(session)), LinePart(1, self.legend())]
 
 
 class MonitorLine(MessageLine):
@@ -208,10 +210,10 @@ def _cursor_words(session: Session) -> str:
         return ""
     element = session.table.elements[rows.row]
     reading = session.live.readings.get(element.name)
-    letters = sign_of(session.table, rows.row, reading) if session.fresh else OLD
-    if letters:
-        why = NOT_LIVE_TEXTS[reading.why] if reading is not None and reading.why and letters in (OLD, FULL) else ""
-        parts.append(f"{letters} {why or MEANINGS[letters]}")
+    state = sign_of(session.table, rows.row, reading) if session.fresh else OLD
+    if state:
+        why = NOT_LIVE_TEXTS[reading.why] if reading is not None and reading.why and state in (OLD, FULL) else ""
+        parts.append(why if state == FULL else f"{state}: {why or MEANINGS[state]}")
     position = rows.entry or 0
     if reading is not None and (rows.entry is not None or len(element.entries) == 1):
         word = reading.texts.get(position, "")

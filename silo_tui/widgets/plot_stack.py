@@ -283,11 +283,14 @@ class PlotStack(Guarded, Styled):
         low, high = braille.value_range(piece.low, piece.high) or (0.0, 0.0)
         return low + piece.base, high + piece.base
 
-    def missing(self) -> str:
-        """What the chosen plot has no samples of, and why."""
-        if not self.plots or not self.chosen_plot.numeric or self.store.empty:
+    def missing(self, *, before: bool) -> str:
+        """What the chosen plot has no samples of, and why; where it has all, the first that is shown and lacks some."""
+        if not self.plots or self.store.empty:
             return ""
-        return missing(self._piece(self.chosen_plot), self.store, self.plot_width)
+        shown = [each for panel in self.panels[self.first : self.first + self.fitting] for each in panel]
+        curves = [each for each in (self.chosen_plot, *shown) if each.numeric]
+        told = (missing(self._piece(each), self.store, self.plot_width, before=before) for each in curves)
+        return next(filter(None, told), "")
 
     def _piece(self, plotted: Plotted) -> ColumnPiece:
         return pieces_of(self.store, [plotted], self.columns, self.source.period_ns)[0]

@@ -626,9 +626,9 @@ def test_of_the_row_under_the_cursor_it_is_told_what_its_columns_have_no_room_fo
     assert said.words().plain.endswith(" │ 2 samples nan or inf: min to std leave nan out")
     said.width = 160
     table.take_beyond({name: "HH"})
-    assert " │ HH " in said.words().plain
+    assert " │ HH: " in said.words().plain
     desk.session.lose()
-    assert " │ HH " not in said.words().plain
+    assert " │ HH: " not in said.words().plain
     said.say("done")
     assert "2 samples" not in said.words().plain
 

@@ -60,7 +60,7 @@ def test_a_row_that_came_up_by_its_value_shows_the_one_it_was_ordered_by():
         (1.95, LimitWord.YELLOW_HIGH, {"hysteresis": 0.1}, "H"), (1.95, LimitWord.RED_HIGH, {"hysteresis": 0.1}, "HH"),
         (0.85, LimitWord.RED_HIGH, {"hysteresis": 0.1}, ""),
         (1.5, LimitWord.OK, {"persistence": 3}, ""), (0.5, LimitWord.YELLOW_HIGH, {"when": "on"}, "H"),
-        (NAN, LimitWord.YELLOW_HIGH, {}, ""), (1.5, LimitWord.STALE, {}, "=="),
+        (NAN, LimitWord.YELLOW_HIGH, {}, ""), (1.5, LimitWord.STALE, {}, "frozen"),
     ],
 )  # fmt: skip
 def test_the_sign_of_a_limit_is_of_the_value_that_stands_beside_it(value, judged, more, letters):
@@ -73,7 +73,7 @@ def test_the_sign_of_a_limit_is_of_the_value_that_stands_beside_it(value, judged
 
 @pytest.mark.parametrize(
     ("why", "cell"),
-    [(NotLive.FULL, ("##", "quiet")), (NotLive.LIMIT, ("##", "caution")), (NotLive.OTHER, ("~~", "caution")),
+    [(NotLive.FULL, ("full", "quiet")), (NotLive.LIMIT, ("full", "caution")), (NotLive.OTHER, ("old", "caution")),
      (NotLive.SHORT, ("", "")), (None, ("", ""))],
 )  # fmt: skip
 def test_a_value_that_is_the_last_one_kept_has_a_sign_and_warns_where_nobody_asked_for_that(why, cell):
@@ -191,11 +191,11 @@ def test_the_head_says_over_how_long_statistics_are_where_it_has_room(since_s, w
 @pytest.mark.parametrize(
     ("name", "reading", "more", "cell"),
     [
-        ("/t", read(1.0), {"signs": NOT_FINITE | FROZEN}, ("NN", "lost")),
-        ("/t", read(1.0), {"signs": FROZEN}, ("==", "caution")),
+        ("/t", read(1.0), {"signs": NOT_FINITE | FROZEN}, ("nan", "lost")),
+        ("/t", read(1.0), {"signs": FROZEN}, ("frozen", "caution")),
         ("/t", read(1.0), {}, ("", "")),
-        ("/t", read(1.0), {"signs": NOT_FINITE, "fresh": False}, ("~~", "quiet")),
-        ("/t", None, {"signs": NOT_FINITE, "fresh": False}, ("NN", "lost")),
+        ("/t", read(1.0), {"signs": NOT_FINITE, "fresh": False}, ("old", "quiet")),
+        ("/t", None, {"signs": NOT_FINITE, "fresh": False}, ("nan", "lost")),
         ("/off", read(1.0), {"signs": NOT_FINITE}, ("", "")),
     ],
 )
@@ -238,7 +238,7 @@ def test_settings_and_what_a_derived_signal_has_none_of(draw, name, width, shown
 
 def test_a_branch_has_the_worst_sign_below_it_and_of_how_many():
     rows = np.array([ROW["/t"], ROW["/v"]])
-    assert cells.branch_sign(sight_of("/t", signs=NOT_FINITE), rows) == ("NN 1 of 2", "lost")
+    assert cells.branch_sign(sight_of("/t", signs=NOT_FINITE), rows) == ("nan 1 of 2", "lost")
     assert cells.branch_sign(sight_of("/t"), rows) == ("", "")
 
 

@@ -564,7 +564,7 @@ class TestScreens:
             fake.limit_statuses = [quiet, HOT]
             await screen.press("r")
             await screen.shows("86.31")
-            assert screen.text.index("86.31") < screen.text.index("OK /y")
+            assert screen.text.index("86.31") < screen.text.index("OK     /y")
 
     async def test_what_is_as_its_limits_want_it_says_what_that_is(self, fake, opened):
         between = {"bounds": (None, 0.0, 2.5, None)}
@@ -586,7 +586,7 @@ class TestScreens:
         fake.limit_statuses = [replace(HOT, seen_by="ann@pc", since_seen=2, count=5)]
         async with opened(fake, size=(100, 24)) as screen:
             await screen.press("A")
-            await screen.shows("    5  2 new")
+            await screen.shows("    5 2 new")
             await screen.shows("2 × again since ann@pc saw it (e: persist or")
 
     async def test_an_element_beyond_its_limits_has_the_sign_in_the_table(self, fake, opened):

@@ -40,4 +40,4 @@ async def test_a_move_of_the_cursor_looks_at_two_lines_alone(fake, opened):
 async def test_the_sign_that_all_rows_have_without_the_robot_is_told_in_words(fake, opened):
     async with opened(fake, size=(120, 24)) as screen:
         fake.cut()
-        await screen.shows("~~ the value is old: no link, the program is dead, or it was switched on later")
+        await screen.shows("old: no link, the program is dead, or it was switched on later")

@@ -60,7 +60,7 @@ def test_one_of_an_element_that_is_off_is_off(robot):
 def test_an_element_that_is_off_has_the_signs_of_its_limits_alone(table, robot, monkeypatch):
     monkeypatch.setattr(type(table), "signs", np.full(len(table), LOST | LIMIT_BITS["HH"]))
     table.signs[1] = LOST
-    assert [sign_of(table, row) for row in (0, 1)] == ["HH", "XX"]
+    assert [sign_of(table, row) for row in (0, 1)] == ["HH", "lost"]
     table.server[Field.ENABLED, :2] = False
     assert [sign_of(table, row) for row in (0, 1)] == ["HH", ""]
 

@@ -107,10 +107,10 @@ def test_a_total_says_how_many_are_in_which_state_as_far_as_it_is_known() -> Non
         (member(ticks=0), False, []),
         (member(state=State.STOPPED, reason="by ann"), True, ["by ann"]),
         (member(here=False), True, ["silent since ", "118 024 ticks, not saved"]),
-        (member(measured_hz=300.0), True, ["<< slow: 300 of 400 Hz"]),  # the sign of its column in words
-        (member(lost=3), True, ["XX ticks were lost"]),
+        (member(measured_hz=300.0), True, ["slow: 300 of 400 Hz"]),  # the sign of its column in words
+        (member(lost=3), True, ["ticks were lost"]),
         (member(alarm="LL", alarms=2), True, ["LL 2 alarms: a value is below its red limit"]),
-        (member(alarm="==", alarms=1), True, ["== 1 alarm: a value is stale"]),
+        (member(alarm="==", alarms=1), True, ["1 alarm: a value is frozen"]),
         (member(alarm="H", alarms=1), True, ["H 1 alarm: a value is above its yellow limit"]),
     ],
 )
@@ -137,7 +137,7 @@ def test_what_was_denied_stands_in_the_line_and_below() -> None:
 
 def test_one_that_is_gone_says_since_when_and_keeps_what_was_known() -> None:
     words = shown(member(here=False, since_s=NOW_S - 14)).split()
-    assert words == ["rob3/anymal", "○", "SILENT", "was", "●", "400.0", "0", "84%", "~~", "14", "s"]
+    assert words == ["rob3/anymal", "○", "SILENT", "was", "●", "400.0", "0", "84%", "old", "14", "s"]
 
 
 def test_who_has_control_stands_first() -> None:

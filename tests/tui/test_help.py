@@ -7,9 +7,10 @@ from rich.cells import cell_len
 from silo.settings.typed import OPTIONS
 from silo_tui.actions import BY_ID, COMMANDS, commands_for
 from silo_tui.model.table.columns import COLUMNS
-from silo_tui.model.table.facts import FULL, OLD, SIGNS
+from silo_tui.model.table.facts import STATES
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.filter import TERMS
+from silo_tui.model.words.states import FULL, OLD
 from silo_tui.screens.lists.help import _NUMBER, GAP, column_count, entries, page
 from silo_tui.widgets.lines import MARKED, ON_MARKED
 
@@ -78,7 +79,7 @@ def test_every_sign_of_the_first_line_is_explained(sign):
 def test_every_sign_of_the_table_is_explained():
     signs = [entry for entry in entries("table", everywhere=False) if entry.group == "Signs"]
     explained = {letters: entry.right for entry in signs for letters in entry.left.split()}
-    assert all(explained[letters] for letters in (*(letters for _, letters in SIGNS), OLD, FULL, "…", "↓", "↑"))
+    assert all(explained[letters] for letters in (*(letters for _, letters in STATES), OLD, FULL, "…", "↓", "↑"))
     assert ON_MARKED in explained[MARKED]
 
 
@@ -123,7 +124,7 @@ def test_what_menus_call_it_is_found():
 
 def test_every_column_of_the_tables_is_explained():
     told = " ".join(line.left for line in entries("table", everywhere=False) if line.group == "Columns")
-    assert all(column.title in told for column in COLUMNS if column.title != "!")
+    assert all(column.title in told for column in COLUMNS)
 
 
 async def test_help_is_searched_and_does_what_was_found(fake, opened):

@@ -191,7 +191,7 @@ async def test_what_was_overwritten_is_said_under_the_plots(fake, opened):
     async with opened(fake) as screen:
         await open_torque(screen)
         await screen.shows("░ overwritten ░")
-        await screen.shows("5.9 s overwritten")
+        await screen.shows("░ 5.9 s overwritten")
 
 
 async def test_of_a_vector_whose_entry_is_looked_at_alone_that_one_is_plotted(fake, opened):

@@ -152,4 +152,4 @@ def test_what_a_curve_lacks_is_told_by_its_length_and_why():
     values[12:14], marks[12:14] = NAN, Gap.LOST << 4
     values[16:18], marks[16:18] = NAN, Gap.OFF << 4
     store = ColumnStore(["/a"], 20, 10**8)
-    assert missing(ColumnPiece(values, values, marks), store, 10) == "600 ms lost, 200 ms not logged then"
+    assert missing(ColumnPiece(values, values, marks), store, 10) == "░ 600 ms lost, 200 ms not logged then"

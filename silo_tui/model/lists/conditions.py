@@ -13,6 +13,7 @@ from silo.core.names import Names
 from silo.core.quantities.writing import duration_text, many, share_words, size_text
 from silo.errors import ExpressionError
 from silo_tui.model.words import text
+from silo_tui.model.words.states import WIDEST, limit_word
 
 NOW = " now"  # the end of an axis of time
 IN_SPACE = "signal in "
@@ -71,12 +72,13 @@ def named_in(when: str, elements: Sequence[ElementInfo], prefix: str) -> list[st
 def limit_head(width: int, space: str = "") -> str:
     """Return the head of the list of alarms, whose signals are told below the namespace `space`."""
     room, signal = signal_width(width), IN_SPACE + space if space else "signal"
-    return f"  !  {signal:<{room}} {'value':>9} {'limit':>8} {'worst':>9} {'since':>8} {'count':>5}  seen by"
+    begin = f"  {'state':<{WIDEST}} {signal:<{room}}"
+    return f"{begin} {'value':>8} {'limit':>7} {'worst':>8} {'since':>8} {'count':>5} seen by"
 
 
 def signal_width(width: int) -> int:
     """Return the cells of the signals' names in the list of alarms."""
-    return max(14, width - 58)
+    return max(14, width - 52 - WIDEST)
 
 
 def limit_row(one: LimitStatus, short: str, width: int, now_ns: int | None = None) -> str:
@@ -96,8 +98,8 @@ def limit_row(one: LimitStatus, short: str, width: int, now_ns: int | None = Non
     words: dict[float | None, str] = dict(zip(told, text.told_apart(*told, digits=5, write=text.short), strict=True))
     limit = text.span(one.limit) if stale and one.limit is not None else words.get(one.limit, "")
     return (
-        f"  {one.word.value:<2} {short:<{room}} {words.get(one.value, ''):>9} {limit:>8} "
-        f"{words.get(one.worst, ''):>9} {since:>8} {count or '':>5}  {seen}"
+        f"  {limit_word(one.word):<{WIDEST}} {short:<{room}} {words.get(one.value, ''):>8} {limit:>7} "
+        f"{words.get(one.worst, ''):>8} {since:>8} {count or '':>5} {seen}"
     )
 
 
@@ -150,9 +152,9 @@ def head_words(
     missed = sum(one.alarm for one in limits if not one.is_over)  # short ones, too: the table may never show them
     alarm: tuple[str, ...] = ()
     if worst is not None:
-        now = f"{many(len(over), 'alarm')} ({worst.value})"
+        now = f"{many(len(over), 'alarm')} ({limit_word(worst)})"
         more = (f", {missed} ended unseen", f", {missed} unseen") if missed else ("", "")
-        words = (f"{now}{seen}{more[0]}", f"{now}{more[1]}", now, f"{worst.value} {len(over)}")
+        words = (f"{now}{seen}{more[0]}", f"{now}{more[1]}", now, f"{limit_word(worst)} {len(over)}")
         alarm = tuple(dict.fromkeys(words))
     elif missed:
         alarm = (f"{many(missed, 'alarm')} ended unseen", f"{many(missed, 'alarm')} unseen")

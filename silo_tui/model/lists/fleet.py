@@ -12,6 +12,7 @@ from silo.fleet.member import NO_TICK, RED, Member, Stands, segments
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
 from silo_tui.model.words.names import fitted_among
+from silo_tui.model.words.states import WIDEST, limit_word
 
 STATES = {
     "running": "● RUNNING", "stopped": "■ STOPPED", "dead": "✖ DEAD", "silent": "○ SILENT", "closed": "- CLOSED",
@@ -24,6 +25,7 @@ ROLE = {
     **dict.fromkeys((Stands.STALLED, Stands.RED, Stands.LOST), "alarm"),
     **dict.fromkeys((Stands.MUTE, Stands.FULL, Stands.YELLOW, Stands.SLOW), "warning"),
 }  # as what each of them is drawn, by `silo_tui.theme.ROLES`
+WORST = {Stands.SLOW: "slow", Stands.LOST: "lost", Stands.FULL: "disk", Stands.SILENT: "old"}
 
 
 class FoundLogger(msgspec.Struct, frozen=True):
@@ -67,7 +69,7 @@ class FoundLogger(msgspec.Struct, frozen=True):
 
 
 ORDERS: Sequence[Order[FoundLogger]] = (
-    Order("!", "!", "worst first", lambda one: (one.member.stands, one.address.casefold())),
+    Order("worst", "!", "worst first", lambda one: (one.member.stands, one.address.casefold())),
     Order("logger", "n", "name", lambda one: one.address.casefold()),
     Order("state", "s", "state", lambda one: (one.member.word, one.address.casefold())),
     Order("rate", "r", "rate, the largest first", lambda one: _of(one, "measured_hz"), True),
@@ -87,14 +89,14 @@ def name_width(lines: Sequence[FoundLogger], width: int) -> int:
     return max(8, min(longest, width - len(_tail("", "", "", "", "", "", width)) - STATE_WIDTH - 4 - LEAST_WHO))
 
 
-def _tail(run: str, rate: str, lost: str, disk: str, sign: str, seen: str, width: int) -> str:
+def _tail(run: str, rate: str, lost: str, disk: str, worst: str, seen: str, width: int) -> str:
     room = 12 if width >= WIDE else 4
-    return f"{run:>8} {rate:>7} {lost:>5} {disk:>{room}} {sign:<5} {seen:>5}  "
+    return f"{run:>8} {rate:>7} {lost:>5} {disk:>{room}} {worst:<{WIDEST}} {seen:>5}  "
 
 
 def head(names: int, width: int) -> str:
     """Return the head of the list."""
-    tail = _tail("for", "rate Hz", "lost", "disk", "!", "seen", width)
+    tail = _tail("for", "rate Hz", "lost", "disk", "worst", "seen", width)
     return f"  {'logger':<{names}} {'state':<{STATE_WIDTH}} {tail}who"
 
 
@@ -112,13 +114,15 @@ def row(one: FoundLogger, names: int, width: int, now_s: float, now_ns: int, add
     share = member.disk_share
     disk = f"{100 * share:.0f}%" if share is not None else ""
     disk += f" {size_text(told.disk_free_bytes)}" if share is not None and width >= WIDE else ""
-    sign = f"{member.sign}{f' {told.alarms}' if told.alarms and member.sign == told.alarm else ''}"
+    worst = _worst(member)
+    if member.stands in (Stands.RED, Stands.YELLOW) and len(counted := f"{worst} {told.alarms}") <= WIDEST:
+        worst = counted
     ran = told.state is State.RUNNING and not member.stalled and told.measured_hz
     rate = f"{told.measured_hz:.1f}" if ran else member.rate if member.running else ""
     tail = _tail(
         duration_text(run_s) if run_s is not None else was,
         rate,
-        text.count(told.lost), disk, sign, "now" if member.here else text.ago(member.unseen_s(now_s)), width,
+        text.count(told.lost), disk, worst, "now" if member.here else text.ago(member.unseen_s(now_s)), width,
     )  # fmt: skip
     recorded = [f"REC {told.recorders}"] if told.recorders else []
     denied = [f"DENIED {told.denied}"] if told.denied else []
@@ -129,7 +133,7 @@ def row(one: FoundLogger, names: int, width: int, now_s: float, now_ns: int, add
 def told(one: FoundLogger) -> str:
     """Return what a filter looks in: names, state, what is the matter, who is there."""
     member, summary = one.member, one.member.summary
-    state = f"{member.word} {STATES.get(member.word, '')} {member.sign} {member.problem}"
+    state = f"{member.word} {STATES.get(member.word, '')} {_worst(member)} {member.problem}"
     more = [f"REC {summary.recorders}"] if summary is not None and summary.recorders else []
     more += ["DENIED"] if summary is not None and summary.denied else []
     return " ".join([one.address, one.where, state, *more, one.answer, *member.people])
@@ -147,27 +151,34 @@ def down(lines: Sequence[FoundLogger], now_s: float, now_ns: int) -> list[str]:
     return [one.words(now_s, now_ns) for one in segments(line.member for line in lines)]
 
 
-def _sign_in_words(member: Member) -> str:
-    """Return the sign of the worst with what it means; empty where another word of the line says it."""
+def _worst(member: Member) -> str:
+    """Return the worst in a word; empty for nothing, and where the state says it."""
+    if member.stands in (Stands.RED, Stands.YELLOW) and member.summary is not None:
+        return limit_word(LimitWord(member.summary.alarm))
+    return WORST.get(member.stands, "")
+
+
+def _worst_in_words(member: Member) -> str:
+    """Return the worst with what it means; empty where another word of the line says it."""
     told = member.summary
     if told is None:
         return ""
     color, way = "red" if told.alarm in RED else "yellow", "above" if told.alarm.startswith("H") else "below"
-    how = "stale" if told.alarm == LimitWord.STALE.value else f"{way} its {color} limit"
-    alarms = f"{many(told.alarms, 'alarm')}: a value is {how}"
+    how = "frozen" if told.alarm == LimitWord.STALE.value else f"{way} its {color} limit"
+    letters = "" if how == "frozen" else f"{told.alarm} "
+    alarms = f"{letters}{many(told.alarms, 'alarm')}: a value is {how}"
     meanings = {
         Stands.SLOW: f"slow: {text.short(told.measured_hz)} of {text.short(told.frequency_hz)} Hz",
         Stands.LOST: "ticks were lost", Stands.FULL: "the disk is nearly full",
         Stands.RED: alarms, Stands.YELLOW: alarms,
     }  # fmt: skip
-    meaning = meanings.get(member.stands, "")
-    return f"{member.sign} {meaning}" if meaning else ""
+    return meanings.get(member.stands, "")
 
 
 def details(one: FoundLogger) -> str:
     """Return what the columns don't say of a logger."""
     member, told = one.member, one.member.summary
-    parts = [f"{one.address}: {one.where}", *filter(None, [_sign_in_words(member)])]
+    parts = [f"{one.address}: {one.where}", *filter(None, [_worst_in_words(member)])]
     if member.problem:
         parts.append(member.problem.replace("\n", " "))
     if told is not None:

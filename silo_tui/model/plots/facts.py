@@ -94,10 +94,12 @@ def extremes(plotted: Plotted, picture: Picture) -> tuple[str, ...]:
     return text.of_range(picture.smallest, picture.largest)
 
 
-def missing(piece: ColumnPiece, store: ColumnStore, width: int) -> str:
-    """Return what a curve of so many cells has no samples of, and why."""
+def missing(piece: ColumnPiece, store: ColumnStore, width: int, *, before: bool = True) -> str:
+    """Return what a curve of so many cells has no samples of, and why; `before`: also what was before the start."""
     cell_s = 2 * store.column_ns / 1e9
     seconds: dict[Gap, float] = {}
     for hole in braille.holes(piece.low, piece.marks, width):
-        seconds[hole.why] = seconds.get(hole.why, 0.0) + (hole.stop - hole.start) * cell_s
-    return ", ".join(f"{text.span(some, 2)} {HOLE_TEXTS[why]}" for why, some in seconds.items())
+        if before or hole.why is not Gap.BEFORE:
+            seconds[hole.why] = seconds.get(hole.why, 0.0) + (hole.stop - hole.start) * cell_s
+    words = ", ".join(f"{text.span(some, 2)} {HOLE_TEXTS[why]}" for why, some in seconds.items())
+    return f"{braille.SHADE} {words}" if seconds.keys() - {Gap.BEFORE} else words

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from silo.core.elements import BufferType, ElementInfo, Entry
+from silo.live.quantities import FROZEN
 from silo.rpc.published import NotLive
 from silo_tui.model.samples.live import LiveValues, Reading, component_text, entry_text, fill_share, value_text
-from silo_tui.model.table.facts import BAD, FULL, LIMIT_BITS, OLD, worst, worst_of
+from silo_tui.model.table.facts import BAD, LIMIT_BITS, worst, worst_of
 from silo_tui.model.table.fields import Field, word_for
 from silo_tui.model.table.state import Rows, TableState
 from silo_tui.model.words import text
+from silo_tui.model.words.states import FULL, OLD
 
 if TYPE_CHECKING:
     from silo.analysis.reports import ElementReport
@@ -24,7 +26,7 @@ WHY_NOT_LIVE: dict[NotLive | None, str] = {
 }  # fmt: skip
 NOT_OF_DERIVED = (Field.ACTION, Field.BUFFER, Field.SIZE)
 _OF_LIMITS = sum(set(LIMIT_BITS.values()))
-_OF_BOUNDS = _OF_LIMITS & ~LIMIT_BITS["=="]
+_OF_BOUNDS = _OF_LIMITS & ~FROZEN
 
 Cell = tuple[str, str]  # words, and the name of their style
 
@@ -230,13 +232,13 @@ def sign(sight: Sight, row: int, width: int) -> Cell:
     if not sight.fresh and sight.live.readings:
         return OLD, "quiet"
     reading = _reading(sight, row)
-    letters = sign_of(sight.table, row, None if isinstance(reading, tuple) else reading)
-    is_meant = not isinstance(reading, tuple) and letters == FULL and reading.why is NotLive.FULL
-    return letters, "quiet" if is_meant else _style(letters)
+    word = sign_of(sight.table, row, None if isinstance(reading, tuple) else reading)
+    is_meant = not isinstance(reading, tuple) and word == FULL and reading.why is NotLive.FULL
+    return word, "quiet" if is_meant else _style(word)
 
 
 def sign_of(table: TableState, row: int, reading: Reading | None = None) -> str:
-    """Return the letters of the worst that is the matter with a row; empty for nothing.
+    """Return the word of the worst that is the matter with a row; empty for nothing.
 
     Limits are judged once a second; beside a number the sign is that of the number, and of one that is old that it is.
     """
@@ -252,13 +254,13 @@ def sign_of(table: TableState, row: int, reading: Reading | None = None) -> str:
 
 def branch_sign(sight: Sight, rows: Rows) -> Cell:
     """Return the worst sign below a branch, and how many have it; nothing stands beside it."""
-    letters, count = worst_of(sight.table.signs[rows])
-    return (f"{letters:<2} {count} of {len(rows)}" if letters else ""), _style(letters)
+    word, count = worst_of(sight.table.signs[rows])
+    return (f"{word} {count} of {len(rows)}" if word else ""), _style(word)
 
 
-def _style(letters: str) -> str:
+def _style(word: str) -> str:
     # where rows are reversed a blank shows its colour
-    return "lost" if letters in BAD else "caution" if letters else ""
+    return "lost" if word in BAD else "caution" if word else ""
 
 
 def statistic(sight: Sight, row: int, width: int, title: str) -> Cell:
@@ -285,7 +287,7 @@ def entry_statistic(sight: Sight, row: int, entry: int, width: int, title: str) 
 def statistic_head(sight: Sight, title: str, width: int) -> str:
     """Return the title, and over how long statistics are: `mean 45s`; a file's are over all of it."""
     facts = sight.table.facts
-    if sight.at_s is not None or not 0 < facts.since_ns < facts.time_ns:
+    if sight.at_s is not None or not 0 < facts.since_ns <= facts.time_ns - 1e9:
         return title
     words = f"{title} {text.short_span((facts.time_ns - facts.since_ns) / 1e9)}"
     return words if len(words) <= width else title

@@ -26,14 +26,17 @@ from silo_tui.model.table.terms import (
     rate_term,
     read_seconds,
     read_share,
+    state_term,
     text_term,
 )  # fmt: skip
 from silo_tui.model.words import text
+from silo_tui.model.words.states import WIDEST
 
 WIDE_FROM = 96  # cells of a table from which columns take their wide width
 NAME_ROOM = 16  # columns are left out rather than that names get less
-TREE, NAME, ADDED = "tree", "name", "added"
+TREE, NAME, ADDED, STATE = "tree", "name", "added", "state"
 STEADY = (TREE, NAME, ADDED)
+BEFORE = {"!": STATE}  # what an order was called, in views that somebody kept
 LIVE_SETS = ("settings", "statistics", "timing")
 FILE_SETS = ("values", "statistics", "timing")  # what takes reading whole signals is shown where it is asked for
 
@@ -159,26 +162,28 @@ COLUMNS: tuple[TableColumn, ...] = (
     TableColumn("span s", 6, cells.span, _IN_FILE, live=False, right=True, wide=cells.SPAN_WIDE),
     TableColumn("type", 10, cells.type_cell, _IN_FILE, live=False),
     TableColumn(
-        "act", 4, cells.option(Field.ACTION), _SETTINGS, file=False, leaves=3, field=Field.ACTION,
+        "act", 8, cells.option(Field.ACTION), _SETTINGS, file=False, leaves=3, field=Field.ACTION,
         orders=_by("act", "p", Field.ACTION, "action"), terms=(action_term(("act", "action")),),
+        head=lambda sight, width: "action",
     ),
     TableColumn(
         "buf", 4, cells.option(Field.BUFFER), (*_SETTINGS, *_IN_FILE), leaves=2, field=Field.BUFFER,
         orders=_by("buf", "b", Field.BUFFER), terms=(choice_term(("buf", "buffer"), Field.BUFFER),),
     ),
     TableColumn(
-        "size", 6, cells.number(Field.SIZE), _SETTINGS, file=False, right=True, wide=7, leaves=5,
+        "size", 5, cells.number(Field.SIZE), _SETTINGS, file=False, right=True, wide=7, leaves=5,
         field=Field.SIZE, orders=_by_number("size", "s", Field.SIZE),
         terms=(number_term(("size",), Field.SIZE),),
     ),
     TableColumn("lost", 5, cells.lost, _IN_FILE, live=False, right=True),
     TableColumn(
-        "!", 2, cells.sign, ("settings", "statistics", "timing", "wide"), measured=True,
-        orders=(TableOrder("!", "!", _sign_ranks, "signs, worst first", "signs"),), branch=cells.branch_sign,
-    ),
-    TableColumn(
         "fill", 4, cells.fill, ("settings", "timing", "wide"), right=True, measured=True, file=False,
         orders=(_measured("fill", "f", "fill"),), terms=(fact_term(("fill",), "fill", read_share, "50%"),),
+    ),
+    TableColumn(
+        STATE, WIDEST, cells.sign, ("settings", "statistics", "timing", "wide"), measured=True,
+        orders=(TableOrder(STATE, "!", _sign_ranks, "state, worst first", "signs"),), branch=cells.branch_sign,
+        terms=(state_term(),),
     ),
     TableColumn(
         "value", 11, cells.value, (*_ALL_SETS, "wide"), right=True, measured=True, entry=cells.entry_value,

@@ -11,31 +11,21 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.conditions.standing import LimitWord
 from silo.core.arrays.columns import Floats
 from silo.live.quantities import FROZEN, LOST, NOT_FINITE, SLOW
 
 STATISTICS = ("min", "max", "mean", "std")  # since they begin, of each sample
 # of limits, which the survey knows nothing of
 RED_HIGH, RED_LOW, YELLOW_HIGH, YELLOW_LOW = 1 << 16, 1 << 17, 1 << 18, 1 << 19
-LIMIT_BITS = {"HH": RED_HIGH, "LL": RED_LOW, "H": YELLOW_HIGH, "L": YELLOW_LOW, "==": FROZEN}
-# worst first, as process control writes them: every font has letters
-SIGNS = (
-    (RED_HIGH, "HH"), (RED_LOW, "LL"), (NOT_FINITE, "NN"), (YELLOW_HIGH, "H"), (YELLOW_LOW, "L"), (FROZEN, "=="),
-    (SLOW, "<<"), (LOST, "XX"),
+LIMIT_BITS = {"HH": RED_HIGH, "LL": RED_LOW, "H": YELLOW_HIGH, "L": YELLOW_LOW, LimitWord.STALE.value: FROZEN}
+# worst first; limits as process control writes them
+STATES = (
+    (RED_HIGH, "HH"), (RED_LOW, "LL"), (NOT_FINITE, "nan"), (YELLOW_HIGH, "H"), (YELLOW_LOW, "L"), (FROZEN, "frozen"),
+    (SLOW, "slow"), (LOST, "lost"),
 )  # fmt: skip
-OLD = "~~"  # nothing comes
-FULL = "##"  # of one row: its buffer keeps no more
-MEANINGS = {
-    "HH": "above its red limit", "LL": "below its red limit", "H": "above its yellow limit",
-    "L": "below its yellow limit", "NN": "nan or inf among its newest values",
-    "==": "frozen: it changes no more, or a limit calls it stale",
-    "<<": "slow: fewer samples than its divider asks for",
-    "XX": "samples lost: the buffer could not keep them",
-    OLD: "the value is old: no link, the program is dead, or it was switched on later",
-    FULL: "its buffer is full and keeps what it has: this is its last sample",
-}  # fmt: skip
-WORDS = {"nan": NOT_FINITE, "frozen": FROZEN, "slow": SLOW}
-BAD = frozenset({"HH", "LL", "NN", "XX"})
+BITS = {word: bit for bit, word in STATES}
+BAD = frozenset({"HH", "LL", "nan", "lost"})
 
 
 class Facts(msgspec.Struct, frozen=True, dict=True):
@@ -66,21 +56,20 @@ class Facts(msgspec.Struct, frozen=True, dict=True):
 
 
 def worst(bits: int) -> str:
-    """Return the two letters of the worst of some signs; empty for none."""
-    return next((letters for bit, letters in SIGNS if bits & bit), "")
+    """Return the word of the worst of some signs; empty for none."""
+    return next((word for bit, word in STATES if bits & bit), "")
 
 
 def worst_of(bits: NDArray[np.int64]) -> tuple[str, int]:
-    """Return the two letters of the worst sign that some rows have, and how many have it; "" and 0 for none."""
-    together = int(np.bitwise_or.reduce(bits, initial=0))
-    bit, letters = next(((bit, letters) for bit, letters in SIGNS if together & bit), (0, ""))
-    return letters, int(((bits & bit) != 0).sum())
+    """Return the word of the worst sign that some rows have, and how many have it; "" and 0 for none."""
+    word = worst(int(np.bitwise_or.reduce(bits, initial=0)))
+    return word, int(((bits & BITS.get(word, 0)) != 0).sum())
 
 
 def ranks(bits: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return how bad the worst of each row's signs is: 0 for none, then larger the worse."""
     found = np.zeros(len(bits), np.int64)
-    for rank, (bit, _) in enumerate(reversed(SIGNS), 1):
+    for rank, (bit, _) in enumerate(reversed(STATES), 1):
         found[(bits & bit) != 0] = rank
     return found
 

@@ -6,7 +6,7 @@
     /log/*/q  joint?_tau   globs, as commands mean them: on the whole name when they begin with `/` (with or without the
                            logger's prefix), else behind any `/`, or anywhere where there is none
     ~HA+$                  a regular expression, somewhere in the name
-    unit:Nm on:no div>1 size>=1k act:publish buf:loop kind:vector type:f4   unit:Nm|rad
+    unit:Nm on:no div>1 size>=1k act:publish buf:loop state:lost kind:vector type:f4   unit:Nm|rad
     value>60 |value|>60 std>1 rate<95% fill>=50% changed<1s    what was measured, judged twice a second
     marked pending edited conflict live derived alarm nan frozen slow off
 
@@ -22,7 +22,7 @@ import numpy as np
 
 from silo.core.names import Names
 from silo_tui.model.table.columns import LIVE_COLUMNS
-from silo_tui.model.table.facts import WORDS
+from silo_tui.model.table.facts import BITS
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.state import Mask, TableState
 from silo_tui.model.table.terms import OTHER_TERMS, Test, negate
@@ -31,7 +31,7 @@ from silo_tui.model.table.terms import OTHER_TERMS, Test, negate
 _TOKEN = re.compile(r'-?~\S+|(?:"[^"]*"?|[^\s"])+')
 _PART = re.compile(r'\|[A-Za-z]+\|(?:>=|<=|!=|>|<|=|:)[^\s|"]*|(?:"[^"]*"?|[^|"])+')
 _TERM = re.compile(r"(\|?[A-Za-z]+\|?)(>=|<=|!=|>|<|=|:)(.*)", re.DOTALL)
-_MEASURED_WORDS = ("alarm", *WORDS)
+_MEASURED_WORDS = ("alarm", "nan", "frozen", "slow")
 _FLAGS = ("dirty", "pending", "marked", "edited", "conflict", "live", "derived", "off", *_MEASURED_WORDS)
 TERMS = (*(term for column in LIVE_COLUMNS for term in column.terms), *OTHER_TERMS)
 
@@ -226,7 +226,7 @@ def _flag(word: str) -> Test:
     if word == "off":
         return lambda table, marked: np.asarray(table.values[Field.ENABLED] == 0)
     if word in _MEASURED_WORDS:
-        bits = WORDS.get(word, -1)
+        bits = BITS.get(word, -1)
         return lambda table, marked: np.asarray((table.signs & bits) != 0)
     return lambda table, marked: np.asarray(table.pending.any(axis=0))
 

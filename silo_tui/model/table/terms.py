@@ -11,10 +11,12 @@ import msgspec
 import numpy as np
 
 from silo.core.arrays.columns import Floats
-from silo.core.elements import ElementInfo
+from silo.core.elements import BufferType, ElementInfo
 from silo.core.quantities.reading import seconds_of
+from silo_tui.model.table.facts import BITS, RED_HIGH, RED_LOW
 from silo_tui.model.table.fields import Field, synonym
 from silo_tui.model.table.state import Mask, TableState
+from silo_tui.model.words.states import FULL
 
 COMPARE: dict[str, Callable[[Any, Any], Any]] = {
     ">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le, "=": operator.eq, ":": operator.eq,
@@ -109,12 +111,35 @@ def action_term(names: tuple[str, ...]) -> Term:
     def read(sign: str, value: str) -> Test | str:
         wanted = synonym(Field.ACTION, value)
         if wanted is None:
-            return f"{value!r}: write act:save, act:publish or act:both"
+            return f"{value!r}: write act:save, act:publish or act:save+pub"
         exact = value.lower() in {"both", "pub"} or "+" in value or "_" in value
         passing = (wanted,) if exact else (wanted, 0)
         return _signed(sign, lambda table, marked: np.isin(table.values[Field.ACTION], passing))
 
-    return Term(names, read, completions=("act:save", "act:publish", "act:both"))
+    return Term(names, read, completions=("act:save", "act:publish", "act:save+pub"))
+
+
+def state_term() -> Term:
+    """Return the term about states, also beside a worse one: what is above a red limit is `H`, too."""
+    also = {"H": RED_HIGH, "L": RED_LOW}
+    offered = tuple(f"state:{word}" for word in (*BITS, FULL))
+
+    def read(sign: str, value: str) -> Test | str:
+        word = next((word for word in (*BITS, FULL) if word.casefold() == value.casefold()), None)
+        if word is None:
+            return f"{value!r}: write {' or '.join(offered)}"
+        bits = BITS.get(word, 0) | also.get(word, 0)
+
+        def test(table: TableState, marked: Mask) -> Mask:
+            fill = table.facts.of("fill", len(table))
+            if word == FULL:
+                keeps = table.server[Field.BUFFER] != BufferType.LOOPING
+                return np.asarray(keeps & (fill >= 1.0)) if fill is not None else np.ones(len(table), np.bool_)
+            return np.asarray((table.signs & bits) != 0)
+
+        return _signed(sign, test)
+
+    return Term(("state",), read, completions=offered, quantities=frozenset({"signs", "fill"}))
 
 
 def text_term(name: str, passes: Callable[[ElementInfo, str], bool]) -> Term:

@@ -12,8 +12,8 @@ from silo.errors import RefusedError
 from silo_tui.actions import key_of
 from silo_tui.model.lists.conditions import IN_SPACE, alarms_words, limit_head, limit_row, signal_width, waits_for
 from silo_tui.model.lists.ordering import Order
-from silo_tui.model.table.facts import MEANINGS
 from silo_tui.model.words.names import fitting_names_below
+from silo_tui.model.words.states import MEANINGS, WIDEST, limit_word
 from silo_tui.model.words.text import short, span
 from silo_tui.screens.dialogs.limits import ask_limits
 from silo_tui.screens.dialogs.questions import confirmed
@@ -45,7 +45,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
     scope = "alarms"
     kinds = (SignalLimits,)
     orders = (
-        Order("!", "!", "worst first, what nobody has seen before what was", lambda one: 0),
+        Order("state", "!", "worst first, what nobody has seen before what was", lambda one: 0),
         Order("signal", "n", "name", lambda one: one.name.casefold()),
         Order("since", "s", "the newest first", lambda one: one.since_ns, True),
         Order("count", "c", "count, the largest first", lambda one: one.count + one.stale_count, True),
@@ -77,13 +77,13 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         return [element] if element is not None else []
 
     def told(self, one: LimitStatus) -> str:
-        return f"{one.word.value} {self.session.short_name(one.name)} {one.seen} {one.why}"
+        return f"{limit_word(one.word)} {self.session.short_name(one.name)} {one.seen} {one.why}"
 
     def row_of(self, one: LimitStatus, width: int) -> Text:
         line = Text(limit_row(one, self._names[one.name], width))
         red = one.word in (LimitWord.RED_HIGH, LimitWord.RED_LOW)
         if one.is_over or one.word is LimitWord.BLIND:
-            line.stylize(bold(self.app.theme_variables, "alarm" if red else "warning"), 2, 4)
+            line.stylize(bold(self.app.theme_variables, "alarm" if red else "warning"), 2, 2 + WIDEST)
         elif _is_quiet(one):
             line.stylize("dim")
         return line
@@ -94,7 +94,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
     def about(self, one: LimitStatus) -> str:
         if one.why:
             return f"{one.name} is blind: {one.why}"
-        count, meaning = len(self.session.limits), MEANINGS.get(one.word.value, "")
+        count, meaning = len(self.session.limits), MEANINGS.get(limit_word(one.word), "")
         if waits := waits_for(one):
             meaning = ", ".join(filter(None, [meaning, waits]))
         elif one.word is LimitWord.OK:

@@ -20,8 +20,8 @@ from silo_tui.actions import COMMANDS, FILE_SCOPES, PLACES, commands_for, comman
 from silo_tui.modal import Dialog
 from silo_tui.model.drawing.braille import NAN, NEG_INF, POS_INF, SHADE
 from silo_tui.model.lists.happened import EVENT_LINE, NAMES
-from silo_tui.model.table.facts import MEANINGS
 from silo_tui.model.table.filter import TERMS
+from silo_tui.model.words.states import MEANINGS
 from silo_tui.widgets.inputs import Fleeting, Line
 from silo_tui.widgets.lines import MARKED, ON_MARKED
 from silo_tui.widgets.plot_stack import CURSOR_A, CURSOR_B
@@ -56,12 +56,13 @@ HEAD = (
 COLUMNS = (
     ("name in /legs", "all that are shown begin so"), ("▼ legs 412, ►", "a branch of so many, or a vector; folded: ►"),
     ("norm", "of a vector, in place of its entries"), ("unit", "of the value; - none"), ("on", "whether it is logged"),
-    ("div", "divider: it is logged every so many ticks"), ("act", "action: saved, published, or both"),
+    ("div", "divider: it is logged every so many ticks"),
+    ("action", "saved to files, published to other programs, or both: save+pub"),
     ("buf", "buffer: keeps the newest (loop), the first (fix), or all (grow)"), ("size", "samples that its buffer has"),
     ("fill", "how much of it is full"), ("value", "the newest; a number in a file: at that time"),
     ("min max mean std", "of each sample so long: mean 12m; of a vector the ends of any entry, of one unit"),
     ("rate", "samples a second, as measured"),
-    ("!", "the worst that is the matter: its signs stand below"),
+    ("state", "the worst that is the matter: its words stand below"),
     ("%", "of the samples that it should have"), ("jitter", "how far samples are off their time"),
     ("changed", "how long ago the value did"),
     ("trend", f"its newest curve; {NAN} nan, {POS_INF} {NEG_INF} inf, {SHADE} a hole"),

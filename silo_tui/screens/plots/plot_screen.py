@@ -247,7 +247,7 @@ class PlotScreen(SiloScreen):
         if self.session.overlay is not None:
             words.append(f"{SIGN} {self.session.overlay.name}{self._ghost_words()}")
         ended = self.session.dead and not self.window.paused  # the line says DEAD: nothing comes any more
-        if missing := "" if ended or self.file is not None else self.stack.missing():
+        if missing := self.stack.missing(before=not ended and self.file is None):
             words.append(missing)
         if self._waiting and not self.line.said:
             words.append(f"{many(len(self._waiting), 'element')} off")
