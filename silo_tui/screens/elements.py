@@ -486,7 +486,9 @@ class ElementsScreen(SiloScreen):
         term, count = blocked
         if glob := glob_of_regex(term):
             return f"0 of {len(table)}: {term} is no glob; {glob} is one, ~{term} a regular expression"
-        if set(term) & set("(^$+\\") and not term.lstrip("-").startswith("~"):
+        if term.endswith("]"):
+            return f"0 of {len(table)}: {term}: [ ] stands for one of the letters in it{near}"
+        if set(term) & set("^$+\\") and not term.lstrip("-").startswith("~"):
             return f"0 of {len(table)}: {term} has signs of a regular expression, which begins with ~"
         return f"0 of {len(table)}; without {term}: {count}{near}"
 

@@ -388,7 +388,9 @@ async def test_a_term_that_can_t_be_read_is_underlined_and_one_that_leaves_nothi
             ("left hip torque", "nothing has left or hip; did you mean 'LF'?"),
             ("LF torqe", "; did you mean 'torque'?"),
             ("LF RF LH", "each term has some, no element has all"),
-            ("LF/(HAA|KFE)/torque", "LF/(HAA|KFE)/torque has signs of a regular expression, which begins with ~"),
+            ("LF/(HAA|KFE)/torque", "brackets group nothing here: LF|RF is either, ~ begins a"),
+            ("acceleration[9]", "acceleration[9]: [ ] stands for one of the letters in it"),
+            ("LF\\d", "LF\\d has signs of a regular expression, which begins with ~"),
         ):
             await screen.press("escape")
             await screen.type(f"/{typed}")

@@ -165,6 +165,8 @@ def _word(word: str) -> Test | str | None:
         return None
     if not quoted and word.lower() in _FLAGS:
         return _flag(word.lower())
+    if not quoted and set(word) & set("(){}"):
+        return "brackets group nothing here: LF|RF is either, ~ begins a regular expression"
     folded = word.casefold()
     if not quoted and any(char in word for char in "*?["):
         return _by_glob(folded)
