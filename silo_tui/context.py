@@ -547,6 +547,11 @@ class SiloScreen(Leaving[None]):
         for bar in self.walk_children(KeyBar):
             bar.update()
 
+    def show_keys(self, instead: str) -> None:
+        """Show other keys for a while, of what lies above; empty: the screen's own again."""
+        for bar in self.walk_children(KeyBar):
+            bar.show_instead(instead)
+
     def on_screen_suspend(self) -> None:
         """Show the keys of a dialog that lies above."""
         self.show_keys_above()
@@ -554,8 +559,7 @@ class SiloScreen(Leaving[None]):
     def show_keys_above(self) -> None:
         """Show the keys of what lies above this screen, where it is a dialog."""
         if self.app.screen.is_modal:
-            for bar in self.walk_children(KeyBar):
-                bar.show_instead(getattr(self.app.screen, "KEYS_HERE", "Enter Does it  Esc Closes"))
+            self.show_keys(getattr(self.app.screen, "KEYS_HERE", "Enter Does it  Esc Closes"))
 
     def on_screen_resume(self) -> None:
         """Show the keys of the screen again, but not above a line that is typed in; and news that came meanwhile.
@@ -567,8 +571,7 @@ class SiloScreen(Leaving[None]):
             line.read()
         self.show_news(self.context.news)
         if not isinstance(self.focused, Fleeting):
-            for bar in self.walk_children(KeyBar):
-                bar.show_instead("")
+            self.show_keys("")
 
     # --------------------------------------------------------------------------------------- how the logger stands
 

@@ -76,6 +76,7 @@ class MenuReader:
         if self._on is not None and self._on.is_there:
             if self._lines is not None:
                 self._lines.remove()  # it takes a moment, in which another may be drawn
+                self._on.show_keys("")
             self._on.update_keys()
         self._menu, self._on, self._timer, self._lines = "", None, None, None
 
@@ -143,6 +144,7 @@ class MenuReader:
             return
         self._lines = MenuLines(self.picture(screen, self._app.size.width - 2), markup=False)
         screen.mount(self._lines)
+        screen.show_keys(f"a letter Does what stands behind it  {key_of('back')} Leaves the menu")
 
     def picture(self, screen: SiloScreen, width: int) -> Text:
         """Return the entries in columns: a letter, what it does or is now; in brackets what can't be done, and why."""
