@@ -570,6 +570,11 @@ def key_of(command: str, *, last: bool = False) -> str:
     return key_text(own.keys.rpartition(",")[2]) if last else own.footer_key
 
 
+def unmark_words() -> str:
+    """Return how marks are taken away, for a line that tells how many there are."""
+    return f"{key_of('unmark') or ':unmark'} unmarks"
+
+
 def key_that_retries(scope: str) -> str:
     """Return the key that looks for a lost link on a screen; empty where none does."""
     return next((key_of(each.id) for each in commands_for(scope) if each.retries), "")

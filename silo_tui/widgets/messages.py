@@ -10,7 +10,7 @@ from textual.app import RenderResult
 
 from silo.core.quantities.writing import many, wall_clock
 from silo.rpc.published import NOT_LIVE_TEXTS
-from silo_tui.actions import key_of
+from silo_tui.actions import key_of, unmark_words
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.table.cells import sign_of
 from silo_tui.model.table.columns import NAME, STEADY
@@ -131,6 +131,7 @@ class InfoLine(MessageLine):
         if rows.marked_count:
             hidden = f", {rows.hidden_marked} not shown" if rows.hidden_marked else ""
             parts.append(LinePart(9 if hidden else 4, f"{rows.marked_count} marked{hidden}"))
+            parts.append(LinePart(2, unmark_words()))
         fields, elements = session.table.pending_count
         if fields:
             way = f" ({key_of('apply')} to apply)"

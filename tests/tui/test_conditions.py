@@ -382,7 +382,7 @@ class TestScreens:
             await screen.press("A")
             await screen.shows("/legs/LF/contact")
             await screen.press("*")
-            await screen.shows("9 marked")
+            await screen.shows("9 marked │ :unmark unmarks")
             await screen.do("plot_conditions")
             await screen.shows("the first 6 of 9 signals: mark others")
 

@@ -9,7 +9,7 @@ from textual import events
 from textual.app import ComposeResult
 from textual.widgets import Static
 
-from silo_tui.actions import BY_ID, Command, key_of, key_that_retries
+from silo_tui.actions import BY_ID, Command, key_of, key_that_retries, unmark_words
 from silo_tui.context import SiloScreen
 from silo_tui.keymap import DESTROYS, TWO_LAYERS
 from silo_tui.modal import ask
@@ -213,7 +213,7 @@ class ListScreen(SiloScreen, Generic[LineT]):
         """Draw the line of words: marks, filter and order where there are some, and what was said last."""
         if self._pruning:
             return  # as above
-        parts = [f"{len(self.marks.keys)} marked"] if self.marks.keys else []
+        parts = [f"{len(self.marks.keys)} marked", unmark_words()] if self.marks.keys else []
         parts += [f"/{self.asked}: {len(self.shown)} of {len(self.all)}"] if self.asked else []
         parts += [f"by {self._order.name}"] if self._order is not self.orders[0] or self._turned else []
         parts += [f"{key_that_retries(self.scope)} orders anew"] if self._stands_otherwise else []
