@@ -70,7 +70,10 @@ class CommandRunner:
         if command is None or command.typed is None:
             begun = any(known.startswith(word) for known in BY_WORD)  # Tab goes on with it
             return "" if begun else self._no_command(word)
-        typed = command.typed
+        typed, given = command.typed, line.partition(" ")[2].strip()
+        if command.id == "open" and _is_folder(os.path.expanduser(given or ".")):  # noqa: PTH111 - never fails
+            takes = ", Tab takes the one in grey" if self.complete(line) else ""
+            return f"{typed.usage}: Enter lists the logs in {given or 'this folder'}{takes}"
         return f"{typed.usage}: {typed.help}" if typed.usage else f"{command.label}: {command.help}"
 
     def choices(self, command: Command, *typed: str) -> Sequence[str]:
@@ -199,7 +202,7 @@ class CommandRunner:
         if not self._context.has_session:
             raise RefusedError("no logger is open: leave silo-tui, and open the file by `silo-tui FILE`")
         path = typed_path("the log", typed.rest or ".")
-        if not typed.arguments or (os.path.isdir(path) and not is_bag_folder(path)):  # noqa: PTH112 - never fails
+        if not typed.arguments or _is_folder(path):
             cast(Any, self._context.app).command_runs(typed)  # one of them is to be chosen
             return
         from silo.analysis.opening import open_log
@@ -434,3 +437,8 @@ async def _keep_view(context: Context, name: str, layout: KeptLayout) -> None:
     said = await flows.keep_on_robot(context, f"Write over view {name}?", "Write", keep)
     if said is not None:
         context.say(f"{said}: `:view {ROBOT}{name}` opens it, or silo-tui --view {ROBOT}{name}")
+
+
+def _is_folder(path: str | Path) -> bool:
+    """Return whether it is a folder of logs, and no log that is a folder."""
+    return os.path.isdir(path) and not is_bag_folder(Path(path))  # noqa: PTH112 - never fails

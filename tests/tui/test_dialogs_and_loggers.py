@@ -518,7 +518,9 @@ async def test_tab_goes_on_in_the_folder_that_it_took_and_enter_lists_that(fake,
             taken.append(screen.app.screen.query_one(Input).value.removeprefix(f"open {tmp_path}"))
         assert taken == ["/", "/walk.silo", "/c.silo", "/b.silo"]
         await screen.press("escape", ":")
-        await screen.enter(f"open {tmp_path}/")
+        await screen.type(f"open {tmp_path}/")
+        await screen.shows(f"Enter lists the logs in {tmp_path}/, Tab takes the one in grey")
+        await screen.press("enter")
         await screen.until(lambda: screen.app.screen.scope == "runs", "the list")
         await screen.shows("walk")
 
