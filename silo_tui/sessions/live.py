@@ -155,7 +155,6 @@ class Session:
         self._said_closed = False  # the program that is connected, since it is
         self.lent = Lent(self)
         self._left: tuple[Status, Had] | None = None  # with the link, until all is read anew
-        self.refused_trigger: TriggerOptions | None = None  # and left, to mend why
         self.made_trigger = ""  # the one that was made last
         self.left_files: list[SavedFile] = []  # of a robot program that died
         self.happened: list[LoggedEvent] = []  # the newest lines of the event log

@@ -549,11 +549,30 @@ class TestScreens:
             await screen.press("enter")
             await screen.shows("no buffer holds that: set size=202")
             await screen.press("escape", "down", "N", "t")  # as who mends it on another row
-            await screen.shows("as it was when it was refused")
+            await screen.shows("as it was left; Esc, then the same key again, begins anew")
             assert [screen.app.screen.fields[name] for name in ("name", "when")] == ["a", "x > 1"]
             await screen.press("escape", "up", "N", "t")
             await screen.until(lambda: screen.app.screen.query("#form-when"))
             assert screen.app.screen.fields["when"] == own
+
+    @pytest.mark.parametrize(
+        ("keys", "line", "title"),
+        [("Nl", "LL", "Limits of"), ("Nd", "is", "Derive a signal"), ("w", "name", "Save data"),
+         ("Nt", "when", "New trigger")],
+    )  # fmt: skip
+    async def test_what_was_typed_into_a_form_and_left_stands_there_once_more(self, fake, opened, keys, line, title):
+        async with opened(fake.run()) as screen:
+            begun = []
+            for _ in range(3):
+                await screen.press(*keys)
+                await screen.shows(title)
+                await screen.until(lambda: screen.app.screen.query(f"#form-{line}"))
+                begun.append(screen.app.screen.field(line).value)
+                assert ("as it was left" in screen.text) is (begun[-1] == "12.5")
+                screen.app.screen.field(line).value = begun[-1] if begun[-1] == "12.5" else "12.5"
+                await screen.press("escape")
+                await screen.until(lambda: not screen.app.screen.is_modal)
+            assert (begun[1], begun[2] == begun[0]) == ("12.5", True)
 
     async def test_limits_that_nothing_broke_have_a_line_below_what_is_over(self, fake, opened):
         quiet = LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0, bounds=(None, 0.0, 2.5, None))

@@ -5,11 +5,12 @@ from abc import abstractmethod
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import cached_property
 from heapq import nsmallest
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
 
 from rich.text import Text
 from textual import events
 from textual.app import ComposeResult
+from textual.await_complete import AwaitComplete
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Static
@@ -34,6 +35,9 @@ NUMBER = f"signals, numbers with units, + - * ** and a / with blanks, {' '.join(
 CONDITION = f"the condition: signals, numbers with units, and or not, {' '.join(FUNCTIONS)}"
 
 
+LEFT = "as it was left; Esc, then the same key again, begins anew"
+# numbers that are no part of a name: a form that begins with other ones is about the same thing
+_AMOUNT = re.compile(r"(?<![\w./])-?\d[\w.+-]*")
 # the last name of an expression that is being typed, or what may become one: what follows a number is its unit
 _LAST_NAME = re.compile(r"(?<![\w./])(?<!\d )/?([^\W\d][\w./]+)$")
 
@@ -72,7 +76,8 @@ def named_whole(typed: str, names: Sequence[str]) -> list[str]:
 class Form(Dialog[ResultT | None], Generic[ResultT]):
     """Answers with what the lines make on Enter, None on Esc; what makes no sense is said, and they stay.
 
-    While one types that is quiet: what isn't finished is no mistake yet.
+    While one types that is quiet: what isn't finished is no mistake yet. What was typed and not taken stands there again
+    when the form opens on the same thing the next time.
     """
 
     AUTO_FOCUS = ""  # Textual gives the keys to the first field, before `start` is asked for
@@ -106,12 +111,22 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         hints = hints_with(hints, table) if table is not None else hints
         self._table = table
         self._problem = problem
-        typed = {name: values.get(name, "").strip() for line in lines for name in line}
-        self._refused = typed if problem else None  # what was typed then
+        self._given = {name: values.get(name, "").strip() for line in lines for name in line}
+        self._refused = self._given if problem else None  # what was typed then
+        self.about = (title, _AMOUNT.sub("", str(self._given)))  # what it opens on, by which what was typed is kept
+        self.begins_anew = False
         self._is_wrong = False  # what is said below: it is of what is typed no more as soon as that is another thing
         self._title, self._lines, self._values, self._hints = title, lines, values, hints
 
+    @property
+    def _kept(self) -> dict[tuple[str, str], dict[str, str]]:
+        """What was typed into forms and not taken, by what they opened on."""
+        kept: dict[tuple[str, str], dict[str, str]] = cast(Any, self.app).context.typed_before
+        return kept
+
     def compose(self) -> ComposeResult:
+        if not self._problem and not self.begins_anew and (kept := self._kept.pop(self.about, None)):
+            self._problem, self._values, self._refused = LEFT, kept, kept
         with Vertical(classes="dialog form"):
             yield Static(self._title, classes="dialog-title", markup=False)
             yield from self.above()
@@ -152,8 +167,9 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
             tell_apart(line)
         if self._start:
             self.set_focus(self.field(self._start))
-            self.tell(self._problem, "failed")
             self.look_soon()
+        if self._problem:
+            self.tell(self._problem, "quiet" if self._problem == LEFT else "failed")
 
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
         self._start = str(event.widget.id).removeprefix("form-")
@@ -242,6 +258,13 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         self._problem, self._refused = words, self.fields
         self.tell(words, "failed")
 
+    def dismiss(self, result: ResultT | None = None) -> AwaitComplete:
+        """Leave with a result; without one what was typed is kept, once."""
+        typed = self.fields
+        if result is None and self._problem != LEFT and (self._problem or typed != self._given) and any(typed.values()):
+            self._kept[self.about] = typed
+        return super().dismiss(result)
+
     @abstractmethod
     async def look(self) -> str:
         """Return what the lines mean. SiloError or ValueError where that is nothing."""
@@ -265,24 +288,25 @@ async def taken(
     form: Callable[[ResultT | None, str], Form[ResultT]],
     send: Callable[[ResultT], Awaitable[None]],
     whole: ResultT | None = None,
-) -> ResultT | None:
+) -> None:
     """Send what a form makes; where it is refused, show the form again, with what was typed and why.
 
     `form` makes it of what was typed last, None at first, and of why that was refused. What is `whole` is sent at once.
-    Returns what was refused, and then left; None where it was done, or nothing was sent.
     """
     refused, problem = whole, await refusal(send(whole)) if whole is not None else ""
     if whole is not None and not problem:
-        return None
+        return
     dialog = form(refused, problem)
     while (answer := await context.app.push_screen_wait(dialog)) is not None:
         problem = await refusal(send(answer))
         if not problem:
-            return None
+            return
         refused, last = answer, dialog._start
-        dialog = form(refused, problem)
-        dialog._start = last or dialog._start  # where one was, as why it was refused stands below it
-    return refused
+        about, dialog = dialog.about, form(refused, problem)
+        dialog.about, dialog._start = (
+            about,
+            last or dialog._start,
+        )  # where one was, as why it was refused stands below it
 
 
 async def told(context: "Context", job: "Callable[[Client], str]", place: str) -> None:

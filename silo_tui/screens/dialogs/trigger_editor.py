@@ -29,14 +29,11 @@ HINTS = {
 async def ask_trigger(
     context: Context, made: TriggerOptions, send: Callable[[TriggerOptions], Awaitable[None]] | None = None
 ) -> None:
-    """Let a new trigger be edited, and set it; one that was refused, and left to mend why, comes back once."""
+    """Let a new trigger be edited, and set it."""
     session = context.session
-    before, session.refused_trigger = session.refused_trigger, None
 
     def form(one: TriggerOptions | None, problem: str) -> TriggerEditor:
-        if one is None and before is not None:
-            problem = "as it was when it was refused; Esc, then the same key again, for another one"
-        return TriggerEditor(session, one or before or made, is_new=True, problem=problem)
+        return TriggerEditor(session, one or made, is_new=True, problem=problem)
 
     async def set_it(answer: TriggerOptions) -> None:
         if send is not None:
@@ -45,7 +42,7 @@ async def ask_trigger(
             await told(context, lambda client: client._set_trigger(answer), "triggers")
         session.made_trigger = answer.name
 
-    session.refused_trigger = await taken(context, form, set_it)
+    await taken(context, form, set_it)
 
 
 class TriggerEditor(Form[TriggerOptions]):
@@ -76,6 +73,8 @@ class TriggerEditor(Form[TriggerOptions]):
         )
         self._session = session
         self._options = options
+        if is_new:  # also on another row, as who mends there why it was refused
+            self.about = (title, "")
 
     async def look(self) -> str:
         fields = self.fields

@@ -83,6 +83,7 @@ class SaveDialog(Form[list[SavedFile]]):
         super().__init__("Save data", (("name",),), {"name": name}, hints)
         self.context = context
         self._types, self._at_once = tuple(types), at_once
+        self.begins_anew = at_once
         self._go_on = go_on  # leaves by itself when the files are there
         self._saving = False
         self._files: list[SavedFile] | None = None
@@ -183,7 +184,7 @@ class SaveDialog(Form[list[SavedFile]]):
         except (SiloError, ValueError) as error:
             self.refuse(str(error))
             return
-        self._saving, self._asked = True, files
+        self._saving, self._asked, self._given = True, files, self.fields
         self.query_one(ProgressBar).display = True
         self.query_one(ProgressBar).update(progress=0.0)
         self._result("Saving …")
