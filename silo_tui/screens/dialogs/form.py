@@ -76,8 +76,8 @@ def named_whole(typed: str, names: Sequence[str]) -> list[str]:
 class Form(Dialog[ResultT | None], Generic[ResultT]):
     """Answers with what the lines make on Enter, None on Esc; what makes no sense is said, and they stay.
 
-    While one types that is quiet: what isn't finished is no mistake yet. What was typed and not taken stands there again
-    when the form opens on the same thing the next time.
+    While one types that is quiet: what isn't finished is no mistake yet. What was typed and not taken stands there once
+    more when the form opens on the same thing the next time.
     """
 
     AUTO_FOCUS = ""  # Textual gives the keys to the first field, before `start` is asked for
