@@ -135,7 +135,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
     # ---------------------------------------------------------------------------------------------- geometry
 
     def lay_out(
-        self, value_width: int = 11, *, trend: bool = False, wide: bool = False, bare: bool = False, fill: bool = True
+        self, value_width: int = 7, *, trend: bool = False, wide: bool = False, bare: bool = False, fill: bool = True
     ) -> None:
         """Show the columns of the chosen set; `wide`: settings beside it, `bare`: of settings the first alone.
 

@@ -232,7 +232,7 @@ async def test_after_an_apply_fill_counts_against_the_buffers_of_the_recording(f
         await screen.shows("100%")
         await screen.do("edit_size", *"40k", "enter", "a", "enter")
         await screen.shows("applied to 1 element")
-        await screen.shows("40000    100%")
+        await screen.shows("40000 100%")
         await screen.press("S")
         await screen.until(lambda: "40000    0%" in screen.text or "40000      0%" in screen.text)
 

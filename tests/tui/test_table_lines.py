@@ -95,28 +95,28 @@ def table(desk):
 
 def test_a_line_has_its_name_its_settings_and_what_is_measured(table):
     assert table.text[:2] == [
-        " >/base/orientation              [x]    1 both loop   4000                    …▐",
-        "  /base/position           m     [x]    1 both loop   4000                    … ",
+        " >/base/orientation            [x]    1 save+pub loop  4000                   …▐",
+        "  /base/position         m     [x]    1 save+pub loop  4000                   … ",
     ]
     table.session.live.readings[HEAT] = Reading(np.array([21.5]), {}, 50, 0, 0)
     table.follow()
-    assert table.text[4].startswith("  /imu/temperature         degC  [x]   40 both loop    100 ")
+    assert table.text[4].startswith("  /imu/temperature       degC  [x]   40 save+pub loop   100 ")
     assert "21.5" in table.text[4]
 
 
 def test_in_a_tree_name_spaces_have_lines_and_names_their_last_level(table):
     table.rows.order_by("tree")
     table.follow()
-    assert [line[:34].rstrip() for line in table.text[:8]] == [
-        "  ▼ base                    3", " >  ► orientation |4|", "    ► position |3|          m",
-        "    ► velocity |3|          m/s", "  ▼ imu                     2", "    ► acceleration |3|      m/s2",
-        "      temperature           degC", "  ▼ legs                    64",
+    assert [line[:31].rstrip() for line in table.text[:8]] == [
+        "  ▼ base                 3", " >  ► orientation |4|", "    ► position |3|       m",
+        "    ► velocity |3|       m/s", "  ▼ imu                  2", "    ► acceleration |3|   m/s2",
+        "      temperature        degC", "  ▼ legs                 64",
     ]  # fmt: skip
     table.rows.move_to(0)
     table.rows.fold()
     table.rows.unfolded = {"/log/imu/acceleration": 3}
     table.follow()
-    assert [line[:28].rstrip() for line in table.text[:7]] == [
+    assert [line[:24].rstrip() for line in table.text[:7]] == [
         " >► base", "  ▼ imu",
         "    ▼ acceleration |3|", "        x", "        y", "        z", "      temperature",
     ]  # fmt: skip
@@ -171,7 +171,7 @@ def test_a_range_is_seen_while_it_is_made(table):
     table.rows.move_to(2)
     table.show_cursor()
     assert sorted(table.areas) == [(0, 0), (0, 1), (0, 2)]
-    assert ["table--range" in names for names in (table.looks(y)["both"] for y in range(4))] == [True] * 3 + [False]
+    assert ["table--range" in names for names in (table.looks(y)["save+pub"] for y in range(4))] == [True] * 3 + [False]
     assert [line[1] for line in table.text[:4]] == ["+", "+", "»", " "]
 
 
@@ -255,7 +255,7 @@ def click(table: Table, x: int, y: int, chain: int = 1) -> list[Any]:
 
 
 def test_a_click_puts_the_cursor_there_and_a_second_one_edits(table):
-    divider = table.text[2].index(" 1 both") + 1
+    divider = table.text[2].index(" 1 save+pub") + 1
     assert click(table, divider, 2) == []
     assert (table.rows.position, table.field) == (2, Field.DIVIDER)
     assert click(table, divider, 2) == [Field.DIVIDER]
@@ -308,11 +308,11 @@ def test_fields_are_gone_through_from_left_to_right(table):
 def test_columns_are_chosen_by_their_titles(table):
     assert table.choose_columns(["div", "smell"]) == ["smell"]
     table.follow()
-    assert "both" not in table.text[0]
+    assert "save+pub" not in table.text[0]
     assert " 1 " in table.text[0]
     assert table.choose_columns([]) == []
     table.follow()
-    assert "both" in table.text[0]
+    assert "save+pub" in table.text[0]
 
 
 def test_the_head_names_columns_and_the_order(table):

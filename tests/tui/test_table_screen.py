@@ -44,7 +44,7 @@ async def test_the_value_of_a_full_buffer_is_its_last_one_and_says_so(fake, open
     async with opened(fake.run(20), size=(180, 40)) as screen:
         await screen.press("slash")
         await screen.enter("LF/HAA/current")
-        await screen.shows("│ ## buffer full: this is its last sample")
+        await screen.shows("│ buffer full: this is its last sample")
 
 
 async def test_the_filter_works_while_it_is_typed_and_says_how_many_pass_and_what_its_terms_may_be(fake, opened):

@@ -303,10 +303,8 @@ async def taken(
             return
         refused, last = answer, dialog._start
         about, dialog = dialog.about, form(refused, problem)
-        dialog.about, dialog._start = (
-            about,
-            last or dialog._start,
-        )  # where one was, as why it was refused stands below it
+        dialog.about = about
+        dialog._start = last or dialog._start  # where one was, as why it was refused stands below it
 
 
 async def told(context: "Context", job: "Callable[[Client], str]", place: str) -> None:
