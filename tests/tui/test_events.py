@@ -19,6 +19,7 @@ from silo_tui.model.lists.happened import (
     MOST,
     columns_of,
     csv_text,
+    folded,
     gone_words,
     in_plots,
     in_time,
@@ -132,6 +133,22 @@ def test_a_flickering_limit_pushes_out_no_marks():
     assert kept[0] == mark
     assert kept[1:] == many[-MOST:]
     assert newest([event(number=number) for number in range(MOST + 5)])[0].number == 5
+
+
+def test_a_limit_that_is_crossed_again_and_again_is_one_line_with_how_often_and_how_long():
+    crossed = [
+        event(kind, f"/{name} {words}", at_ns=at * SECOND, number=at)
+        for at, (name, kind, words) in enumerate(
+            [("a", "limit", "H 3 Nm"), ("b", "limit", "H 1 V"), ("a", "limit ended", "is well")] * 3
+            + [("c", "limit", "")],
+            start=1,
+        )
+    ]
+    mark = event(at_ns=20 * SECOND, number=20)
+    few = [event("limit", "/a H 3 Nm", at_ns=at * SECOND, number=at) for at in (21, 22, 23)]
+    found = folded([*crossed, mark, *few])
+    assert [(one.number, one.times) for one in found[:6]] == [(2, 1), (5, 1), (8, 1), (1, 6), (10, 1), (20, 1)]
+    assert (found[3].text, found[3].kind, found[6:]) == ("6 × in 8 s: /a is well", "limit", few)
 
 
 def test_only_the_newest_run_is_on_the_clock_of_the_plots():
@@ -315,6 +332,11 @@ async def test_limits_of_other_signals_hide_neither_plots_nor_marks(flickering, 
         assert "H" not in screen.text.splitlines()[-3]
         await screen.do("space", "previous_event")
         await screen.shows('event, 1 of 1: "push 3"')
+        await screen.do("events")
+        await screen.shows(" × in 7.9 s: ")
+        await screen.shows("events in 3 lines (/limit shows each)")
+        await screen.enter("/limit")
+        await screen.until(lambda: screen.text.count(" H 3 Nm at tick 1") > 10, "each of them")
 
 
 async def test_plots_have_a_line_and_a_letter_where_something_happened_and_keys_go_there(running, opened):

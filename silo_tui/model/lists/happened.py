@@ -4,8 +4,11 @@ Pure functions on lines of the event log.
 """
 
 import io
+import itertools
 from collections.abc import Callable, Collection, Sequence
 from datetime import datetime, timezone
+
+from msgspec import structs
 
 from silo.core.elements import LoggedEvent
 from silo.core.episodes.words import said_by
@@ -23,6 +26,7 @@ EVENT_LINE = "╎"
 RANK = "XSTMEH"  # of several in one cell that one is shown which comes first
 MOST = 2000  # that a session keeps of limits, and as many of all else: a limit that flickers pushes nothing out
 _LIMITS = {"limit", "limit ended"}
+FOLDED_FROM = 4  # a limit that is crossed, and left, twice
 
 
 def letter(event: LoggedEvent) -> str:
@@ -58,6 +62,29 @@ def in_time(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
         newest = max(newest, place)
         places.append(place)
     return [event for _, event in sorted(zip(places, events, strict=True), key=lambda one: one[0])]
+
+
+def folded(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
+    """Return events in time with those of the limits of one signal as one, where nothing but limits came between.
+
+    It is the newest of them, with how many there are in which time; its number is that of the first.
+    """
+    found: list[LoggedEvent] = []
+    for run, group in itertools.groupby(events, lambda event: event.run if event.kind in _LIMITS else ""):
+        by_signal: dict[str, list[LoggedEvent]] = {}
+        for event in group if run else ():
+            by_signal.setdefault(event.text.split(" ", 1)[0], []).append(event)
+        found += in_time([one for like in by_signal.values() for one in _fold(like)]) if run else group
+    return found
+
+
+def _fold(like: Sequence[LoggedEvent]) -> Sequence[LoggedEvent]:
+    if len(like) < FOLDED_FROM:
+        return like
+    first, last = like[0], like[-1]
+    count = sum(event.times for event in like)
+    told = f"{count} × in {text.span((last.clock_ns - first.clock_ns) / 1e9, 2)}: {last.text}"
+    return [structs.replace(last, kind="limit", text=told, number=first.number, times=count)]
 
 
 def in_plots(

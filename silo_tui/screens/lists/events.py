@@ -11,7 +11,7 @@ from silo.core.quantities.writing import many
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.lists.conditions import MOST_PLOTS, named_in
-from silo_tui.model.lists.happened import NAMES, ORDERS, csv_text, in_time, letter, line, matches, words
+from silo_tui.model.lists.happened import NAMES, ORDERS, csv_text, folded, in_time, letter, line, matches, words
 from silo_tui.model.words.paths import typed_file
 from silo_tui.screens.dialogs.exporting import write_whole
 from silo_tui.screens.dialogs.questions import Prompt, ask_line
@@ -33,7 +33,8 @@ class EventsScreen(LoggerList[LoggedEvent]):
         self.scope = "events" if session.at_s is None else "file_events"
         self._following = True
         self._known: Sequence[LoggedEvent] = ()
-        self._all: Sequence[LoggedEvent] = ()  # as they are shown
+        self._all: Sequence[LoggedEvent] = ()  # in the order of time
+        self._folded: Sequence[LoggedEvent] = ()
 
     def status_changed(self) -> None:
         """Follow state and link, and take in what happened since."""
@@ -43,15 +44,16 @@ class EventsScreen(LoggerList[LoggedEvent]):
 
     @property
     def all(self) -> Sequence[LoggedEvent]:
-        return self._all
+        return self._all if self.asked else self._folded  # who looks for one finds each
 
     def show(self) -> None:
         self._known = self.session.happened
         self._all = in_time(self._known)
+        self._folded = folded(self._all)
         super().show()
 
     def key_of(self, one: LoggedEvent) -> str:
-        return f"{one.run} {one.number} {one.time_ns} {one.kind} {one.text}"
+        return f"{one.run} {one.number} {'folded' if one.times > 1 else f'{one.time_ns} {one.kind} {one.text}'}"
 
     def row_of(self, one: LoggedEvent, width: int) -> Text:
         shown = Text(line(one, self.told(one), width - 2, self.session.status.logger))
@@ -69,7 +71,9 @@ class EventsScreen(LoggerList[LoggedEvent]):
         return "  time                tick kind and what"
 
     def going_on(self) -> Sequence[str]:
-        count = many(len(self.all), "event")
+        count = many(len(self._all), "event")
+        if len(self._folded) < len(self._all) and not self.asked:
+            count += f" in {many(len(self._folded), 'line')} ({key_of('list_filter')}limit shows each)"
         follows = "follows" if self._following else f"{key_of('list_top')} follows"
         one = self.chosen
         kind = NAMES.get(letter(one), "") if one is not None else ""
