@@ -200,8 +200,10 @@ class StatusBar(FittingLine):
             parts.append(LinePart(3, f"{room}  {status.enabled}/{status.elements}{' elements' * wide} on"))
             parts.append(LinePart(2, f" +{status.derived} derived" if status.derived else ""))
         if wide:
-            before = f"{text.count(status.before_ticks)} + " if status.before_ticks else ""  # others count from a cut
-            parts.append(LinePart(1, f"  {before}{text.count(session.ticks)} ticks"))
+            ticks, before = text.count(session.ticks), text.count(status.before_ticks)
+            told = (f"{before} ticks before the cut, {ticks} since", f"{ticks} ticks since the cut")  # others count so
+            told = told if status.before_ticks else (f"{ticks} ticks",)
+            parts.append(LinePart(1, f"  {told[0]}", "", (*(f"  {each}" for each in told[1:]), "")))
         if slow and wide and session.jitter_s:
             parts.append(LinePart(1, f"  jitter {text.span(session.jitter_s, 2)}", caution))
         return parts

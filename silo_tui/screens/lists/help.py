@@ -41,7 +41,7 @@ HEAD = (
     ("… of 400 Hz", "ticks a second as measured, of how many; …: none was yet"),
     ("318 of 400 Hz slow", "the loop makes fewer ticks than it should: filter `lateness` (logged with timing=True)"),
     ("‼ no tick for 4 s", "the loop stands still"),
-    ("118 024 ticks", "of the run until now; 9 632 + 63 712: before a cut, and since"),
+    ("118 024 ticks", "of the run until now; what came before a cut is in a file"),
     ("lost 0", "samples that the buffers could not keep"),
     ("1 alarm (HH), HH 1", "so many are beyond limits, the worst so far"),
     ("1 alarm ended unseen", "it is over, and nobody has said that he saw it: acknowledge it in the list of alarms"),
