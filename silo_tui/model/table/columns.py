@@ -237,7 +237,7 @@ def orders_of(columns: Iterable[TableColumn]) -> Mapping[str, TableOrder]:
 def in_set(column: TableColumn, name: str, *, wide: bool) -> bool:
     """Return whether a set shows a column.
 
-    On a wide screen statistics stand beside settings and settings beside timing; statistics alone leave values their room.
+    On a wide screen statistics stand beside settings, settings beside timing; statistics alone leave values room.
     """
     beside = name != "timing" if column.measured else "settings" in column.sets and name != "statistics"
     return name in column.sets or (wide and beside and ("wide" in column.sets or not column.measured))
