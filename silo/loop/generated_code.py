@@ -10,6 +10,7 @@ Facts that decide its form, beside those in `silo.loop.pieces`:
 
 import functools
 import marshal
+import sys
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -266,15 +267,14 @@ class _Writer:
         lines += ["    def collect():", f"        nonlocal {changed}", *_indent(guard.enter, 2)]
         # Ctrl-C may come within a tick: all of it is logged, or nothing. Between any two steps: so `n` is there before
         # the `try`, the first and the last step are within it, and what follows the last one changes nothing
-        lines += [
-            "        n = tick + 1",
-            "        try:",
-            *_indent([*guard.begin, *CLOCK, *stamp, *body, *guard.end], 3),
-        ]
         undo = ["if tick != n:", *_indent(self._undo, 1)]
         if guard.leave:
             undo = ["try:", *_indent(undo, 1), "finally:", *_indent(guard.leave, 1)]
-        lines += ["        except BaseException:", *_indent([*undo, "raise"], 3), *_indent(guard.after, 2)]
+        taken_back = ["except BaseException:", *_indent([*undo, "raise"], 1)]
+        steps = ["try:", *_indent([*guard.begin, *CLOCK, *stamp, *body, *guard.end], 1), *taken_back]
+        if sys.version_info < (3, 11):  # a second signal may come before the first one's is taken back
+            steps = ["try:", *_indent(steps, 1), *taken_back]
+        lines += _indent(["n = tick + 1", *steps, *guard.after], 2)
         lines += ["    def retire():", "        nonlocal busy, retired", "        busy = retired = True"]
         lines += ["    return collect, retire"]
         return "\n".join(lines)

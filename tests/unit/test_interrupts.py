@@ -1,7 +1,9 @@
 """Ctrl-C at every instruction of a start, a restart, an end and a tick: nothing is left over, and nothing is stuck."""
 
+import contextlib
 import gc
 import os
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -156,3 +158,36 @@ def test_an_interrupt_anywhere_in_the_first_tick_leaves_the_run_to_its_thread(tm
         logger.collect()
         assert logger.ticks == before + 1
         logger.close(discard=True)
+
+
+@pytest.mark.skipif(sys.version_info >= (3, 11), reason="later ones look for signals at calls and loops alone")
+@pytest.mark.parametrize("threads", ["single", "serialized"])
+def test_a_second_interrupt_while_the_first_is_taken_back_leaves_whole_rows(new_logger, threads):
+    class Interrupting:
+        now = False
+
+        @property
+        def x(self):
+            if self.now:
+                raise KeyboardInterrupt
+            return float(logger.ticks)
+
+    logger, robot = new_logger("twice", threads=threads), Interrupting()
+    for divider in (1, 2):
+        logger.add(robot, f"x{divider}", attr="x", divider=divider)
+    logger.start()
+    interrupts = Interrupts(lambda code: code.co_filename == "<silo collect>")
+
+    def tick(*, first=False):
+        robot.now = first
+        with contextlib.suppress(KeyboardInterrupt):
+            logger.collect()
+
+    tick()
+    places = interrupts.places(lambda: (tick(first=True), tick(first=True)))
+    for place in places:
+        interrupts.interrupt(place, lambda: tick(first=True))
+        tick()
+    assert logger.ticks == len(places) + 1
+    for element in logger.snapshot().elements:
+        assert element.entries[0].values.tolist() == element.stamp_indices.tolist()
