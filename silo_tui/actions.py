@@ -465,7 +465,7 @@ COMMANDS: tuple[Command, ...] = (
             hidden=True, typed=Typed(("q!",))),
     # ----------------------------------------------------------------------------------------------- only typed
     Command("set", "", "Edit", "edit what is marked", "Edit", (), writes=True,
-            typed=_read(("set",), "settings", ":set div=5 size=10s", "edit what is marked, by these words:", 3)),
+            typed=_read(("set",), "settings", ":set NAME div=5 size=10s", "edit what is named, or marked:", 3)),
     Command("control", "", "Control", "who is connected; take, release or give away control", "Logger",
             _BOTH + _DETAIL + _ASIDE, asks=True,
             typed=_read(("control",), "control", ":control take|release|give NAME",

@@ -14,7 +14,7 @@ from silo.core.conditions import new_trigger
 from silo.core.quantities.writing import and_more, many, wall_clock
 from silo.errors import RefusedError, SiloError
 from silo.rpc.frames import Frame
-from silo.settings.typed import ElementSettings, examples, read_settings
+from silo.settings.typed import ElementSettings, examples, is_setting, read_settings
 from silo_tui.actions import BY_ID, Command, key_of
 from silo_tui.modal import ask, run_alone, run_aside
 from silo_tui.model.table.cells import statistic_head
@@ -540,12 +540,16 @@ class TableScreen(ElementsScreen):
     def command_set(self, typed: Spelled) -> None:
         if not typed.arguments:
             raise ValueError("set what? for example `:set div=5 buf=loop size=10s act=both on=yes`")
-        wanted = read_settings(typed.arguments)
-        self.sure_of_hidden(lambda: self._set_all(wanted))
+        begin = next((at for at, word in enumerate(typed.arguments) if "=" in word or is_setting(word)), 0)
+        wanted, named = read_settings(typed.arguments[begin:]), typed.arguments[:begin]
+        if named:
+            self._set_all(wanted, named)
+        else:
+            self.sure_of_hidden(lambda: self._set_all(wanted))
 
-    def _set_all(self, wanted: ElementSettings) -> None:
+    def _set_all(self, wanted: ElementSettings, named: Sequence[str] = ()) -> None:
         try:
-            changed = self.session.change(wanted)
+            changed = self.session.change(wanted, named)
         except (ValueError, SiloError) as error:
             self.context.fail(str(error))
             return

@@ -12,12 +12,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from silo.conditions.standing import LimitStatus, TriggerStatus
 from silo.core.arrays.columns import MAX_COLUMNS, ColumnStore, HistoryColumns
 from silo.core.conditions import TriggerOptions, new_trigger
 from silo.core.elements import ElementInfo, LoggedEvent, SavedFile, State, Status
 from silo.core.episodes.words import next_marks
+from silo.core.names import Names
 from silo.errors import RefusedError, SiloError
 from silo.live.quantities import SLOW, SLOW_SHARE
 from silo.recorder.requests import RecorderInfo
@@ -453,22 +455,29 @@ class Session:
         with suppress(SiloError):  # a lost link is told by the banner, a refusal by the next survey
             await self.connection.read(lambda client: client._survey(["signs"], self.table.names[:1]))
 
-    def change(self, settings: ElementSettings) -> int:
+    def change(self, settings: ElementSettings, named: Sequence[str] = ()) -> int:
         """Edit the targets of the table as typed, all or none, in one undo step; return how many cells changed.
 
-        ValueError says what is out of range; nothing is changed then.
+        What is `named` is edited instead: names, their ends, patterns. ValueError says what is out of range, or that
+        there is no such element; nothing is changed then.
         """
         rows, values = self.rows.targets(), self.table.values
-        if why := self.why_fixed():
+        known = Names(self.table.names, self.table.prefix)
+        found = {name: [place for place, _ in known.find(name)] for name in named}
+        if unknown := [name for name in named if not found[name]]:
+            raise ValueError(f"no element is called {unknown[0]!r}{known.hint(unknown[0], '')}")
+        if named:
+            rows = np.array(sorted({place for places in found.values() for place in places}), np.int64)
+        if why := self.why_fixed(rows):
             raise ValueError(why)
         rows = rows[~self.table.derived[rows]]
         elements = [(self.table.names[row], options_of(values[:, row])) for row in rows]
         made = apply_settings(settings, elements, self.status.frequency_hz)
         return self.table.edit_all(rows, rows_of(made))
 
-    def why_fixed(self) -> str:
-        """Return why none of the targets can be edited, empty where some can."""
-        rows = self.rows.targets()
+    def why_fixed(self, rows: NDArray[np.int64] | None = None) -> str:
+        """Return why none of the rows, else of the targets, can be edited; empty where some can."""
+        rows = self.rows.targets() if rows is None else rows
         if not len(rows) or not self.table.derived[rows].all():
             return ""
         one = self.table.elements[rows[0]]

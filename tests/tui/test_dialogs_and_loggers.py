@@ -403,6 +403,11 @@ async def test_the_set_command_edits_what_is_marked_and_an_unknown_one_offers_wh
         await screen.enter(":set div=4 size=10s buf=grow")
         assert [screen.value(FIRST, field) for field in (Field.DIVIDER, Field.SIZE)] == ["4", "1000"]
         assert screen.session.table.pending_count[1] == 2
+        await screen.enter(":set LF/HAA/torque */KFE/torque size=14")
+        await screen.shows("5 fields changed")
+        assert screen.value("/log/legs/LF/HAA/torque", Field.SIZE) == "14"
+        await screen.enter(":set imu/tmperature size=14")
+        await screen.shows("no element is called 'imu/tmperature'; did you mean '/imu/temperature'")
         await screen.enter(":lod")
         await screen.shows("did you")
 
