@@ -200,10 +200,12 @@ class StatusBar(FittingLine):
             parts.append(LinePart(3, f"{room}  {status.enabled}/{status.elements}{' elements' * wide} on"))
             parts.append(LinePart(2, f" +{status.derived} derived" if status.derived else ""))
         if wide:
-            ticks, before = text.count(session.ticks), text.count(status.before_ticks)
-            told = (f"{before} ticks before the cut, {ticks} since", f"{ticks} ticks since the cut")  # others count so
-            told = told if status.before_ticks else (f"{ticks} ticks",)
-            parts.append(LinePart(1, f"  {told[0]}", "", (*(f"  {each}" for each in told[1:]), "")))
+            ticks = text.count(session.ticks)  # since a cut, if there was one
+            words, *less = f"  {ticks} ticks", ""
+            if status.before_ticks:
+                before = text.count(status.before_ticks)
+                words, *less = f"  {before} ticks before the cut, {ticks} since", f"  {ticks} ticks since the cut", ""
+            parts.append(LinePart(1, words, "", tuple(less)))
         if slow and wide and session.jitter_s:
             parts.append(LinePart(1, f"  jitter {text.span(session.jitter_s, 2)}", caution))
         return parts
