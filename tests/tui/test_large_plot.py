@@ -1,5 +1,6 @@
 """The large plot is the monitor with one plot: the same keys, the same pause, the same window."""
 
+import asyncio
 import re
 from types import SimpleNamespace
 
@@ -51,6 +52,24 @@ async def test_it_lives_on_with_its_status_and_values_and_a_click_puts_the_curso
         await screen.until(lambda: store().end * store().column_ns >= fake.now_ns, "what came since")
         await screen.pilot.click("PlotStack", offset=(40, 6))
         await screen.shows("at cursor")
+
+
+async def test_until_the_first_values_are_there_plots_say_that_they_are_loading(fake, opened, monkeypatch):
+    async with opened(fake.run()) as screen:
+        source, come = screen.session.source, asyncio.Event()
+        at_once = source.history
+
+        async def history(*asked):
+            await come.wait()
+            return await at_once(*asked)
+
+        monkeypatch.setattr(source, "history", history)
+        for key in ("m", "enter"):
+            await screen.press(key)
+            await screen.shows("loading …")
+        come.set()
+        await screen.shows("│ live │")
+        await screen.until(lambda: "loading" not in screen.text, "values")
 
 
 async def test_a_moment_is_found_in_it_and_the_monitor_stands_there_too(fake, opened):

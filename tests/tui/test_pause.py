@@ -278,10 +278,10 @@ async def test_buffers_that_hold_more_than_they_were_asked_to_are_looked_back_in
 async def test_what_is_told_of_holes_is_of_the_columns_on_the_screen_though_no_key_comes(fake, opened, monkeypatch):
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)
-        monkeypatch.setattr(screen.app.screen.stack, "missing", lambda: "2 s before the start")
+        monkeypatch.setattr(screen.app.screen.stack, "missing", lambda before: "2 s before the start")
         screen.app._second()
         await screen.shows("2 s before the start")
-        monkeypatch.setattr(screen.app.screen.stack, "missing", lambda: "")
+        monkeypatch.setattr(screen.app.screen.stack, "missing", lambda before: "")
         screen.app._second()
         await screen.until(lambda: "before the start" not in screen.text)
 

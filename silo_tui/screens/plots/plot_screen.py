@@ -48,6 +48,7 @@ class PlotScreen(SiloScreen):
         self.file = session if isinstance(session, FileSession) else None
         self.scope = f"file_{self.scope}" if self.file is not None else self.scope
         self.source = source  # what is held, while something is
+        self._loading = True  # until the first values stand there
         self._waiting: list[str] = []  # elements that are off, left out until they are on
         if any(source.is_live(name) for name in names):
             self._waiting = [name for name in names if not source.is_live(name)]
@@ -137,7 +138,7 @@ class PlotScreen(SiloScreen):
         if store is not self._asked and not self.window.paused:
             return  # another one was asked for meanwhile
         await self._fill_ghost(store)
-        self.stack.store = store
+        self.stack.store, self._loading = store, False
         await self._fill_texts(end)
         self.moved(elsewhere=False)
 
@@ -249,6 +250,8 @@ class PlotScreen(SiloScreen):
         ended = self.session.dead and not self.window.paused  # the line says DEAD: nothing comes any more
         if missing := self.stack.missing(before=not ended and self.file is None):
             words.append(missing)
+        if self._loading and self.stack.plots and self.stack.display:
+            words.append("loading …")
         if self._waiting and not self.line.said:
             words.append(f"{many(len(self._waiting), 'element')} off")
         return words
