@@ -332,8 +332,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("go_to_event", "enter", "Go there", "the plots stand still where it happened", "Events", _HAPPENED, 1),
     Command("write_events", "w", "Write", "the lines that are shown to a CSV file here", "Events", _HAPPENED, 5),
     # ------------------------------------------------------------------------------------------------- loggers
-    Command("loggers", "ctrl+l", "Loggers", "all loggers, how each stands; choose another, command many; "
-            "`silo-tui --serve` is all of it in a browser", "Go",
+    Command("loggers", "ctrl+l", "Loggers", "all loggers, how each stands; choose another, command many", "Go",
             _BOTH + _DETAIL + _ASIDE, typed=Typed(("loggers", "fleet"))),
     Command("open_logger", "enter", "Open", "open this logger", "Loggers", _LOGGERS, 1),
     Command("start_stop_loggers", "S", "Start/Stop",

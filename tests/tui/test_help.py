@@ -62,6 +62,7 @@ def test_the_words_of_options_and_filter_are_those_of_their_tables():
     for option in OPTIONS:
         assert all(word.word in text for word in option.words)
     assert all(term.names[0] in text for term in TERMS)
+    assert "silo-tui --serve in a shell: all of it in a browser" in text
     assert all(example in BY_ID["edit_divider"].help for example in ("50Hz", "*2"))
 
 
@@ -70,7 +71,7 @@ def test_no_group_is_divided_where_that_makes_no_column_much_longer():
     assert "(more)" in page(entries("events", everywhere=False), 160).plain  # half as long again
 
 
-@pytest.mark.parametrize("sign", ["BUSY", "DRAWN", "THIN", "before a cut"])
+@pytest.mark.parametrize("sign", ["BUSY", "DRAWN", "THIN", "since the cut"])
 def test_every_sign_of_the_first_line_is_explained(sign):
     told = [one for one in entries("table", everywhere=False) if one.group == "First line"]
     assert any(sign in f"{one.left} {one.right}" for one in told)

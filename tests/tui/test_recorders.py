@@ -158,6 +158,7 @@ class TestScreens:
         async with opened(fake) as screen:
             await screen.do("recordings")
             await screen.shows("walks/walk")
+            await screen.shows("t ends one that runs")
             await screen.do("stop_recording")
             await screen.shows("Stop which recording of robot?")
             await screen.press("enter")

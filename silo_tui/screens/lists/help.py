@@ -41,7 +41,7 @@ HEAD = (
     ("… of 400 Hz", "ticks a second as measured, of how many; …: none was yet"),
     ("318 of 400 Hz slow", "the loop makes fewer ticks than it should: filter `lateness` (logged with timing=True)"),
     ("‼ no tick for 4 s", "the loop stands still"),
-    ("118 024 ticks", "of the run until now; what came before a cut is in a file"),
+    ("118 024 ticks", "of the run, or since the cut"),
     ("lost 0", "samples that the buffers could not keep"),
     ("1 alarm (HH), HH 1", "so many are beyond limits, the worst so far"),
     ("1 alarm ended unseen", "it is over, and nobody has said that he saw it: acknowledge it in the list of alarms"),
@@ -57,7 +57,7 @@ COLUMNS = (
     ("name in /legs", "all that are shown begin so"), ("▼ legs 412, ►", "a branch of so many, or a vector; folded: ►"),
     ("norm", "of a vector, in place of its entries"), ("unit", "of the value; - none"), ("on", "whether it is logged"),
     ("div", "divider: it is logged every so many ticks"),
-    ("action", "saved to files, published to other programs, or both: save+pub"),
+    ("action", "saved, published, or both (save+pub)"),
     ("buf", "buffer: keeps the newest (loop), the first (fix), or all (grow)"), ("size", "samples that its buffer has"),
     ("fill", "how much of it is full"), ("value", "the newest; a number in a file: at that time"),
     ("min max mean std", "of each sample so long: mean 12m; of a vector the ends of any entry, of one unit"),
@@ -124,6 +124,7 @@ def entries(scope: str, *, everywhere: bool) -> list[HelpLine]:
     for group in sorted(dict.fromkeys(command.group for command in commands), key=LAST_GROUPS.count):
         members = [command for command in commands if command.group == group and command.keys]
         found += [HelpLine(each.key_text, each.help, group, each.id, each.label) for each in members]
+        found += [HelpLine("silo-tui --serve", "in a shell: all of it in a browser", group)] * (group == "Go")
     on_file = scope in FILE_SCOPES
     of_table, of_plots = (everywhere or scope in scopes for scopes in (("table", "file"), PLOT_SCOPES))
     signs = FILE_SIGNS if on_file else (*SIGNS, *MEANINGS.items())

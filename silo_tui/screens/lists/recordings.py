@@ -89,7 +89,9 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
         return rows.head(max(40, width))
 
     def words(self) -> str:
-        return rows.summary(self.found) if self.found is not None else ""
+        saved = rows.summary(self.found) if self.found is not None else ""
+        ends = f"{key_of('stop_recording') or ':endrecording'} ends one that runs" if self.session.recorders else ""
+        return " │ ".join(filter(None, [saved, ends]))
 
     def going_on(self) -> Sequence[str]:
         asking = ["asking for the older ones …"] if self._asking else []
