@@ -18,7 +18,7 @@ from silo.settings.typed import ElementSettings, examples, is_setting, read_sett
 from silo_tui.actions import BY_ID, Command, key_of
 from silo_tui.modal import ask, run_alone, run_aside
 from silo_tui.model.table.cells import statistic_head
-from silo_tui.model.table.columns import LIVE_COLUMNS, STEADY
+from silo_tui.model.table.columns import LIVE_COLUMNS, STEADY, in_set
 from silo_tui.model.table.facts import STATISTICS
 from silo_tui.model.table.fields import Field, parse_change, phrase_for
 from silo_tui.model.table.state import APPLIED
@@ -40,7 +40,6 @@ KEEP_SURVEY_S = 20.0  # of the minute that a helper process keeps statistics whi
 QUIET_S = 3.0  # so long after a key no row moves by itself
 WIDE_SET = 150  # cells from which settings and statistics stand side by side
 NAME_ROOM = 20  # a trend is shown only where names keep this
-TABLE_WIDTH = FLAGS + sum(1 + column.width for column in LIVE_COLUMNS if not column.measured)
 EMPTY = """{name} has no elements yet. In the program, before log.start():
 
     q = log.array("q", 6, unit="rad")    # an array that is logged: write q[:] = ...
@@ -111,8 +110,9 @@ class TableScreen(ElementsScreen):
         value_width = 10 if narrow else 7 if rest < WIDE else 10 if rest < 140 else 13 if rest < 170 else 20
         wide = rest >= WIDE_SET
         self.table.lay_out(value_width, wide=wide, fill=not narrow)
-        rest -= self.table.measured_width + TABLE_WIDTH
-        if width >= WIDE and rest - TREND - 1 >= NAME_ROOM:
+        chosen = [each for each in LIVE_COLUMNS if in_set(each, self.table.column_set, wide=wide)]
+        cells = [each.width_in(self.table.sight, rest) if each.measured else each.width for each in chosen]
+        if width >= WIDE and rest - 1 - FLAGS - sum(1 + each for each in cells if each) - TREND - 1 >= NAME_ROOM:
             self.table.lay_out(value_width, trend=True, wide=wide)
 
     # -------------------------------------------------------------------------------------- what is measured

@@ -38,6 +38,7 @@ async def test_each_press_brings_other_columns(width, fake, opened):
             heads.append(screen.text.splitlines()[1])
         assert all(one != other for one, other in itertools.pairwise(heads)), heads
         assert len({re.sub(r"mean \d*s? *", "", head) for head in heads}) == 3
+        assert sum("trend" in head for head in heads[:3]) == (2 if width == 160 else 0)
 
 
 async def test_a_slow_loop_is_one_word_in_the_head_not_a_sign_of_each_row(fake, opened):
