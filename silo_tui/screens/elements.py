@@ -9,12 +9,14 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Static
 
+from silo.core.arrays.columns import HOLE_TEXTS, Gap
 from silo.core.names import did_you_mean, glob_of_regex, nearest
 from silo.core.quantities.writing import many
 from silo.rpc.frames import Frame
 from silo_tui.actions import key_of
 from silo_tui.context import SiloScreen
 from silo_tui.modal import ask
+from silo_tui.model.drawing.braille import SHADE
 from silo_tui.model.table import filter as filters
 from silo_tui.model.table.columns import BEFORE, NAME, TREE, TableColumn
 from silo_tui.model.table.tree import parts_of
@@ -52,7 +54,7 @@ class ElementsScreen(SiloScreen):
         self.table = ElementTable(session, columns)
         self.inspector = Inspector(session)
         self.info = InfoLine(session)
-        self.info.legend = lambda: self.table.legend
+        self.info.legend = lambda: self._legend
         self.table_head = TableHead(self.table)
         self.inspector_wanted: bool | None = None  # None: by the width of the screen
 
@@ -83,6 +85,11 @@ class ElementsScreen(SiloScreen):
     def lines(self) -> ComposeResult:
         """Yield further lines to type in."""
         yield from ()
+
+    @property
+    def _legend(self) -> str:
+        """What a sign in small plots is, where one has it."""
+        return f"{SHADE} {HOLE_TEXTS[Gap.NONE]}" if self.table.shaded or self.inspector.shaded else ""
 
     def on_mount(self) -> None:
         self.table.focus()

@@ -19,7 +19,6 @@ from textual.message import Message
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
-from silo.core.arrays.columns import HOLE_TEXTS, Gap
 from silo.core.names import component_name
 from silo_tui.model.drawing.braille import SHADE
 from silo_tui.model.samples.live import cells_of_value
@@ -219,14 +218,9 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         return "trend" in self.titles
 
     @property
-    def legend(self) -> str:
-        """What a sign in the trends is, where one has it."""
-        return f"{SHADE} {HOLE_TEXTS[Gap.NONE]}" if any(SHADE in each for each in self._trends.values()) else ""
-
-    @property
-    def measured_width(self) -> int:
-        """Cells of what is measured, with the rail."""
-        return self.size.width - self.laid.rest
+    def shaded(self) -> bool:
+        """Whether a trend has a hole."""
+        return any(SHADE in each for each in self._trends.values())
 
     @property
     def quantities(self) -> list[str]:

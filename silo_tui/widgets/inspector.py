@@ -102,6 +102,11 @@ class Inspector(Guarded, Widget):
         width = self.content_size.width
         return width - width // 2 if self.spread else width
 
+    @property
+    def shaded(self) -> bool:
+        """Whether a plot has a hole."""
+        return self.display and any(braille.SHADE in words for line in self._plotted.lines for words, _ in line)
+
     def live_changed(self) -> None:
         """Paint the lines that read differently now; a logger that stands still costs nothing."""
         before, self._lines = self._lines, self._pane()

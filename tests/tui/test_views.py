@@ -128,6 +128,9 @@ async def test_a_view_keeps_which_way_round_an_order_is(new_fake, opened):
     async with opened(new_fake(), view="least") as screen:
         await screen.shows("by value ↑")
         assert capture(screen.app.context) == KeptLayout("value", turned=True)
+        files.save(files.place("worst"), KeptLayout("!"))  # as the order by state was called
+        await screen.enter(":view worst")
+        await screen.until(lambda: capture(screen.app.context) == KeptLayout("state"), "the order")
 
 
 async def test_a_view_keeps_the_held_scale_of_signals_that_share_a_plot(new_fake, opened):
