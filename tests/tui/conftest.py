@@ -14,12 +14,14 @@ from typing import Any
 
 import pytest
 from textual import _callback, events
-from textual._compositor import Compositor, LayoutUpdate
+from textual._compositor import Compositor
+from textual._context import visible_screen_stack
 from textual.app import App
 from textual.cache import FIFOCache
 from textual.css.model import RuleSet
 from textual.css.styles import RenderStyles
 from textual.css.stylesheet import Stylesheet
+from textual.geometry import Region
 from textual.keys import REPLACED_KEYS, _character_to_key, _get_unicode_name_from_key
 from textual.message import Message
 from textual.message_pump import MessagePump
@@ -138,27 +140,42 @@ def strips_keep_what_is_kept() -> Iterator[None]:
 
 @for_all
 def painted_when_looked_at() -> Iterator[None]:
-    """Paint what is looked at, once: Textual paints all for a terminal that isn't there, a quarter of these tests."""
+    """Paint what is looked at, and of it the lines that are to be painted anew: Textual paints all for a terminal that
+    isn't there, and all of a screen whenever one asks what stands there.
+    """
     paint, strips, pop = Compositor.render_update, Compositor.render_strips, App.pop_screen
+    seen: dict[Compositor, list[Strip]] = {}  # what stands there since it was painted last
 
     def paint_later(compositor: Compositor, full: bool = False, **options: Any) -> Any:
         unseen = compositor.root is not None and compositor.root.app.is_headless
         return None if unseen and not full else paint(compositor, full, **options)
 
-    def painted(compositor: Compositor) -> Any:
-        if (top := compositor.root) is not None and top is top.app.screen:
-            return paint(compositor, screen_stack=top.app._background_screens)
-        return None
+    def painted(compositor: Compositor) -> list[Strip]:
+        visible_screen_stack.set(compositor.root.app._background_screens)
+        compositor.update_widgets(set(compositor.visible_widgets))
+        lines = seen.get(compositor, [])
+        if len(lines) != compositor.size.height or any(line.cell_length != compositor.size.width for line in lines):
+            lines = [Strip([])] * compositor.size.height
+            compositor._dirty_regions = {compositor.size.region}
+        anew = {y for region in compositor._dirty_regions for y in region.line_range if y < len(lines)}
+        compositor._dirty_regions.clear()
+        if anew:
+            first, last = min(anew), max(anew)
+            around = Region(0, first, compositor.size.width, last - first + 1)
+            chops = compositor._render_chops(around, anew.__contains__)
+            lines = [Strip.join(chops[y].values()) if y in anew else line for y, line in enumerate(lines)]
+        seen.clear()
+        seen[compositor] = lines
+        return lines
 
     def strips_of_now(compositor: Compositor, *size: Any) -> Any:
-        update = painted(compositor)
-        if isinstance(update, LayoutUpdate) and not size:  # the whole, which need not be drawn again
-            return [Strip.join(each) for each in update.strips[: compositor.size.height]]
-        return strips(compositor, *size)
+        if (top := compositor.root) is None or size or top is not top.app.screen:
+            return strips(compositor, *size)
+        return painted(compositor)
 
     def pop_painted(app: App[Any]) -> Any:
-        if app.is_headless and app.screen_stack:  # what stood there only between two keys, too
-            painted(app.screen._compositor)
+        if app.is_headless and app.screen_stack and (compositor := app.screen._compositor).root is not None:
+            painted(compositor)  # what stood there only between two keys, too
         return pop(app)
 
     with pytest.MonkeyPatch.context() as patch:
