@@ -34,12 +34,6 @@ async def test_how_far_a_logger_with_a_journal_is_durable_stands_in_the_header_a
         await screen.shows("durable to tick 98")
 
 
-async def test_a_logger_without_journal_says_nothing_of_durable_ticks(fake, opened):
-    async with opened(fake.run(), size=(120, 30)) as screen:
-        assert "RUNNING" in screen.text
-        assert "durable" not in screen.text
-
-
 async def test_the_value_of_a_full_buffer_is_its_last_one_and_says_so(fake, opened):
     async with opened(fake.run(20), size=(180, 40)) as screen:
         await screen.press("slash")
@@ -47,7 +41,7 @@ async def test_the_value_of_a_full_buffer_is_its_last_one_and_says_so(fake, open
         await screen.shows("│ buffer full: this is its last sample")
 
 
-async def test_the_filter_works_while_it_is_typed_and_says_how_many_pass_and_what_its_terms_may_be(fake, opened):
+async def test_the_filter_works_while_it_is_typed_says_what_its_terms_may_be_and_replaces_another(fake, opened):
     async with opened(fake) as screen:
         await screen.press("slash")
         await screen.shows("changed<1s   marked pending")
@@ -63,9 +57,22 @@ async def test_the_filter_works_while_it_is_typed_and_says_how_many_pass_and_wha
         await screen.until(lambda: len(screen.session.rows.shown) == 3)
         await screen.press("enter")
         await screen.shows("3 of 72")
+        await screen.press("slash")
+        await screen.shows("Type anew, → adds to it")
+        await screen.type("LH")
+        await screen.press("enter")
+        assert screen.session.rows.filter.text == "LH"
+        await screen.press("slash", "right")
+        await screen.type(" torque")
+        await screen.press("enter")
+        assert screen.session.rows.filter.text == "LH torque"
+        await screen.press("slash", "enter")
+        assert screen.session.rows.filter.text == "LH torque"
+        await screen.press("slash", "backspace", "enter")
+        assert screen.session.rows.filter.text == ""
 
 
-async def test_t_switches_logging_off_as_a_pending_edit_and_space_marks_and_moves_on(fake, opened):
+async def test_t_switches_logging_off_as_a_pending_edit_space_marks_and_quit_asks_while_one_pends(fake, opened):
     async with opened(fake) as screen:
         await screen.do("toggle")
         assert screen.value(FIRST, Field.ENABLED) == "off"
@@ -74,6 +81,10 @@ async def test_t_switches_logging_off_as_a_pending_edit_and_space_marks_and_move
         await screen.press("space", "space")
         assert (screen.session.rows.marked_count, screen.session.rows.position) == (2, 2)
         await screen.shows("2 marked")
+        await screen.press("q")
+        await screen.shows("Quit without applying?")
+        await screen.press("escape", "u", "q")
+        await screen.until(lambda: screen.app._exit)
 
 
 async def test_a_number_is_edited_in_place_for_all_marked_and_tab_leaves_no_editor_behind(fake, opened):
@@ -104,7 +115,7 @@ async def test_the_field_that_is_chosen_is_told_in_words_with_its_value_and_the_
         await screen.shows("buffer: looping, fixed, growing; e edits it")
 
 
-async def test_undo_and_redo(fake, opened):
+async def test_undo_redo_and_an_edit_to_what_is_so_already(fake, opened):
     async with opened(fake) as screen:
         await screen.do("asterisk", "toggle", "u")
         assert screen.session.table.pending_count == (0, 0)
@@ -113,6 +124,13 @@ async def test_undo_and_redo(fake, opened):
         screen.session.table.note_applied(())  # all steps are done with
         await screen.press("u")
         await screen.shows("nothing to undo; x drops what is pending")
+        await screen.press("escape", "escape")
+        value = screen.value(FIRST, Field.DIVIDER)
+        await screen.press("d")
+        await screen.enter(value)
+        await screen.shows(f"divider is {value} already")
+        await screen.enter(f":set div={value}")
+        await screen.shows("that is so already")
 
 
 async def test_apply_shows_the_difference_sends_one_transaction_and_tells_of_buffers_of_gigabytes(
@@ -173,7 +191,7 @@ async def test_edits_that_were_discarded_as_they_were_to_be_applied_come_back(fa
         assert fake.calls == []
 
 
-async def test_somebody_elses_edit_of_the_same_field_is_a_conflict(fake, opened):
+async def test_somebody_elses_edit_of_the_same_field_is_a_conflict_and_never_overwritten(fake, opened):
     async with opened(fake) as screen:
         await screen.do("edit_divider", "5", "enter")
         fake.somebody_edits(FIRST, divider=3)
@@ -186,18 +204,14 @@ async def test_somebody_elses_edit_of_the_same_field_is_a_conflict(fake, opened)
         await screen.press("t")
         await screen.until(lambda: screen.session.table.pending_count == (0, 0))
         assert screen.value(FIRST, Field.DIVIDER) == "3"
-
-
-async def test_an_edit_that_came_between_is_not_overwritten(fake, opened):
-    async with opened(fake) as screen:
         await screen.do("edit_divider", "5", "enter", "a")
-        await screen.shows("1 → 5")
+        await screen.shows("3 → 5")
         fake.connected = False  # the news of it doesn't reach us
-        fake.somebody_edits(FIRST, divider=3)
+        fake.somebody_edits(FIRST, divider=4)
         fake.connected = True
         await screen.press("enter")
-        await screen.shows("was 1, theirs 3, yours 5")
-        assert fake.info(FIRST).options.divider == 3
+        await screen.shows("was 3, theirs 4, yours 5")
+        assert fake.info(FIRST).options.divider == 4
 
 
 async def test_pending_edits_survive_a_lost_link_and_are_rebased(fake, opened):
@@ -250,17 +264,10 @@ async def test_start_needs_no_question_and_stop_does(fake, opened):
         await screen.shows("■ STOPPED")
 
 
-async def test_quit_asks_only_with_pending_edits(fake, opened):
-    async with opened(fake) as screen:
-        await screen.do("toggle", "q")
-        await screen.shows("Quit without applying?")
-        await screen.press("escape", "u", "q")
-        await screen.until(lambda: screen.app._exit)
-
-
 async def test_read_only_stands_in_the_head_and_refuses_what_changes_the_logger(fake, opened):
-    async with opened(fake, read_only=True, size=(120, 24)) as screen:
+    async with opened(fake.run(), read_only=True, size=(120, 24)) as screen:
         assert "read-only" in screen.text.splitlines()[0]
+        assert "RUNNING" in screen.text and "durable" not in screen.text  # it has no journal
         assert screen.text.count("read-only") == 1
         await screen.do("toggle")
         await screen.until(lambda: screen.text.count("read-only") > 1, "why not")
@@ -350,24 +357,6 @@ async def test_several_fields_are_set_by_words_in_one_line(fake, opened):
         assert screen.value(FIRST, Field.DIVIDER) == "5"
 
 
-async def test_a_filter_over_another_one_takes_its_place_and_an_arrow_adds_to_it(fake, opened):
-    async with opened(fake) as screen:
-        await screen.type("/torque LF")
-        await screen.press("enter", "slash")
-        await screen.shows("Type anew, → adds to it")
-        await screen.type("LH")
-        await screen.press("enter")
-        assert screen.session.rows.filter.text == "LH"
-        await screen.press("slash", "right")
-        await screen.type(" torque")
-        await screen.press("enter")
-        assert screen.session.rows.filter.text == "LH torque"
-        await screen.press("slash", "enter")
-        assert screen.session.rows.filter.text == "LH torque"
-        await screen.press("slash", "backspace", "enter")
-        assert screen.session.rows.filter.text == ""
-
-
 async def test_a_term_that_can_t_be_read_is_underlined_and_one_that_leaves_nothing_is_named(fake, opened):
     async with opened(fake) as screen:
         await screen.type("/torque div>x LF")
@@ -419,13 +408,3 @@ async def test_what_was_said_long_before_is_gone_where_one_comes_back(fake, open
             await screen.press("escape")
             await screen.until(lambda: screen.app.screen.scope == "table", "the table")
             await screen.until(lambda stays=stays: ("limits of x are set" in screen.text) is stays)
-
-
-async def test_what_is_so_already_is_told_as_it_is(fake, opened):
-    async with opened(fake) as screen:
-        value = screen.value(FIRST, Field.DIVIDER)
-        await screen.press("d")
-        await screen.enter(value)
-        await screen.shows(f"divider is {value} already")
-        await screen.enter(f":set div={value}")
-        await screen.shows("that is so already")
