@@ -70,10 +70,12 @@ async def test_edits_are_kept_when_the_robot_program_was_started_again(fake, ope
         assert ":restore" not in screen.text
 
 
-# pids count anew in each container
-@pytest.mark.parametrize(("pid", "program"), [(5000, ""), (4711, "b2")])
-@pytest.mark.parametrize("how", ["at once", "in part first", "to a question from before", "before it is told"])
-async def test_conditions_that_a_new_program_knows_nothing_of_are_named(pid, program, how, fake, opened, monkeypatch):
+@pytest.mark.parametrize(
+    ("how", "pid", "program"),  # pids count anew in each container
+    [("at once", 5000, ""), ("at once", 4711, "b2"), ("in part first", 4711, "b2"),
+     ("to a question from before", 4711, "b2"), ("before it is told", 4711, "b2")],
+)  # fmt: skip
+async def test_conditions_that_a_new_program_knows_nothing_of_are_named(how, pid, program, fake, opened, monkeypatch):
     fake.program = "a1" if program else ""  # of an older silo
     fake.trigger_statuses = [
         TriggerStatus(TriggerOptions(name, "legs/LF/HAA/torque > 3", 5.0, 1.0), TriggerWord.ARMED)
@@ -243,17 +245,9 @@ async def test_applying_tells_that_a_single_trigger_that_fired_watches_again(fak
         await screen.press("escape")
 
 
-async def test_what_is_edited_is_seen_whatever_columns_were_there(fake, opened):
-    async with opened(fake) as screen:
-        await screen.do("columns")
-        await screen.until(lambda: Field.DIVIDER not in screen.app.screen.table.field_spans())
-        await screen.press("d")
-        await screen.until(lambda: Field.DIVIDER in screen.app.screen.table.field_spans())
-        await screen.press("5", "enter")
-        await screen.until(lambda: screen.value(FIRST, Field.DIVIDER) == "5")
-
-
-async def test_data_is_saved_in_the_types_that_are_chosen(fake, opened):
+async def test_data_is_saved_in_the_types_that_are_chosen_and_that_takes_the_place_of_what_was_to_be_done_before(
+    fake, opened
+):
     async with opened(fake.run(), size=(100, 30)) as screen:
         await screen.press("w")
         await screen.shows("Save data")
@@ -264,6 +258,13 @@ async def test_data_is_saved_in_the_types_that_are_chosen(fake, opened):
         await screen.shows("/home/ann/logs/robot_00001.silo")
         await screen.shows("1.23 MB")
         await screen.shows("o Opens it")
+        await screen.press("escape", "S", "y")
+        await screen.shows("stopped; w saves the data")
+        await screen.press("w", "enter")
+        await screen.shows("Close")
+        await screen.press("enter")
+        await screen.shows("saved: ")
+        assert "w saves the data" not in screen.text
 
 
 async def test_a_save_says_that_it_is_of_all_elements_though_some_are_marked_and_what_a_part_is(fake, opened):
@@ -305,17 +306,6 @@ async def test_a_failed_save_says_why_until_something_else_is_to_be_saved(fake, 
         assert not told.has_class("failed")
 
 
-async def test_what_was_saved_takes_the_place_of_what_was_to_be_done_before(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.press("S", "y")
-        await screen.shows("stopped; w saves the data")
-        await screen.press("w", "enter")
-        await screen.shows("Close")
-        await screen.press("enter")
-        await screen.shows("saved: ")
-        assert "w saves the data" not in screen.text
-
-
 @pytest.mark.parametrize(
     ("typed", "types", "name", "error", "told"),
     [
@@ -338,24 +328,17 @@ async def test_data_is_saved_by_a_name_that_is_typed_and_its_end_told_whose_dial
         await screen.shows(told)
 
 
-async def test_a_script_is_previewed_before_it_is_loaded(fake, opened):
+async def test_a_script_is_previewed_before_it_is_loaded_and_what_nobody_knows_of_it_told_both_times(fake, opened):
+    fake.files["quiet.yaml"] += "colour: red\n"
     async with opened(fake, size=(100, 30)) as screen:
         await screen.press("L")
         await screen.shows("quiet.yaml")
         await screen.press("k")
         await screen.shows("40 → 4")
         await screen.shows(": /old/thing")
+        await screen.shows("'colour'")
         await screen.press("enter")
         await screen.until(lambda: ("load_script", "quiet.yaml") in fake.calls)
-        await screen.shows("loaded quiet.yaml")
-
-
-async def test_what_a_script_has_that_nobody_knows_is_shown_before_and_after_it_is_loaded(fake, opened):
-    fake.files["quiet.yaml"] += "colour: red\n"
-    async with opened(fake, size=(100, 30)) as screen:
-        await screen.enter(":load quiet.yaml")
-        await screen.shows("'colour'")
-        await screen.press("l")
         await screen.shows("loaded quiet.yaml")
         await screen.shows("unknown key 'colour' in a script")
 
@@ -448,18 +431,14 @@ async def test_the_palette_finds_a_spectrum_from_the_table_and_from_the_plots_an
         assert "large plot," not in screen.text
 
 
-async def test_the_palette_finds_what_another_screen_has_and_says_the_way(fake, opened):
-    async with opened(fake) as screen:
+async def test_the_palette_finds_what_another_screen_has_and_what_can_only_be_typed_and_leads_there(fake, opened):
+    async with opened(fake, size=(100, 40)) as screen:
         await screen.press("ctrl+p")
         await screen.type("over the live plots")
         await screen.shows("Overlay")
         await screen.press("enter", "enter")
         await screen.shows("Overlay (O): it is a key of recordings (F)")
-
-
-async def test_the_palette_finds_what_can_only_be_typed_and_goes_on_in_the_command_line(fake, opened):
-    async with opened(fake, size=(100, 40)) as screen:
-        await screen.press("ctrl+p")
+        await screen.press("escape", "ctrl+p")
         await screen.type("put the cursor there")
         await screen.shows(":goto NAME")
         await screen.press("enter")
@@ -470,14 +449,26 @@ async def test_the_palette_finds_what_can_only_be_typed_and_goes_on_in_the_comma
         await screen.until(lambda: screen.session.table.names[screen.session.rows.row] == "/log/imu/temperature")
 
 
-async def test_a_dialog_stands_in_the_middle_and_what_lies_below_is_seen(fake, opened):
+async def test_a_dialog_leaves_the_table_to_be_seen_news_of_others_are_told_and_what_is_edited_has_its_column(
+    fake, opened
+):
     async with opened(fake, size=(120, 40)) as screen:
+        fake.publish(fake.kinds.EDITED, "3 elements edited", by="ann@here silo-tui 1")
+        fake.publish(fake.kinds.SCRIPT_SAVED, "configuration saved", by="bob@lab silo-tui 9")
+        await screen.shows("configuration saved (bob@lab silo-tui 9)")
         await screen.press("e")
         await screen.shows("Edit what of 1 element?")
         lines = screen.text.splitlines()
         assert "/base/orientation" in lines[2]
         title = next(line for line in lines if "Edit what of" in line)
         assert title.index("Edit what of") > 20
+        await screen.press("escape")
+        await screen.do("columns")
+        await screen.until(lambda: Field.DIVIDER not in screen.app.screen.table.field_spans())
+        await screen.press("d")
+        await screen.until(lambda: Field.DIVIDER in screen.app.screen.table.field_spans(), "what is edited")
+        await screen.press("5", "enter")
+        await screen.until(lambda: screen.value(FIRST, Field.DIVIDER) == "5")
 
 
 @pytest.fixture
@@ -490,10 +481,14 @@ def saved_log(tmp_path):
     return file.path
 
 
-async def test_a_file_of_this_machine_is_opened_over_the_logger_by_a_word_that_the_palette_has(
+async def test_a_file_of_this_machine_is_opened_over_the_logger_by_a_word_of_the_palette_and_one_that_is_no_log_is_told(
     fake, opened, saved_log, tmp_path
 ):
-    async with opened(fake, size=(120, 40)) as screen:
+    (tmp_path / "none.silo").write_text("not a log")
+    async with opened(fake, size=(160, 50)) as screen:
+        await screen.enter(f":open {tmp_path}/none.silo")
+        await screen.shows("can't be opened")
+        assert isinstance(screen.app.screen, TableScreen)
         live = screen.session
         await screen.press("ctrl+p")
         await screen.type("saved log of this machine")
@@ -530,14 +525,6 @@ async def test_tab_goes_on_in_the_folder_that_it_took_and_enter_lists_that(fake,
         await screen.shows("walk")
 
 
-async def test_a_file_that_is_no_log_is_told_and_the_table_stays(fake, opened, tmp_path):
-    (tmp_path / "walk.silo").write_text("not a log")
-    async with opened(fake, size=(160, 50)) as screen:
-        await screen.enter(f":open {tmp_path}/walk.silo")
-        await screen.shows("can't be opened")
-        assert isinstance(screen.app.screen, TableScreen)
-
-
 def test_no_key_is_one_that_terminals_eat():
     keys = {key for command in COMMANDS for key in command.keys.split(",")}
     assert not {key for key in keys if key in EATEN or key.startswith("alt+")}
@@ -568,7 +555,9 @@ async def test_a_logger_that_doesn_t_answer_is_told_with_what_to_do(fake, opened
         await screen.shows("no answer from robot")
 
 
-async def test_another_logger_is_opened_from_the_plots_and_esc_comes_back(new_fake, opened):
+async def test_another_logger_is_opened_from_the_plots_or_the_table_after_a_question_where_edits_are_pending(
+    new_fake, opened
+):
     one, two = new_fake(name="arm"), new_fake(name="legs")
     async with opened(one, two, name="arm") as screen:
         await screen.press("m")
@@ -578,33 +567,17 @@ async def test_another_logger_is_opened_from_the_plots_and_esc_comes_back(new_fa
         await screen.shows("legs")
         await screen.press("escape")
         assert screen.app.screen is plots
-        await screen.press("ctrl+l")
-        await screen.shows("legs")
-        await screen.press("down", "enter")
-        await screen.until(lambda: screen.app.context.has_session and screen.session.name == "legs")
-
-
-async def test_another_logger_is_opened_from_the_list_after_a_question_where_edits_are_pending(new_fake, opened):
-    one, two = new_fake(name="arm"), new_fake(name="legs")
-    async with opened(one, two, name="arm") as screen:
-        await screen.press("t", "ctrl+l")
+        await screen.press("escape", "t", "ctrl+l")
         await screen.shows("legs")
         await screen.press("down", "enter")
         await screen.shows("Leave arm?")
         await screen.press("escape", "escape")
         assert (screen.session.name, screen.session.table.pending_count) == ("arm", (1, 1))
-        await screen.press("t", "ctrl+l")
+        await screen.press("t", "m", "ctrl+l")
         await screen.shows("legs")
         await screen.press("down", "enter")
         await screen.until(lambda: screen.app.context.has_session and screen.session.name == "legs")
         await screen.until(lambda: screen.session.connected)
-
-
-async def test_news_of_others_is_shown_and_our_own_is_not(fake, opened):
-    async with opened(fake) as screen:
-        fake.publish(fake.kinds.EDITED, "3 elements edited", by="ann@here silo-tui 1")
-        fake.publish(fake.kinds.SCRIPT_SAVED, "configuration saved", by="bob@lab silo-tui 9")
-        await screen.shows("configuration saved (bob@lab silo-tui 9)")
 
 
 async def test_a_picture_is_an_svg_also_where_it_is_called_png_and_each_screen_says_where(fake, opened, tmp_path):
@@ -640,13 +613,7 @@ async def test_a_long_difference_leaves_the_choices_on_a_small_screen(fake, open
             await screen.until(lambda: not screen.app.screen.is_modal, f"the table, as it was before, at {size}")
 
 
-async def test_what_was_said_last_is_read_whole_on_a_small_screen(fake, opened):
-    async with opened(fake, size=(80, 24)) as screen:
-        await screen.press("*", "d", "5", "enter", "d", "0", "enter")
-        await screen.shows("2147483647")
-
-
-async def test_every_choice_is_on_the_screen_however_few_words_stand_above(fake, opened):
+async def test_on_a_small_screen_every_choice_is_there_and_what_was_said_last_is_read_whole(fake, opened):
     async with opened(fake.run()) as screen:
         for key, *choices in (
             ("e", "divider", "size", "buffer", "action"), ("N", "A trigger", "Limits", "A signal derived from it"),
@@ -657,6 +624,8 @@ async def test_every_choice_is_on_the_screen_however_few_words_stand_above(fake,
             for choice in choices:
                 assert choice in screen.text
             await screen.press("escape")
+        await screen.press("*", "d", "5", "enter", "d", "0", "enter")
+        await screen.shows("2147483647")
 
 
 async def test_a_question_that_hears_of_its_size_before_its_choices_do_is_drawn_whole(fake, opened, monkeypatch):
