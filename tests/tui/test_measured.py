@@ -59,7 +59,7 @@ async def test_a_slow_element_of_a_loop_at_its_rate_has_its_sign(fake, opened):
         await screen.shows("slow: fewer samples")
 
 
-async def test_an_order_by_value_is_two_keys_and_shows_the_largest_first(fake, opened):
+async def test_an_order_is_two_keys_by_value_it_goes_to_the_largest_by_name_it_leaves_the_cursor(fake, opened):
     fake.run()
     fake.facts = {"value": {TORQUE: 999.0}}
     async with opened(fake) as screen:
@@ -69,6 +69,14 @@ async def test_an_order_by_value_is_two_keys_and_shows_the_largest_first(fake, o
         await screen.until(lambda: screen.session.table.names[screen.session.rows.shown[0]] == TORQUE)
         await screen.shows("by value ↓")
         assert screen.session.rows.position == 0
+        await screen.press("o", "l")
+        await screen.enter("/torque", "escape", "j", "o", "v")
+        await screen.until(lambda: screen.session.rows.row == screen.session.table.row(TORQUE), "the largest")
+        assert screen.session.rows.position == 0
+        for _ in range(2):  # again turns it round
+            await screen.press("o", "l")
+            assert screen.session.rows.row == screen.session.table.row(TORQUE)
+        assert screen.session.rows.position > 0
 
 
 async def test_what_rows_are_ordered_by_has_a_column_whatever_the_columns_are(fake, opened):
@@ -82,7 +90,7 @@ async def test_what_rows_are_ordered_by_has_a_column_whatever_the_columns_are(fa
             await screen.until(lambda order=order: f"↓{order}" not in screen.text)
 
 
-async def test_rows_don_t_move_within_three_seconds_of_a_key_and_the_cursor_stays(fake, opened):
+async def test_rows_stand_still_for_three_seconds_after_a_key_and_the_cursor_on_its_element_or_at_the_top(fake, opened):
     async with opened(fake.run()) as screen:
         await screen.press("o", "v")
         rows, table = screen.session.rows, screen.session.table
@@ -97,14 +105,7 @@ async def test_rows_don_t_move_within_three_seconds_of_a_key_and_the_cursor_stay
         top._typed_s -= 10
         await screen.until(lambda: list(rows.shown) == order[::-1], "the new order")
         assert rows.row == element
-
-
-async def test_who_stands_at_the_top_of_an_order_stays_there_whichever_row_that_is(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.press("o", "v")
-        rows, table = screen.session.rows, screen.session.table
-        await screen.until(lambda: table.facts.of("value", len(table)) is not None)
-        await screen.press("j", "k")
+        await screen.press("home", "j", "k")
         order = list(rows.shown)
         fake.facts = {"value": {table.names[row]: float(place) for place, row in enumerate(order)}}
         await screen.until(lambda: table.facts.of("value", len(table))[order[-1]] == len(order) - 1)
@@ -160,53 +161,57 @@ def lines_with(screen, words):
     return [line for line in screen.text.splitlines() if words in line]
 
 
-async def test_alarm_as_a_filter_lets_pass_what_is_beyond_its_limits(fake, opened):
-    fake.run()
-    fake.facts = {"signs": {TORQUE: FROZEN}}
-    fake.limit_statuses = [over("/log/imu/temperature", LimitWord.RED_HIGH)]
-    async with opened(fake) as screen:
-        await screen.enter("/alarm")
-        table = screen.session.table
-        await screen.until(
-            lambda: [table.names[row] for row in screen.session.rows.shown] == ["/log/imu/temperature", TORQUE]
-        )
-
-
-async def test_worst_first_begins_with_what_is_beyond_a_red_limit(fake, opened):
+async def test_alarm_is_a_filter_and_worst_first_begins_with_what_is_beyond_a_red_limit(fake, opened):
     fake.run()
     fake.facts = {"signs": {TORQUE: FROZEN, "/log/base/velocity": NOT_FINITE}}
     fake.limit_statuses = [
         over("/log/imu/temperature", LimitWord.RED_LOW), over("/log/legs/RF/HFE/torque", LimitWord.YELLOW_HIGH)
     ]  # fmt: skip
     async with opened(fake) as screen:
-        await screen.press("o", "!")
         table, rows = screen.session.table, screen.session.rows
         wanted = ["/log/imu/temperature", "/log/base/velocity", "/log/legs/RF/HFE/torque", TORQUE]
+        await screen.enter("/alarm")
+        await screen.until(lambda: sorted(table.names[row] for row in rows.shown) == sorted(wanted), "they alone")
+        await screen.press("escape", "o", "!")
         await screen.until(lambda: [table.names[row] for row in rows.shown[:4]] == wanted, "worst first")
         await screen.until(lambda: " LL " in next(iter(lines_with(screen, "/imu/temperature")), ""), "its sign")
 
 
-async def test_n_steps_through_norm_and_entries_of_a_vector(fake, opened):
+async def test_n_steps_through_norm_and_entries_of_a_vector_and_statistics_of_the_norm_are_marked(fake, opened):
     async with opened(fake.run()) as screen:
         await screen.enter(":goto imu/acceleration", "n")
         await screen.shows("norm ")
         await screen.press("n", "n")
         await screen.shows(" y ")
+        await screen.press("n", "n")
+        await screen.enter("/imu/acceleration", "C")
+        await screen.shows("mean")
+        await screen.press("n")
+        await screen.until(lambda: any("norm " in line for line in screen.text.splitlines()[2:-3]), "the norm, marked")
 
 
-async def test_zero_begins_the_statistics_anew(fake, opened):
+async def test_zero_begins_the_statistics_anew_and_over_how_long_they_are_stands_in_the_head(fake, opened):
     async with opened(fake.run()) as screen:
         await screen.until(lambda: screen.session.table.facts.since_ns == fake.since_ns > 0)
         fake.advance(30)
         await screen.press("Z")
         await screen.until(lambda: screen.session.table.facts.since_ns == fake.now_ns)
+        await screen.press("C")
+        fake.since_ns = fake.now_ns - 720 * 10**9
+        await screen.until(lambda: "mean 12m" in screen.text.splitlines()[1])
 
 
-async def test_the_inspector_gives_way_first_and_comes_by_i(fake, opened):
-    async with opened(fake, size=(160, 50)) as screen:
+async def test_the_inspector_gives_way_first_comes_by_i_and_has_the_value_of_its_row_beside_statistics(fake, opened):
+    async with opened(fake.run(), size=(160, 50)) as screen:
         assert not screen.app.screen.inspector.display
         await screen.press("i")
         assert screen.app.screen.inspector.display
+        await screen.press("i")
+        await screen.enter(f":goto {TORQUE}")
+        screen.app.screen.show_set("statistics")
+        fake.facts = {"value": {TORQUE: 1234.5}}
+        await screen.do("inspector")
+        await screen.until(lambda: screen.text.count("1234.5") == 2)  # in the row, and beside it
 
 
 @pytest.mark.parametrize("size", [(80, 24), (60, 20), (109, 30)])
@@ -282,14 +287,6 @@ async def test_a_logger_that_knows_no_surveys_is_shown_all_the_same(fake, opened
         await screen.shows("no statistics and signs")
         await screen.until(lambda: "/log/base/position" in screen.session.live.readings, "values")
         assert np.isfinite(screen.session.live.readings["/log/base/position"].newest).all()
-
-
-async def test_statistics_of_a_vector_are_marked_as_those_of_its_norm_where_that_is_asked_for(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.enter("/imu/acceleration", "C")
-        await screen.shows("mean")
-        await screen.press("n")
-        await screen.until(lambda: any("norm " in line for line in screen.text.splitlines()[2:-3]), "the norm, marked")
 
 
 async def test_statistics_of_an_enumeration_are_its_labels(fake, opened):
@@ -388,13 +385,6 @@ async def test_least_and_most_of_whole_numbers_are_whole(new_fake, opened):
         await screen.until(lambda: re.search(r" 5 +28 +-?\d+\.\d\d ", row_with(screen, "/solver/iterations")))
 
 
-async def test_over_how_long_statistics_are_stands_in_the_head(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.press("C")
-        fake.since_ns = fake.now_ns - 720 * 10**9
-        await screen.until(lambda: "mean 12m" in screen.text.splitlines()[1])
-
-
 async def test_entries_beside_statistics_are_of_their_moment(fake, opened):
     name = "/log/imu/acceleration"
     fake.run()
@@ -424,19 +414,6 @@ async def test_a_link_is_spared_by_surveys_where_it_is_thin_alone(fake, opened, 
         assert screen.app.screen._thin_s() == spared_s
 
 
-async def test_an_order_by_name_leaves_the_cursor_on_its_element_and_one_by_value_goes_to_the_top(fake, opened):
-    fake.run()
-    fake.facts = {"value": {TORQUE: 99.0}}
-    async with opened(fake) as screen:
-        await screen.enter("/torque", "escape", "j", "o", "v")
-        await screen.until(lambda: screen.session.rows.row == screen.session.table.row(TORQUE), "the largest")
-        assert screen.session.rows.position == 0
-        for _ in range(2):  # again turns it round
-            await screen.press("o", "l")
-            assert screen.session.rows.row == screen.session.table.row(TORQUE)
-        assert screen.session.rows.position > 0
-
-
 async def test_in_a_tree_goto_leads_to_a_name_space_itself_with_what_it_holds_below_it(fake, opened):
     async with opened(fake) as screen:
         await screen.press("o", "n")
@@ -453,13 +430,3 @@ async def test_in_a_tree_goto_leads_to_a_name_space_itself_with_what_it_holds_be
         assert screen.session.rows.branch is None, "no name space of the first level"
         await screen.enter(":goto /imu/temperature")
         assert screen.session.rows.row == screen.session.table.row("/log/imu/temperature")
-
-
-async def test_the_inspector_has_the_value_of_its_row_where_statistics_stand_beside_it(fake, opened):
-    fake.run()
-    async with opened(fake, size=(160, 40)) as screen:
-        await screen.enter(f":goto {TORQUE}")
-        screen.app.screen.show_set("statistics")
-        fake.facts = {"value": {TORQUE: 1234.5}}
-        await screen.do("inspector")
-        await screen.until(lambda: screen.text.count("1234.5") == 2)  # in the row, and beside it
