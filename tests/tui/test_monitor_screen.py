@@ -57,7 +57,7 @@ async def test_why_no_values_come_is_said(fake, opened, monkeypatch):
         await screen.shows("no live values: 1000 views are open")
 
 
-async def test_a_curve_goes_on_by_whole_cells_so_that_its_cells_stay_as_they_are(fake, opened):
+async def test_a_curve_goes_on_by_whole_cells_so_that_they_stay_as_they_are_and_lost_frames_are_fetched(fake, opened):
     fake.run(20)
     async with opened(fake) as screen:
         await open_torque(screen)
@@ -67,19 +67,14 @@ async def test_a_curve_goes_on_by_whole_cells_so_that_its_cells_stay_as_they_are
             fake.advance(0.5)
             await screen.until(lambda before=before: store.end > before, "new columns")
             assert (store.end - first) % 2 == 0
-
-
-async def test_plots_that_stand_still_follow_a_change_of_the_theme(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
-        await open_torque(screen)
-        await screen.press("space")
-        await screen.shows("PAUSED")
-        before = [segment.style.color for segment in monitor(screen).stack.render_line(2)]
-        screen.app.theme = "silo-light"
-        await screen.until(
-            lambda: not {segment.style.color for segment in monitor(screen).stack.render_line(2)} & set(before)
-        )
+        await screen.until(lambda: fake.views[-1].seen_ns == fake.now_ns, "a frame")
+        store = monitor(screen).stack.store
+        fake.advance(2.0)
+        fake.views[-1].from_ns, fake.views[-1].seen_ns = fake.now_ns, -1  # what came in these 2 s is gone
+        fake.advance(0.5)
+        newest = fake.now_ns // store.column_ns
+        await screen.until(lambda: store.end > newest, "the frame after that")
+        await screen.until(lambda: not np.isnan(store.window(TORQUE, newest, 100)[0]).any(), "what was lost")
 
 
 async def test_another_plot_that_is_chosen_leaves_the_rest_as_a_whole_repaint_shows_it(fake, opened):
@@ -97,8 +92,8 @@ async def test_another_plot_that_is_chosen_leaves_the_rest_as_a_whole_repaint_sh
             assert list(screen._lines()) == shown, key
 
 
-async def test_a_pause_holds_the_picture_while_the_logger_goes_on(fake, opened):
-    async with opened(fake.run(20)) as screen:
+async def test_a_pause_holds_the_picture_follows_the_theme_walks_back_and_zooms_on_in_the_large_plot(fake, opened):
+    async with opened(fake.run(30)) as screen:
         await open_torque(screen)
         await screen.press("space")
         await screen.shows("PAUSED")
@@ -107,6 +102,21 @@ async def test_a_pause_holds_the_picture_while_the_logger_goes_on(fake, opened):
         await screen.until(lambda: screen.session.frame_time_ns == fake.now_ns, "what was logged meanwhile")
         await screen.pilot.pause()
         assert monitor(screen).stack.store.end == before
+        before = [segment.style.color for segment in monitor(screen).stack.render_line(2)]
+        screen.app.theme = "silo-light"
+        await screen.until(
+            lambda: not {segment.style.color for segment in monitor(screen).stack.render_line(2)} & set(before)
+        )
+        await screen.press("left")
+        end = monitor(screen).window.paused_end_ns
+        await screen.press(*["shift+left"] * 8)
+        assert monitor(screen).window.paused_end_ns < end
+        await screen.press(*["plus"] * 12, "enter")
+        await screen.shows("TIME")
+        plot = screen.app.screen
+        assert plot.window.span_s == 0.001
+        await screen.press("minus")
+        assert plot.window.span_s == 0.002
 
 
 async def test_zoom_shows_another_span_at_a_held_scale_the_cursor_reads_and_the_detail_plot_has_axes(fake, opened):
@@ -129,19 +139,6 @@ async def test_zoom_shows_another_span_at_a_held_scale_the_cursor_reads_and_the_
         await screen.shows("TIME")
         await screen.press("tab", "tab")
         await screen.shows("SPECTRUM")
-
-
-async def test_frames_that_got_lost_are_fetched_from_the_history(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_torque(screen)
-        await screen.until(lambda: fake.views[-1].seen_ns == fake.now_ns, "a frame")
-        store = monitor(screen).stack.store
-        fake.advance(2.0)
-        fake.views[-1].from_ns, fake.views[-1].seen_ns = fake.now_ns, -1  # what came in these 2 s is gone
-        fake.advance(0.5)
-        newest = fake.now_ns // store.column_ns
-        await screen.until(lambda: store.end > newest, "the frame after that")
-        await screen.until(lambda: not np.isnan(store.window(TORQUE, newest, 100)[0]).any(), "what was lost")
 
 
 async def test_a_wider_span_has_no_blank_though_its_history_comes_late(fake, opened):
@@ -194,7 +191,7 @@ async def test_what_was_overwritten_is_said_under_the_plots(fake, opened):
         await screen.shows("░ 5.9 s overwritten")
 
 
-async def test_of_a_vector_whose_entry_is_looked_at_alone_that_one_is_plotted(fake, opened):
+async def test_of_a_vector_one_entry_or_all_are_plotted_as_it_is_looked_at_folded_or_marked(fake, opened):
     async with opened(fake.run(20)) as screen:
         await screen.enter("/base/position")
         await screen.do("component", "component")
@@ -208,11 +205,7 @@ async def test_of_a_vector_whose_entry_is_looked_at_alone_that_one_is_plotted(fa
         await screen.shows("its entries side by side")
         await screen.plot("m")
         assert len(screen.app.screen.stack.plots) == 3
-
-
-async def test_a_vector_that_is_marked_is_plotted_whole_from_any_of_its_entries(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await screen.enter("/base/position")
+        await screen.press("escape")
         await screen.do("fold")
         await screen.press("j")
         await screen.plot("m")
@@ -242,15 +235,6 @@ async def test_the_cursor_is_drawn_a_cell_further_for_each_press(fake, opened):
             await screen.until(lambda step=step: cell() == begin - step)
 
 
-async def test_a_paused_window_walks_back_with_its_cursor(fake, opened):
-    async with opened(fake.run(30)) as screen:
-        await open_torque(screen)
-        await screen.press("space", "left")
-        end = monitor(screen).window.paused_end_ns
-        await screen.press(*["shift+left"] * 8)
-        assert monitor(screen).window.paused_end_ns < end
-
-
 async def test_every_marked_element_has_its_plots(fake, opened):
     async with opened(fake.run(20), size=(120, 40)) as screen:
         await screen.press("space", "space", "m")
@@ -258,41 +242,23 @@ async def test_every_marked_element_has_its_plots(fake, opened):
         assert len(monitor(screen).stack.plots) == 7
 
 
-async def test_an_element_that_is_only_saved_is_plotted(fake, opened):
+async def test_one_that_is_only_saved_is_plotted_and_two_against_one_another(fake, opened):
     async with opened(fake.run(20)) as screen:
         await screen.enter("/solver_cost", "m")
         await screen.shows("/state/solver_cost")
         await screen.shows("max")
-
-
-async def test_escape_leaves_the_monitor_and_the_table_has_its_view_again(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_torque(screen)
         await screen.press("escape")
-        await screen.until(lambda: fake.views[-1].values == (TORQUE,) and not fake.views[-1].plots)
-
-
-async def test_a_short_span_of_a_pause_zooms_on_in_the_large_plot(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_torque(screen)
-        await screen.press("space", *["plus"] * 12, "enter")
-        await screen.shows("TIME")
-        plot = screen.app.screen
-        assert plot.window.span_s == 0.001
-        await screen.press("minus")
-        assert plot.window.span_s == 0.002
-
-
-async def test_two_signals_can_be_plotted_against_one_another(fake, opened):
-    async with opened(fake.run(20)) as screen:
         await screen.enter("/LF torque", "asterisk", "m", "enter", "tab")
         await screen.shows("X-Y")
         await screen.shows("r = ")
 
 
-async def test_the_line_of_the_plots_says_that_the_logger_is_dead(fake, opened):
+async def test_escape_gives_the_table_its_view_again_and_the_line_of_plots_says_that_the_logger_is_dead(fake, opened):
     async with opened(fake.run(20)) as screen:
         await open_torque(screen)
+        await screen.press("escape")
+        await screen.until(lambda: fake.views[-1].values == (TORQUE,) and not fake.views[-1].plots)
+        await screen.plot("m")
         await screen.shows("│ live │")
         fake.state, fake.reason = State.DEAD, "nothing is known of why"
         fake.publish(EventKind.CRASHED, "it died")
