@@ -63,7 +63,9 @@ def deep(new_fake):
     return new_fake([scalar(TORQUE, "Nm", buffer=BufferType.GROWING)])
 
 
-async def test_space_pins_the_picture_and_as_much_before_it(deep, opened):
+async def test_space_pins_the_picture_and_as_much_before_it_and_the_axis_counts_from_where_the_cursor_does(
+    deep, opened
+):
     fake = deep
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)
@@ -72,6 +74,12 @@ async def test_space_pins_the_picture_and_as_much_before_it(deep, opened):
         assert len(fake.pins) == 1
         assert 1.9 * monitor(screen).window.span_s < held.held_s <= 2 * monitor(screen).window.span_s
         assert held.fetched_s == held.held_s
+        await screen.press("home")
+        await screen.until(lambda: "A -59." in screen.text or "A -60." in screen.text, "the oldest moment")
+        axis = next(line for line in screen.text.splitlines() if line.rstrip().endswith(" s") and "│" not in line)
+        first, last = (float(word) for word in (axis.split()[0], axis.split()[-2]))
+        assert -60.2 < first < -59.5
+        assert abs(last - first - monitor(screen).window.span_s) < 0.2
 
 
 async def test_what_is_pinned_stays_when_the_buffers_overwrite_it(new_fake, opened):
@@ -160,31 +168,37 @@ async def test_zoom_pan_and_samples_work_after_the_link_was_cut(fake, opened):
         assert len(stamps) == round(held.held_s * HZ) + 1
 
 
-async def test_a_link_that_is_cut_at_once_leaves_the_picture(fake, opened):
-    async with opened(fake.run(60)) as screen:
+async def test_a_link_that_is_cut_at_once_leaves_the_picture_which_claims_no_seconds_and_is_looked_through_and_measured(
+    fake, opened
+):
+    async with opened(fake.run(61)) as screen:
         await open_torque(screen)
         await screen.until(lambda: filled(screen), "the whole picture")
         fake.cut()
         await screen.press("space")
         await screen.shows("only the picture fetched")
+        await screen.shows("ago, only the picture held")
         await screen.until(lambda: filled(screen), "the whole picture")
+        assert "20 s held" not in screen.text
+        await screen.do("find", "h")
+        await screen.shows("highest, ")
+        await screen.shows(": 40.0000 at -")
+        await screen.shows("(picture only, to ")
+        assert abs((monitor(screen).window.at_ns - START_NS) / 1e9 % 4) < 0.2  # a spike every 4 s
+        await screen.do("cursor_b", *["shift+left"] * 3)
+        await screen.shows("picture only, to ")
+
+        def told():
+            line = [line for line in screen.text.splitlines() if "torque" in line][-1]
+            words = line.split()[1:]
+            return words if len(words) == 5 and all(re.fullmatch(r"[-+.\de]+", word) for word in words) else []
+
+        await screen.until(told, "facts of the columns between the cursors")
+        at_a, _, _, smallest, largest = map(float, told())
+        assert smallest <= at_a <= largest
 
 
-async def test_space_again_lets_go_and_shows_what_comes_and_leaving_the_plots_lets_go_too(fake, opened):
-    async with opened(fake.run(60)) as screen:
-        await open_torque(screen)
-        held = await hold(screen)
-        await screen.press("space")
-        await screen.until(lambda: not fake.pins, "the pin is let go of")
-        fake.advance(3)
-        await screen.until(lambda: store_of(screen).end * store_of(screen).column_ns > held.end_ns, "it goes on")
-        await hold(screen)
-        assert fake.pins
-        await screen.press("escape", "escape")
-        await screen.until(lambda: not fake.pins, "the pin is let go of")
-
-
-async def test_what_one_key_entered_escape_leaves_in_one(fake, opened):
+async def test_what_one_key_entered_escape_leaves_in_one_and_space_again_or_leaving_the_plots_lets_go(fake, opened):
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         shown = monitor(screen)
@@ -199,6 +213,15 @@ async def test_what_one_key_entered_escape_leaves_in_one(fake, opened):
                 await screen.press("escape")
             await screen.until(lambda: shown.window.cursor is None and not shown.window.paused, "all is left")
             assert screen.app.screen is shown
+        held = await hold(screen)
+        await screen.press("space")
+        await screen.until(lambda: not fake.pins, "the pin is let go of")
+        fake.advance(3)
+        await screen.until(lambda: store_of(screen).end * store_of(screen).column_ns > held.end_ns, "it goes on")
+        await hold(screen)
+        assert fake.pins
+        await screen.press("escape", "escape")
+        await screen.until(lambda: not fake.pins, "the pin is let go of")
 
 
 async def test_what_was_held_for_a_question_that_is_left_goes_on(fake, opened):
@@ -235,22 +258,23 @@ async def test_scrolling_back_while_it_runs_looks_into_the_buffers_and_end_retur
         await screen.until(lambda: store_of(screen).end * store_of(screen).column_ns >= fake.now_ns, "it goes on")
 
 
-async def test_what_was_said_of_what_stood_still_goes_as_it_goes_on(fake, opened):
-    async with opened(fake.run()) as screen:
-        await open_torque(screen)
-        await screen.press("pageup")
-        await screen.shows("that is the oldest that is held")
-        await screen.press("escape")
-        await screen.until(lambda: not monitor(screen).window.paused, "it goes on")
-        assert monitor(screen).line.said == ""
-
-
-async def test_where_the_buffers_hold_no_more_than_the_picture_scrolling_back_says_so(fake, opened):
+async def test_where_no_more_is_held_scrolling_back_says_so_until_it_goes_on_and_holes_are_told_without_a_key(
+    fake, opened, monkeypatch
+):
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         await screen.press("pageup")
         await screen.shows("that is the oldest that is held, all of it is shown; + goes closer")
         assert "PAUSED" in screen.text
+        await screen.press("escape")
+        await screen.until(lambda: not monitor(screen).window.paused, "it goes on")
+        assert monitor(screen).line.said == ""
+        monkeypatch.setattr(screen.app.screen.stack, "missing", lambda before: "2 s before the start")
+        screen.app._second()
+        await screen.shows("2 s before the start")
+        monkeypatch.setattr(screen.app.screen.stack, "missing", lambda before: "")
+        screen.app._second()
+        await screen.until(lambda: "before the start" not in screen.text)
 
 
 async def test_scrolling_back_by_less_than_half_a_window_says_how_far_it_went_and_why(new_fake, opened):
@@ -275,17 +299,6 @@ async def test_buffers_that_hold_more_than_they_were_asked_to_are_looked_back_in
         assert "oldest" not in screen.text
 
 
-async def test_what_is_told_of_holes_is_of_the_columns_on_the_screen_though_no_key_comes(fake, opened, monkeypatch):
-    async with opened(fake.run(60)) as screen:
-        await open_torque(screen)
-        monkeypatch.setattr(screen.app.screen.stack, "missing", lambda before: "2 s before the start")
-        screen.app._second()
-        await screen.shows("2 s before the start")
-        monkeypatch.setattr(screen.app.screen.stack, "missing", lambda before: "")
-        screen.app._second()
-        await screen.until(lambda: "before the start" not in screen.text)
-
-
 async def test_a_spike_of_one_sample_shows_in_what_is_pinned_at_every_zoom_fetched_or_not(fake, opened):
     async with opened(fake.run(61)) as screen:
         await open_torque(screen)
@@ -301,19 +314,6 @@ async def test_a_spike_of_one_sample_shows_in_what_is_pinned_at_every_zoom_fetch
         close = held.columns([TORQUE], held.end_ns - 10**9, held.end_ns, 2_000_000)
         assert np.nanmax(wide.high) == 40.0
         assert np.isfinite(close.low).mean() > 0.95
-
-
-async def test_the_axis_of_an_earlier_window_counts_from_where_the_cursor_counts(deep, opened):
-    fake = deep
-    async with opened(fake.run(60)) as screen:
-        await open_torque(screen)
-        await hold(screen)
-        await screen.press("home")
-        await screen.until(lambda: "A -59." in screen.text or "A -60." in screen.text, "the oldest moment")
-        axis = next(line for line in screen.text.splitlines() if line.rstrip().endswith(" s") and "│" not in line)
-        first, last = (float(word) for word in (axis.split()[0], axis.split()[-2]))
-        assert -60.2 < first < -59.5
-        assert abs(last - first - monitor(screen).window.span_s) < 0.2
 
 
 async def test_what_was_found_is_read_whole_at_80_columns(fake, opened):
@@ -402,7 +402,9 @@ async def test_brackets_step_far_beyond_the_pin_and_what_was_pinned_there_surviv
         assert 40 in values
 
 
-async def test_all_pins_are_let_go_of_with_the_pause(spiked, opened):
+async def test_all_pins_are_let_go_of_with_the_pause_and_finding_from_an_earlier_window_looks_at_later_ones_too(
+    spiked, opened
+):
     fake = spiked()
     async with opened(fake.run(61)) as screen:
         await open_torque(screen)
@@ -410,12 +412,6 @@ async def test_all_pins_are_let_go_of_with_the_pause(spiked, opened):
         await screen.until(lambda: len(fake.pins) > 1, "a second pin")
         await screen.press("space")
         await screen.until(lambda: not fake.pins, "all pins are let go of")
-
-
-async def test_finding_from_an_earlier_window_looks_at_what_came_after_it_too(spiked, opened):
-    fake = spiked()
-    async with opened(fake.run(61)) as screen:
-        await open_torque(screen)
         await screen.press("pageup", "pageup", "pageup")
         await screen.shows("End: now")
         await screen.do("find", "l")
@@ -484,18 +480,6 @@ async def test_who_goes_on_while_a_moment_is_brought_is_led_nowhere(fake, opened
         await screen.shows("live")
 
 
-async def test_a_crossing_is_offered_at_the_value_under_the_cursor(fake, opened):
-    async with opened(fake.run(61)) as screen:
-        await open_torque(screen)
-        await screen.do("find", "h")
-        await screen.shows("of 3: 40")
-        fake.advance(1.3)
-        await screen.do("find", "x")
-        await screen.shows("Enter finds it")
-        line = screen.app.screen.query_one(Input)
-        await screen.until(lambda: line.value == "40", "the level of the spike")
-
-
 async def test_what_is_offered_before_the_line_is_drawn_stands_in_it(fake, opened):
     async with opened(fake) as screen:
         asked, answers = Prompt("Level", "of what", "", "20"), []
@@ -542,21 +526,6 @@ async def test_a_pin_without_rows_leaves_the_times_and_the_picture_as_they_were(
         assert not fake.pins
 
 
-async def test_with_the_link_cut_the_head_claims_no_seconds_and_the_highest_of_the_picture_is_found(fake, opened):
-    async with opened(fake.run(61)) as screen:
-        await open_torque(screen)
-        await screen.until(lambda: filled(screen), "the whole picture")
-        fake.cut()
-        await screen.press("space")
-        await screen.shows("ago, only the picture held")
-        assert "20 s held" not in screen.text
-        await screen.do("find", "h")
-        await screen.shows("highest, ")
-        await screen.shows(": 40.0000 at -")
-        await screen.shows("(picture only, to ")
-        assert abs((monitor(screen).window.at_ns - START_NS) / 1e9 % 4) < 0.2  # a spike every 4 s
-
-
 async def test_what_could_not_be_pinned_is_pinned_whole_when_the_link_is_back(deep, opened):
     fake = deep
     async with opened(fake.run(60)) as screen:
@@ -571,33 +540,18 @@ async def test_what_could_not_be_pinned_is_pinned_whole_when_the_link_is_back(de
         await screen.shows("ago, 20 s held")
 
 
-async def test_the_title_tells_the_sample_that_was_found_before_those_of_its_column(fake, opened):
+async def test_the_title_tells_the_sample_that_was_found_and_a_crossing_is_offered_at_its_value(fake, opened):
     async with opened(fake.run(61)) as screen:
         await open_torque(screen)
         await hold(screen)
         await screen.do("find", "h")
         await screen.shows("of 3: 40")
         await screen.until(lambda: re.search(r"at cursor 40(\.0*)? \(-?[\d.]+ … 40", screen.text), "the sample")
-
-
-async def test_two_cursors_over_the_picture_alone_tell_what_its_columns_tell(fake, opened):
-    async with opened(fake.run(61)) as screen:
-        await open_torque(screen)
-        await screen.until(lambda: filled(screen), "the whole picture")
-        fake.cut()
-        await screen.press("space")
-        await screen.shows("ago, only the picture held")
-        await screen.do("cursor_b", *["shift+left"] * 3)
-        await screen.shows("picture only, to ")
-
-        def told():
-            line = [line for line in screen.text.splitlines() if "torque" in line][-1]
-            words = line.split()[1:]
-            return words if len(words) == 5 and all(re.fullmatch(r"[-+.\de]+", word) for word in words) else []
-
-        await screen.until(told, "facts of the columns between the cursors")
-        at_a, _, _, smallest, largest = map(float, told())
-        assert smallest <= at_a <= largest
+        fake.advance(1.3)
+        await screen.do("find", "x")
+        await screen.shows("Enter finds it")
+        line = screen.app.screen.query_one(Input)
+        await screen.until(lambda: line.value == "40", "the level of the spike")
 
 
 async def test_what_lies_between_is_added_up_in_the_helper_where_it_is_not_here(deep, opened, monkeypatch):
