@@ -101,33 +101,12 @@ async def test_nothing_saved_yet_is_told_with_the_key_that_saves(opened, fake):
         await screen.shows("Nothing is saved in /home/ann/logs yet. w in the table")
 
 
-async def test_what_is_saved_meanwhile_comes_into_the_list(opened, fake, logs):
-    async with opened(fake) as screen:
-        await at_recordings(screen)
-        write(log_of(), logs, "robot", ["silo"], "robot_20260921_14-00-00_00009", why="saved by bob@lab")
-        fake.publish(EventKind.SAVED, "saved it", by="bob@lab")
-        await screen.shows("…00009")
-
-
 # ------------------------------------------------------------------------------------------------ opening in place
 
 
-async def test_while_a_file_is_read_that_is_said_and_what_is_typed_is_for_its_table(opened, fake, logs, monkeypatch):
-    reads, read = threading.Event(), opening.open_log
-    monkeypatch.setattr(opening, "open_log", lambda which: reads.wait(DEADLINE_S) and read(which))
-    async with opened(fake) as screen:
-        await at_recordings(screen)
-        for key in ("enter", "slash", *"torque", "enter", "m"):
-            screen.app.post_message(events.Key(key, character_of(key)))
-        await screen.shows("opening robot_20260921_14-00-00_00007_fall_3.silo")
-        await screen.shows("Esc Gives it up")
-        reads.set()
-        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "the plots of what was filtered")
-        assert screen.app.screen_stack[-2].session.rows.filter.text == "torque"
-        assert not screen.app.screen_stack[-3].asked, "nothing of it was for the list"
-
-
-async def test_esc_gives_an_opening_up(opened, fake, logs, monkeypatch):
+async def test_esc_gives_an_opening_up_and_what_is_typed_meanwhile_is_for_the_table_of_the_file(
+    opened, fake, logs, monkeypatch
+):
     reads, read = threading.Event(), opening.open_log
     monkeypatch.setattr(opening, "open_log", lambda which: reads.wait(DEADLINE_S) and read(which))
     async with opened(fake) as screen:
@@ -139,9 +118,21 @@ async def test_esc_gives_an_opening_up(opened, fake, logs, monkeypatch):
         reads.set()
         await screen.press("j")
         await screen.until(lambda: screen.app.screen.lines.highlighted == 1, "the list goes on")
+        reads.clear()
+        await screen.press("k")
+        for key in ("enter", "slash", *"torque", "enter", "m"):
+            screen.app.post_message(events.Key(key, character_of(key)))
+        await screen.shows("opening robot_20260921_14-00-00_00007_fall_3.silo")
+        await screen.shows("Esc Gives it up")
+        reads.set()
+        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "the plots of what was filtered")
+        assert screen.app.screen_stack[-2].session.rows.filter.text == "torque"
+        assert not screen.app.screen_stack[-3].asked, "nothing of it was for the list"
 
 
-async def test_enter_opens_the_file_and_escape_comes_back_to_the_same_row(opened, fake, logs):
+async def test_enter_opens_the_file_escape_comes_back_to_table_or_plots_and_what_happened_meanwhile_is_followed(
+    opened, fake, logs
+):
     async with opened(fake.run()) as screen:
         await at_recordings(screen)
         await screen.press("j", "enter")
@@ -158,10 +149,6 @@ async def test_enter_opens_the_file_and_escape_comes_back_to_the_same_row(opened
         assert screen.app.screen.chosen.stem.endswith("00006")
         await screen.press("escape")
         await screen.until(lambda: isinstance(screen.app.screen, TableScreen), "the table")
-
-
-async def test_plots_from_which_it_was_opened_are_there_again_and_go_on(opened, fake, logs):
-    async with opened(fake.run()) as screen:
         await screen.press("m")
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "plots")
         plotted = [each.name for each in screen.app.screen.stack.plots]
@@ -175,10 +162,7 @@ async def test_plots_from_which_it_was_opened_are_there_again_and_go_on(opened, 
         before = screen.session.frame_time_ns
         fake.advance(1.0)
         await screen.until(lambda: screen.session.frame_time_ns > before, "frames")
-
-
-async def test_what_happened_to_the_logger_and_the_link_meanwhile_is_followed_on_coming_back(opened, fake, logs):
-    async with opened(fake.run()) as screen:
+        await screen.press("escape")
         live = screen.session
         await at_recordings(screen)
         await screen.press("enter")
@@ -315,7 +299,7 @@ async def test_a_capture_that_is_nowhere_any_more_is_told(opened, fake, captured
         assert screen.app.screen.scope == "triggers"
 
 
-async def test_on_the_table_of_a_dead_robot_enter_opens_what_it_left(opened, fake, logs):
+async def test_on_the_table_of_a_dead_robot_enter_opens_what_it_left_also_without_a_link(opened, fake, logs):
     async with opened(fake.run()) as screen:
         fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
         left = [SavedFile(str(logs / "robot_20260921_14-00-00_00006.silo"), FileType.SILO, 1)]
@@ -329,6 +313,11 @@ async def test_on_the_table_of_a_dead_robot_enter_opens_what_it_left(opened, fak
         await screen.do("monitor")
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
         await screen.until(lambda: "00006" in screen.text.partition("\n")[0], "its name")
+        await screen.press("escape")
+        fake.cut()
+        await screen.shows("NO LINK")
+        await screen.do("edit")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
 
 
 async def test_a_file_is_named_in_the_folder_where_the_logger_saves(opened, fake, logs, monkeypatch):
@@ -360,18 +349,6 @@ async def test_on_the_plots_of_a_dead_robot_enter_opens_what_it_left_and_why_is_
         await screen.until(lambda: "RUN" not in screen.text and "battery" not in screen.text, "the file alone")
 
 
-async def test_what_a_dead_robot_left_here_is_opened_without_a_link_too(opened, fake, logs):
-    async with opened(fake.run()) as screen:
-        fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
-        left = [SavedFile(str(logs / "robot_20260921_14-00-00_00006.silo"), FileType.SILO, 1)]
-        fake.publish(EventKind.CRASHED, fake.reason, files=left)
-        await screen.shows("Enter opens it")
-        fake.cut()
-        await screen.shows("NO LINK")
-        await screen.do("edit")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
-
-
 @pytest.mark.parametrize("may_edit", [True, False])
 async def test_who_comes_later_to_a_dead_robot_opens_it_too(opened, fake, logs, may_edit):
     fake.run()
@@ -384,15 +361,15 @@ async def test_who_comes_later_to_a_dead_robot_opens_it_too(opened, fake, logs, 
         await screen.until(lambda: "00006" in screen.text.partition("\n")[0], "its name")
 
 
-@pytest.mark.parametrize(("key", "says"), [("A", "F lists it"), ("F", "It is in this list")])
-async def test_the_banner_names_the_key_that_opens_it_on_the_screen_where_it_stands(opened, fake, logs, key, says):
+async def test_the_banner_names_the_key_that_opens_it_on_the_screen_where_it_stands(opened, fake, logs):
     async with opened(fake.run(), size=(160, 50)) as screen:
         fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
         fake.publish(EventKind.CRASHED, fake.reason, files=[])
         await screen.shows("Enter opens it")
-        await screen.press(key)
-        await screen.shows(says)
-        assert "Enter opens it" not in screen.text
+        for key, says in (("A", "F lists it"), ("F", "It is in this list")):
+            await screen.press(key)
+            await screen.shows(says)
+            assert "Enter opens it" not in screen.text
 
 
 def marked(logs, words):
@@ -464,7 +441,9 @@ async def test_events_that_are_shown_are_written_to_a_csv_file(opened, fake, tmp
 # --------------------------------------------------------------------------------------------- fetching, deleting
 
 
-async def test_w_fetches_to_a_folder_and_says_where_it_is(opened, fake, logs, tmp_path):
+async def test_w_fetches_to_a_folder_and_says_where_it_is_and_what_is_saved_meanwhile_comes_into_the_list(
+    opened, fake, logs, tmp_path
+):
     async with opened(fake) as screen:
         await at_recordings(screen)
         await screen.press("w")
@@ -475,6 +454,9 @@ async def test_w_fetches_to_a_folder_and_says_where_it_is(opened, fake, logs, tm
         await screen.shows("fetched:")
         (file,) = (tmp_path / "here").iterdir()
         assert file.read_bytes() == (logs / file.name).read_bytes()
+        write(log_of(), logs, "robot", ["silo"], "robot_20260921_14-00-00_00009", why="saved by bob@lab")
+        fake.publish(EventKind.SAVED, "saved it", by="bob@lab")
+        await screen.shows("…00009")
 
 
 async def test_a_fetch_shows_how_far_it_is_and_the_keys_go_on(opened, fake, logs, tmp_path, monkeypatch):
@@ -497,7 +479,9 @@ async def test_a_fetch_shows_how_far_it_is_and_the_keys_go_on(opened, fake, logs
         await screen.until(lambda: not screen.session.fetches, "its end")
 
 
-async def test_a_fetch_that_fails_says_what_is_kept(opened, fake, logs, monkeypatch):
+async def test_a_fetch_that_fails_says_what_is_kept_and_x_asks_with_the_size_and_deletes_only_then(
+    opened, fake, logs, monkeypatch
+):
     def fetch(name, folder, progress=None, **how):
         raise ConnectionLostError("the link is cut; 1.0 MB of 2.0 MB are kept in 'x.part': fetch again to go on")
 
@@ -506,11 +490,6 @@ async def test_a_fetch_that_fails_says_what_is_kept(opened, fake, logs, monkeypa
         await at_recordings(screen)
         await screen.press("w", "enter")
         await screen.shows("fetch again to go on")
-
-
-async def test_x_asks_with_the_size_and_deletes_only_then(opened, fake, logs):
-    async with opened(fake) as screen:
-        await at_recordings(screen)
         await screen.do("delete_recording")
         await screen.shows("Delete robot_20260921_14-00-00_00007_fall_3, ")
         await screen.press("enter")  # the harmless answer has the focus
@@ -567,8 +546,7 @@ async def test_the_older_ones_come_when_one_goes_there_or_filters(opened, fake, 
         await screen.shows("arm…00003")
 
 
-@pytest.mark.parametrize("key", ["x", "w"])
-async def test_what_is_being_written_is_neither_deleted_nor_fetched(key, opened, fake, logs, monkeypatch):
+async def test_what_is_being_written_is_neither_deleted_nor_fetched(opened, fake, logs, monkeypatch):
     told = fake.recordings
 
     def unfinished(most=1000):
@@ -581,10 +559,12 @@ async def test_what_is_being_written_is_neither_deleted_nor_fetched(key, opened,
     async with opened(fake) as screen:
         await screen.do("recordings")
         await screen.shows("not finished yet")
-        await screen.press(key)
-        await screen.shows("nothing to delete here" if key == "x" else "nothing to fetch here")
-        await screen.press("*", key)
-        assert not screen.app.screen.is_modal
+        for key, says in (("x", "nothing to delete here"), ("w", "nothing to fetch here")):
+            await screen.press(key)
+            await screen.shows(says)
+            await screen.press("*", key)
+            assert not screen.app.screen.is_modal
+            await screen.press("*")
 
 
 async def test_while_the_older_ones_are_asked_for_a_filter_says_so(opened, fake, logs, monkeypatch):
