@@ -155,14 +155,10 @@ async def test_chosen_columns_stay_when_the_terminal_changes_its_size(fake, open
         assert "act" not in heads
 
 
-async def left_by_a_lost_terminal(new_fake, opened):
+def left_by_a_lost_terminal():
     """As a process that was killed left it: its file is there, the process is not."""
-    async with opened(new_fake()) as screen:
-        await run(screen, "sort div")
-        await run(screen, "filter base")
-        mine = files.left_by_us(screen.session.name)
-        await screen.until(mine.exists, "kept within a second")
-        await screen.until(lambda: files.load_file(mine)[0] == KeptLayout("div", filter="base"))
+    mine = files.left_by_us("robot")
+    files.save(mine, KeptLayout("div", filter="base"))
     return of_a_process_that_is_gone(mine)
 
 
@@ -172,7 +168,13 @@ def of_a_process_that_is_gone(left, terminal="none"):
 
 
 async def test_what_a_lost_terminal_showed_is_offered_by_a_line_and_comes_when_it_is_asked_for(new_fake, opened):
-    left = await left_by_a_lost_terminal(new_fake, opened)
+    async with opened(new_fake()) as screen:
+        await run(screen, "sort div")
+        await run(screen, "filter base")
+        mine = files.left_by_us(screen.session.name)
+        await screen.until(mine.exists, "kept within a second")
+        await screen.until(lambda: files.load_file(mine)[0] == KeptLayout("div", filter="base"))
+    left = of_a_process_that_is_gone(mine)
     async with opened(new_fake()) as screen:
         await screen.shows("`:view last` shows what was on the screen ")
         assert capture(screen.app.context) == KeptLayout()
@@ -190,7 +192,7 @@ async def test_what_a_lost_terminal_showed_is_offered_by_a_line_and_comes_when_i
 
 
 async def test_what_was_offered_stays_to_be_offered_where_this_terminal_is_lost_before_it_is_taken(new_fake, opened):
-    left = await left_by_a_lost_terminal(new_fake, opened)
+    left = left_by_a_lost_terminal()
     async with opened(new_fake()) as screen:
         await screen.shows("`:view last` shows")
         screen.app._opener.keep_view()  # a second has passed
@@ -198,14 +200,14 @@ async def test_what_was_offered_stays_to_be_offered_where_this_terminal_is_lost_
 
 
 async def test_what_is_offered_takes_no_room_from_what_of_the_settings_was_left_out(new_fake, opened):
-    await left_by_a_lost_terminal(new_fake, opened)
+    left_by_a_lost_terminal()
     async with opened(new_fake(), settings_problems=[SettingsProblem("line 1", "'colums' is unknown")]) as screen:
         await screen.shows("`:view last` shows")
         assert "'colums' is unknown" in screen.text
 
 
 async def test_what_another_terminal_shows_now_is_left_to_it(new_fake, opened):
-    left = await left_by_a_lost_terminal(new_fake, opened)
+    left = left_by_a_lost_terminal()
     left.rename(left.with_name(left.name.replace("4194303", "1")))  # which runs
     async with opened(new_fake()) as screen:
         assert capture(screen.app.context) == KeptLayout()
@@ -214,7 +216,7 @@ async def test_what_another_terminal_shows_now_is_left_to_it(new_fake, opened):
 
 @pytest.mark.parametrize("wish", ["always", "offered"])
 async def test_each_terminal_comes_back_with_what_it_showed_itself(wish, new_fake, opened):
-    left = await left_by_a_lost_terminal(new_fake, opened)
+    left = left_by_a_lost_terminal()
     files.save(left.with_name(left.name.replace(".none.", ".pts_7.")), KeptLayout(filter="torque"))  # newer
     async with opened(new_fake(), settings=Settings(view=wish)) as screen:
         await screen.shows("what was on the screen ")
@@ -227,7 +229,7 @@ async def test_each_terminal_comes_back_with_what_it_showed_itself(wish, new_fak
 
 
 async def test_a_terminal_that_showed_nothing_yet_is_offered_the_newest_that_shows_something(new_fake, opened):
-    left = await left_by_a_lost_terminal(new_fake, opened)
+    left = left_by_a_lost_terminal()
     left = left.rename(left.with_name(left.name.replace(".none.", ".pts_7.")))
     files.save(left.with_name(left.name.replace("_7.", "_8.")), KeptLayout())
     async with opened(new_fake()) as screen:
