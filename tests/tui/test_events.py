@@ -171,7 +171,9 @@ def running(fake):
     return fake
 
 
-async def test_the_events_screen_shows_newest_first_and_follows(running, opened):
+async def test_the_events_screen_shows_newest_first_and_follows_and_a_line_that_the_mouse_chose_stays_under_the_cursor(
+    running, opened
+):
     async with opened(running) as screen:
         await screen.do("events")
         await screen.shows("3 events, follows")
@@ -181,19 +183,13 @@ async def test_the_events_screen_shows_newest_first_and_follows(running, opened)
         running.happen("lost", "12 rows lost", running.now_ns)
         await screen.shows("X 12 rows lost")
         await screen.shows("4 events, follows")
-
-
-async def test_a_line_that_the_mouse_chose_stays_under_the_cursor_when_something_happens(running, opened):
-    async with opened(running) as screen:
-        await screen.do("events")
-        await screen.shows("3 events, follows")
         await screen.pilot.click("#list-lines", offset=(5, 2))
-        await screen.shows("3 events, g follows")
-        running.happen("lost", "12 rows lost", running.now_ns)
         await screen.shows("4 events, g follows")
-        assert screen.app.screen.chosen.text == "started"
+        running.happen("lost", "13 rows lost", running.now_ns)
+        await screen.shows("5 events, g follows")
+        assert screen.app.screen.chosen.text == "push 3"
         await screen.do("list_top")
-        await screen.shows("4 events, follows")
+        await screen.shows("5 events, follows")
 
 
 @pytest.mark.parametrize("lost", [1, 2, 5])
@@ -298,22 +294,20 @@ async def test_without_plots_enter_opens_those_of_what_it_is_about_else_of_the_c
         await screen.until(lambda: screen.app.screen.scope == "events", "the events below")
 
 
-@pytest.mark.parametrize(("typed", "words"), [("it slipped", "it slipped"), ("", "marker")])
-async def test_a_marker_has_the_tick_of_the_key_press_and_the_words_that_follow(running, opened, typed, words):
-    async with opened(running) as screen:
-        await screen.until(lambda: screen.session.frame_time_ns == running.now_ns)
-        pressed_ns = running.now_ns
-        await screen.do("set_marker")
-        running.advance(5.0)
-        await screen.enter(typed)
-        await screen.until(lambda: ("mark", words, pressed_ns) in running.calls)
-        await screen.shows(f'"{words}"')
-
-
-async def test_a_marker_left_by_esc_is_none(running, opened):
+async def test_a_marker_has_the_tick_of_the_key_press_and_the_words_that_follow_and_left_by_esc_is_none(
+    running, opened
+):
     async with opened(running) as screen:
         await screen.do("set_marker", "x", "escape")
-        assert [call for call in running.calls if call[0] == "mark"] == []
+        for typed, words in (("it slipped", "it slipped"), ("", "marker")):
+            await screen.until(lambda: screen.session.frame_time_ns == running.now_ns)
+            pressed_ns = running.now_ns
+            await screen.do("set_marker")
+            running.advance(5.0)
+            await screen.enter(typed)
+            await screen.until(lambda asked=("mark", words, pressed_ns): asked in running.calls)
+            await screen.shows(f'"{words}"')
+        assert len([call for call in running.calls if call[0] == "mark"]) == 2
 
 
 @pytest.fixture
