@@ -37,7 +37,9 @@ def slow(fake):
     gate.set()
 
 
-async def test_a_file_name_typed_behind_w_at_once_goes_into_the_dialog_and_not_into_the_table(fake, opened):
+async def test_a_file_name_typed_behind_w_at_once_goes_into_the_dialog_and_the_screen_below_a_question_goes_on(
+    fake, opened
+):
     async with opened(fake) as screen:
         await screen.type("Wdmbpt.yaml")
         await screen.until(lambda: screen.app.screen.query("Input"), "the dialog")
@@ -46,10 +48,25 @@ async def test_a_file_name_typed_behind_w_at_once_goes_into_the_dialog_and_not_i
         await screen.press("enter")
         await screen.until(lambda: any(call[:2] == ("save_script", "dmbpt.yaml") for call in fake.calls))
         assert screen.session.table.pending_count == (0, 0)
+        await screen.press("d", "7", "enter", "a")
+        await screen.until(lambda: isinstance(screen.app.screen, Question), "the question")
+        fake.run()
+        await screen.session.refresh_status()
+        screen.app.context.status_changed()
+        # a picture of all screens as the terminal has them, those below a dialog too
+        await screen.until(lambda: "RUNNING" in screen.app.export_screenshot(), "the state of the robot")
 
 
-async def test_a_slow_dialog_owns_the_keys_and_says_for_what_it_waits(fake, opened, slow):
+async def test_a_slow_dialog_owns_the_keys_and_says_for_what_it_waits_until_esc_lets_it_go_on(fake, opened, slow):
     async with opened(fake) as screen:
+        gate = slow("table")
+        await screen.press("r")
+        await screen.shows("waiting for robot")
+        await screen.press("escape")
+        await screen.press("j")
+        assert screen.session.rows.position == 1
+        gate.set()
+        gate.clear()
         await screen.press("d", "7", "enter")
         fake.run()
         await screen.session.refresh_status()
@@ -63,29 +80,7 @@ async def test_a_slow_dialog_owns_the_keys_and_says_for_what_it_waits(fake, open
         assert not fake.calls
 
 
-async def test_esc_lets_what_is_waited_for_go_on(fake, opened, slow):
-    async with opened(fake) as screen:
-        gate = slow("table")
-        await screen.press("r")
-        await screen.shows("waiting for robot")
-        await screen.press("escape")
-        await screen.press("j")
-        assert screen.session.rows.position == 1
-        gate.set()
-
-
-async def test_marks_that_the_filter_hides_are_changed_only_after_a_question_that_counts_them(fake, opened):
-    async with opened(fake) as screen:
-        await screen.enter("/torque", "asterisk", "escape")
-        await screen.enter("/LF", "t")
-        await screen.shows("9 of the 12 marked elements are hidden")
-        assert screen.session.table.pending_count == (0, 0)
-        await screen.press("s")
-        await screen.until(lambda: screen.session.table.pending_count == (3, 3))
-        assert screen.session.rows.marked_count == 3
-
-
-async def test_a_typed_edit_of_hidden_marks_asks_with_their_count_too_once_it_makes_sense(fake, opened):
+async def test_edits_of_hidden_marks_typed_or_by_a_key_are_made_only_after_a_question_that_counts_them(fake, opened):
     async with opened(fake) as screen:
         await screen.enter("/torque", "asterisk", "escape")
         await screen.enter("/LF")
@@ -101,6 +96,12 @@ async def test_a_typed_edit_of_hidden_marks_asks_with_their_count_too_once_it_ma
         await screen.shows("9 of the 12 marked elements are hidden")
         await screen.press("y")
         await screen.until(lambda: screen.session.table.pending_count == (12, 12))
+        await screen.press("u", "t")
+        await screen.shows("9 of the 12 marked elements are hidden")
+        assert screen.session.table.pending_count == (0, 0)
+        await screen.press("s")
+        await screen.until(lambda: screen.session.table.pending_count == (3, 3))
+        assert screen.session.rows.marked_count == 3
 
 
 async def test_marks_that_the_filter_hides_are_plotted_only_after_a_question(fake, opened):
@@ -236,14 +237,3 @@ async def test_what_a_branch_costs_is_seen_at_once_in_a_small_terminal_too(fake,
         body = screen.app.screen.query_one(".dialog-body")
         line = next(at for at, line in enumerate(screen.text.splitlines()) if "of these, shortest:" in line)
         assert line < body.region.bottom
-
-
-async def test_the_screen_below_a_question_goes_on(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("d", "7", "enter", "a")
-        await screen.until(lambda: isinstance(screen.app.screen, Question), "the question")
-        fake.run()
-        await screen.session.refresh_status()
-        screen.app.context.status_changed()
-        # a picture of all screens as the terminal has them, those below a dialog too
-        await screen.until(lambda: "RUNNING" in screen.app.export_screenshot(), "the state of the robot")
