@@ -2,6 +2,7 @@
 
 import asyncio
 import gc
+import itertools
 import math
 import threading
 import time
@@ -105,23 +106,19 @@ async def test_what_was_asked_of_a_screen_that_was_left_is_told_where_one_is(ope
         await screen.shows("trigger 'fall' is off")
 
 
-async def test_what_is_said_to_a_screen_that_is_being_made_is_shown_when_it_was_made(opened, fake):
-    async with opened(fake) as screen:
-        screen.app.push_screen(SettingsScreen(screen.app.take_settings))
-        screen.app.context.say("these words came early")
-        await screen.shows("these words came early")
-
-
-async def test_news_leave_a_screen_alone_that_is_being_made(opened, fake, tmp_path):
+async def test_news_and_words_to_a_screen_that_is_being_made_wait_for_it_and_a_key_where_it_opens_by_itself(
+    opened, fake, tmp_path
+):
     fake.logs = tmp_path
     async with opened(fake) as screen:
         screen.app.push_screen(RecordingsScreen(screen.session))
         screen.app._second()
         await screen.shows("Nothing is saved")
-
-
-async def test_a_key_waits_for_a_screen_that_opens_by_itself_and_is_being_made(opened, fake):
-    async with opened(fake) as screen:
+        await screen.press("escape")
+        screen.app.push_screen(SettingsScreen(screen.app.take_settings))
+        screen.app.context.say("these words came early")
+        await screen.shows("these words came early")
+        await screen.press("escape")
         gate, let_through = screen.app.gate, screen.app.gate._let_through
 
         def opens_meanwhile():
@@ -154,8 +151,7 @@ async def test_a_line_of_commands_that_is_made_as_the_program_ends_is_told_nothi
         screen.app.exit()
 
 
-@pytest.mark.parametrize("key", ["F", "E", "T", "A", "m", "f2", "question_mark", "enter", "colon", "o", "asked"])
-async def test_a_screen_that_is_closed_while_it_is_made_is_told_nothing_of_it(opened, fake, tmp_path, monkeypatch, key):
+async def test_a_screen_that_is_closed_while_it_is_made_is_told_nothing_of_it(opened, fake, tmp_path, monkeypatch):
     fake.logs = tmp_path
     async with opened(fake, size=(100, 30)) as screen:
         app, push = screen.app, screen.app.push_screen
@@ -172,7 +168,10 @@ async def test_a_screen_that_is_closed_while_it_is_made_is_told_nothing_of_it(op
             return push(*given)
 
         monkeypatch.setattr(app, "push_screen", push_and_close)
-        for turns in range(12):
+        keys = ["F", "E", "T", "A", "m", "f2", "question_mark", "enter", "colon", "o", "asked"]
+        for key, turns in itertools.product(keys, range(12)):
+            if not turns:
+                closed.clear()
             if key == "asked":
                 app.push_screen(Question("Stop logging?", "", [Choice("stop", "Stop", "s")]))
             else:
@@ -181,7 +180,7 @@ async def test_a_screen_that_is_closed_while_it_is_made_is_told_nothing_of_it(op
             await closed[turns]
             await screen.settled()
             assert len(closed) == turns + 1
-            assert not app.unforeseen.errors
+            assert not app.unforeseen.errors, key
 
 
 @pytest.mark.parametrize("what", ["a logger", "a view"])
@@ -208,22 +207,22 @@ async def test_what_closes_screens_may_end_meanwhile_and_the_program_goes_on(new
         await screen.until(lambda: heard, "what the program hears")
 
 
-@pytest.mark.parametrize("key", ["f2", "A", "T", "F"])
-async def test_a_list_that_goes_is_drawn_no_more_whatever_it_still_has(opened, fake, tmp_path, key):
+async def test_a_list_that_goes_is_drawn_no_more_whatever_it_still_has(opened, fake, tmp_path):
     fake.logs = tmp_path
     async with opened(fake, size=(100, 30)) as screen:
-        await screen.press(key)
-        left = screen.app.screen
-        screen.app.pop_screen()
-        while left.children:
-            await asyncio.sleep(0)
-            heads = left.query("#list-head")
-            if left._pruning and heads:
-                left._nodes._remove(heads.first())  # they go in no order that we know
-                break
-        left.show()
-        assert not left.is_there
-        await screen.settled()
+        for key in ("f2", "A", "T", "F"):
+            await screen.press(key)
+            left = screen.app.screen
+            screen.app.pop_screen()
+            while left.children:
+                await asyncio.sleep(0)
+                heads = left.query("#list-head")
+                if left._pruning and heads:
+                    left._nodes._remove(heads.first())  # they go in no order that we know
+                    break
+            left.show()
+            assert not left.is_there, key
+            await screen.settled()
 
 
 @pytest.mark.parametrize("what", ["cursor", "key"])
@@ -242,13 +241,6 @@ async def test_a_list_that_goes_does_no_key_that_still_reaches_it(opened, fake, 
             left.action_command("list_bottom")
         await screen.settled()
         assert not screen.app.unforeseen.errors
-
-
-async def test_behind_a_dialog_one_sees_the_screen_that_it_is_about(opened, fake):
-    async with opened(fake) as screen:
-        await screen.press("t", "q")
-        await screen.shows("Quit without applying?")
-        await screen.shows("/base/position")
 
 
 async def test_what_is_behind_a_dialog_is_drawn_as_textual_draws_it_and_once_a_second(opened, fake, monkeypatch):
@@ -283,25 +275,24 @@ async def test_what_is_behind_a_dialog_is_drawn_as_textual_draws_it_and_once_a_s
         monkeypatch.undo()
 
 
-@pytest.mark.parametrize(("is_demo", "words"), [(True, "The demo robot ends"), (False, "The logger goes on")])
-async def test_who_quits_without_applying_is_told_what_becomes_of_the_robot(opened, fake, is_demo, words):
-    async with opened(fake) as screen:
-        screen.app.context.has_demo = lambda: is_demo
-        await screen.press("t", "q")
-        await screen.shows(words)
-
-
-@pytest.mark.parametrize(
-    ("files", "words"),
-    [([SavedFile("/l/a.silo", FileType.SILO, 1)], "its data is in /l/a.silo."), ([], "The robot program is dead.")],
-)
-async def test_who_quits_without_applying_to_a_robot_that_is_dead_is_told_where_its_data_is(files, words, opened, fake):
+async def test_who_quits_without_applying_sees_what_it_is_about_and_is_told_what_becomes_of_robot_and_data(
+    opened, fake
+):
     async with opened(fake) as screen:
         await screen.press("t")
+        for is_demo, words in ((True, "The demo robot ends"), (False, "The logger goes on")):
+            screen.app.context.has_demo = lambda is_demo=is_demo: is_demo
+            await screen.press("q")
+            for shown in ("Quit without applying?", words, "/base/position"):
+                await screen.shows(shown)
+            await screen.press("escape")
         screen.session.take_status(structs.replace(screen.session.status, state=State.DEAD))
-        screen.session.left_files = files
-        await screen.press("q")
-        await screen.shows(words)
+        left = SavedFile("/l/a.silo", FileType.SILO, 1)
+        for files, words in (([left], "its data is in /l/a.silo."), ([], "The robot program is dead.")):
+            screen.session.left_files = files
+            await screen.press("q")
+            await screen.shows(words)
+            await screen.press("escape")
 
 
 async def test_who_leaves_is_told_in_the_terminal_how_the_robot_is_left(opened, fake):
