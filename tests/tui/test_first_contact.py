@@ -116,22 +116,18 @@ async def test_a_name_that_can_be_no_file_is_said_at_once_and_stays_to_be_mended
         assert fake.calls == [("save", [FileType.SILO], "ab")]
 
 
-async def test_a_key_that_steps_goes_on_from_what_is_marked_and_not_from_the_cursor(fake, opened):
+async def test_set_knows_the_words_of_the_shell_and_a_key_that_steps_goes_on_from_what_is_marked(fake, opened):
     async with opened(fake) as screen:
+        await screen.enter(":set divider=5 buffer=growing action=save size=10s off")
+        await screen.shows("5 fields changed")
+        row = screen.session.table.row(FIRST)
+        assert list(screen.session.table.values[:, row]) == [0, 5, 1, 2, 800]
         await screen.press("space", "space")  # the cursor is on the third row now, which isn't marked
         values = []
         for letter in "fgl":
             await screen.do("next_buffer", letter)
             values.append(screen.value(FIRST, Field.BUFFER))
         assert values == ["fixed", "growing", "looping"]
-
-
-async def test_set_knows_the_words_of_the_shell(fake, opened):
-    async with opened(fake) as screen:
-        await screen.enter(":set divider=5 buffer=growing action=save size=10s off")
-        await screen.shows("5 fields changed")
-        row = screen.session.table.row(FIRST)
-        assert list(screen.session.table.values[:, row]) == [0, 5, 1, 2, 800]
 
 
 @pytest.mark.parametrize("theme", ["dark", "16"])
