@@ -42,9 +42,11 @@ def test_the_large_plot_has_the_keys_of_the_monitor():
     assert {each: keys[each] for each in SHARED} == {each: large_keys.get(each) for each in SHARED}
 
 
-async def test_it_lives_on_with_its_status_and_values_and_a_click_puts_the_cursor_there(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_large(screen)
+async def test_it_lives_on_a_click_puts_the_cursor_there_and_where_a_moment_is_found_the_monitor_stands_too(
+    fake, opened
+):
+    async with opened(fake.run(19)) as screen:
+        below = await open_large(screen)
         await screen.shows("RUNNING")
         assert screen.text.count("legs/LF/HAA/torque") == 1, "over the curve, and not once more above that"
         fake.advance(2.0)
@@ -52,6 +54,16 @@ async def test_it_lives_on_with_its_status_and_values_and_a_click_puts_the_curso
         await screen.until(lambda: store().end * store().column_ns >= fake.now_ns, "what came since")
         await screen.pilot.click("PlotStack", offset=(40, 6))
         await screen.shows("at cursor")
+        await screen.press("f", "h")
+        await screen.shows("of 3: 40")
+        at_ns = large(screen).window.at_ns
+        assert (at_ns - START_NS) % (4 * 10**9) == 0
+        assert large(screen).window.cursor is not None
+        await screen.press("escape", "escape")
+        await screen.until(lambda: screen.app.screen is below, "the monitor")
+        await screen.shows("PAUSED")
+        await screen.press("space")
+        await screen.until(lambda: not fake.pins, "the pin is let go of")
 
 
 async def test_until_the_first_values_are_there_plots_say_that_they_are_loading(fake, opened, monkeypatch):
@@ -70,21 +82,6 @@ async def test_until_the_first_values_are_there_plots_say_that_they_are_loading(
         come.set()
         await screen.shows("│ live │")
         await screen.until(lambda: "loading" not in screen.text, "values")
-
-
-async def test_a_moment_is_found_in_it_and_the_monitor_stands_there_too(fake, opened):
-    async with opened(fake.run(21)) as screen:
-        below = await open_large(screen)
-        await screen.press("f", "h")
-        await screen.shows("of 3: 40")
-        at_ns = large(screen).window.at_ns
-        assert (at_ns - START_NS) % (4 * 10**9) == 0
-        assert large(screen).window.cursor is not None
-        await screen.press("escape", "escape")
-        await screen.until(lambda: screen.app.screen is below, "the monitor")
-        await screen.shows("PAUSED")
-        await screen.press("space")
-        await screen.until(lambda: not fake.pins, "the pin is let go of")
 
 
 async def test_it_begins_where_the_monitor_stands(new_fake, opened):
@@ -257,7 +254,7 @@ async def test_what_the_cursor_reads_has_room_on_a_small_screen(fake, opened):
         await screen.until(lambda: "No cursor" in screen.text.splitlines()[-1], "how it goes, where it stays")
 
 
-async def test_find_in_a_spectrum_finds_peaks_by_their_height_and_the_cursor_reads_them(fake, opened):
+async def test_in_a_spectrum_find_goes_by_height_the_cursor_reads_peaks_and_zoom_is_by_frequencies(fake, opened):
     async with opened(fake.run(20)) as screen:
         await open_large(screen)
         await screen.press("tab", "tab")
@@ -278,13 +275,7 @@ async def test_find_in_a_spectrum_finds_peaks_by_their_height_and_the_cursor_rea
         await screen.until(lambda: " A " not in screen.text, "no cursor")
         await screen.press("right", "escape", "left")
         await screen.shows(f"A {told}")  # the first step leads to the highest peak
-
-
-async def test_a_spectrum_is_zoomed_by_its_frequencies_down_to_its_lines_and_back(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_large(screen)
-        await screen.press("tab", "tab")
-        await screen.until(lambda: large(screen)._found.peaks)
+        await screen.press("escape")
         whole_hz, step_hz = large(screen)._found.top_hz, large(screen)._found.spectrum.step_hz
         assert whole_hz == pytest.approx(200, rel=0.01)
         span_s, peak = large(screen).window.span_s, large(screen)._found.peaks[0]
@@ -307,18 +298,13 @@ async def test_a_spectrum_is_zoomed_by_its_frequencies_down_to_its_lines_and_bac
         await screen.shows("that is the whole spectrum")
 
 
-@pytest.mark.parametrize("is_held", [False, True])
-async def test_each_way_of_drawing_is_there_at_once_from_the_plots(fake, opened, is_held):
+async def test_each_way_of_drawing_is_there_at_once_from_the_plots_also_from_a_pause(fake, opened):
     async with opened(fake.run(20)) as screen:
         await screen.enter("/LF/HAA/torque", "m")
         await screen.curves()
-        if is_held:
-            await screen.press("space")
-            await screen.shows("all fetched")
         plots = screen.app.screen
-        for command, shown in (
-            ("mode_xy", "it needs two plots"), ("mode_spectrum", "resolution"), ("mode_histogram", "median")
-        ):  # fmt: skip
+        told = [("mode_xy", "it needs two plots"), ("mode_spectrum", "resolution"), ("mode_histogram", "median")]
+        for command, shown in (*told, ("pause", "all fetched"), *told):
             screen.app.screen.action_command(command)
             await screen.shows(shown)
             if screen.app.screen is not plots:
