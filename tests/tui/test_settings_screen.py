@@ -77,17 +77,25 @@ async def test_columns_are_chosen_and_the_table_follows(fake, opened):
         assert " div " in screen.text
 
 
-async def test_what_cant_be_is_told_in_the_words_of_the_file(fake, opened):
+async def test_what_cant_be_is_told_in_the_words_of_the_file_and_a_slower_rate_asks_for_fewer_frames(fake, opened):
     async with opened(fake) as screen:
         await screen.press("f2", "j", "j", "j", "e", "ctrl+u")
         await screen.enter("99")
         await screen.shows("rate is 0.5 to 10, not 99; nothing was changed")
         assert screen.app.context.settings == Settings()
+        await screen.press("e", "ctrl+u")
+        await screen.enter("1")
+        assert screen.session.link._rate_hz == 1.0
 
 
-async def test_a_key_is_changed_by_pressing_it(fake, opened):
+async def test_escape_leaves_a_key_as_it_was_and_it_is_changed_by_pressing_it(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("f2", "slash")
+        await screen.press("f2", "G", "e")
+        await screen.shows("Press the key of")
+        await screen.press("escape")
+        await screen.until(lambda: not screen.app.screen.is_modal)
+        assert screen.app.context.settings == Settings()
+        await screen.press("escape", "f2", "slash")
         await screen.enter("key filter", "e")
         await screen.shows("Press the key of filter (Filter)")
         await screen.press("e")
@@ -101,15 +109,6 @@ async def test_a_key_is_changed_by_pressing_it(fake, opened):
         assert not screen.app.screen.query_one("#filter-line").display
         await screen.press("f")
         await screen.until(lambda: screen.app.screen.query_one("#filter-line").display)
-
-
-async def test_escape_leaves_a_key_as_it_was(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("f2", "G", "e")
-        await screen.shows("Press the key of")
-        await screen.press("escape")
-        await screen.until(lambda: not screen.app.screen.is_modal)
-        assert screen.app.context.settings == Settings()
 
 
 async def test_the_app_starts_over_a_file_with_mistakes_and_says_so(fake, opened):
@@ -152,13 +151,6 @@ async def test_settings_are_there_before_a_logger_is(new_finder, screen_of):
         await screen.shows("silo settings")
         await screen.press("escape")
         await screen.shows("No logger is running")
-
-
-async def test_a_slower_rate_asks_the_logger_for_fewer_frames(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("f2", "j", "j", "j", "e", "ctrl+u")
-        await screen.enter("1")
-        assert screen.session.link._rate_hz == 1.0
 
 
 SIZES = [(80, 24), (60, 20), (160, 50)]
