@@ -69,7 +69,9 @@ def monitor(new_finder, screen_of):
     return open_monitor
 
 
-async def test_samples_holes_and_the_highest_are_few_keys_away_and_exact_and_what_is_not_there_is_said(monitor):
+async def test_samples_holes_and_the_highest_are_few_keys_away_and_exact_and_steps_count_that_do_not_wait(
+    monitor, monkeypatch
+):
     async with monitor("LF/torque") as (screen, shown):
         await screen.do("find", "x")
         await screen.enter("fast")
@@ -89,6 +91,22 @@ async def test_samples_holes_and_the_highest_are_few_keys_away_and_exact_and_wha
         await screen.shows("highest, 1 of 1: 40")
         assert shown.file.time_ns == START_NS + 2345 * STEP_NS
         assert shown.window.cursor is not None
+        await screen.do("home", "next_sample")
+        await screen.until(lambda: shown.file.time_ns == START_NS + STEP_NS, "the second sample")
+        samples, asked = shown.source.samples, []
+
+        async def slow_samples(name, start_ns, end_ns):
+            asked.append(start_ns)
+            for _ in range(20):
+                await asyncio.sleep(0)
+            return await samples(name, start_ns, end_ns)
+
+        monkeypatch.setattr(shown.source, "samples", slow_samples)
+        shown.search.command_step_sample(1)
+        shown.search.command_step_sample(1)
+        shown.search.command_step_sample(1)
+        await screen.until(lambda: shown.file.time_ns == START_NS + 4 * STEP_NS, "three samples on")
+        assert len(asked) == len(set(asked)) == 3
 
 
 async def test_who_steps_on_from_the_highest_is_led_to_the_peaks(monitor):
@@ -216,7 +234,7 @@ async def test_a_condition_that_is_judged_in_a_file_for_nobody_any_more_reads_no
     assert not whole
 
 
-async def test_brackets_go_from_crossing_to_crossing(monitor):
+async def test_brackets_go_from_crossing_to_crossing_a_star_looks_in_all_plots_and_a_key_makes_one_of_them(monitor):
     async with monitor("LF/torque", "RF/torque") as (screen, shown):
         await screen.do("home", "find", "x")
         await screen.shows("Enter finds it")
@@ -230,10 +248,6 @@ async def test_brackets_go_from_crossing_to_crossing(monitor):
         await screen.until(lambda: shown.file.time_ns > first, "the next one")
         await screen.do("previous_found")
         await screen.until(lambda: shown.file.time_ns == first, "the one before")
-
-
-async def test_a_star_looks_in_all_plots_and_another_one_in_the_chosen_and_a_key_makes_one_of_them(monitor):
-    async with monitor("LF/torque", "RF/torque") as (screen, shown):
         await screen.do("home", "find")
         await screen.shows("Find in /LF/torque")
         for words in ("all 2 signals that are plotted", "/LF/torque", "all 2 signals"):
@@ -246,8 +260,8 @@ async def test_a_star_looks_in_all_plots_and_another_one_in_the_chosen_and_a_key
         await screen.until(lambda: len(shown.stack.panels) == 1 and " Join" not in screen.text.splitlines()[-1])
 
 
-async def test_moments_of_several_signals_at_one_time_are_each_gone_to(monitor):
-    async with monitor("LF/torque", "position") as (screen, _):
+async def test_moments_of_several_signals_at_one_time_are_each_gone_to_and_two_cursors_tell_what_lies_between(monitor):
+    async with monitor("LF/torque", "position", size=(120, 40)) as (screen, _):
         await screen.do("home", "find", "asterisk")
         await screen.press("g")
         await screen.shows("hole in /LF/torque, 1 of 2")
@@ -257,6 +271,13 @@ async def test_moments_of_several_signals_at_one_time_are_each_gone_to(monitor):
         await screen.shows("that is the last of 2")
         await screen.do("previous_found")
         await screen.shows("hole in /LF/torque, 1 of 2")
+        await screen.do("home", "cursor_b", *["shift+right"] * 3)
+        await screen.shows("slope/s")
+        await screen.shows("B-A -")
+        line = [line for line in screen.text.splitlines() if line.startswith(" b /position")][-1]
+        assert float(line.split()[4]) == pytest.approx(1.0, abs=0.01)  # a second a second
+        await screen.do("cursor_b")
+        await screen.until(lambda: "slope/s" not in screen.text, "the table to go")
 
 
 async def test_a_boolean_goes_from_change_to_change_without_a_search_and_its_lane_can_t_be_joined(monitor):
@@ -305,17 +326,6 @@ async def test_the_menu_brackets_what_one_plot_alone_can_t_do(monitor):
         assert not shown.why_not_now("isolate_plot")
 
 
-async def test_two_cursors_tell_what_lies_between(monitor):
-    async with monitor("LF/torque", "position", size=(120, 40)) as (screen, _):
-        await screen.do("home", "cursor_b", *["shift+right"] * 3)
-        await screen.shows("slope/s")
-        await screen.shows("B-A -")
-        line = [line for line in screen.text.splitlines() if line.startswith(" b /position")][-1]
-        assert float(line.split()[4]) == pytest.approx(1.0, abs=0.01)  # a second a second
-        await screen.do("cursor_b")
-        await screen.until(lambda: "slope/s" not in screen.text, "the table to go")
-
-
 async def test_joined_plots_have_letters_and_both_units(monitor):
     async with monitor("LF/torque", "RF/torque", "position", size=(120, 40)) as (screen, shown):
         await screen.do("join_plots")
@@ -342,26 +352,6 @@ async def test_texts_hang_at_their_time(monitor):
     async with monitor("phase") as (screen, _):
         await screen.shows("stand")
         await screen.shows("│walk")
-
-
-async def test_two_steps_of_which_neither_waits_for_the_other_are_two_samples(monitor, monkeypatch):
-    async with monitor("LF/torque") as (screen, shown):
-        await screen.do("home", "next_sample")
-        await screen.until(lambda: shown.file.time_ns == START_NS + STEP_NS, "the second sample")
-        samples, asked = shown.source.samples, []
-
-        async def slow_samples(name, start_ns, end_ns):
-            asked.append(start_ns)
-            for _ in range(20):
-                await asyncio.sleep(0)
-            return await samples(name, start_ns, end_ns)
-
-        monkeypatch.setattr(shown.source, "samples", slow_samples)
-        shown.search.command_step_sample(1)
-        shown.search.command_step_sample(1)
-        shown.search.command_step_sample(1)
-        await screen.until(lambda: shown.file.time_ns == START_NS + 4 * STEP_NS, "three samples on")
-        assert len(asked) == len(set(asked)) == 3
 
 
 async def test_the_detail_plot_goes_from_time_to_histogram(monitor):
