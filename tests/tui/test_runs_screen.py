@@ -88,7 +88,9 @@ async def test_while_a_folder_is_read_it_says_how_far_that_is(fake, opened, fold
         await screen.until(lambda: len(screen.app.screen.shown) == 3)
 
 
-async def test_runs_are_listed_narrowed_by_what_was_measured_and_opened(fake, opened, folder):
+async def test_runs_are_listed_narrowed_by_what_was_measured_opened_and_two_that_are_marked_compared(
+    fake, opened, folder
+):
     async with opened(fake) as screen:
         await on_runs(screen, folder)
         assert [one.name for one in screen.app.screen.shown] == ["run2", "run1", "run0"]
@@ -104,71 +106,6 @@ async def test_runs_are_listed_narrowed_by_what_was_measured_and_opened(fake, op
         await screen.until(lambda: isinstance(screen.app.screen, RunsScreen))
         await on_runs(screen, folder)
         assert sum(isinstance(one, RunsScreen) for one in screen.app.screen_stack) == 1
-
-
-async def test_without_a_logger_runs_are_listed_and_opened_too(new_finder, screen_of, folder, monkeypatch):
-    monkeypatch.chdir(folder)
-    async with screen_of(SiloApp(new_finder())) as screen:
-        await screen.shows("No logger is running")
-        await screen.do("runs")
-        await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 3)
-        await screen.press("enter")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
-        await screen.press("escape")
-        await screen.until(lambda: isinstance(screen.app.screen, RunsScreen))
-        await screen.press("escape")
-        await screen.shows("No logger is running")
-
-
-async def test_a_statistic_is_a_column_and_an_order(fake, opened, folder):
-    async with opened(fake) as screen:
-        await on_runs(screen, folder)
-        await screen.do("runs_column")
-        await screen.enter("max(tau)")
-        await screen.shows("max(tau)")
-        assert list(screen.app.screen.values["max(tau)"].values()) == [3.0, 6.0, 9.0]
-        await screen.press("o", "v", "o", "v")
-        await screen.until(lambda: [one.name for one in screen.app.screen.shown] == ["run0", "run1", "run2"])
-        await screen.do("runs_column")
-        await screen.enter("max(nothing)")
-        await screen.shows("no run has 'nothing'")
-
-
-async def test_marked_runs_lie_over_each_other(fake, opened, folder):
-    async with opened(fake) as screen:
-        await on_runs(screen, folder)
-        await screen.do("overlay_runs")
-        await screen.shows("two or more lie over each other")
-        await screen.do("*", "overlay_runs")
-        await screen.enter("push")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
-        assert list(screen.app.screen.file.table.names) == [f"/log/tau/run{number}" for number in range(3)]
-        await screen.do("back")
-        await screen.until(lambda: isinstance(screen.app.screen, RunsScreen))
-        await screen.until(lambda: "reading 3 runs" not in screen.text, "no word of what is over")
-
-
-async def test_while_runs_that_are_to_lie_over_each_other_are_read_that_is_said_and_esc_keeps_the_marks(
-    fake, opened, folder, monkeypatch
-):
-    reads, read = threading.Event(), ListedRun.open
-    monkeypatch.setattr(ListedRun, "open", lambda one: reads.wait(DEADLINE_S) and read(one))
-    async with opened(fake) as screen:
-        await on_runs(screen, folder)
-        await screen.do("*", "overlay_runs")
-        await screen.enter("push")
-        await screen.shows("reading 3 runs")
-        await screen.do("back")
-        await screen.shows("given up")
-        reads.set()
-        assert len(screen.app.screen.marks.keys) == 3
-        await screen.do("back")
-        await screen.until(lambda: not screen.app.screen.marks.keys, "no marks, of which nothing is read")
-
-
-async def test_two_marked_runs_are_compared(fake, opened, folder):
-    async with opened(fake) as screen:
-        await on_runs(screen, folder)
         await screen.do("compare_runs")
         await screen.shows("two are compared, 1 is marked")
         await screen.do("mark", "mark")
@@ -195,6 +132,61 @@ async def test_two_marked_runs_are_compared(fake, opened, folder):
         await screen.until(lambda: screen.app.screen.scope == "runs")
 
 
+async def test_without_a_logger_runs_are_listed_and_opened_too(new_finder, screen_of, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    async with screen_of(SiloApp(new_finder())) as screen:
+        await screen.shows("No logger is running")
+        await screen.do("runs")
+        await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 3)
+        await screen.press("enter")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
+        await screen.press("escape")
+        await screen.until(lambda: isinstance(screen.app.screen, RunsScreen))
+        await screen.press("escape")
+        await screen.shows("No logger is running")
+
+
+async def test_marked_runs_lie_over_each_other_and_a_statistic_is_a_column_and_an_order(fake, opened, folder):
+    async with opened(fake) as screen:
+        await on_runs(screen, folder)
+        await screen.do("overlay_runs")
+        await screen.shows("two or more lie over each other")
+        await screen.do("*", "overlay_runs")
+        await screen.enter("push")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
+        assert list(screen.app.screen.file.table.names) == [f"/log/tau/run{number}" for number in range(3)]
+        await screen.do("back")
+        await screen.until(lambda: isinstance(screen.app.screen, RunsScreen))
+        await screen.until(lambda: "reading 3 runs" not in screen.text, "no word of what is over")
+        await screen.do("runs_column")
+        await screen.enter("max(tau)")
+        await screen.shows("max(tau)")
+        assert list(screen.app.screen.values["max(tau)"].values()) == [3.0, 6.0, 9.0]
+        await screen.press("o", "v", "o", "v")
+        await screen.until(lambda: [one.name for one in screen.app.screen.shown] == ["run0", "run1", "run2"])
+        await screen.do("runs_column")
+        await screen.enter("max(nothing)")
+        await screen.shows("no run has 'nothing'")
+
+
+async def test_while_runs_that_are_to_lie_over_each_other_are_read_that_is_said_and_esc_keeps_the_marks(
+    fake, opened, folder, monkeypatch
+):
+    reads, read = threading.Event(), ListedRun.open
+    monkeypatch.setattr(ListedRun, "open", lambda one: reads.wait(DEADLINE_S) and read(one))
+    async with opened(fake) as screen:
+        await on_runs(screen, folder)
+        await screen.do("*", "overlay_runs")
+        await screen.enter("push")
+        await screen.shows("reading 3 runs")
+        await screen.do("back")
+        await screen.shows("given up")
+        reads.set()
+        assert len(screen.app.screen.marks.keys) == 3
+        await screen.do("back")
+        await screen.until(lambda: not screen.app.screen.marks.keys, "no marks, of which nothing is read")
+
+
 async def test_what_differs_is_plotted_at_the_moment_of_the_largest_difference(fake, opened):
     logs = [(f"run{number}", Log(run_of(number))) for number in range(2)]
     found = compare(*(log for _, log in logs))
@@ -213,17 +205,6 @@ async def test_what_differs_is_plotted_at_the_moment_of_the_largest_difference(f
         await screen.until(lambda: screen.app.screen.scope == "file_monitor", "the signal of both")
         assert pushed[1:] == [("file", True), ("file_monitor", True)], "nobody sees the table below it first"
         await screen.until(lambda: screen.app.screen.window.at_ns == 1_250_000_000, "the moment")
-
-
-async def test_a_derived_signal_of_two_runs_has_no_samples_to_be_plotted(fake, opened, folder):
-    async with opened(fake) as screen:
-        logs = [(f"run{number}", Log(run_of(number))) for number in range(2)]
-        (one,) = compare(*(log for _, log in logs)).rows
-        found = replace(compare(*(log for _, log in logs)), rows=(replace(one, name="/log/double"),))
-        screen.app.push_screen(ComparisonScreen(logs, found))
-        await screen.shows("/double")
-        await screen.press("enter")
-        await screen.shows("/double is derived, and stands in no file")
 
 
 async def test_what_was_not_compared_stands_below_the_differences(fake, opened):
@@ -252,18 +233,29 @@ async def test_both_names_and_what_was_not_compared_have_room_on_a_small_screen(
         await screen.shows("not compared: for reason 0 long")
 
 
-@pytest.mark.parametrize(("at_s", "end"), [(1e6, 1), (-1e6, 0)])
-async def test_the_largest_difference_at_the_very_end_is_plotted(fake, opened, at_s, end):
+async def test_the_largest_difference_at_the_very_end_is_plotted_and_one_of_a_derived_signal_has_no_samples(
+    fake, opened
+):
     logs = [(f"run{number}", Log(run_of(number))) for number in range(2)]
     found = compare(*(log for _, log in logs))
-    found = replace(found, rows=tuple(replace(one, at_s=at_s) for one in found.rows))
     async with opened(fake) as screen:
-        screen.app.push_screen(ComparisonScreen(logs, found))
-        await screen.shows("/tau")
+        for at_s, end in ((1e6, 1), (-1e6, 0)):
+            there = replace(found, rows=tuple(replace(one, at_s=at_s) for one in found.rows))
+            screen.app.push_screen(ComparisonScreen(logs, there))
+            await screen.shows("/tau")
+            await screen.press("enter")
+            await screen.until(lambda: screen.app.screen.scope == "file_monitor", "the signal of both")
+            await screen.until(
+                lambda end=end: screen.app.screen.window.at_ns == screen.app.screen.held_ns[end], "its end"
+            )
+            assert screen.app.screen.gone_words("4 s") == "4 s: not in this file, which goes from 0.000 s to 3.000 s"
+            await screen.press("escape", "escape")
+            await screen.until(lambda: screen.app.screen.scope == "table", "the table")
+        (one,) = found.rows
+        screen.app.push_screen(ComparisonScreen(logs, replace(found, rows=(replace(one, name="/log/double"),))))
+        await screen.shows("/double")
         await screen.press("enter")
-        await screen.until(lambda: screen.app.screen.scope == "file_monitor", "the signal of both")
-        await screen.until(lambda: screen.app.screen.window.at_ns == screen.app.screen.held_ns[end], "its end")
-        assert screen.app.screen.gone_words("4 s") == "4 s: not in this file, which goes from 0.000 s to 3.000 s"
+        await screen.shows("/double is derived, and stands in no file")
 
 
 @pytest.mark.parametrize(
