@@ -284,7 +284,7 @@ async def as_far_as_it_goes(screen, key):
         await screen.press(key)
 
 
-async def test_a_window_walks_over_the_whole_file_both_ways(path, on_file):
+async def test_a_window_walks_over_the_whole_file_both_ways_and_its_cursor_takes_it_along(path, on_file):
     async with on_file(path) as screen:
         await plot(screen, "torque")
         await screen.press("plus", "plus", "plus", "plus")
@@ -297,11 +297,7 @@ async def test_a_window_walks_over_the_whole_file_both_ways(path, on_file):
         await screen.until(lambda: stack.store.first <= source.begin_ns // stack.store.column_ns)
         await as_far_as_it_goes(screen, "pagedown")
         await screen.until(lambda: monitor(screen).window.paused_end_ns == source.end_ns)
-
-
-async def test_a_cursor_that_leaves_the_window_takes_it_along(path, on_file):
-    async with on_file(path) as screen:
-        await plot(screen, "torque")
+        await screen.do("all_held")
         await screen.press("plus", "plus", "plus", "plus", "plus")
         for _ in range(30):
             await screen.press("shift+left")
