@@ -314,10 +314,12 @@ class CurrentRun:
             run.saved_ticks, run.unmarked = ticks, False
             run.segment.mark_saved(ticks)
 
-    def leave(self) -> None:
-        """Have what is in no file be another process's, that was told to save it."""
-        for run in self.stretches:
-            run.leave()
+    def leave(self) -> bool:
+        """Have what is in no file be another process's, that is told to save it; whether there is any."""
+        if self.has_unsaved:
+            for run in self.stretches:
+                run.leave()
+        return self.is_left
 
     @property
     def is_left(self) -> bool:

@@ -1,10 +1,8 @@
 """Whether a logger runs, is closed, is served: what all its parts look at before they change something."""
 
-import contextlib
 import os
 import threading
-import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 from silo.core.conditions import Conditions
@@ -15,71 +13,6 @@ from silo.loop.plan import Element
 
 if TYPE_CHECKING:
     from silo.logger.serving.serving import Serving
-
-
-LOOK_AGAIN_S = 0.5  # whether that is over whose thread was interrupted before it told
-
-
-class AtWork:
-    """That a thread is at something: as long as this is there, whatever interrupts it."""
-
-    def __init__(self) -> None:
-        self.threads = {threading.get_ident()}
-        self.ends = False  # the logger, not its server alone
-
-
-class Alone:
-    """What one thread does at a time, for which others wait without the lock. For who has the lock.
-
-    A thread's own may lie below it on its stack: of a signal handler, or after an interrupt. And one that it waits for
-    may come to it, by the collector.
-    """
-
-    def __init__(self, lock: threading.RLock) -> None:
-        self._lock, self._is_over = lock, threading.Condition(lock)
-        self._who: Callable[[], AtWork | None] = lambda: None
-
-    def begin(self) -> AtWork:
-        """Have nobody else begin as long as what is returned is there."""
-        mine = AtWork()
-        self._who = weakref.ref(mine)
-        return mine
-
-    def wait(self) -> AtWork | None:
-        """Wait until no other thread is at it; return what of this one is."""
-        while (who := self._who()) is not None and threading.get_ident() not in who.threads:
-            del who
-            self._is_over.wait(LOOK_AGAIN_S)
-        return who
-
-    def over(self) -> None:
-        """Have those go on who wait."""
-        self._who = lambda: None  # what began may be there for long: in a traceback that somebody keeps
-        with self._lock:
-            self._is_over.notify_all()
-
-    def join(self, thread: threading.Thread) -> None:
-        """Wait for the end of a thread, for who is at it; that one may be at it, too."""
-        if (who := self._who()) is not None:
-            who.threads |= {thread.ident or 0}
-            thread.join(LOOK_AGAIN_S)
-            while thread.is_alive():  # it may wait for the lock, which a call has that a signal handler does this amid
-                with self._lock:
-                    self._is_over.wait(LOOK_AGAIN_S)
-            who.threads -= {thread.ident or 0}  # which another may have now
-
-    @contextlib.contextmanager
-    def turn(self) -> Iterator[AtWork]:
-        """Do it alone, for who may not have the lock: one that a signal handler ends may have it."""
-        with self._lock:
-            below = self.wait()
-            mine = below or self.begin()
-        try:
-            yield mine
-        finally:
-            if below is None:
-                self.over()
-            del below, mine
 
 
 class WantedStretch(NamedTuple):
@@ -96,7 +29,8 @@ class WantedStretch(NamedTuple):
 class LifeCycle:
     """The state of one logger. Changes take `lock`, which `collect()` never does.
 
-    While a thread is at `cutting`, a stretch that is prepared without the lock, no other cut, start or end begins.
+    Before it, who starts, cuts or frees the buffers takes `cutting`, with which a stretch is prepared without the lock;
+    and before that, who ends the logger `ends`.
     """
 
     def __init__(self, name: str) -> None:
@@ -114,7 +48,7 @@ class LifeCycle:
 
     def _unlocked(self) -> None:
         self.lock = threading.RLock()
-        self.cutting, self.ends = Alone(self.lock), Alone(self.lock)
+        self.cutting, self.ends = threading.RLock(), threading.RLock()
 
     @property
     def closed(self) -> bool:
@@ -131,17 +65,6 @@ class LifeCycle:
         if self.closed:
             whose = self.ending.value.format(os.getpid()) if self.ending is LoggerEnd.FORKED else "is closed"
             raise StateError(f"logger '{self.name}' {whose}; make a new one")
-
-    @contextlib.contextmanager
-    def told_if_closed(self) -> Iterator[None]:
-        """Raise StateError in the place of what comes of it that a signal handler closes the logger amid this."""
-        try:
-            yield
-        except StateError:
-            raise  # which tells it
-        except Exception:
-            self.check_open()
-            raise
 
     def check_stopped(self, what: str) -> None:
         """Raise StateError while it runs, or once it is closed; `what` can't be done then."""

@@ -38,8 +38,10 @@ from silo.logger.scripted_table import ScriptedTable
 from silo.logger.tunables import Tunables
 from silo.logger.unclosed import (
     LoggerEnd,
+    after_calls,
     drop_journals,
     end_namesakes,
+    ends_after_calls,
     forked_collect,
     say_dropped,
     say_what_is_held,
@@ -64,6 +66,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("silo")
 
 
+@ends_after_calls(leave=("collect", "mark", "episode", "close"))
 @told_class("log", make="silo.Logger", leave=("collect", "mark"))
 class Logger(LoggerNames):
     """Logs variables of a control program, by reference, once per control tick.
@@ -278,8 +281,7 @@ class Logger(LoggerNames):
             SegmentError: there is no room for the buffers.
             SaveError: what had to be saved could not be: the last run is then kept as it was.
         """
-        with self._life.lock:
-            self._life.cutting.wait()  # which gives up, as the logger stopped
+        with self._life.cutting, self._life.lock:
             if self._life.running and self._life.begun_by and self.ticks:
                 unsaved = "save"
                 log.warning(
@@ -302,14 +304,7 @@ class Logger(LoggerNames):
             self._present.number += 1
             self._life.cut, self._life.memory_bytes = self._cut, self._present.memory_bytes
             self._life.begun_by, self._life.give_way = "", self._give_way
-            with self._life.told_if_closed():
-                self._begin(dropped)
-            if self._life.closed:
-                self._life.running = False
-                self._set_collect(None)
-                self._mark_in(None)
-                self._present.drop()
-                self._life.check_open()
+            self._begin(dropped)
 
     def _begin(self, dropped: int) -> None:
         run = self._present.replace(
@@ -457,7 +452,7 @@ class Logger(LoggerNames):
             SegmentError: as `start`.
             SaveError: as `start`.
         """
-        with self._life.lock:
+        with self._life.cutting, self._life.lock:
             self._life.check_open()
             if unsaved != "save":  # a save waits until the loop stands still
                 self._present.settle(unsaved, self.options, self._conditions.now)
@@ -560,6 +555,9 @@ class Logger(LoggerNames):
         """Stop, end the helper process and free the buffers. What was not saved is gone, which is said; closing twice
         is fine. After a `save()` that failed it is kept as at the end of a `with`.
 
+        Amid another call of the logger in the same thread, as in a signal handler, this returns at once: it ends after
+        that call.
+
         Args:
             discard: what was not saved is to go: nothing is said of it.
         """
@@ -583,12 +581,12 @@ class Logger(LoggerNames):
             self._end(LoggerEnd.FORGOTTEN)
 
     def _end(self, ending: LoggerEnd) -> None:
+        after_calls(self._life, functools.partial(self._end_now, ending))
+
+    def _end_now(self, ending: LoggerEnd) -> None:
         """End it once, however that comes; what was interrupted goes on as it began, or drops where it is to."""
         life = self._life
-        with life.ends.turn() as turn:
-            if turn.ends or life.freed:
-                return  # this thread is at it: this is a signal handler's
-            turn.ends = True
+        with life.ends:
             if ending is LoggerEnd.BLOCK and not life.closed and self.has_unsaved:
                 self.stop()
                 self._data.save_at_clean_end()
@@ -597,33 +595,34 @@ class Logger(LoggerNames):
                 if first:
                     self.stop()
                     self._data.look_for_unheld()
-                if first or ending is LoggerEnd.DISCARDED:
+                if first or (ending is LoggerEnd.DISCARDED and not life.freed):
                     life.ending = ending
                 if first and ending is LoggerEnd.CLOSED and not self._data.save_failed and self.has_unsaved:
                     say_dropped(self.options.name, self._present.unsaved_ticks)
-            self._free()
-            life.freed = True
-
-    def _free(self) -> None:
-        life, present = self._life, self._present
         assert life.ending is not None
-        keeps = life.ending.keeps or (life.ending is LoggerEnd.CLOSED and self._data.save_failed)
-        if life.serving is not None:
-            life.serving.end(present.leave if life.ending.keeps and present.has_unsaved else None)
-        self._mark_in(None)
-        if not keeps or self._data.save_at_end(life.ending):
-            self._drop()
-        self._table.release()
+        if life.serving is not None:  # whose thread may come to this, too: nobody waits for it who has a lock
+            life.serving.end(self._leave)
+        with life.ends:
+            if not life.freed:
+                self._free(life.ending)
+                life.freed = True
 
-    def _drop(self) -> None:
+    def _leave(self) -> bool:
+        """Have the helper process save what is in no file, unless that is to go; whether there is any."""
+        return (self._life.ending is None or self._life.ending.keeps) and self._present.leave()
+
+    def _free(self, ending: LoggerEnd) -> None:
         """Free the buffers, or leave them to those who come after a helper process that did not come to its end."""
-        with self._life.lock:  # another thread may be copying what was logged before a cut
-            self._life.cutting.wait()
-            is_held = self._present.drop()
-        if not self._present.is_left:
-            drop_journals(self.options)
-        if is_held:
-            say_what_is_held(self.options)
+        self._mark_in(None)
+        keeps = ending.keeps or (ending is LoggerEnd.CLOSED and self._data.save_failed)
+        if not keeps or self._data.save_at_end(ending):
+            with self._life.cutting, self._life.lock:  # another thread may be copying what was logged before a cut
+                is_held = self._present.drop()
+            if not self._present.is_left:
+                drop_journals(self.options)
+            if is_held:
+                say_what_is_held(self.options)
+        self._table.release()
 
     def __reduce__(self) -> NoReturn:
         name = self.options.name

@@ -139,6 +139,11 @@ class ScriptedTable:
         return self._life.lock
 
     @property
+    def cutting(self) -> "threading.RLock":
+        """That of who starts or cuts, taken before the other one."""
+        return self._life.cutting
+
+    @property
     def revision(self) -> int:
         """Grows with every change of the table."""
         return self._table.revision
@@ -424,13 +429,10 @@ class ScriptedTable:
         """Have table and conditions changed by what is done within: of a logger that stands still, or else (`cut`)
         while it runs, at a cut where elements change. `what` can't be done otherwise.
         """
-        cutter = None
-        try:
+        with self._life.cutting if cut else contextlib.nullcontext():
             with self._life.lock:
-                if cut:
-                    self._life.cutting.wait()
-                    if not who:
-                        self._life.go_before_clients()
+                if cut and not who:
+                    self._life.go_before_clients()
                 runs, before = cut and self._life.running, self._state
                 if not runs:
                     self._life.check_stopped(what)
@@ -444,18 +446,13 @@ class ScriptedTable:
                         return
                     cuts = True  # all of it is to be, or nothing
                     wanted = self._wanted(changes, who, before)
-                    cutter = self._life.cutting.begin()
                 except BaseException:
                     cuts = runs
                     raise
                 finally:
                     if cuts:
                         self._state = before
-            with self._life.told_if_closed():
-                self._life.cut(wanted)  # without the lock: others look, and stop the logger, while it is prepared
-        finally:
-            if cutter is not None:
-                self._life.cutting.over()
+            self._life.cut(wanted)  # without the lock: others look, and stop the logger, while it is prepared
 
     @property
     def _state(self) -> _State:

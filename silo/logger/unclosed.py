@@ -3,12 +3,15 @@
 import atexit
 import contextlib
 import enum
+import functools
+import inspect
 import os
 import sys
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from pathlib import Path
-from typing import Protocol
+from types import FrameType
+from typing import Any, ParamSpec, Protocol, TypeVar, cast
 
 from silo.core.conditions import Conditions
 from silo.core.elements import FileType, LoggerOptions, SavedFile, Storage
@@ -17,6 +20,10 @@ from silo.errors import SiloError
 from silo.journal.format import list_journals, remove_journal
 from silo.journal.holdings import segment_holdings
 from silo.loop.run import Run
+
+P = ParamSpec("P")
+R = TypeVar("R")
+C = TypeVar("C", bound=type)
 
 
 class LoggerEnd(enum.Enum):
@@ -33,6 +40,50 @@ class LoggerEnd(enum.Enum):
     def keeps(self) -> bool:
         """Whether ticks that stand in no file are kept."""
         return self in (LoggerEnd.BLOCK, LoggerEnd.UNCLOSED, LoggerEnd.FORGOTTEN)
+
+
+def during(life: object, ends: list[Callable[[], None]], call: Callable[P, R], *args: P.args, **kw: P.kwargs) -> R:
+    """Do a call of a logger that has this life; what ends that, or its server, meanwhile, is done as it is over."""
+    try:
+        return call(*args, **kw)
+    finally:
+        for end in ends:
+            end()
+
+
+def after_calls(life: object, end: Callable[[], None]) -> None:
+    """End a logger, or its server, now; or where this thread is amid a call of it, as in a signal handler, after that.
+
+    Its stack tells that: nothing has to be put back where an interrupt comes.
+    """
+    call, frame = None, cast("FrameType | None", sys._getframe())
+    while frame is not None:
+        if frame.f_code is during.__code__ and frame.f_locals["life"] is life:
+            call = frame
+        frame = frame.f_back
+    if call is None:
+        during(life, [], end)
+    else:
+        call.f_locals["ends"].append(end)
+
+
+def ends_after_calls(leave: Container[str]) -> Callable[[C], C]:
+    """Have a logger end after its public methods, but those to `leave`, and not amid them."""
+
+    def over(method: Callable[..., R]) -> Callable[..., R]:
+        @functools.wraps(method)
+        def call(self: Any, *args: Any, **kwargs: Any) -> R:
+            return during(self._life, [], method, self, *args, **kwargs)
+
+        return call
+
+    def wrapped(cls: C) -> C:
+        for name, found in list(vars(cls).items()):
+            if inspect.isfunction(found) and name not in leave and (name[0] != "_" or name == "__getitem__"):
+                setattr(cls, name, over(found))
+        return cls
+
+    return wrapped
 
 
 class UnclosedLogger(Protocol):

@@ -23,6 +23,8 @@ class TableOfLogger(Protocol):
     """The table of a logger, seen from here."""
 
     @property
+    def cutting(self) -> threading.RLock: ...
+    @property
     def lock(self) -> threading.RLock: ...
     @property
     def revision(self) -> int: ...
@@ -84,7 +86,7 @@ class StateRobot(Server, does=[requests], robot=True):
         return EditsApplied(table.revision, changed, warnings=[*filter(None, [large]), *less])
 
     def start(self, turn: Turn, unsaved: Unsaved) -> str:
-        with self.table.lock:
+        with self.table.cutting, self.table.lock:
             if self.logger.is_running:
                 text = "the logger runs already: restart it, or stop it first"
                 raise RequestRefusedError(RefusedWhy.RUNNING, text)
@@ -95,7 +97,7 @@ class StateRobot(Server, does=[requests], robot=True):
         return ""
 
     def restart(self, turn: Turn, unsaved: Unsaved) -> str:
-        with self.table.lock:
+        with self.table.cutting, self.table.lock:
             return self._begun(self.logger.restart, turn, unsaved)
 
     def _begun(self, begin: Callable[..., None], turn: Turn, unsaved: Unsaved) -> str:

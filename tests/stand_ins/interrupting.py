@@ -1,6 +1,7 @@
-"""Ctrl-C at any instruction: what runs is traced, and interrupted before the one that was chosen."""
+"""Ctrl-C, or another signal, at any instruction: what runs is traced, and interrupted before one that was chosen."""
 
 import contextlib
+import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -13,8 +14,12 @@ Place = tuple[CodeType, int]  # an instruction: whose, and where in it
 class Interrupts:
     """Watches the code of some files, which `watched` knows by their names."""
 
-    def __init__(self, watched: Callable[[CodeType], bool]) -> None:
-        self._watched = watched
+    def __init__(
+        self,
+        watched: Callable[[CodeType], bool],
+        handler: Callable[[int, FrameType | None], object] = signal.default_int_handler,
+    ) -> None:
+        self._watched, self._handler = watched, handler
         self._seen: dict[Place, None] = {}
         self._at: Place | None = None
         self._number = -1
@@ -65,7 +70,7 @@ class Interrupts:
             self._seen.setdefault(place)
         if place == self._at or len(self._seen) == self._number + 1:
             self._ended = True
-            raise KeyboardInterrupt
+            self._handler(signal.SIGINT, None)
 
 
 @contextlib.contextmanager

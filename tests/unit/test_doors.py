@@ -5,6 +5,7 @@ shared memory, no journal, no socket, no helper process.
 """
 
 import contextlib
+import functools
 import os
 import signal
 import threading
@@ -18,7 +19,7 @@ from silo.files.silo import writer
 from silo.logger import unclosed
 from silo.logger.serving.serving import Serving
 from silo.logger.unclosed import LoggerEnd
-from silo.segment.writer import Segment
+from tests.stand_ins.interrupting import Interrupts
 from tests.waiting import wait_until
 
 TICKS = 3
@@ -204,40 +205,36 @@ def test_a_signal_handler_that_ends_the_program_amid_it_leaves_the_rest_to_the_e
     check(log, None, decided(first, of=DOORS), tmp_path, runtime_folder)
 
 
-@pytest.mark.parametrize("step", ["_make_run", "_hand_over", "_collect_of"])
-@pytest.mark.parametrize("before", [True, False])
-def test_a_signal_handler_that_closes_it_amid_a_start_leaves_none_that_logs_on(
-    logger, tmp_path, runtime_folder, monkeypatch, step, before
+CALLS = {
+    "start": (lambda log, _: log.restart(), "dropped"),
+    "cut": (lambda log, _: log.set("x", size="5s", cut=True), "dropped"),
+    "save": (lambda log, _: log.save(), "saved"),
+    "stop": (lambda log, _: log.stop(), "dropped"),
+    "look": (lambda log, _: log["x"], "dropped"),
+}
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize("call", CALLS)
+def test_a_signal_handler_that_closes_it_amid_a_call_has_it_end_after_that(
+    logger, tmp_path, runtime_folder, drawn, call
 ):
+    does, fate = CALLS[call]
+    watched = lambda code: "/silo/logger/" in code.co_filename and code.co_filename != unclosed.__file__  # noqa: E731
     log, _ = logger(served=False)
-    real = getattr(log, step)
-
-    def amid_it(*arguments):
-        made = None if before else real(*arguments)
-        signal.raise_signal(signal.SIGUSR1)
-        return real(*arguments) if before else made
-
-    monkeypatch.setattr(log, step, amid_it)
-    with handling(log.close), pytest.raises(silo.StateError, match="is closed"):
-        log.restart()
-    monkeypatch.undo()
-    log.collect()
-    assert not log.is_running
-    check(log, None, {"dropped"}, tmp_path, runtime_folder)
-
-
-def test_a_signal_handler_that_closes_it_amid_a_cut_is_told_as_that(logger, tmp_path, runtime_folder, monkeypatch):
-    log, _ = logger(served=False)
-    fill = Segment._fill
-
-    def amid_it(*arguments):
-        signal.raise_signal(signal.SIGUSR1)
-        fill(*arguments)
-
-    monkeypatch.setattr(Segment, "_fill", amid_it)
-    with handling(log.close), pytest.raises(silo.StateError, match="is closed"):
-        log.set("x", size="5s", cut=True)
-    check(log, None, {"dropped"}, tmp_path, runtime_folder)
+    places = Interrupts(watched).places(functools.partial(does, log, None))
+    log.close()
+    for place in drawn(places, 20):
+        for path in tmp_path.iterdir():
+            path.unlink()
+        log, _ = logger(served=False)
+        ended = []
+        handler = lambda *_, log=log, ended=ended: ended.append([log.close(), log._life.freed])  # noqa: E731
+        Interrupts(watched, handler).interrupt(place, functools.partial(does, log, None))
+        assert ended == [[None, False]]
+        assert log._life.freed
+        log.collect()
+        check(log, None, {fate}, tmp_path, runtime_folder)
 
 
 @pytest.mark.parametrize("again", [lambda end: end(), in_a_thread], ids=["here", "in another thread"])
@@ -312,36 +309,25 @@ def test_the_collector_may_forget_one_in_the_thread_of_a_server_that_is_just_clo
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("lock", ["lock of the logger", "telling"])
 def test_a_signal_handler_that_closes_a_served_one_amid_a_call_waits_for_no_thread_that_waits_for_that_call(
-    logger, tmp_path, runtime_folder, monkeypatch, lock
+    logger, tmp_path, runtime_folder, monkeypatch
 ):
     log, serving = logger(served=True)
-    pushes, push = threading.Event(), serving._push_state
+    pushes, push, settle_cut = threading.Event(), serving._push_state, log._present.settle_cut
 
-    def pushed():
-        pushes.set()
-        push()
-
-    monkeypatch.setattr(serving, "_push_state", pushed)
-    with handling(log.close), log._life.lock if lock == "lock of the logger" else serving._telling:
+    def with_the_lock():
+        monkeypatch.setattr(serving, "_push_state", lambda: [pushes.set(), push()])
         serving.state_changed()
         assert pushes.wait(30)  # its thread is about to wait for the lock
         signal.raise_signal(signal.SIGUSR1)
-        assert log._life.freed
-    check(log, serving, {"dropped"}, tmp_path, runtime_folder)
+        assert serving.alive
+        settle_cut()
 
-
-@pytest.mark.slow
-def test_a_server_that_a_signal_handler_ends_amid_its_end_starts_no_other_helper_process(logger, monkeypatch):
-    log, serving = logger(served=True)
-    log.trigger("high", f"x > {TICKS}")
-    started = []
-    monkeypatch.setattr(Serving, "_spawn", started.append)
+    monkeypatch.setattr(log._present, "settle_cut", with_the_lock)
     with handling(log.close):
-        assert amid(log, serving, monkeypatch, lambda: signal.raise_signal(signal.SIGUSR1)) == []
-        serving.close()
-    assert (log._life.freed, serving._over, started) == (True, True, [])
+        log.stop()
+    assert log._life.freed
+    check(log, serving, {"dropped"}, tmp_path, runtime_folder)
 
 
 @pytest.fixture

@@ -26,7 +26,7 @@ OWNERS = {
         *(Segment.make, Segment._fill, Segment._append_rows, Segment._append, Segment._allocate, Segment.unlink),
         *(Segment.open_read_only, Run.__init__, Run.begin, Run.drop, Run.reader.fget, held_runs.hold, held_runs.remove),
         *(CurrentRun.replace, CurrentRun._begin, CurrentRun._let_go_of_others, CurrentRun.drop),
-        *(Logger.start, Logger.restart, Logger.stop, Logger._end, Logger._let_go, Logger._free, Logger._drop),
+        *(Logger.start, Logger.restart, Logger.stop, Logger._end_now, Logger._let_go, Logger._free),
         *(runtime.open_into, runtime.open_unfinished, runtime.announce_segment, runtime.withdraw_segment),
     )
 }

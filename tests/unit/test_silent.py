@@ -221,7 +221,7 @@ def test_closing_that_was_interrupted_behind_its_save_saves_no_second_time(closi
         monkeypatch.undo()
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(log, "_drop", interrupted)
+    monkeypatch.setattr(log._present, "drop", interrupted)
     with pytest.raises(KeyboardInterrupt):
         log.close()
     log.close()
@@ -251,29 +251,20 @@ def test_two_that_end_a_logger_at_once_write_one_file(closing, tmp_path, monkeyp
     assert len(list(tmp_path.glob("*.silo"))) == 1
 
 
-@pytest.mark.parametrize("is_amid_its_writing", [False, True])
 def test_a_signal_handler_that_ends_a_logger_amid_a_start_of_it_lets_another_thread_end_it(
-    closing, tmp_path, monkeypatch, is_amid_its_writing
+    closing, tmp_path, monkeypatch
 ):
-    log, real, writing = unsaved(closing(3), tmp_path), writer.write_all, threading.Event()
-    ends = threading.Thread(target=log._end, args=(LoggerEnd.UNCLOSED,), daemon=True)
+    log = unsaved(closing(3), tmp_path)
+    ends, make_run = threading.Thread(target=log._end, args=(LoggerEnd.UNCLOSED,), daemon=True), log._make_run
 
-    def slow(*arguments):
-        writing.set()
-        return real(*arguments)
+    def amid_it():
+        ends.start()
+        ends.join(0.1)  # until it waits for the lock
+        log.close()
+        return make_run()
 
-    def starts() -> None:
-        if is_amid_its_writing:
-            ends.start()
-            writing.wait(10)
-        with log._life.lock:
-            if not is_amid_its_writing:
-                ends.start()
-            ends.join(0.1)  # until it waits for the lock
-            log.close()
-
-    monkeypatch.setattr(writer, "write_all", slow)
-    begins = threading.Thread(target=starts, daemon=True)
+    monkeypatch.setattr(log, "_make_run", amid_it)
+    begins = threading.Thread(target=log.restart, kwargs={"unsaved": "save"}, daemon=True)
     begins.start()
     for thread in (begins, ends):
         thread.join(10)

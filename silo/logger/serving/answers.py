@@ -4,9 +4,8 @@ Called by the thread of `silo.logger.serving.serving`, never by the loop.
 """
 
 import os
+import threading
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
-from threading import Thread
 from typing import Any, Protocol
 
 import msgspec
@@ -32,18 +31,10 @@ class RunSamples(Protocol):
     def note_saved(self, run_id: str, ticks: int, /) -> None: ...
 
 
-class EndsOfLogger(Protocol):
-    """How one thread at a time ends a logger, seen from here."""
-
-    def turn(self) -> AbstractContextManager[object]: ...
-    def join(self, thread: Thread, /) -> None: ...
-
-
 class Life(Protocol):
     """A logger's life, seen from here."""
 
-    @property
-    def ends(self) -> EndsOfLogger: ...
+    ends: threading.RLock
 
 
 class Served(StateOfLogger, Protocol):
@@ -56,8 +47,6 @@ class Served(StateOfLogger, Protocol):
     @property
     def _life(self) -> Life: ...
     @property
-    def _is_closed(self) -> bool: ...
-    @property
     def _scripted(self) -> TableOfLogger: ...
     @property
     def _conditions(self) -> ConditionsOfLogger: ...
@@ -67,8 +56,7 @@ class Served(StateOfLogger, Protocol):
     def stop_reason(self) -> str: ...
     @property
     def ticks(self) -> int: ...
-    @property
-    def has_unsaved(self) -> bool: ...
+    def _leave(self) -> bool: ...
 
 
 def robot_state(logger: Served, by: str, table_sent: int, changes: int = 0) -> RobotState:

@@ -6,7 +6,6 @@ one that the program forgot ends with its helper process.
 """
 
 import concurrent.futures
-import contextlib
 import functools
 import itertools
 import logging
@@ -14,7 +13,7 @@ import os
 import threading
 import time
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
@@ -35,6 +34,7 @@ from silo.logger.serving.process import (
     Patience,
     drawn_id,
 )
+from silo.logger.unclosed import after_calls, during
 from silo.loop.run import Run
 from silo.parameters.requests import ParametersSet
 from silo.parameters.robot import ended
@@ -192,7 +192,7 @@ class Serving:
                     if message is None:
                         self._helper_died()
                     else:
-                        self._handle(message)
+                        self._heard(message)
             except (OSError, SiloError):  # gone, or what it sends is no message
                 self._helper_died()
 
@@ -239,12 +239,14 @@ class Serving:
         if logger is not None and run is not None:
             logger._data.look_for_unheld(run, run.left_behind(lambda: time.sleep(PAUSE_S)))
 
+    def _heard(self, message: object) -> None:
+        logger = self._logger_ref()
+        during(logger and logger._life, [], self._handle, message)  # a check of a parameter may end the logger
+
     def _handle(self, message: object) -> None:
         logger = self._logger_ref()
         if isinstance(message, LinkRequest) and logger is not None:
-            with self._turn_to_tell() as goes_on:
-                if not goes_on:
-                    return
+            with self._telling:
                 self._by = message.request.client
                 reply = answer(logger, message.request)
                 self._push_state()
@@ -282,23 +284,11 @@ class Serving:
         logger = self._logger_ref()
         if logger is None:
             return  # it is being forgotten, and ends this
-        with self._turn_to_tell() as goes_on:
-            if goes_on:
-                state = robot_state(logger, self._by, self._table_sent, self._changes.now)
-                self._by = ""
-                self._send(state)
-                self._table_sent = state.revision
-
-    @contextlib.contextmanager
-    def _turn_to_tell(self) -> Iterator[bool]:
-        """Have nobody else tell; False once it is closed: a signal handler may do that amid who tells, and wait."""
-        while not (held := self._telling.acquire(timeout=ROUND_S)) and self.alive:
-            pass
-        try:
-            yield held
-        finally:
-            if held:
-                self._telling.release()
+        with self._telling:
+            state = robot_state(logger, self._by, self._table_sent, self._changes.now)
+            self._by = ""
+            self._send(state)
+            self._table_sent = state.revision
 
     def _send(self, message: RobotState | LinkRequest | LinkReply | LetGo | Goodbye) -> None:
         """Send a message. Raises OSError where the helper process is gone, or frozen with its buffer full."""
@@ -512,20 +502,15 @@ class Serving:
         return reply, saving
 
     def close(self) -> None:
-        """End the helper process: clients are told that the logger was closed. The logger goes on."""
-        self.end()
+        """End the helper process: clients are told that the logger was closed. The logger goes on.
 
-    def end(self, leave: Callable[[], None] | None = None) -> None:
-        """End the helper process: by a goodbye; or where it is to save what was collected, and is up, without.
-
-        Args:
-            leave: called before it begins to save.
+        Amid a call of the logger in the same thread, as in a signal handler, this returns at once: it ends after that.
         """
-        if self._over:
-            return
-        with self._ends.turn():
-            if not self._over:
-                self._end(leave)
+        self._close(None)
+
+    def _close(self, leave: Callable[[], bool] | None) -> None:
+        end, logger = functools.partial(self.end, leave), self._logger_ref()
+        end() if logger is None else after_calls(logger._life, end)
 
     def forget(self) -> None:
         """Serve nobody, in a forked child, and hold nothing by whose end others learn that its parent ended."""
@@ -535,28 +520,39 @@ class Serving:
         if self._viewers is not None:
             self._viewers.let_go()
 
-    def _end(self, leave: Callable[[], None] | None) -> None:
-        """Each step may be done again: where it was interrupted, or a signal handler does it amid this."""
-        with self._waking:
+    def end(self, leave: Callable[[], bool] | None) -> None:
+        """End the helper process: by a goodbye; or where it is to save what was collected, and is up, without.
+
+        Each step may be done again, where it was interrupted.
+
+        Args:
+            leave: has that be the helper process's, and returns whether there is any.
+        """
+        if self._over:
+            return
+        is_thread = self._thread is threading.current_thread()
+        with self._ends, self._waking:
             self.alive = False
-        self._no_more_asked()
-        os.eventfd_write(self._wake, 1)
-        if self._thread is not threading.current_thread():
-            self._ends.join(self._thread)  # the goodbye goes to the helper that is there then
-        self._no_more_asked()  # one that was just being started
-        if self._viewers is not None:
-            self._viewers.close()  # before its logger goes, which it would complain of
-        if leave is not None and self._was_up:
-            leave()
-        else:
-            self._say_goodbye()
-        self._helper.let_go()
-        self._fail_pending("the logger was closed meanwhile")
-        self.is_up, is_over, self._over = False, self._over, True
-        if not is_over:
-            self._changes.close()
-            if self._thread is not threading.current_thread():
-                os.close(self._wake)
+            self._no_more_asked()
+            if not self._over:
+                os.eventfd_write(self._wake, 1)
+        if not is_thread:  # which may come to this, too
+            self._thread.join()  # the goodbye goes to the helper that is there then
+        with self._ends:
+            if self._over:
+                return
+            self._no_more_asked()  # one that was just being started
+            if self._viewers is not None:
+                self._viewers.close()  # before its logger goes, which it would complain of
+            if leave is None or not self._was_up or not leave():
+                self._say_goodbye()
+            self._helper.let_go()
+            self._fail_pending("the logger was closed meanwhile")
+            with self._waking:
+                self.is_up, self._over = False, True
+                self._changes.close()
+                if not is_thread:
+                    os.close(self._wake)
 
     def _no_more_asked(self) -> None:
         """Nobody will read what it answers."""
@@ -565,7 +561,7 @@ class Serving:
     def _say_goodbye(self) -> None:
         """End the helper process; where it is down and left something to do, one more does that first."""
         logger = self._logger_ref()
-        if self._parted() or logger is None or self._over:
+        if self._parted() or logger is None:
             return
         if has_left(logger.options.name, logger.options.id) or (logger.ticks and logger._conditions.now.judged):
             try:
@@ -594,5 +590,4 @@ class Serving:
     ) -> None:
         """Close; after Ctrl-C or an error, the helper process saves what was not saved yet."""
         logger = self._logger_ref()
-        keeps = kind is not None and logger is not None and logger.has_unsaved and not logger._is_closed
-        self.end(logger._present.leave if logger is not None and keeps else None)
+        self._close(logger._leave if logger is not None and kind is not None else None)
