@@ -597,8 +597,6 @@ class Logger(LoggerNames):
                     self._data.look_for_unheld()
                 if first or (ending is LoggerEnd.DISCARDED and not life.freed):
                     life.ending = ending
-                if first and ending is LoggerEnd.CLOSED and not self._data.save_failed and self.has_unsaved:
-                    say_dropped(self.options.name, self._present.unsaved_ticks)
         assert life.ending is not None
         if life.serving is not None:  # whose thread may come to this, too: nobody waits for it who has a lock
             life.serving.end(self._leave)
@@ -617,7 +615,9 @@ class Logger(LoggerNames):
         keeps = ending.keeps or (ending is LoggerEnd.CLOSED and self._data.save_failed)
         if not keeps or self._data.save_at_end(ending):
             with self._life.cutting, self._life.lock:  # another thread may be copying what was logged before a cut
-                is_held = self._present.drop()
+                dropped, is_held = self._present.unsaved_ticks, self._present.drop()
+            if ending is LoggerEnd.CLOSED and dropped:
+                say_dropped(self.options.name, dropped)
             if not self._present.is_left:
                 drop_journals(self.options)
             if is_held:

@@ -1,5 +1,6 @@
 """What a client's start does with data that is in no file, what takes long, and what is too large."""
 
+import contextlib
 import os
 import re
 import signal
@@ -13,7 +14,7 @@ from silo.cli.codes import EXIT_FAILED, EXIT_USAGE
 from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import Edit, ElementOptions, State
-from silo.errors import GoesOnError, RefusedError, StateError
+from silo.errors import ConnectionLostError, GoesOnError, RefusedError, StateError
 from silo.files.event_log import read_events
 from silo.fleet.exchange import encoded
 from silo.journal.holdings import segment_holdings
@@ -246,3 +247,22 @@ def test_what_the_helper_process_could_write_in_some_of_several_formats_is_saved
     assert not bench.logger.has_unsaved
     client.stop()
     client.start()  # which is refused over what is in no file
+
+
+def test_what_a_save_of_a_client_writes_while_the_logger_is_closed_is_not_told_as_dropped(
+    bench, client, heard, tmp_path, capsys
+):
+    bench.logger.start()
+    bench.ticks(5)
+
+    def save():
+        with contextlib.suppress(ConnectionLostError):
+            client.save(["csv"])
+
+    saving = threading.Thread(target=save)
+    saving.start()
+    heard.wait(EventKind.SAVING)
+    bench.logger.close()
+    saving.join()
+    assert list((tmp_path / "logs").glob("*.csv"))
+    assert (bench.logger.has_unsaved, capsys.readouterr().err) == (False, "")

@@ -19,7 +19,7 @@ from silo.bridges.listening import bound, check_installed
 from silo.core.child import ENDING_S, NONE, PIPE, ChildProcess
 from silo.core.runtime import down_mark, open_unfinished, unopened
 from silo.errors import ConnectionLostError, SegmentError
-from silo.link.channel import LinkChannel, LinkReply
+from silo.link.channel import LinkChannel, LinkMessage, LinkReply
 from silo.polling import readable
 from silo.rpc.declaring import Done
 from silo.rpc.refusals import Refused
@@ -121,11 +121,15 @@ class HelperProcess(ChildProcess):
         self.let_go()
         return super().kill()
 
-    def wait(self) -> int:
-        """Wait until it ended by itself; kill it if it takes too long. Return its exit code, then 0."""
-        code = self.wait_within(READY_TIMEOUT_S)
-        if code is not None:
-            return code
+    def wait_out(self, hear: Callable[[LinkMessage], None]) -> int:
+        """Hear what it says until it ended by itself; kill it if it is quiet for too long. Returns its code, then 0.
+
+        Raises ConnectionLostError for what is no message.
+        """
+        while readable(self.link.fileno(), timeout_s=READY_TIMEOUT_S):
+            if (message := self.channel.receive()) is None:
+                return self.end(READY_TIMEOUT_S)
+            hear(message)
         self.kill()
         return 0
 

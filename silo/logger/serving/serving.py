@@ -258,15 +258,21 @@ class Serving:
             self._beats += 1
         elif isinstance(message, LinkReply):
             self._replied(message)
-        elif isinstance(message, LinkSaved):
-            if logger is not None and message.ticks:
-                logger._data.note_saved(message.run, message.ticks)
-            future = self._saves.pop(message.job, None)
-            if future is not None:
-                if message.error:
-                    future.set_exception(SaveError(message.error))
-                else:
-                    future.set_result(message.files)
+        else:
+            self._hear_saved(message)
+
+    def _hear_saved(self, message: object) -> None:
+        logger = self._logger_ref()
+        if not isinstance(message, LinkSaved):
+            return
+        if logger is not None and message.ticks:
+            logger._data.note_saved(message.run, message.ticks)
+        future = self._saves.pop(message.job, None)
+        if future is not None:
+            if message.error:
+                future.set_exception(SaveError(message.error))
+            else:
+                future.set_result(message.files)
 
     def _replied(self, message: LinkReply) -> None:
         asked, reply, saving = self._answers.pop(message.number, None), message.reply, SaveFuture()
@@ -576,11 +582,10 @@ class Serving:
         """Say goodbye to the helper process, and wait for its end; False where it didn't come to that by itself."""
         try:
             self._send(Goodbye())
-        except OSError:
+            return not self._was_up or self._helper.wait_out(self._hear_saved) == 0
+        except (OSError, SiloError):
             log.info("%s: the helper process was gone already", self._name)
             return False
-        self._helper.let_go()
-        return not self._was_up or self._helper.wait() == 0
 
     def __enter__(self) -> "Serving":
         return self
