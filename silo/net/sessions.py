@@ -135,9 +135,3 @@ def borrowed(socket_path: str, config: str, reach_s: float = REACH_S) -> Iterato
         yield mine
     finally:
         give_back(mine)
-
-
-def open_configurations() -> dict[str, int]:
-    """Return the configurations to which sessions are open, with how many use each."""
-    with _guard:
-        return {path: shared.users for path, shared in _shared.items() if shared.session is not None}

@@ -8,7 +8,6 @@ import functools
 import hashlib
 import mmap
 import os
-import re
 import stat
 import weakref
 from pathlib import Path
@@ -43,23 +42,12 @@ from silo.segment.layout import (
 from silo.segment.marks import SLOT_WORDS, read_marks
 from silo.segment.parameter_changes import AREA_BYTES, image_bytes, image_event, read_changes, read_image
 from silo.segment.reasons import STOP_TEXTS, LostWhy, StopReason
+from silo.segment.retention import item_bytes
 from silo.segment.rows import Rows
 from silo.segment.snapshot import in_chain, snapshot
 
 # the writer may be filling the row after the head, whose slot holds an old row; elsewhere than on x86 one row further
 UNSAFE_ROWS = 1 if ORDERED_STORES else 2
-
-_DTYPE = re.compile(r"[<>=|]?(b1|[iu][1248]|f(2|4|8|12|16)|c(8|16|24|32)|[SU]\d{1,9}|[mM]8(\[\d{0,9}[A-Za-z]{1,2}\])?)")
-
-
-@functools.lru_cache(maxsize=1000)
-def _item_size(dtype: str) -> int:
-    """Bytes of a type that a segment may hold, -1 for what is none."""
-    try:
-        return np.dtype(dtype).itemsize if _DTYPE.fullmatch(dtype) else -1
-    except TypeError:  # a unit of time that NumPy doesn't know
-        return -1
-
 
 # the schemas that somebody in this process holds, by the hash of their text: a helper has several readers of a segment,
 # and one of 10,000 elements takes 11 MB and 70 ms
@@ -191,7 +179,7 @@ class SegmentReader:
                 raise self._damaged(f"{element.info.name!r} has no ring of its divider")
             row_bytes = 8 * rings[number].row_words
             for entry in entries:
-                size = _item_size(entry.entry.dtype)
+                size = item_bytes(entry.entry.dtype)
                 if size < 0:
                     raise self._damaged(f"{element.info.name!r} is of the unknown type {entry.entry.dtype!r}")
                 if not 0 <= entry.offset <= row_bytes - size:

@@ -1,6 +1,7 @@
 """Which samples a buffer keeps: the one place where its type is turned into rows. Several elements share a ring."""
 
 import functools
+import re
 from collections.abc import Iterable
 from typing import Protocol
 
@@ -9,6 +10,8 @@ import numpy as np
 from silo.core.elements import BufferType, ElementInfo
 
 LARGE_BYTES = 1_000_000_000  # of one run: so much takes seconds to allocate and to touch, and not every robot has it
+
+_DTYPE = re.compile(r"[<>=|]?(b1|[iu][1248]|f(2|4|8|12|16)|c(8|16|24|32)|[SU]\d{1,9}|[mM]8(\[\d{0,9}[A-Za-z]{1,2}\])?)")
 
 
 class Buffer(Protocol):
@@ -41,12 +44,16 @@ def buffer_bytes(info: ElementInfo) -> int:
     """Return what the samples of an element's buffer take, one that grows at its begin; 0 where it isn't logged."""
     if not info.options.enabled:
         return 0
-    return info.options.size * sum(_item_bytes(entry.dtype) for entry in info.entries)
+    return info.options.size * sum(item_bytes(entry.dtype) for entry in info.entries)
 
 
-@functools.lru_cache(maxsize=256)
-def _item_bytes(dtype: str) -> int:
-    return np.dtype(dtype).itemsize
+@functools.lru_cache(maxsize=1000)
+def item_bytes(dtype: str) -> int:
+    """Bytes of a type that a segment may hold, -1 for what is none."""
+    try:
+        return np.dtype(dtype).itemsize if _DTYPE.fullmatch(dtype) else -1
+    except TypeError:  # a unit of time that NumPy doesn't know
+        return -1
 
 
 def large_text(infos: Iterable[ElementInfo]) -> str:

@@ -24,7 +24,7 @@ from silo.fleet.resolving import Discovery, SeveralError, discover
 from silo.logger.serving.process import drawn_id, machine_digits
 from silo.net.found import LoggerAddress, is_glob, told_apart
 from silo.net.keys import Root, robot_of, root_of
-from silo.net.sessions import open_configurations
+from tests.stand_ins.shared_sessions import open_configurations
 from tests.thin_net import free_port
 from tests.waiting import wait_until
 

@@ -25,9 +25,9 @@ from silo.fleet.resolving import discover
 from silo.live.publisher import differs, room_of
 from silo.net.access.senders import network_words
 from silo.net.session import close, open_router
-from silo.net.sessions import open_configurations
 from silo.rpc.published import MOST_REASON, Summary
 from silo_tui.sessions.live import NO_STATUS
+from tests.stand_ins.shared_sessions import open_configurations
 from tests.stand_ins.simulated_robots import SimulatedRobot, SimulatedRobots
 from tests.thin_net import free_port
 from tests.waiting import answered, freeze, wait_until

@@ -10,7 +10,8 @@ import pytest
 from silo.core.runtime import user_name
 from silo.net import lingering, sessions
 from silo.net.lingering import Releasing
-from silo.net.sessions import borrow, give_back, open_configurations, user_at
+from silo.net.sessions import borrow, give_back, user_at
+from tests.stand_ins.shared_sessions import open_configurations
 from tests.waiting import DEADLINE_S
 
 
