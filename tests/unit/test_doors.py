@@ -8,7 +8,9 @@ import contextlib
 import functools
 import os
 import signal
+import sys
 import threading
+import traceback
 from pathlib import Path
 
 import numpy as np
@@ -313,12 +315,15 @@ def test_a_signal_handler_that_closes_a_served_one_amid_a_call_waits_for_no_thre
     logger, tmp_path, runtime_folder, monkeypatch
 ):
     log, serving = logger(served=True)
-    pushes, push, settle_cut = threading.Event(), serving._push_state, log._present.settle_cut
+    settle_cut = log._present.settle_cut
+
+    def waits():
+        stack = traceback.extract_stack(sys._current_frames()[serving._thread.ident])
+        return any(frame.name == "_push_state" for frame in stack)
 
     def with_the_lock():
-        monkeypatch.setattr(serving, "_push_state", lambda: [pushes.set(), push()])
         serving.state_changed()
-        assert pushes.wait(30)  # its thread is about to wait for the lock
+        wait_until(waits)  # for that lock
         signal.raise_signal(signal.SIGUSR1)
         assert serving.alive
         settle_cut()
