@@ -174,8 +174,8 @@ def test_of_a_pause_it_is_told_what_a_test_of_now_says_nothing_of(fires, times_s
 @pytest.mark.parametrize(
     ("times_s", "begin_s", "line"),
     [
-        ([3, 8, 30], 0, "turned true 2 × in the 20 s that are held"),
-        ([30], 0, "turned true 0 × in the 20 s that are held"),
+        ([3, 8, 30], 0, "turned true 2 × in the 20 s that are held; maybe some of it can't be judged"),
+        ([30], 0, "turned true 0 × in the 20 s that are held; maybe some of it can't be judged"),
         (
             [30],
             25,
@@ -185,8 +185,9 @@ def test_of_a_pause_it_is_told_what_a_test_of_now_says_nothing_of(fires, times_s
 )
 def test_the_form_counts_what_is_held_of_a_pause_alone(times_s, begin_s, line):
     times = [each * 10**9 for each in times_s]
-    tried = TriggerTried(len(times), [0] * len(times), times, 0, 1, begin_s * 10**9, 60 * 10**9, 600, held=300)
+    tried = TriggerTried(len(times), [0] * len(times), times, 0, 1, begin_s * 10**9, 60 * 10**9, 600, 60, held=300)
     assert tried_lines(within(tried, (0, 20 * 10**9)), 60, "turned true")[0] == line
+    assert "; 10 % of it can't be judged" in tried_lines(within(tried, (0, 60 * 10**9)), 60)[0]
 
 
 async def test_before_the_oldest_moment_that_is_told_it_says_how_many_there_are_and_judges_nothing_anew(monitor):

@@ -238,7 +238,8 @@ def tried_lines(
     if tried.why:
         return [f"blind: {tried.why}"]
     held_s = (tried.end_ns - tried.begin_ns) / 1e9
-    blind = f"; {100 * tried.blind / tried.judged:.0f} % of it can't be judged" if tried.blind else ""
+    part = f"{100 * tried.blind / tried.judged:.0f} %" if tried.judged else "maybe some"
+    blind = f"; {part} of it can't be judged" if tried.blind else ""
     share = share_words(tried.held, tried.judged - tried.blind) if tried.held else ""
     last = f"in the {text.short(held_s, 3)} s that are held"
     if share and not tried.fires:  # it holds already, so that it begins to hold nowhere

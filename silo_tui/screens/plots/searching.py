@@ -162,12 +162,12 @@ def within(tried: "TriggerTried", held_ns: tuple[int, int]) -> "TriggerTried":
     """Return what a test found of a stretch that is held; `why` where that is nothing.
 
     The test judged what the logger holds now: of a pause that may be the newest part or nothing any more, and only the
-    newest moments are told.
+    newest moments are told; at how many of its ticks the condition held, or could not be told, nobody knows then.
     """
     end_ns = held_ns[1]
     times = [time_ns for time_ns in tried.time_ns if time_ns <= end_ns]
     older = tried.fires - len(tried.time_ns)
-    gone, why = tried.begin_ns > end_ns, tried.why
+    gone, is_all, why = tried.begin_ns > end_ns, tried.end_ns <= end_ns, tried.why
     if gone:
         crossing = f"{key_of('find')} {What.CROSSING.value} looks for a crossing there"
         why = why or f"the logger, which judges it, has overwritten what is held here; {crossing}"
@@ -175,7 +175,7 @@ def within(tried: "TriggerTried", held_ns: tuple[int, int]) -> "TriggerTried":
         why = why or "only later ones are told"
     return msgspec.structs.replace(
         tried, fires=older + len(times), time_ns=times, end_ns=min(tried.end_ns, end_ns), why=why,
-        held=tried.held if tried.end_ns <= end_ns else 0,
+        judged=tried.judged * is_all, held=tried.held * is_all,
     )  # fmt: skip
 
 
