@@ -131,7 +131,7 @@ class RecordingJudge:
         cut = any(element.holds for element in its_own)
         alone = bool(stamps) and not cut and len(stamps) == len(self._elements)
         self.time_ns = common_axis(stamps) if alone else recording.time_ns
-        self._numbers = _apart(self.time_ns, recording.gaps)
+        self._numbers, self._gaps = _apart(self.time_ns, recording.gaps), recording.gaps
         stretch = recording.stretch  # one that goes on another is not whole by itself
         goes_on = stretch is not None and stretch.part > 1
         # where the run began, by number: nothing was before; any sample of others may be the first
@@ -152,7 +152,7 @@ class RecordingJudge:
     def batches(self, *expressions: BoundExpression, whole: bool = False) -> Iterator[Judged]:
         """Judge bound expressions together from the first tick to the last; what is `whole` gives integers."""
         evaluator = Evaluator(*expressions, whole=whole)
-        full_ns = [self._full_from(bound) for bound in expressions]
+        lacking = [self._lacking(bound) for bound in expressions]
         wanted: dict[int, set[tuple[int, int]]] = {source: set() for source in evaluator.sources if source <= _RATES}
         for column in (column for bound in expressions for column in bound.columns):
             wanted.setdefault(column.source, set()).add((column.element, column.entry))
@@ -162,15 +162,26 @@ class RecordingJudge:
             judged = evaluator.feed({at: self.rows(at, keys, begin, end) for at, keys in wanted.items()})
             if self._numbers is not None:
                 judged = replace(judged, ticks=np.searchsorted(self._numbers, judged.ticks))
-            yield _without_early(judged, full_ns) if any(full_ns) else judged
+            yield _without(judged, lacking) if any(lacking) else judged
 
-    def _full_from(self, bound: BoundExpression) -> int:
-        """The time stamp before which windows lack what was there and is not kept; 0 where they lack nothing."""
+    def _lacking(self, bound: BoundExpression) -> list[tuple[int, int]]:
+        """From and before which stamps windows lack what was there and is not kept: behind the begin, and each gap."""
         window_ns = lookback(bound).window_ns
         first, end = self.common_span(bound)
-        if not window_ns or first >= end or (self._begin is not None and first <= self._begin):
-            return 0
-        return int(self.time_ns[first]) + window_ns
+        if not window_ns or first >= end:
+            return []
+        places = [np.searchsorted(self.time_ns, behind) for _, behind in self._gaps if self._numbers is not None]
+        begins = [
+            (int(at), max(self._next(one, int(at)) for one in bound.sources)) for at in places if first < at < end
+        ]
+        if self._begin is None or first > self._begin:
+            begins.append((0, first))
+        return [(int(self.time_ns[at]), int(self.time_ns[full]) + window_ns) for at, full in begins]
+
+    def _next(self, source: int, tick: int) -> int:
+        """The tick of the first sample of a source from this one on; the last of all where none comes."""
+        low, high = self._layouts[source].between(tick, len(self.time_ns))
+        return int(self._layouts[source].numbers(low, low + 1)[0]) if low < high else len(self.time_ns) - 1
 
     def rows(self, source: int, keys: set[tuple[int, int]], begin: int, end: int) -> SourceRows:
         """Return the samples of some columns of a source at the ticks `begin ... end - 1`."""
@@ -242,11 +253,13 @@ class RecordingJudge:
 _NO_TICKS = np.zeros(0, np.int64)
 
 
-def _without_early(judged: Judged, full_ns: Sequence[int]) -> Judged:
-    """Have nothing told by expressions before these time stamps."""
+def _without(judged: Judged, lacking: Sequence[Sequence[tuple[int, int]]]) -> Judged:
+    """Have nothing told by expressions from and before these time stamps."""
     values, seen = list(judged.values), list(judged.seen)
-    for which, full in enumerate(full_ns):
-        early = judged.time_ns < full
+    for which, spans in enumerate(lacking):
+        early = np.zeros(len(judged.time_ns), bool)
+        for begin, full in spans:
+            early |= (judged.time_ns >= begin) & (judged.time_ns < full)
         if early.any():
             value, there = values[which], seen[which]
             seen[which] = ~early if there is None else there & ~early

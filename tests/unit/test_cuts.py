@@ -1058,6 +1058,9 @@ def test_a_value_from_before_missing_ticks_of_a_recording_does_not_hold_behind_t
         assert log.eval("x - slow").values.max() == 4
         fresh = log.eval("diff(x)")
         assert np.isnan(fresh.values).nonzero()[0].tolist() == [0, end]
+        for text, first in (("max(x, 4ms)", begin + 4), ("mean(x + slow, 4ms)", -(-begin // 5) * 5 + 4)):
+            told = log.eval(text).time_ns // 10**6 - 10**12
+            assert told.tolist() == [*range(end), *range(first, 60)], text
         assert np.nanmax(fresh.values) == 1
         made = log.resample(1000)
         for name in ("x", "slow"):
