@@ -345,15 +345,15 @@ def test_a_cut_that_is_interrupted_anywhere_is_whole_or_never_was(new_logger, ru
         loop.turn(4)
         assert (logger.is_running, logger.ticks) == (True, 6), came
         assert len(set(map(id, logger._present.stretches))) == len(logger._present.stretches), came
-        in_with = bool(came) and linecache.getline(*came[1:]).lstrip().startswith("with ")
-        assert in_with or not logger._life.cutting._is_owned(), came
+        # one that is made up comes where none can: where a `with` takes or gives its lock back, or at a `try` within
+        made_up = bool(came) and linecache.getline(*came[1:]).lstrip().startswith(("with ", "try:"))
+        assert made_up or not logger._life.cutting._is_owned(), came
         made = logger._present.run.segment.schema.elements[1].info.options
         assert logger["x"].options == made or re.search("_changing|state", came[0]), came  # it was put back just then
         logger.close(discard=True)
         assert list(runtime_folder.glob("*.segment")) == [], came
         assert bool(came) == (count < 1000)
         assert (sys.getswitchinterval(), gc.isenabled()) == before, came
-        # a Ctrl-C that is made up comes where none can: where a `with` gives its lock back
         current_run._unhurried.forget()
 
 
