@@ -587,9 +587,9 @@ class Logger(LoggerNames):
         """End it once, however that comes; what was interrupted goes on as it began, or drops where it is to."""
         life = self._life
         with life.ends:
-            if ending is LoggerEnd.BLOCK and not life.closed and self.has_unsaved:
+            if ending is LoggerEnd.BLOCK:
                 self.stop()
-                self._data.save_at_clean_end()
+                self._data.save_unsaved(ending.value)
             with life.lock:
                 first = not life.closed
                 if first:
@@ -607,7 +607,7 @@ class Logger(LoggerNames):
 
     def _leave(self) -> bool:
         """Have the helper process save what is in no file, unless that is to go; whether there is any."""
-        return (self._life.ending is None or self._life.ending.keeps) and self._present.leave()
+        return self._life.ending is not None and self._life.ending.keeps and self._present.leave()
 
     def _free(self, ending: LoggerEnd) -> None:
         """Free the buffers, or leave them to those who come after a helper process that did not come to its end."""

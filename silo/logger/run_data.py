@@ -172,14 +172,16 @@ class RunData:
         """Whether the program tried to save what it has, and could not."""
         return self.failed is not None and self.failed in self._present.stretches
 
-    def save_at_clean_end(self) -> None:
-        """Save what is in no file as `save()` does, and say so; where that fails it is left to the end."""
+    def save_unsaved(self, ended: str) -> None:
+        """Save what is in no file as `save()` does, and say so; where that fails it is left to the logger's end."""
+        if self._life.closed or not self._present.has_unsaved:
+            return
         try:
             saved = self.save()
         except SiloError as error:
             log.warning("%s: saving at the end failed: %s", self._options.name, error)
         else:
-            say_saved(self._present.run, self._options.name, saved)
+            say_saved(self._present.run, self._options.name, saved, ended)
 
     def save_at_end(self, ending: LoggerEnd) -> bool:
         """Save what is in no file, each stretch to its own, and say where; whether that went well with all."""

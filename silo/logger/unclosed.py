@@ -166,10 +166,10 @@ def save_at_end(run: Run, options: LoggerOptions, conditions: Conditions, ended:
     return True
 
 
-def say_saved(run: Run | None, name: str, saved: Sequence[SavedFile]) -> None:
+def say_saved(run: Run | None, name: str, saved: Sequence[SavedFile], ended: str) -> None:
     """Say what was saved at the end of a `with` that saved nothing itself."""
     held = segment_holdings(run.reader).text if run is not None else "nothing"
-    _say_saved(name, held, saved, "ended without save()")
+    _say_saved(name, held, saved, ended)
 
 
 def _say_saved(name: str, held: str, saved: Sequence[SavedFile], ended: str) -> None:

@@ -17,10 +17,12 @@ import numpy as np
 import pytest
 
 import silo
+from silo.files.event_log import CRASHED, read_events
 from silo.files.silo import writer
 from silo.logger import unclosed
 from silo.logger.serving.serving import Serving
 from silo.logger.unclosed import LoggerEnd
+from silo.segment.reader import SegmentReader
 from tests.stand_ins.interrupting import Interrupts
 from tests.waiting import wait_until
 
@@ -298,6 +300,21 @@ def test_served_in_a_signal_handler_amid_the_other(monkeypatch, drawn, each_pair
             pass_through(first, log, serving)
 
     each_pair(drawn(SERVED_PAIRS, 6), both)
+
+
+@pytest.mark.slow
+def test_a_logger_goes_on_after_an_error_in_its_served_block_and_what_it_saved_then_is_known_as_that(
+    logger, tmp_path, runtime_folder
+):
+    log, serving = logger(served=True)
+    serving.__exit__(*ERROR)
+    wait_until(lambda: list(tmp_path.glob("*.silo")) and not is_there(serving.helper_pid))
+    told = [event.kind for event in read_events(tmp_path, "walk")]
+    assert "closed" in told
+    assert CRASHED not in told
+    assert SegmentReader(log._present.path).saved_ticks == TICKS
+    assert (log.is_running, log.has_unsaved) == (True, False)
+    check(log, serving, {"saved"}, tmp_path, runtime_folder)
 
 
 @pytest.mark.slow

@@ -512,10 +512,10 @@ class Serving:
 
         Amid a call of the logger in the same thread, as in a signal handler, this returns at once: it ends after that.
         """
-        self._close(None)
+        self._close(self.end)
 
-    def _close(self, leave: Callable[[], bool] | None) -> None:
-        end, logger = functools.partial(self.end, leave), self._logger_ref()
+    def _close(self, end: Callable[[], None]) -> None:
+        logger = self._logger_ref()
         end() if logger is None else after_calls(logger._life, end)
 
     def forget(self) -> None:
@@ -526,7 +526,7 @@ class Serving:
         if self._viewers is not None:
             self._viewers.let_go()
 
-    def end(self, leave: Callable[[], bool] | None) -> None:
+    def end(self, leave: Callable[[], bool] = lambda: False) -> None:
         """End the helper process: by a goodbye; or where it is to save what was collected, and is up, without.
 
         Each step may be done again, where it was interrupted.
@@ -550,7 +550,7 @@ class Serving:
             self._no_more_asked()  # one that was just being started
             if self._viewers is not None:
                 self._viewers.close()  # before its logger goes, which it would complain of
-            if leave is None or not self._was_up or not leave():
+            if not self._was_up or not leave():
                 self._say_goodbye()
             self._helper.let_go()
             self._fail_pending("the logger was closed meanwhile")
@@ -593,6 +593,11 @@ class Serving:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close; after Ctrl-C or an error, the helper process saves what was not saved yet."""
-        logger = self._logger_ref()
-        self._close(logger._leave if logger is not None and kind is not None else None)
+        """Close; after Ctrl-C or an error, save what was not saved yet. The logger goes on."""
+        self._close(self.end if kind is None else self._end_by_error)
+
+    def _end_by_error(self) -> None:
+        with self._ends:
+            if (logger := self._logger_ref()) is not None:
+                logger._data.save_unsaved("is served no more after an error")
+        self.end()
