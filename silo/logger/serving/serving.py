@@ -594,7 +594,7 @@ class Serving:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close; after Ctrl-C or an error, save what was not saved yet. The logger goes on."""
-        self._close(self.end if kind is None else self._end_by_error)
+        self._close(self.end if kind is None or self._over else self._end_by_error)
 
     def _end_by_error(self) -> None:
         with self._ends:
