@@ -47,7 +47,9 @@ class Follow(msgspec.Struct, frozen=True, tag=True):
 
 
 class NewConditions(msgspec.Struct, frozen=True, tag="Conditions"):
-    """Limits, triggers or what is derived are others from now on; the descriptor is a file with the `Conditions`."""
+    """Limits, triggers or what is derived are others from a tick on; the descriptor is a file with the `Conditions`."""
+
+    tick: int = 0
 
 
 class Finish(msgspec.Struct, frozen=True, tag=True):

@@ -7,7 +7,7 @@ import socket
 import threading
 import time
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -168,11 +168,11 @@ class RecorderProcess:
         self._conditions = conditions or NO_CONDITIONS
         return True
 
-    def change(self, conditions: Conditions) -> None:
-        """Tell what is derived, limits and triggers of the run that was handed over, if they have changed."""
+    def change(self, conditions: Conditions, tick: Callable[[], int]) -> None:
+        """Tell what is derived, limits and triggers of the run that it has, if they changed, and from which tick on."""
         before, now = recorded_of(self._conditions), recorded_of(conditions)
         is_new = (*before, self._conditions.derived) != (*now, conditions.derived)
-        if is_new and not self.ending and not self.again_s and self._send(NewConditions(), conditions=conditions):
+        if is_new and not self.ending and not self.again_s and self._send(NewConditions(tick()), conditions=conditions):
             self._conditions = conditions
 
     def done(self, run: str) -> None:

@@ -188,7 +188,7 @@ class Recorder:
                 if isinstance(command, Follow):
                     self._follow(command, descriptors)
                 elif descriptors:
-                    self._change(conditions_of(descriptors[0]))
+                    self._change(conditions_of(descriptors[0]), command.tick)
 
     def _follow(self, command: Follow, descriptors: list[int]) -> None:
         try:
@@ -207,12 +207,15 @@ class Recorder:
             self._tell_clients(f"a run can't be recorded: {error}")
         self._next_since_s = time.monotonic()
 
-    def _change(self, conditions: Conditions) -> None:
-        """Have limits and triggers of the newest run be others from here on, and more signals be computed."""
+    def _change(self, conditions: Conditions, tick: int) -> None:
+        """Have limits and triggers of the newest run be others from a tick on, and more signals be computed."""
         if self._runs:
             self._runs[-1] = self._computing(self._runs[-1], conditions)
         elif self._drain is not None:
-            self._flush()
+            self._read_some(self._drain, tick)
+            while not self._pending.complete and self._writing.room_bytes > self._pending.size_bytes:
+                self._read_some(self._drain, tick)
+            self._flush(tick)
             drain, before = self._drain, recorded_of(self._drain.reader.schema.conditions)
             run = self._computing(drain.reader, conditions)
             if run is not drain.reader:
@@ -309,25 +312,25 @@ class Recorder:
         drain.reader.close()
         self._drain = None
 
-    def _read_some(self, drain: RingCursor) -> None:
-        """Read what there is room for; the rest stays in the rings."""
+    def _read_some(self, drain: RingCursor, *until: int) -> None:
+        """Read what there is room for, `until` a tick; the rest stays in the rings."""
         room = self._writing.room_bytes - self._pending.size_bytes
         if room <= 0:
             drain.is_held_up = True
             self._pending = Drained(self._pending.rows, self._pending.losses, complete=False)
             return
-        found = drain.read(min(room, FLUSH_BYTES * 2))
+        found = drain.read(min(room, FLUSH_BYTES * 2), *until)
         if found.losses:
             self._flush()  # what came before the rows that are missing stands before them
         self._pending = Drained(
             [*self._pending.rows, *found.rows], [*self._pending.losses, *found.losses], found.complete
         )
         if found.again:
-            self._read_some(drain)
+            self._read_some(drain, *until)
 
-    def _flush(self) -> None:
+    def _flush(self, *until: int) -> None:
         self._flushed_s = time.monotonic()
-        pending, self._pending = self._pending, Drained()
+        pending, self._pending = self._pending.at(*until) if until else (self._pending, Drained())
         if pending.rows or pending.losses:
             self._writing.put(self._writing.write, joined(pending))
         self._writing.put(self._writing.look_for_events)

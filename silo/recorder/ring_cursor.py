@@ -21,6 +21,7 @@ MOST_PERIOD_S, LEAST_PERIOD_S = 0.25, 0.005
 TOO_SLOW = "the disk took the rows too slowly, and the ring was overwritten before they were read"
 AWAY = "no recorder read them in time, as it was down or got no processor time, and the ring was overwritten"
 DROPPED = "nobody had recorded them when the program began other runs, and their memory was needed"
+_NO_TICK = 2**62  # later than any
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,15 @@ class Drained:
     def size_bytes(self) -> int:
         """Bytes of the rows."""
         return sum(rows.words.nbytes for rows in self.rows)
+
+    def at(self, tick: int) -> tuple["Drained", "Drained"]:
+        """What came before a tick, with what is missing, and what came from it on."""
+        before, after = [], []
+        for rows in self.rows:
+            count = max(0, -(-tick // rows.ring.divider) - rows.first)
+            before.append(Rows(rows.ring, rows.first, rows.words[:count]))
+            after.append(Rows(rows.ring, rows.first + count, rows.words[count:]))
+        return Drained([*filter(len, before)], self.losses, self.complete), Drained([*filter(len, after)])
 
 
 class RingCursor:
@@ -77,11 +87,11 @@ class RingCursor:
         ]
         return min(MOST_PERIOD_S, max(LEAST_PERIOD_S, min(spans, default=1.0) / 4))
 
-    def read(self, room_bytes: int) -> Drained:
-        """Read what came, of at most about so many bytes."""
+    def read(self, room_bytes: int, until: int = _NO_TICK) -> Drained:
+        """Read what came, before the tick `until`, of at most about so many bytes."""
         if not ORDERED_STORES:
             self.reader.alive()  # of a writer that was killed, the newest row counts too
-        ticks = self.reader.ticks
+        ticks = min(self.reader.ticks, until)
         found = Drained()
         complete, again = True, False
         for ring in self.layout.rings:

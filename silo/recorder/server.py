@@ -281,7 +281,7 @@ class EndlessRecordings:
             if recorder.lacks(run) and not self._hand_over(recorder, run):
                 return  # it comes again, and they go over in their order; what is told is of the newest that did
         if self._replica.run in recorder.runs and self._replica.now.robot.segment == self._replica.segment:
-            recorder.change(self._replica.now.robot.conditions)
+            recorder.change(self._replica.now.robot.conditions, lambda: self._present().get("tick", 0))
 
     def _hand_over(self, recorder: RecorderProcess, run: str) -> bool:
         try:

@@ -583,7 +583,7 @@ def test_a_change_in_ticks_that_were_lost_is_told_in_the_next_part(tuned, tmp_pa
 def changed(recorder, log) -> None:
     """What a helper process does when limits, triggers or derived signals are others."""
     conditions = conditions_file(log._conditions.now)
-    socket.send_fds(recorder.socket, [encode(NewConditions())], [conditions])
+    socket.send_fds(recorder.socket, [encode(NewConditions(log.ticks))], [conditions])
     os.close(conditions)
 
 
@@ -633,6 +633,24 @@ def test_what_is_derived_while_a_recording_goes_on_is_in_its_parts_from_then_on_
     whole = open_log(parts(tmp_path))
     assert whole["d2"].values.tolist() == [value for _, value in derived_of(tmp_path, "d2")]
     assert not whole.warnings
+
+
+@pytest.mark.slow
+def test_what_was_logged_before_limits_changed_stands_in_the_part_before(robot, recorders, tmp_path) -> None:
+    robot.log.update(read_script=False)
+    robot.start()
+    recorder = recorders(order(tmp_path, patterns=("x", "slow")))
+    recorder.follow(robot.log)
+    recorder.wait_recording()
+    robot.ticks(103)
+    wait_until(lambda: recorder.reports[-1].samples)
+    robot.ticks(40)  # which it has not read
+    robot.log.limit("x", (None, None, 150, 250))
+    changed(recorder, robot.log)
+    robot.ticks(60)
+    recorder.finish()
+    found = [open_log(path, alone=True) for path in parts(tmp_path)]
+    assert [[len(log[name]) for log in found] for name in ("x", "slow")] == [[143, 60], [29, 12]]
 
 
 @pytest.mark.slow
