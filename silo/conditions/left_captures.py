@@ -41,29 +41,32 @@ class RecoveredCaptures:
     """Captures that were written, and in words what became of each, and of what could not be.
 
     `conditions` are limits, triggers and derived signals as the judge knew them last, None where there was none;
-    `is_whole`: all that there was is written.
+    `is_whole`: all that there was is written; `judge` judged it to its end, None where nobody had to.
     """
 
     files: list[SavedFile]
     texts: list[str]
     conditions: Conditions | None = None
     is_whole: bool = True
+    judge: SegmentJudge | None = None
 
 
-def recover_captures(reader: SegmentReader, folder: str) -> RecoveredCaptures:
+def recover_captures(reader: SegmentReader, folder: str, before: SegmentJudge | None = None) -> RecoveredCaptures:
     """Write the captures that a judge left of a segment whose writer is gone, and forget what it left.
+
+    Of one that nobody judged, and that goes on the one that `before` judged, what held there holds here.
 
     What it left stays where a capture can't be written: another folder may take it; of a run that no helper process
     saw it is begun, so that the run is held for who tries again. The segment is claimed. What is found is told in the
     event log of its logger, too.
     """
-    found = _judged_to_its_end(reader, folder)
+    found = _judged_to_its_end(reader, folder, before)
     if not found.is_whole:
         state_file.note_begun(reader.schema)
     return found
 
 
-def _judged_to_its_end(reader: SegmentReader, folder: str) -> RecoveredCaptures:
+def _judged_to_its_end(reader: SegmentReader, folder: str, before: SegmentJudge | None) -> RecoveredCaptures:
     schema = reader.schema
     found = RecoveredCaptures([], [])
     try:
@@ -81,7 +84,7 @@ def _judged_to_its_end(reader: SegmentReader, folder: str) -> RecoveredCaptures:
         return found
     found.conditions = state.conditions
     try:
-        _log(schema.folder, schema.logger, schema.run, _recovered(reader, state, folder, found))
+        _log(schema.folder, schema.logger, schema.run, _recovered(reader, state, folder, found, before))
     except (SiloError, OSError) as error:  # the run is saved nevertheless
         found.texts.append(f"what triggers captured of it stays for the next `silo recover`: {error}")
         found.is_whole = False
@@ -120,11 +123,16 @@ def _was_served(reader: SegmentReader) -> bool:
     return reader.path.suffix == HELD_SUFFIX or len(held) > 1
 
 
-def _recovered(reader: SegmentReader, state: JudgeState, folder: str, found: RecoveredCaptures) -> list[Untold]:
+def _recovered(
+    reader: SegmentReader, state: JudgeState, folder: str, found: RecoveredCaptures, before: SegmentJudge | None
+) -> list[Untold]:
     """Write what there is; returns what is to be told."""
     schema = reader.schema
     judge = SegmentJudge(reader, [*(one.info for one in schema.elements), *state.off], state.conditions, state.until)
     whole = judge.recall(state)
+    if not state.cursors and before is not None and schema.follows(before.reader.schema):
+        judge.follow(before)
+    found.judge = judge
     step = judge.end(WHY)
     log_start(reader)
     news = [*state.untold, *untold(step)]
@@ -158,12 +166,14 @@ def recover_left(tell: Tell, wanted: Callable[[str, str], bool], home: str = "")
     Of runs whose memory is gone the event log is told since when nobody looked. `wanted` chooses by name and folder of
     a logger; `home` is the folder of those of which none is known, as an older silo wrote none down.
     """
+    before = None
     for reader in held_runs():
         schema = reader.schema
         with contextlib.closing(reader), contextlib.suppress(StateError):  # else another process does it
             if wanted(schema.logger, schema.folder) and not is_live(program_of(schema)):
                 with claimed(reader):
-                    found = recover_captures(reader, schema.folder)
+                    found = recover_captures(reader, schema.folder, before)
+                    before = found.judge
                     if found.texts:
                         tell(EventKind.RECOVERED, f"{WHY}; {'; '.join(found.texts)}", found.files)
                     if found.is_whole and not is_due(schema):

@@ -15,7 +15,7 @@ from silo.core.runtime import has_writer, list_segments, runtime_dir, sweep_unfi
 from silo.errors import SegmentError, SiloError, StateError
 from silo.files.event_log import CRASHED
 from silo.files.saving import describe
-from silo.helper.left_logs import recover, settle_left
+from silo.helper.left_logs import Recovered, recover, settle_left
 from silo.journal.format import remove_journals
 from silo.journal.holdings import segment_holdings
 from silo.recovery.left import BusyError, LeftRun, SavedMeanwhileError, death_text, log_end, save_reader, saved_text
@@ -168,6 +168,7 @@ class OrphanRecovery:
         self._replica = replica
         self._events = events
         self._ended = threading.Event()
+        self._before: Recovered | None = None
         # a daemon: should the helper have to end before it is done, the segment stays for the next one
         self._thread = threading.Thread(target=self._run, name="predecessors", daemon=True)
         self.start = self._thread.start
@@ -190,6 +191,7 @@ class OrphanRecovery:
             for stale in left_of(options):
                 if not self._ended.is_set():
                     self._recover(stale)
+        self._before = None
 
     def _tell(self, kind: EventKind, text: str, files: list[SavedFile]) -> None:
         log.warning("%s", text)
@@ -202,13 +204,16 @@ class OrphanRecovery:
 
         who = f"an earlier run of this logger (process {stale.schema.pid}) ended without close()"
         try:
-            done = recover(stale.path, save=save_apart, log=self._events.log.add_missing, wait=False)
+            done = recover(
+                stale.path, save=save_apart, log=self._events.log.add_missing, wait=False, before=self._before
+            )
         except StateError:
             return  # its own helper, or somebody's `silo recover`, saves it and says so
         except (SiloError, OSError) as error:
             if stale.path.exists():  # else likewise
                 self._tell_failed(stale, who, str(error))
             return
+        self._before = done
         if done.files or done.more:
             texts = [f"{who}; {done.saved}: {describe(done.files)}", *done.more]
             self._tell(EventKind.RECOVERED, "; ".join(texts), done.files)

@@ -30,6 +30,7 @@ from silo.segment.reader import SegmentReader
 if TYPE_CHECKING:
     # 1.4 MB that a helper without triggers doesn't need
     from silo.conditions.left_captures import RecoveredCaptures
+    from silo.conditions.segment_judge import SegmentJudge
 
 MOST_LOOKED_AT = 100  # of the newest logs in a folder
 
@@ -40,12 +41,16 @@ Log = Callable[[str, str, str, Sequence[LoggedEvent]], object]
 
 @dataclass(frozen=True)
 class Recovered:
-    """What became of a segment or journal: the files, what they hold, and in words what was saved, and `more`."""
+    """What became of a segment or journal: the files, what they hold, and in words what was saved, and `more`.
+
+    `judge` judged it to its end, for the one that goes on it.
+    """
 
     files: list[SavedFile]
     holdings: Holdings
     saved: str
     more: tuple[str, ...] = ()
+    judge: "SegmentJudge | None" = None
 
     @property
     def text(self) -> str:
@@ -61,46 +66,50 @@ def recover(
     save: Save = save_reader,
     log: Log = add_missing,
     wait: bool = True,
+    before: Recovered | None = None,
 ) -> Recovered:
     """Save a segment or a journal whose writer is gone, in `folder` or its logger's own, then delete it.
 
-    Waits while another process saves it. `save` is how it is saved, `log` how its event log says so. Raises
-    SegmentError for what isn't one, or is damaged, SavedMeanwhileError if another process saved it, StateError while
-    its own process lives, or if it may not `wait`, SaveError if it can't be saved (it stays).
+    Triggers and limits of one that goes on what was recovered `before` are judged on. Waits while another process saves
+    it. `save` is how it is saved, `log` how its event log says so. Raises SegmentError for what isn't one, or is
+    damaged, SavedMeanwhileError if another process saved it, StateError while its own process lives, or if it may not
+    `wait`, SaveError if it can't be saved (it stays).
     """
     with claimed_run(Path(path), wait=wait) as reader:
         is_journal = isinstance(reader, JournalReader)
         where = str(folder or (reader.path.parent if is_journal else reader.schema.folder))
-        captures = None if isinstance(reader, JournalReader) else _captures(reader, where)
+        known = before.judge if before else None
+        captures = None if isinstance(reader, JournalReader) else _captures(reader, where, known)
+        judge = captures.judge if captures else None
         texts, captured = (captures.texts, captures.files) if captures else ([], [])
         log_end(reader, log=log)
         if reader.ticks and not has_unsaved(reader):
             let_go(reader)
             freed = "journal was removed" if is_journal else "memory was freed"
             saved = f"all its {reader.ticks} ticks were saved before its process ended; its {freed}"
-            return Recovered(captured, Holdings(reader.ticks, 0, 0, 0.0), saved, tuple(texts))
+            return Recovered(captured, Holdings(reader.ticks, 0, 0, 0.0), saved, tuple(texts), judge)
         conditions = captures.conditions if captures else None
         files, held = save(reader, where, types, conditions=conditions)
         if files:
             log_end(reader, saved_text(files, held), log)
         let_go(reader)
         if files:
-            return Recovered([*files, *captured], held, f"saved {held.text}", (*missing(reader), *texts))
+            return Recovered([*files, *captured], held, f"saved {held.text}", (*missing(reader), *texts), judge)
         if is_journal:
             nothing = f"held {held.text}; removed" if held.ticks else "proves no tick; removed"
         else:
             nothing = f"held {held.text if held.ticks else 'no tick'}; its memory was freed"
-        return Recovered(captured, held, nothing, tuple(texts))
+        return Recovered(captured, held, nothing, tuple(texts), judge)
 
 
-def _captures(reader: SegmentReader, folder: str) -> "RecoveredCaptures | None":
+def _captures(reader: SegmentReader, folder: str, before: "SegmentJudge | None") -> "RecoveredCaptures | None":
     """Write what triggers captured of a run; None where nobody was to look."""
     schema = reader.schema
     if not (schema.conditions.judged or judge_path(schema.logger, schema.run).exists()):
         return None
     from silo.conditions.left_captures import recover_captures
 
-    return recover_captures(reader, folder)
+    return recover_captures(reader, folder, before)
 
 
 def saved_before(folder: Path) -> list[SavedRecording]:

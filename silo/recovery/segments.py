@@ -16,7 +16,7 @@ from silo.errors import SegmentError, StateError, reason
 from silo.journal.format import remove_journals
 from silo.journal.holdings import segment_holdings
 from silo.recovery.left import LeftRun, SavedMeanwhileError, has_unsaved, locked, log_end
-from silo.segment.held_runs import hold, is_due, remove
+from silo.segment.held_runs import hold, in_order, is_due, remove
 from silo.segment.layout import ControlWord, SegmentSchema
 from silo.segment.reader import SegmentReader
 
@@ -29,7 +29,7 @@ def find_stale(folder: Path | None = None, logger: str = "") -> list[LeftRun]:
     Of one `logger`, by their names, or of all. A damaged one is told as such and keeps none of the others.
     """
     paths = [path for path in list_segments(folder) if not logger or path.name.lstrip(".").startswith(f"{logger}.")]
-    return [stale for path in paths if (stale := _look(path)) is not None]
+    return [stale for path in in_order(paths) if (stale := _look(path)) is not None]
 
 
 def _look(path: Path) -> LeftRun | None:

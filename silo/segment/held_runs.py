@@ -136,6 +136,11 @@ def number_of(path: Path) -> int:
     return int(number) if number.isdecimal() else 0
 
 
+def in_order(paths: Iterable[Path]) -> list[Path]:
+    """Return runs, those of one process as they followed one another."""
+    return sorted(paths, key=lambda path: (path.name.rsplit(".", 2)[0], number_of(path)))
+
+
 def readers(paths: Iterable[Path], logger: str = "", logger_id: str = "") -> Iterator[SegmentReader]:
     """Yield readers of runs, to be closed: of one logger, or all. Damaged ones, and what is gone by now, are not."""
     for path in paths:
@@ -150,8 +155,7 @@ def readers(paths: Iterable[Path], logger: str = "", logger_id: str = "") -> Ite
 
 def held_runs(logger: str = "", logger_id: str = "") -> list[SegmentReader]:
     """Return readers of runs that are held, oldest first, to be closed: of one logger, or all."""
-    paths = sorted(list_held(), key=lambda path: (path.name.rsplit(".", 2)[0], number_of(path)))
-    return list(readers(paths, logger, logger_id))
+    return list(readers(in_order(list_held()), logger, logger_id))
 
 
 def all_runs(logger: str = "", logger_id: str = "", folder: Path | None = None) -> Iterator[SegmentReader]:

@@ -20,7 +20,7 @@ from silo.conditions.captures.files import write_capture
 from silo.conditions.captures.writer import CaptureWriter
 from silo.conditions.left_captures import recover_captures
 from silo.conditions.segment_judge import SegmentJudge
-from silo.conditions.state_file import KeptCapture, note_begun, read_state, state_path, store_state
+from silo.conditions.state_file import KeptCapture, begun_state, note_begun, read_state, state_path, store_state
 from silo.core.elements import Action, BufferType, ElementOptions
 from silo.errors import SaveError, SegmentError
 from silo.files import naming
@@ -161,6 +161,26 @@ def test_a_capture_that_was_written_is_not_written_again_where_another_folder_is
     other.mkdir()
     assert recover_captures(judge.reader, str(other)).files == []
     assert list(other.glob("*.silo")) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_told", [True, False])
+def test_what_holds_over_a_cut_that_nobody_judged_is_judged_on(robot, signal, tmp_path, is_told):
+    robot.stop()
+    robot.trigger("long", "x > 50", persist="10ms", pre="1ms", post="1ms")
+    robot.start()
+    for tick in range(20):
+        if tick == 10:
+            robot.set("x", size=2000, cut=True)
+        signal[...] = 100.0 if 4 <= tick < 16 else 0.0
+        robot.collect()
+    readers = [SegmentReader(run.segment.path) for run in robot._present.stretches]
+    for one in readers:
+        store_state(state_path("bot", one.schema.run), orphaned(begun_state(one.schema)))
+    before = recover_captures(readers[0], str(tmp_path))
+    found = recover_captures(readers[1], str(tmp_path), before.judge if is_told else None)
+    assert ["_long_" in file.path for file in found.files] == [True] * is_told
+    assert any("'long'" in text for text in found.texts) == is_told
 
 
 @pytest.mark.slow

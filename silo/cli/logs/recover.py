@@ -285,12 +285,12 @@ def _recover(
     from silo.helper.left_logs import recover as recover_segment
     from silo.recovery.left import SavedMeanwhileError
 
-    files, failed = [], 0
+    files, failed, recovered = [], 0, None
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
     for path in paths:
         try:
-            recovered = recover_segment(path, folder, types)
+            recovered = recover_segment(path, folder, types, before=recovered)
         except SavedMeanwhileError as error:
             click.echo(str(error), err=as_json)
             continue
