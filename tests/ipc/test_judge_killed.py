@@ -314,13 +314,13 @@ def test_a_helper_process_that_is_killed_as_it_ends_has_nothing_told_twice(bench
     bench.logger.start()
     run = bench.logger._present.run.id
     spiked(bench, 95, {40, 70})
-    real, codes = HelperProcess.wait, []
+    real, codes = HelperProcess.wait_out, []
 
-    def wait(process: HelperProcess) -> int:
-        codes.append(real(process))
+    def wait_out(*arguments) -> int:
+        codes.append(real(*arguments))
         return codes[-1] if len(codes) > 1 else -signal.SIGKILL  # it was done, and had yet to end
 
-    monkeypatch.setattr(HelperProcess, "wait", wait)
+    monkeypatch.setattr(HelperProcess, "wait_out", wait_out)
     bench.logger.close()
     assert codes == [0, 0]
     assert [one.tick for one in happened(bench, EventKind.TRIGGERED, run)] == [40, 70]
