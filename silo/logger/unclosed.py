@@ -5,6 +5,7 @@ import contextlib
 import enum
 import functools
 import inspect
+import logging
 import os
 import sys
 import weakref
@@ -20,6 +21,8 @@ from silo.errors import SiloError
 from silo.journal.format import list_journals, remove_journal
 from silo.journal.holdings import segment_holdings
 from silo.loop.run import Run
+
+log = logging.getLogger("silo")
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -73,7 +76,12 @@ def ends_after_calls(leave: Container[str]) -> Callable[[C], C]:
     def over(method: Callable[..., R]) -> Callable[..., R]:
         @functools.wraps(method)
         def call(self: Any, *args: Any, **kwargs: Any) -> R:
-            return during(self._life, [], method, self, *args, **kwargs)
+            ends: list[Callable[[], None]] = []
+            try:
+                return during(self._life, ends, method, self, *args, **kwargs)
+            finally:
+                if ends:
+                    log.warning("%s: it was to end amid %s(), and did as that was done", self.name, method.__name__)
 
         return call
 

@@ -221,7 +221,7 @@ CALLS = {
 @pytest.mark.sampled
 @pytest.mark.parametrize("call", CALLS)
 def test_a_signal_handler_that_closes_it_amid_a_call_has_it_end_after_that(
-    logger, tmp_path, runtime_folder, drawn, call
+    logger, tmp_path, runtime_folder, drawn, caplog, call
 ):
     does, fate = CALLS[call]
     watched = lambda code: "/silo/logger/" in code.co_filename and code.co_filename != unclosed.__file__  # noqa: E731
@@ -232,11 +232,13 @@ def test_a_signal_handler_that_closes_it_amid_a_call_has_it_end_after_that(
         for path in tmp_path.iterdir():
             path.unlink()
         log, _ = logger(served=False)
+        caplog.clear()
         ended = []
         handler = lambda *_, log=log, ended=ended: ended.append([log.close(), log._life.freed])  # noqa: E731
         Interrupts(watched, handler).interrupt(place, functools.partial(does, log, None))
         assert ended == [[None, False]]
         assert log._life.freed
+        assert caplog.text.count("walk: it was to end amid ") == 1
         log.collect()
         check(log, None, {fate}, tmp_path, runtime_folder)
 
