@@ -189,6 +189,14 @@ def test_the_head_says_over_how_long_statistics_are_where_it_has_room(since_s, w
 
 
 @pytest.mark.parametrize(
+    ("at_s", "width", "head"),
+    [(None, 8, "value"), (21.9975, 12, "at 21.9975 s"), (21.9975, 8, "at 22 s"), (1234567.0, 4, "at 1e6 s")],
+)
+def test_the_head_of_values_says_of_when_they_are_in_as_many_digits_as_it_has_room_for(at_s, width, head):
+    assert cells.value_head(sight_of("/t", at_s=at_s), width) == head
+
+
+@pytest.mark.parametrize(
     ("name", "reading", "more", "cell"),
     [
         ("/t", read(1.0), {"signs": NOT_FINITE | FROZEN}, ("nan", "lost")),

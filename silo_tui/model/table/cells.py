@@ -205,6 +205,14 @@ def value(sight: Sight, row: int, width: int) -> Cell:
     return value_text(element, reading, width, decimals), _value_style(sight, reading)
 
 
+def value_head(sight: Sight, width: int) -> str:
+    """Return the title, of a file at which time that is, in as many digits as have room."""
+    if sight.at_s is None:
+        return "value"
+    told = [f"at {text.short(sight.at_s, digits)} s" for digits in range(6, 0, -1)]
+    return next((words for words in told if len(words) <= width), told[-1])
+
+
 def _decimals(sight: Sight, name: str, ends: tuple[str, str] = ("min", "max")) -> int | None:
     """Return with how many decimals value and statistics of a signal are told; None where no statistics are."""
     facts = sight.table.facts

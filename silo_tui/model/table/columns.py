@@ -29,7 +29,6 @@ from silo_tui.model.table.terms import (
     state_term,
     text_term,
 )  # fmt: skip
-from silo_tui.model.words import text
 from silo_tui.model.words.states import WIDEST
 
 WIDE_FROM = 96  # cells of a table from which columns take their wide width
@@ -192,7 +191,7 @@ COLUMNS: tuple[TableColumn, ...] = (
             _measured("|value|", "a", "value", of_norm=True, of=np.abs),
         ),
         terms=(fact_term(("value",), "value"), fact_term(("|value|", "abs"), "value", of=np.abs)),
-        head=lambda sight, width: "value" if sight.at_s is None else f"at {text.short(sight.at_s, 6)} s",
+        head=cells.value_head,
     ),
     _statistic("min", "i", falling=False), _statistic("max", "m"), _statistic("mean", "e"),
     _statistic("std", "t", example="1"),

@@ -35,7 +35,7 @@ class FileTableScreen(ElementsScreen):
         """Show values and trends where there is room: the inspector has the value too, and a plot."""
         room = rest >= VALUES
         few = self.table.column_set != "values" or (self.session.rows.live and not room)
-        self.table.lay_out(12 if room or few else 0, trend=room, bare=few)
+        self.table.lay_out(12 if room else 8 * few, trend=room, bare=few)  # beside states, which leave room
 
     def request_view(self) -> None:
         """Read values and columns of what is on the screen."""
