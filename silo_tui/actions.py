@@ -193,7 +193,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("edit_size", "s", "Size", _typed("size"), "Edit", _TABLE, writes=True, does="edit_field", given="SIZE"),
     Command("next_buffer", "b", "Buffer", _words("buffer"), "Edit", _TABLE, writes=True, does="edit_field",
             given="BUFFER"),
-    Command("next_action", "p", "Publish", _words("action"), "Edit", _TABLE, writes=True, does="edit_field",
+    Command("next_action", "p", "Action", _words("action"), "Edit", _TABLE, writes=True, does="edit_field",
             given="ACTION"),
     Command("edit_all", "equals_sign", "Set to", "type a value, or words: div=5 size=10s buf=loop", "Edit",
             _TABLE, writes=True),

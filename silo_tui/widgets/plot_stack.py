@@ -283,7 +283,7 @@ class PlotStack(Guarded, Styled):
         low, high = braille.value_range(piece.low, piece.high) or (0.0, 0.0)
         return low + piece.base, high + piece.base
 
-    def missing(self, *, before: bool) -> str:
+    def missing(self, *, before: bool = True) -> str:
         """What the chosen plot has no samples of, and why; where it has all, the first that is shown and lacks some."""
         if not self.plots or self.store.empty:
             return ""
