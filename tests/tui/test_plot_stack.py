@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rich.style import Style
 
-from silo.core.arrays.columns import ColumnStore, HistoryColumns
+from silo.core.arrays.columns import ColumnStore, Gap, HistoryColumns
 from silo.core.elements import ElementInfo, LoggedEvent
 from silo_tui.model.drawing.plots import plots_of
 from silo_tui.model.drawing.window import PlotWindow
@@ -188,6 +188,19 @@ def test_a_span_is_told_of_a_signal(stack):
     stack.redraw()
     assert stack.span_of(stack.plots[0]) == (0.0, 0.0)
     assert stack.missing() == ""
+
+
+def test_what_is_missing_is_told_of_the_chosen_plot_else_of_another_that_is_shown():
+    stack = Stack(HEAT, POSITION)
+    names = tuple(plotted.name for plotted in stack.plots)
+    low = np.ones((len(names), stack.columns))
+    marks = np.zeros(low.shape, np.uint8)
+    for row, begin, hole, told in ((1, 40, Gap.LOST, "░ 2 s lost"), (0, 0, Gap.BEFORE, "2 s before the start")):
+        low[row, begin : begin + 20], marks[row, begin : begin + 20] = np.nan, int(hole) << 4
+        stack.store = ColumnStore(names, stack.columns, COLUMN_NS)
+        stack.store.take(HistoryColumns(names, 0, COLUMN_NS, low, low, marks))
+        assert stack.missing() == told
+    assert stack.missing(before=False) == "░ 2 s lost"
 
 
 # --------------------------------------------------------------------------------------------------- cursors, events
