@@ -485,7 +485,7 @@ def _news(one: _Limited, scalar: ScalarMemory, state: EntryState) -> list[LimitN
         found.append(LimitNews(True, text, untold.peak_tick, untold.peak_ns, max(new, 1)))
     if new_stale > 0:
         stale_s = one.limit.rule.stale_ns * 1e-9
-        found.append(LimitNews(True, f"{scalar.name} == has had no new value for {stale_s:g} s"))
+        found.append(LimitNews(True, f"{scalar.name} is frozen: no new value for {stale_s:g} s"))
     if not found and not over:
         peak = f"; its peak was {going.peak:.6g}{unit}{_tick_words(going.peak_tick)}" if going and grew else ""
         found.append(LimitNews(False, f"{scalar.name} is within its limits again{peak}", _well_tick(state)))

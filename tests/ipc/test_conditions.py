@@ -267,6 +267,7 @@ class TestLimits:
         bench.logger.start()
         bench.ticks(50)
         assert alarm(client, "/log/kept", word=LimitWord.STALE).stale_count == 1
+        wait_until(lambda: "/log/kept is frozen: no new value for 0.2 s" in [one.text for one in client.events()])
 
     def test_a_client_gives_and_takes_limits_while_it_runs(self, bench, client):
         bench.logger.start()
