@@ -299,7 +299,9 @@ class TestScreens:
             await screen.until(lambda: getattr(screen.app.screen, "scope", "") == "triggers", "the list")
             await screen.until(lambda: screen.app.screen.chosen_key == fake.trigger_statuses[-1].options.name)
 
-    async def test_in_live_plots_too_a_trigger_begins_at_the_level_under_the_cursor(self, fake, opened):
+    async def test_in_live_plots_too_a_trigger_begins_at_the_level_under_the_cursor_or_at_that_which_was_looked_for(
+        self, fake, opened
+    ):
         async with opened(fake.run(20)) as screen:
             await screen.enter(":goto LF/HAA/torque")
             await screen.do("monitor")
@@ -312,12 +314,8 @@ class TestScreens:
             plots = screen.app.context.upper_screen
             shown = (await plots.readings_here())["/log/legs/LF/HAA/torque"].newest[0]
             assert level == pytest.approx(shown, rel=1e-4)
-
-    async def test_where_a_level_was_looked_for_a_trigger_begins_at_that_one(self, fake, opened):
-        """Not at the sample that crossed it."""
-        async with opened(fake.run(20)) as screen:
-            await screen.enter(":goto LF/HAA/torque")
-            await screen.do("monitor")
+            await screen.press("escape")
+            await screen.do("pause")
             await screen.shows("live")
             await screen.press("f", "x", *"<2", "enter")
             await screen.shows("crossing of 2 falling")
@@ -364,7 +362,9 @@ class TestScreens:
             await screen.press("T")
             await screen.shows("No triggers")
 
-    async def test_a_form_tells_what_the_field_means_that_has_the_keys(self, fake, opened):
+    async def test_a_form_tells_what_the_field_means_that_has_the_keys_and_what_limits_without_a_bound_do(
+        self, fake, opened
+    ):
         async with opened(fake) as screen:
             await screen.press("A", "N")
             await screen.shows("signal: a name as the table shows it")
@@ -374,6 +374,12 @@ class TestScreens:
             await screen.shows("signal: a name as the table shows it")
             await screen.press("down")
             await screen.shows("LL: red below this")
+            await screen.press("escape", "N")
+            await screen.shows("Limits of a signal")
+            await screen.type("legs/LF/HAA/torque")
+            await screen.press(*["tab"] * 7)
+            await screen.type("1s")
+            await screen.shows("no bound: it is an alarm where it stays the same for so long")
 
     async def test_more_marked_alarms_than_plots_are_told(self, fake, opened):
         names = [info.name + info.entries[0].suffix for info in fake.elements[:9]]
@@ -447,16 +453,6 @@ class TestScreens:
             await screen.until(lambda: not screen.app.screen.window.paused)
             assert screen.app.screen.scope == "monitor"
 
-    async def test_what_limits_without_a_bound_do_is_said(self, fake, opened):
-        async with opened(fake) as screen:
-            await screen.press("A")
-            await screen.press("N")
-            await screen.shows("Limits of a signal")
-            await screen.type("legs/LF/HAA/torque")
-            await screen.press(*["tab"] * 7)
-            await screen.type("1s")
-            await screen.shows("no bound: it is an alarm where it stays the same for so long")
-
     async def test_limits_of_a_name_that_is_typed_keep_what_is_not_named(self, fake, opened):
         given = SignalLimits("/log/LF/HAA/torque", (None, None, 60.0, 80.0), 3, 1.0, 0.5, "x > 1")
         fake.limit_statuses = [HOT.given(given)]
@@ -475,20 +471,17 @@ class TestScreens:
             "/log/LF/HAA/torque", (None, None, 50.0, 70.0), 3, 1.0, 0.5, "x > 1"
         )
 
-    @pytest.mark.parametrize(
-        ("key", "typed"), [("A", {"signal": "LF/HAA/torque", "H": "50"}), ("T", {"name": "a", "when": "x > 1"})]
-    )
-    async def test_without_a_link_a_dialog_says_that_and_nothing_of_what_is_typed(
-        self, fake, opened, monkeypatch, key, typed
-    ):
+    async def test_without_a_link_a_dialog_says_that_and_nothing_of_what_is_typed(self, fake, opened, monkeypatch):
         async with opened(fake) as screen:
-            await screen.press(key, "N")
-            await screen.until(lambda: screen.app.screen.query("#form-told"))
-            with monkeypatch.context() as patch:
-                patch.setattr(screen.session, "link", None)
-                for name, words in typed.items():
-                    screen.app.screen.field(name).value = words
-                await screen.shows(f"not connected to {screen.session.name} yet")
+            for key, typed in (("A", {"signal": "LF/HAA/torque", "H": "50"}), ("T", {"name": "a", "when": "x > 1"})):
+                await screen.press(key, "N")
+                await screen.until(lambda: screen.app.screen.query("#form-told"))
+                with monkeypatch.context() as patch:
+                    patch.setattr(screen.session, "link", None)
+                    for name, words in typed.items():
+                        screen.app.screen.field(name).value = words
+                    await screen.shows(f"not connected to {screen.session.name} yet")
+                await screen.press("escape")
 
     async def test_a_history_that_is_refused_leaves_how_often_limits_would_have_been_violated(
         self, fake, opened, monkeypatch
@@ -574,21 +567,17 @@ class TestScreens:
                 await screen.until(lambda: not screen.app.screen.is_modal)
             assert (begun[1], begun[2] == begun[0]) == ("12.5", True)
 
-    async def test_limits_that_nothing_broke_have_a_line_below_what_is_over(self, fake, opened):
+    async def test_limits_that_nothing_broke_have_a_line_below_what_is_over_and_say_what_they_want(self, fake, opened):
         quiet = LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0, bounds=(None, 0.0, 2.5, None))
         fake.limit_statuses = [quiet]
-        async with opened(fake) as screen:
+        async with opened(fake, size=(120, 24)) as screen:
             await screen.press("A")
             await screen.shows("within L 0 H 2.5 │ 0 over limits now │ 1 limit")
             fake.limit_statuses = [quiet, HOT]
             await screen.press("r")
             await screen.shows("86.31")
             assert screen.text.index("86.31") < screen.text.index("OK     /y")
-
-    async def test_what_is_as_its_limits_want_it_says_what_that_is(self, fake, opened):
-        between = {"bounds": (None, 0.0, 2.5, None)}
-        async with opened(fake, size=(120, 24)) as screen:
-            await screen.press("A")
+            between = {"bounds": (None, 0.0, 2.5, None)}
             for now, told in (
                 ({**between, "count": 1, "alarm": True}, "within L 0 H 2.5 again, seen by nobody yet"),
                 ({**between, "count": 1, "seen_by": "ann@pc"}, "within L 0 H 2.5 again"),
@@ -650,14 +639,6 @@ class TestLists:
             await screen.press("escape")
             assert not [call for call in fake.calls if call[0] == "remove_trigger"]
 
-    async def test_all_that_is_marked_is_acknowledged(self, fake, opened):
-        fake.limit_statuses = [HOT, COLD]
-        async with opened(fake) as screen:
-            await screen.press("A")
-            await screen.shows("/a/cold")
-            await screen.press("*", "K")
-            await screen.until(lambda: ("acknowledge", "/log/LF/HAA/torque", "/log/a/cold") in fake.calls)
-
     async def test_what_was_captured_last_is_opened_from_the_table_whichever_trigger_it_was(
         self, fake, opened, monkeypatch
     ):
@@ -690,7 +671,9 @@ class TestLists:
             screen.app.screen.action_command("last_capture")
             await screen.shows("no trigger has captured anything yet")
 
-    async def test_an_alarm_that_slipped_under_the_cursor_is_not_acknowledged_at_once(self, fake, opened):
+    async def test_an_alarm_that_slipped_under_the_cursor_is_not_acknowledged_at_once_and_all_that_is_marked_are(
+        self, fake, opened
+    ):
         fake.limit_statuses = [HOT, COLD]
         async with opened(fake) as screen:
             await screen.press("A")
@@ -703,6 +686,11 @@ class TestLists:
             assert not [call for call in fake.calls if call[0] == "acknowledge"]
             await screen.press("K")
             await screen.until(lambda: ("acknowledge", "/log/a/cold") in fake.calls)
+            fake.limit_statuses = [HOT, COLD]
+            await screen.press("r")
+            await screen.shows("/LF/HAA/torque")
+            await screen.press("*", "K")
+            await screen.until(lambda: ("acknowledge", "/log/LF/HAA/torque", "/log/a/cold") in fake.calls)
 
     async def test_m_plots_the_signals_of_a_condition(self, fake, opened):
         name = fake.elements[0].name.removeprefix("/log/")
