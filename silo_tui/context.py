@@ -39,6 +39,7 @@ from silo_tui.widgets.bars import OPENS, Banner, KeyBar, StatusBar, left_a_file
 from silo_tui.widgets.inputs import Fleeting
 from silo_tui.widgets.messages import MessageLine
 
+RELABELLED = {"again", "apply", "back", "save_data", "start_stop", *(first for first, *_ in OPENS.values())}
 MOST_TOLD = 500
 
 
@@ -524,6 +525,8 @@ class SiloScreen(Leaving[None]):
 
     def label_now(self, command: Command) -> str:
         """Return what a key of the bar is called now; empty where it has no use now."""
+        if command.id not in RELABELLED:
+            return command.label
         if command.id == "again":
             return f"again: {BY_ID[self.repeated].label}" if self.repeated else ""
         if command.id == "back" and self in self.app.screen_stack[:2]:

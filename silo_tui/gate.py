@@ -30,6 +30,10 @@ Typed = events.Key | events.Paste
 
 async def _done(pump: MessagePump, *, drawn: bool = False) -> None:
     """Wait until a pump has done what it was told until now, and drawn it; or until it has ended."""
+    queue: Any = pump._message_queue
+    if not drawn and not queue.values and queue.ready_event._waiters:
+        await asyncio.sleep(0)  # it was told nothing: no message has it say so
+        return
     passed = asyncio.Event()
     if not (pump.call_after_refresh if drawn else pump.call_later)(passed.set):
         return
@@ -50,6 +54,8 @@ class Gate:
         self._kept: deque[Typed] = deque()
         self._through: list[Typed] = []  # on their way, until they pass
         self._moved = asyncio.Event()
+        self._typed = asyncio.Event()
+        self._serves = False
         self.free = True  # whether all that was typed is carried out
         self.holds = False  # while what was opened is shown, one screen after another
         self._spelled: tuple[str, str, float] = "", "", 0.0  # what a letter chose, as far as it is typed, and when
@@ -76,7 +82,10 @@ class Gate:
             self.free = False
             if not (waits or self.holds):
                 self._let_through()
-            run_aside(self._app, "keys", self._go_on)
+            self._typed.set()
+            if not self._serves:
+                self._serves = True
+                run_aside(self._app, "keys", self._serve)
         return True
 
     def drop(self) -> None:
@@ -113,6 +122,16 @@ class Gate:
         self._spelled = chosen, letter if chosen else "", typed.time
         self._opener, self._last = self._last if chosen else "", letter
         return False
+
+    async def _serve(self) -> None:
+        """Go on with each that is typed: a worker of its own for each key took a tenth of what a key does."""
+        try:
+            while True:
+                await self._typed.wait()
+                self._typed.clear()
+                await self._go_on()
+        finally:
+            self._serves = False
 
     async def _go_on(self) -> None:
         try:

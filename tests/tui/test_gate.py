@@ -18,6 +18,7 @@ class Pump:
     """What does one thing after the other."""
 
     _task = None
+    _message_queue = SimpleNamespace(values=["something to do"])
     is_mounted = True
 
     def call_later(self, do: Callable[[], object]) -> bool:
@@ -93,8 +94,9 @@ class App(Pump):
         return [self.gate.keeps(each) for each in typed]
 
     async def done(self) -> None:
-        await asyncio.gather(*self.works)
-        self.works.clear()
+        while not self.gate.free:
+            await asyncio.sleep(0)
+        assert not any(work.done() for work in self.works)
 
     async def turns(self, count: int = 30) -> None:
         for _ in range(count):
@@ -110,6 +112,29 @@ async def test_each_key_passes_when_the_one_before_is_carried_out():
     app.type("d")
     assert app.passed == ["a", "b", "c", "d"]
     await app.done()
+
+
+async def test_one_worker_serves_all_keys_and_another_one_where_that_has_ended():
+    app = App()
+    for typed in ("a", "b"):
+        app.type(typed)
+        await app.done()
+    (worker,) = app.works
+    app.works.clear()
+    worker.cancel()
+    await app.turns()
+    app.type("c", "d")
+    await app.done()
+    assert (app.passed, len(app.works)) == (["a", "b", "c", "d"], 1)
+
+
+async def test_who_has_nothing_to_do_is_not_told_to_say_so():
+    app, told = App(), []
+    app.call_later = told.append
+    app._message_queue = SimpleNamespace(values=[], ready_event=SimpleNamespace(_waiters=["for a message"]))
+    app.type("a", "b")
+    await app.done()
+    assert (app.passed, told) == (["a", "b"], [])
 
 
 async def test_letters_of_a_line_follow_one_another_at_once_and_what_ends_it_waits_for_them():
