@@ -36,6 +36,7 @@ from silo_tui.actions import BY_ID, with_keys
 from silo_tui.app import SiloApp
 from silo_tui.keymap import BASES, DEFAULT, keys_in, use_keys
 from silo_tui.menus import MenuReader
+from silo_tui.modal import Behind
 from silo_tui.model.table.fields import Field, phrase_for
 from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.sessions.recorded import open_file
@@ -141,9 +142,12 @@ def strips_keep_what_is_kept() -> Iterator[None]:
 @for_all
 def painted_when_looked_at() -> Iterator[None]:
     """Paint what is looked at, and of it the lines that are to be painted anew: Textual paints all for a terminal that
-    isn't there, and all of a screen whenever one asks what stands there.
+    isn't there, and all of a screen whenever one asks what stands there. Of a dialog that goes unseen it is the dialog
+    alone: what shines through was painted as it was looked at itself.
     """
-    paint, strips, pop = Compositor.render_update, Compositor.render_strips, App.pop_screen
+    paint, strips = Compositor.render_update, Compositor.render_strips
+    pop, behind = App.pop_screen, Behind.render_strips
+    going: list[App[Any]] = []  # those whose dialog goes
     seen: dict[Compositor, list[Strip]] = {}  # what stands there since it was painted last
 
     def paint_later(compositor: Compositor, full: bool = False, **options: Any) -> Any:
@@ -175,11 +179,19 @@ def painted_when_looked_at() -> Iterator[None]:
 
     def pop_painted(app: App[Any]) -> Any:
         if app.is_headless and app.screen_stack and (compositor := app.screen._compositor).root is not None:
-            painted(compositor)  # what stood there only between two keys, too
+            going.append(app)
+            try:
+                painted(compositor)  # what stood there only between two keys, too
+            finally:
+                going.clear()
         return pop(app)
+
+    def strips_behind(of: Behind, width: int, height: int | None, *style: Any) -> list[Strip]:
+        return [Strip.blank(width)] * (height or 0) if going else behind(of, width, height, *style)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(App, "pop_screen", pop_painted)
+        patch.setattr(Behind, "render_strips", strips_behind)
         patch.setattr(Compositor, "render_update", paint_later)
         patch.setattr(Compositor, "render_strips", strips_of_now)
         yield
