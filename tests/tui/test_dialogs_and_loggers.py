@@ -362,24 +362,6 @@ async def test_a_script_is_there_as_it_is_saved_and_another_overwritten_only_whe
         await screen.until(lambda: ("save_script", "robot.yaml", True) in fake.calls)
 
 
-@pytest.mark.parametrize(
-    ("key", "calls", "told"),
-    [
-        ("l", ["load_script and go on"], "it goes on"), ("D", ["stop", "load_script", "start"], "logging again"),
-        ("escape", [], "nothing was done"),
-    ],
-)  # fmt: skip
-async def test_a_running_logger_takes_a_script_and_goes_on_or_around_a_stop(fake, opened, key, calls, told):
-    async with opened(fake.run(), size=(100, 30)) as screen:
-        await screen.enter(":load quiet.yaml")
-        await screen.shows("40 → 4")
-        await screen.press("l")
-        await screen.shows("Load quiet.yaml while it runs?")
-        await screen.press(key)
-        await screen.shows(told)
-        assert [call[0] for call in fake.calls] == calls
-
-
 async def test_the_set_command_edits_what_is_marked_and_an_unknown_one_offers_what_is_near(fake, opened):
     async with opened(fake) as screen:
         await screen.press("space", "space")

@@ -40,45 +40,6 @@ async def test_filters_corrections_and_keys_behind_them_are_taken_whole_where_th
         assert screen.session.rows.marked_count == 3
 
 
-async def test_applying_around_a_stop_says_what_would_be_dropped_and_saves_it_when_asked(fake, opened):
-    async with opened(fake.run(), size=(100, 30)) as screen:
-        held = f"{fake.status().held_samples:,}".replace(",", " ")
-        await screen.press("w")
-        await screen.shows(f"{held} samples of up to 10 s")
-        await screen.press("escape")
-        await screen.do("toggle", "a")
-        assert fake.ticks == 4800  # of which buffers of 4000 samples hold 10 s
-        await screen.shows(f"Drop {held} samples of up to 10 s: stop, apply, start again")
-        await screen.press("s")
-        await screen.shows("logging again; u takes it back, as edits to apply; saved:")
-        assert [call[0] for call in fake.calls] == ["stop", "save", "apply", "start"]
-
-
-async def test_a_save_that_fails_in_between_stops_the_rest(fake, opened):
-    fake.run()
-    fake.save_error = "no space left"
-    async with opened(fake, size=(100, 30)) as screen:
-        await screen.do("toggle", "a")
-        await screen.shows("Save, stop, apply, start again")
-        await screen.press("s")
-        await screen.shows("no space left")
-        await screen.press("escape")
-        await screen.shows("stopped and not saved")
-        assert [call[0] for call in fake.calls] == ["stop", "save"]
-        assert screen.session.table.pending_count == (1, 1)
-
-
-async def test_with_everything_saved_a_restart_has_nothing_to_drop(fake, opened):
-    fake.run()
-    fake.saved = True
-    async with opened(fake) as screen:
-        await screen.press("R")
-        await screen.shows("Restart logging?")
-        assert "Drop" not in screen.text
-        await screen.press("y")
-        await screen.shows("restarted")
-
-
 async def test_the_save_dialog_is_walked_through_left_and_ticked_by_letters_that_are_letters_in_the_name(fake, opened):
     async with opened(fake, size=(100, 30)) as screen:
         await screen.press("w")
@@ -86,6 +47,7 @@ async def test_the_save_dialog_is_walked_through_left_and_ticked_by_letters_that
         fake.run()
         await screen.until(lambda: screen.session.running)
         await screen.press("w")
+        await screen.shows(f"{fake.status().held_samples:,} samples of up to 10 s".replace(",", " "))
         await screen.shows("> [x] silo")
         await screen.press("j")
         await screen.shows("> [ ] csv")
@@ -258,15 +220,6 @@ async def test_an_open_editor_says_what_to_type_which_keys_count_and_whole_what_
         await screen.shows("? size must be 1 to 2147483647, 10k, 10s, *2, /2 or +10, got abc")
         await screen.press(*["backspace"] * 3, "9", "enter")
         assert screen.value(FIRST, Field.SIZE) == "9"
-
-
-async def test_the_span_that_a_start_drops_is_told_in_minutes(new_fake, opened):
-    fake = new_fake([scalar("/log/x", "Nm", size=1_000_000)])
-    fake.run(1063)
-    fake.stop()
-    async with opened(fake, size=(100, 30)) as screen:
-        await screen.press("S")
-        await screen.shows("of up to 17.7 min")
 
 
 async def test_a_logger_that_is_back_and_slow_to_answer_is_asked_once_until_it_has_answered(fake, opened):

@@ -120,7 +120,8 @@ def test_a_question_about_data_says_how_much_there_is(unsaved):
         f"Start again?\nThe last recording ({held}) is not saved, and starting drops it."
         f"\n(s) Save it, then start\n() Don't start\n(D) Drop {held} and start!"
     ]
-    assert held.endswith(" samples of up to 10 s")
+    status = desk.session.status
+    assert held == f"{status.held_samples:,} samples of up to 10 s".replace(",", " ")
 
 
 def test_a_logger_that_never_ran_has_nothing_to_lose(fake):
@@ -151,6 +152,11 @@ def test_a_logger_that_never_ran_has_nothing_to_lose(fake):
 def test_edits_are_applied_as_the_answer_says(state, answers, done, said, request):
     desk = Desk(request.getfixturevalue(state), *answers).edit()
     assert (desk.does(flows.apply(desk)), desk.done) == (said, done)
+    stay = not said or said == NOT_SAVED
+    assert desk.session.table.pending_count == (stay, stay)
+    if answers == ("x",):
+        desk.session.table.undo()
+        assert desk.session.table.pending_count == (1, 1)
 
 
 def test_of_no_edits_nothing_is_asked(saved):

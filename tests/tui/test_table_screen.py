@@ -181,16 +181,6 @@ async def test_a_running_logger_goes_on_and_is_stopped_and_started_only_when_tha
         assert [call[0] for call in fake.calls[3:]] == ["cut"]
 
 
-@pytest.mark.parametrize("running", [False, True])
-async def test_edits_that_were_discarded_as_they_were_to_be_applied_come_back(fake, opened, running):
-    async with opened(fake.run() if running else fake) as screen:
-        await screen.do("toggle", "a", "x")
-        await screen.shows("all pending edits discarded; u brings them back")
-        await screen.press("u")
-        assert screen.session.table.pending_count == (1, 1)
-        assert fake.calls == []
-
-
 async def test_somebody_elses_edit_of_the_same_field_is_a_conflict_and_never_overwritten(fake, opened):
     async with opened(fake) as screen:
         await screen.do("edit_divider", "5", "enter")
