@@ -1,5 +1,7 @@
 """Endless recordings in the terminal: begun, watched, ended."""
 
+import asyncio
+
 import pytest
 from msgspec import structs
 
@@ -60,14 +62,23 @@ slow = pytest.mark.slow  # each walks through the whole app
 
 @slow
 class TestScreens:
-    async def test_what_runs_stands_above_what_is_saved(self, fake, opened):
+    async def test_what_runs_stands_above_what_is_saved(self, fake, opened, monkeypatch):
         fake.recorder_infos = [WALK, FULL]
         async with opened(fake) as screen:
             await screen.shows("REC 1")
+            asked, listed = screen.session.refresh_recorders, asyncio.Event()
+
+            async def refresh():
+                await listed.wait()
+                await asked()
+
+            monkeypatch.setattr(screen.session, "refresh_recorders", refresh)
             await screen.do("recordings")
+            await screen.shows("Nothing is saved")
+            listed.set()
             await screen.shows("walks/walk")
             await screen.shows("1.9 GB disk left")
-            assert "Nothing is saved" in screen.text
+            await screen.shows("t ends one that runs")
 
     async def test_what_is_marked_is_recorded_with_split_and_budget(self, fake, opened):
         async with opened(fake) as screen:
@@ -158,7 +169,6 @@ class TestScreens:
         async with opened(fake) as screen:
             await screen.do("recordings")
             await screen.shows("walks/walk")
-            await screen.shows("t ends one that runs")
             await screen.do("stop_recording")
             await screen.shows("Stop which recording of robot?")
             await screen.press("enter")

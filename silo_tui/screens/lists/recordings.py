@@ -90,8 +90,9 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
 
     def words(self) -> str:
         saved = rows.summary(self.found) if self.found is not None else ""
-        ends = f"{key_of('stop_recording') or ':endrecording'} ends one that runs" if self.session.recorders else ""
-        return " │ ".join(filter(None, [saved, ends]))
+        runs = any(not one.state.over for one in self.session.recorders)
+        ends = f"{key_of('stop_recording') or ':endrecording'} ends one that runs"
+        return " │ ".join(filter(None, [saved, ends * runs]))
 
     def going_on(self) -> Sequence[str]:
         asking = ["asking for the older ones …"] if self._asking else []
@@ -137,6 +138,7 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
         before = self._parts
         await self.context.quietly(self.session.refresh_recorders())
         self._show_running()
+        self.show_words()  # which name the key that ends one
         self._parts = [(one.name, one.parts) for one in self.session.recorders]
         if before is not None and before != self._parts:
             self.read_again()
