@@ -1,7 +1,6 @@
 """Views: what is on the screen is kept by a name and put on it again, on another robot as far as it has it."""
 
 import os
-import re
 
 import pytest
 
@@ -9,7 +8,6 @@ from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout
 from silo_tui.layouts.views import capture
 from silo_tui.screens.plots.monitor import MonitorScreen
-from silo_tui.screens.table import TableScreen
 from silo_tui.settings.file import SettingsProblem
 from silo_tui.settings.options import Settings
 
@@ -155,16 +153,9 @@ async def test_chosen_columns_stay_when_the_terminal_changes_its_size(fake, open
         assert "act" not in heads
 
 
-def left_by_a_lost_terminal():
-    """As a process that was killed left it: its file is there, the process is not."""
-    mine = files.left_by_us("robot")
-    files.save(mine, KeptLayout("div", filter="base"))
-    return of_a_process_that_is_gone(mine)
-
-
-def of_a_process_that_is_gone(left, terminal="none"):
+def of_a_process_that_is_gone(left):
     """The number is the largest that there is: the tests' own process goes on."""
-    return left.rename(left.with_name(left.name.replace(f".none.{os.getpid()}.", f".{terminal}.4194303.")))
+    return left.rename(left.with_name(left.name.replace(f".none.{os.getpid()}.", ".none.4194303.")))
 
 
 async def test_what_a_lost_terminal_showed_is_offered_by_a_line_and_comes_when_it_is_asked_for(new_fake, opened):
@@ -191,50 +182,12 @@ async def test_what_a_lost_terminal_showed_is_offered_by_a_line_and_comes_when_i
         assert ":view last" not in screen.text
 
 
-async def test_what_was_offered_stays_to_be_offered_where_this_terminal_is_lost_before_it_is_taken(new_fake, opened):
-    left = left_by_a_lost_terminal()
-    async with opened(new_fake()) as screen:
-        await screen.shows("`:view last` shows")
-        screen.app._opener.keep_view()  # a second has passed
-    assert left.exists()
-
-
 async def test_what_is_offered_takes_no_room_from_what_of_the_settings_was_left_out(new_fake, opened):
-    left_by_a_lost_terminal()
+    files.save(files.left_by_us("robot"), KeptLayout("div", filter="base"))
+    of_a_process_that_is_gone(files.left_by_us("robot"))
     async with opened(new_fake(), settings_problems=[SettingsProblem("line 1", "'colums' is unknown")]) as screen:
         await screen.shows("`:view last` shows")
         assert "'colums' is unknown" in screen.text
-
-
-async def test_what_another_terminal_shows_now_is_left_to_it(new_fake, opened):
-    left = left_by_a_lost_terminal()
-    left.rename(left.with_name(left.name.replace("4194303", "1")))  # which runs
-    async with opened(new_fake()) as screen:
-        assert capture(screen.app.context) == KeptLayout()
-        assert ":view last" not in screen.text
-
-
-@pytest.mark.parametrize("wish", ["always", "offered"])
-async def test_each_terminal_comes_back_with_what_it_showed_itself(wish, new_fake, opened):
-    left = left_by_a_lost_terminal()
-    files.save(left.with_name(left.name.replace(".none.", ".pts_7.")), KeptLayout(filter="torque"))  # newer
-    async with opened(new_fake(), settings=Settings(view=wish)) as screen:
-        await screen.shows("what was on the screen ")
-        if wish == "offered":
-            await run(screen, "view last")
-        await screen.until(lambda: screen.session.rows.filter.text == "base")
-        await screen.press("q")
-        await screen.until(lambda: not screen.app.is_running)
-    assert [".pts_7." in each.name for each in sorted(left.parent.glob(".left-*"))] == [False, True], "theirs stays"
-
-
-async def test_a_terminal_that_showed_nothing_yet_is_offered_the_newest_that_shows_something(new_fake, opened):
-    left = left_by_a_lost_terminal()
-    left = left.rename(left.with_name(left.name.replace(".none.", ".pts_7.")))
-    files.save(left.with_name(left.name.replace("_7.", "_8.")), KeptLayout())
-    async with opened(new_fake()) as screen:
-        await screen.shows("`:view last` shows")
-        assert screen.app.context.left_view.path == left
 
 
 async def test_edits_and_plots_that_were_left_both_come_back(new_fake, opened):
@@ -301,13 +254,6 @@ async def test_a_view_is_kept_on_the_robot_for_all_who_look_at_it(new_fake, open
         await screen.until(lambda: screen.session.rows.sort == "div", "the robot's view")
 
 
-async def test_a_view_that_isnt_there_is_told_with_those_that_are(fake, opened):
-    files.save(files.place("walk"), KeptLayout())
-    async with opened(fake, view="wlak") as screen:
-        await screen.shows("there is no view 'wlak'; did you mean 'walk'?")
-        assert isinstance(screen.app.screen, TableScreen)
-
-
 async def test_a_view_that_is_yet_to_be_shown_is_not_overwritten_by_what_is_there_before_it(fake, opened, monkeypatch):
     show, last, found = views.show, files.left_by_us("robot"), []
 
@@ -321,21 +267,6 @@ async def test_a_view_that_is_yet_to_be_shown_is_not_overwritten_by_what_is_ther
     async with opened(fake, settings=Settings(view="always")) as screen:
         await screen.until(lambda: screen.session.rows.sort == "div")
     assert found == ["div"]
-
-
-async def test_the_view_that_was_left_last_comes_back_if_wished(new_fake, opened):
-    for wished, order in (("always", "div"), ("off", "name"), ("offered", "name")):
-        async with opened(new_fake(), settings=Settings(view="always")) as screen:
-            mine = files.left_by_us(screen.session.name)
-            await run(screen, "sort div")
-            await screen.until(lambda mine=mine: mine.exists() and files.load_file(mine)[0].sort == "div", "kept")
-        async with opened(new_fake(), settings=Settings(view=wished)) as screen:
-            await screen.until(lambda order=order: screen.session.rows.sort == order)
-            told = {"always": r"this is what was on the screen \d", "off": "", "offered": "`:view last` shows"}[wished]
-            await screen.until(lambda told=told: re.search(told, screen.text), told)
-            if not told:
-                assert "what was on the screen" not in screen.text
-    assert files.names() == []
 
 
 @pytest.mark.parametrize("key", ["q", "ctrl+q"])
