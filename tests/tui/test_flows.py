@@ -566,6 +566,7 @@ def test_control_is_taken_given_and_released(controlled, words, answers, done, s
     ("words", "why"),
     [
         (("tak",), "there is no 'tak'; did you mean 'take'"),
+        (("xyz",), "there is no 'xyz'; take, force"),
         (("give",), "control: take, force"),
         (("take", "bob"), "control: take, force"),
         (("give", "bob", "too"), "control: take, force"),
