@@ -137,14 +137,6 @@ def test_a_unit_that_follows_is_not_typed_again(table):
     assert derived.named(table, "new") == Derived("new", "")
 
 
-async def test_of_two_that_are_marked_the_product_is_offered(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.enter("/LF/HAA position|torque")
-        await screen.do("mark", "mark")
-        await screen.enter(":derive")
-        await screen.shows("legs/LF/HAA/position * legs/LF/HAA/torque")
-
-
 async def test_what_was_wrong_goes_as_soon_as_something_else_is_typed(fake, opened, monkeypatch):
     """However long it takes until that is looked at; and what was looked at meanwhile says nothing of it."""
     async with opened(fake.run()) as screen:
@@ -210,18 +202,7 @@ async def test_a_signal_is_derived_changed_and_forgotten_without_leaving_the_tab
         await screen.until(lambda: not fake.derived and len(screen.session.table) == len(fake.elements))
 
 
-async def test_that_a_filter_hides_a_new_one_is_said_until_another_one_is_taken(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.press("/")
-        await screen.enter("LF")
-        await screen.enter(":derive power = 2 * imu/acceleration")
-        await screen.shows("the filter hides it")
-        await screen.press("/")
-        await screen.enter("power")
-        await screen.until(lambda: "the filter hides it" not in screen.text, "no word of another filter")
-
-
-async def test_tab_makes_a_name_whole_and_then_goes_on(fake, opened):
+async def test_tab_makes_a_name_whole_and_then_goes_on_and_of_two_that_are_marked_the_product_is_offered(fake, opened):
     async with opened(fake.run()) as screen:
         await screen.press("colon", *"derive", "enter")
         await screen.shows("Derive a signal on robot")
@@ -233,6 +214,11 @@ async def test_tab_makes_a_name_whole_and_then_goes_on(fake, opened):
         assert form.fields["is"] == "2 * imu/temperature"
         await screen.press("tab", "K")
         assert form.fields == {"name": "hot", "is": "2 * imu/temperature", "unit": "K"}
+        await screen.press("escape")
+        await screen.enter("/LF/HAA position|torque")
+        await screen.do("mark", "mark")
+        await screen.enter(":derive")
+        await screen.shows("legs/LF/HAA/position * legs/LF/HAA/torque")
 
 
 async def test_what_the_robot_refuses_is_said_and_nothing_typed_is_lost(fake, opened):
@@ -258,6 +244,9 @@ async def test_what_is_typed_as_a_whole_is_done_and_what_is_not_is_asked_for(fak
         await screen.enter("/legs")
         await screen.press("colon", *"derive warm imu/temperature > 2", "enter")
         await screen.shows("'/warm' is derived: imu/temperature > 2; the filter hides it")
+        await screen.press("/")
+        await screen.enter("warm")
+        await screen.until(lambda: "the filter hides it" not in screen.text, "no word of another filter")
         await screen.press("colon", *"derive cold", "enter")
         await screen.shows("Derive a signal on robot")
 

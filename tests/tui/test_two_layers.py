@@ -1,5 +1,6 @@
 """The two layers of keys: the first, the menus over it, and the table that both are made from."""
 
+import itertools
 import string
 
 import pytest
@@ -455,15 +456,13 @@ async def test_what_has_a_form_or_a_list_is_asked_by_it_and_not_by_a_line(fake, 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("list_key", "named"), [("triggers", "r t Arm/Off r n New"), ("alarms", "r k Acknowledge r n New")]
-)
-async def test_the_bar_of_a_list_names_what_it_is_for_where_its_key_is_in_a_menu(list_key, named, fake, opened):
+async def test_the_bar_of_a_list_names_what_it_is_for_where_its_key_is_in_a_menu(fake, opened):
     fake.trigger_statuses, fake.limit_statuses = [FALL], [HOT]
     async with opened(fake) as screen:
-        await screen.do(list_key)
-        await screen.until(lambda: screen.app.screen.scope == list_key, "the list")
-        await screen.shows(named)
+        for list_key, named in (("triggers", "r t Arm/Off r n New"), ("alarms", "r k Acknowledge r n New")):
+            await screen.do(list_key)
+            await screen.until(lambda scope=list_key: screen.app.screen.scope == scope, "the list")
+            await screen.shows(named)
 
 
 @pytest.mark.slow
@@ -483,16 +482,20 @@ def test_the_bar_of_parameters_says_at_80_columns_what_turns_them():
     assert [command.id for command, _ in shown].index("turn_down") < 6
 
 
-@pytest.mark.parametrize("keys", [["m", "ctrl+p"], ["ctrl+p"]])  # of the plots, of the table
-@pytest.mark.parametrize("name", ["histogram", "spectrum"])
-async def test_in_the_palette_what_is_called_so_comes_first_and_is_shown_at_once(fake, opened, name, keys):
+async def test_in_the_palette_what_is_called_so_comes_first_and_is_shown_at_once(fake, opened):
     async with opened(fake.run(), size=(120, 40)) as screen:
-        await screen.press(*keys)
-        await screen.type(name)
-        await screen.until(lambda: name.title() in screen.text)
-        found = screen.app.screen.query_one("CommandList")
-        await screen.until(
-            lambda: found.option_count and str(found.get_option_at_index(0).prompt).startswith(name.title())
-        )
-        await screen.press("enter")
-        await screen.until(lambda: screen.app.screen.scope == "detail" and screen.app.screen.mode == name)
+        for name, keys in itertools.product(("histogram", "spectrum"), (["m", "ctrl+p"], ["ctrl+p"])):
+            await screen.press(*keys)  # of the plots, of the table
+            await screen.type(name)
+            await screen.until(lambda name=name: name.title() in screen.text)
+            found = screen.app.screen.query_one("CommandList")
+            await screen.until(
+                lambda found=found, name=name: (
+                    found.option_count and str(found.get_option_at_index(0).prompt).startswith(name.title())
+                )
+            )
+            await screen.press("enter")
+            await screen.until(lambda name=name: getattr(screen.app.screen, "mode", "") == name, name)
+            assert screen.app.screen.scope == "detail"
+            await screen.do("go_home")
+            await screen.until(lambda: screen.app.screen.scope == "table", "the table")
