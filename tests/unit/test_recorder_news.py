@@ -119,7 +119,8 @@ def test_limits_of_a_run_that_could_not_be_handed_over_are_told_of_none_before_i
     server._replica = SimpleNamespace(run="now", segment="s", now=SimpleNamespace(robot=robot))
     server._hand_over = lambda recorder, run: taken
     recorder = SimpleNamespace(
-        known={"before"}, runs=["before"], ending=False, lacks=lambda run: run == "now", change=told.append
-    )
+        known={"before"}, runs=["before"], ending=False, lacks=lambda run: run == "now",
+        change=lambda conditions, tick: told.append(conditions),
+    )  # fmt: skip
     server._follow(recorder)
     assert told == (["new limits"] if taken else [])
