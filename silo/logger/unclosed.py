@@ -45,8 +45,12 @@ class LoggerEnd(enum.Enum):
         return self in (LoggerEnd.BLOCK, LoggerEnd.UNCLOSED, LoggerEnd.FORGOTTEN)
 
 
-def during(life: object, ends: list[Callable[[], None]], call: Callable[P, R], *args: P.args, **kw: P.kwargs) -> R:
-    """Do a call of a logger that has this life; what ends that, or its server, meanwhile, is done as it is over."""
+def during(life: object, to_end: list[Callable[[], None]], call: Callable[P, R], *args: P.args, **kw: P.kwargs) -> R:
+    """Do a call of a logger that has this life; what ends that, or its server, meanwhile, is done as it is over.
+
+    It stands in the list `to_end` then.
+    """
+    ends = to_end  # from here on, not before: of a call that a handler keeps from beginning
     try:
         return call(*args, **kw)
     finally:
@@ -61,7 +65,7 @@ def after_calls(life: object, end: Callable[[], None]) -> None:
     """
     call, frame = None, cast("FrameType | None", sys._getframe())
     while frame is not None:
-        if frame.f_code is during.__code__ and frame.f_locals["life"] is life:
+        if frame.f_code is during.__code__ and frame.f_locals["life"] is life and "ends" in frame.f_locals:
             call = frame
         frame = frame.f_back
     if call is None:

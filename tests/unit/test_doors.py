@@ -243,6 +243,21 @@ def test_a_signal_handler_that_closes_it_amid_a_call_has_it_end_after_that(
         check(log, None, {fate}, tmp_path, runtime_folder)
 
 
+def test_a_signal_handler_that_closes_it_and_raises_before_a_call_begins_has_it_end_at_once(
+    logger, tmp_path, runtime_folder
+):
+    log, _ = logger(served=False)
+
+    def leave(*_):
+        log.close()
+        raise KeyboardInterrupt
+
+    interrupts = Interrupts(lambda code: code is unclosed.during.__code__, leave)
+    assert interrupts.interrupt_at(0, log.save)
+    assert log._life.freed
+    check(log, None, {"dropped"}, tmp_path, runtime_folder)
+
+
 @pytest.mark.parametrize("again", [lambda end: end(), in_a_thread], ids=["here", "in another thread"])
 @pytest.mark.parametrize("first", DOORS)
 def test_one_that_failed_is_done_again_by_who_holds_its_error(
