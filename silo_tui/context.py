@@ -75,7 +75,6 @@ class Context:
     ) -> None:
         self.app = app
         self.read_only = read_only
-        self.typed_before: dict[tuple[str, str], dict[str, str]] = {}  # into forms that were left, see `Form`
         self.runner: Any = None  # the `CommandRunner`, which imports this
         self.take_up: Callable[[], None] = lambda: None  # asks what becomes of edits that were kept
         self.settings = settings or Settings()

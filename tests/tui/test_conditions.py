@@ -567,6 +567,34 @@ class TestScreens:
                 await screen.until(lambda: not screen.app.screen.is_modal)
             assert (begun[1], begun[2] == begun[0]) == ("12.5", True)
 
+    async def test_what_was_left_comes_back_neither_over_what_others_set_meanwhile_nor_on_another_logger(
+        self, new_fake, opened
+    ):
+        async def left(screen, keys, line):
+            await screen.press(*keys)
+            await screen.until(lambda: screen.app.screen.query(f"#form-{line}"))
+            begun = screen.app.screen.field(line).value
+            screen.app.screen.field(line).value = "" if begun == "12.5" else "12.5"
+            await screen.press("escape")
+            await screen.until(lambda: not screen.app.screen.is_modal)
+            return begun
+
+        arm = new_fake(name="arm").run()
+        async with opened(arm, new_fake(name="legs").run(), name="arm") as screen:
+            name, found = screen.app.screen._entry_here()[2], []
+            for high in (3.0, 4.0):
+                arm.limit_statuses = [LimitStatus(name, name, LimitWord.OK, bounds=(None, None, high, None))]
+                await screen.session.refresh_conditions()
+                found += [await left(screen, "Nl", "H"), await left(screen, "w", "name")]
+            assert found == ["3", "", "4", "12.5"]
+            await left(screen, "w", "name")
+            await screen.press("ctrl+l")
+            await screen.shows("legs")
+            await screen.press("down", "enter")
+            await screen.until(lambda: screen.app.context.has_session and screen.session.name == "legs")
+            await screen.until(lambda: screen.session.connected and screen.app.screen.scope == "table")
+            assert await left(screen, "w", "name") == ""
+
     async def test_limits_that_nothing_broke_have_a_line_below_what_is_over_and_say_what_they_want(self, fake, opened):
         quiet = LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0, bounds=(None, 0.0, 2.5, None))
         fake.limit_statuses = [quiet]

@@ -328,7 +328,10 @@ async def test_limits_of_other_signals_hide_neither_plots_nor_marks(flickering, 
         await screen.shows('event, 1 of 1: "push 3"')
         await screen.do("events")
         await screen.shows(" × in 7.9 s: ")
-        await screen.shows("events in 3 lines (/limit shows each)")
+        await screen.shows("201 events in 3 lines (/limit shows each)")
+        await screen.do("write_events")
+        await screen.shows("201 events as shown, to a CSV file")
+        await screen.press("escape")
         await screen.enter("/limit")
         await screen.until(lambda: screen.text.count(" H 3 Nm at tick 1") > 10, "each of them")
 

@@ -36,8 +36,6 @@ CONDITION = f"the condition: signals, numbers with units, and or not, {' '.join(
 
 
 LEFT = "as it was left; Esc, then the same key again, begins anew"
-# numbers that are no part of a name: a form that begins with other ones is about the same thing
-_AMOUNT = re.compile(r"(?<![\w./])-?\d[\w.+-]*")
 # the last name of an expression that is being typed, or what may become one: what follows a number is its unit
 _LAST_NAME = re.compile(r"(?<![\w./])(?<!\d )/?([^\W\d][\w./]+)$")
 
@@ -113,15 +111,15 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         self._problem = problem
         self._given = {name: values.get(name, "").strip() for line in lines for name in line}
         self._refused = self._given if problem else None  # what was typed then
-        self.about = (title, _AMOUNT.sub("", str(self._given)))  # what it opens on, by which what was typed is kept
+        self.about = (title, str(self._given))  # what it opens on, by which what was typed is kept
         self.begins_anew = False
         self._is_wrong = False  # what is said below: it is of what is typed no more as soon as that is another thing
         self._title, self._lines, self._values, self._hints = title, lines, values, hints
 
-    @property
+    @cached_property
     def _kept(self) -> dict[tuple[str, str], dict[str, str]]:
-        """What was typed into forms and not taken, by what they opened on."""
-        kept: dict[tuple[str, str], dict[str, str]] = cast(Any, self.app).context.typed_before
+        """What was typed into forms of this logger and not taken, by what they opened on."""
+        kept: dict[tuple[str, str], dict[str, str]] = cast(Any, self.app).context.session.typed_before
         return kept
 
     def compose(self) -> ComposeResult:

@@ -12,6 +12,7 @@ from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.lists.conditions import MOST_PLOTS, named_in
 from silo_tui.model.lists.happened import NAMES, ORDERS, csv_text, folded, in_time, letter, line, matches, words
+from silo_tui.model.lists.ordering import arranged
 from silo_tui.model.words.paths import typed_file
 from silo_tui.screens.dialogs.exporting import write_whole
 from silo_tui.screens.dialogs.questions import Prompt, ask_line
@@ -118,9 +119,10 @@ class EventsScreen(LoggerList[LoggedEvent]):
         if not self.shown:
             self.say("nothing to write: no event is shown")
             return
-        body = f"{many(len(self.shown), 'event')} as {'filtered' if self.asked else 'shown'}, to a CSV file."
+        each = arranged([*filter(self.passes, self._all)], self._order, turned=self._turned)  # of one line, too
+        body = f"{many(len(each), 'event')} as {'filtered' if self.asked else 'shown'}, to a CSV file."
         prompt = Prompt("Write the events to a file on this machine", body, "events.csv", label="file")
-        ask_line(self, prompt, lambda given: run_aside(self, "writing", self._written, given, list(self.shown)))
+        ask_line(self, prompt, lambda given: run_aside(self, "writing", self._written, given, each))
 
     async def _written(self, given: str, shown: Sequence[LoggedEvent]) -> None:
         with self.context.telling():
