@@ -602,7 +602,10 @@ class Logger(LoggerNames):
             life.serving.end(self._leave)
         with life.ends:
             if not life.freed:
-                self._free(life.ending)
+                with (
+                    self._data.saving
+                ):  # what was logged before a cut, where no helper process did: it is in a file then
+                    self._free(life.ending)
                 life.freed = True
 
     def _leave(self) -> bool:

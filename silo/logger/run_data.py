@@ -43,7 +43,7 @@ class RunData:
         self._options, self._table, self._conditions = options, table, conditions
         self._life, self._present = life, present
         self._new_values = NewValuesReader()
-        self._saving = threading.Lock()  # of stretches before the present one
+        self.saving = threading.RLock()  # of stretches before the present one
         self.failed: Run | None = None  # of which the program's last save() did not come to its end
 
     def look_for_unheld(self, run: Run | None = None, found: Sequence[int] | None = None) -> None:
@@ -211,7 +211,7 @@ class RunData:
     def _save_cut_off(self, types: list[FileType], name: str, where: Path) -> list[SavedFile]:
         """Save the stretches before the present one that are in no file, each to its own, and let go of them."""
         files: list[SavedFile] = []
-        with self._saving:
+        with self.saving:
             for run in self._present.cut_off.copy():
                 self._present.wait_over(run)
                 if not is_to_be_saved(run):
@@ -220,8 +220,8 @@ class RunData:
                 saved = self._saved_by_helper(types, name, str(where.resolve()), run)
                 if saved is None:
                     with self._life.lock:
-                        if run not in self._present.cut_off:
-                            continue  # another thread started, or closed
+                        if self._life.closed or run not in self._present.cut_off:
+                            continue  # another thread started, or closed: that saves it, or drops it
                         recording, conditions = run.reader.snapshot(), self._conditions.now
                     why = "saved at a cut"
                     with self._noting_parts(run, ticks):

@@ -369,6 +369,35 @@ def test_a_signal_handler_that_closes_a_served_one_amid_a_call_waits_for_no_thre
     check(log, serving, {"dropped"}, tmp_path, runtime_folder)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("is_down", [False, True])
+def test_what_was_logged_before_a_cut_is_told_as_dropped_where_it_is_in_no_file_as_its_logger_ends(
+    logger, tmp_path, runtime_folder, monkeypatch, capfd, is_down
+):
+    log, serving = logger(served=True)
+    begins, writes, at_drop = threading.Event(), threading.Event(), []
+    drop, write_all = log._present.drop, writer.write_all
+
+    def no_helper(*_):
+        begins.set()
+        wait_until(lambda: is_down or (log._life.closed and not serving.is_up))
+
+    def written(*arguments):
+        writes.set()
+        wait_until(lambda: serving._over)
+        return write_all(*arguments)
+
+    monkeypatch.setattr(log._data, "_saved_by_helper", no_helper)
+    monkeypatch.setattr(writer, "write_all", written)
+    monkeypatch.setattr(log._present, "drop", lambda: at_drop.append([*tmp_path.glob("*.silo")]) or drop())
+    log.set("x", size="5s", cut=True)
+    assert (writes if is_down else begins).wait(30)
+    log.close()
+    assert [len(files) for files in at_drop] == [is_down]
+    assert ("3 ticks that were not saved are dropped" in capfd.readouterr().err) is not is_down
+    check(log, serving, {"saved" if is_down else "dropped"}, tmp_path, runtime_folder)
+
+
 @pytest.fixture
 def each_pair(logger, tmp_path, runtime_folder):
     def tried(pairs, both, at_once=False):
