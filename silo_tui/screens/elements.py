@@ -13,7 +13,7 @@ from silo.core.arrays.columns import HOLE_TEXTS, Gap
 from silo.core.names import did_you_mean, glob_of_regex, nearest
 from silo.core.quantities.writing import many
 from silo.rpc.frames import Frame
-from silo_tui.actions import key_of
+from silo_tui.actions import BY_ID, key_of
 from silo_tui.context import SiloScreen
 from silo_tui.modal import ask
 from silo_tui.model.drawing.braille import SHADE
@@ -397,7 +397,7 @@ class ElementsScreen(SiloScreen):
         self._lay_out(self.app.size.width)
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
-        """Return what a range or a filter asks for, or a name space under the cursor."""
+        """Return what a range, a filter or marks ask for, or a name space under the cursor."""
         rows = self.session.rows
         if rows.anchor is not None:
             return (("range", "Mark the range"), ("back", "Leave it"))
@@ -406,8 +406,13 @@ class ElementsScreen(SiloScreen):
             into = [("into", "Unfold" if rows.branch.path in rows.folded else "Fold")]
         elif rows.sort == TREE and rows.vector:
             into = [("fold", "Fold" if rows.vector in rows.unfolded else "Unfold")]
-        filtered = (("filter", "Filter"), ("back", "No filter")) if rows.filter.text else ()
-        return (*into, *((("back", "Close"),) if self._inspector_opened else filtered))
+        if self._inspector_opened:
+            return (*into, ("back", "Close"))
+        plot = next(BY_ID[each] for each in ("monitor", "plot") if self.scope in BY_ID[each].scopes)
+        then = [(plot.id, self.label_now(plot))] if rows.marked_count else []
+        if rows.filter.text:
+            then = [("filter", "Filter"), ("back", "No filter"), *(then or [("mark_shown", "Mark all")])]
+        return (*into, *then)
 
     def command_back(self) -> None:
         """Leave the inspector that was asked for, the range, the filter, the marks, the tour; never pending edits."""

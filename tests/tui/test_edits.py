@@ -75,7 +75,7 @@ def test_a_step_is_called_by_all_fields_that_it_changes_of_how_many_elements():
     wanted = state.values[:, [0, 1]].copy()
     wanted[Field.DIVIDER, 0], wanted[Field.SIZE, 1] = 3, 2
     assert state.edit_all([0, 1], wanted) == 2
-    assert (state.undo(), state.redo()) == ("divider, size of 2", "divider, size of 2")
+    assert (state.undo(), state.redo()) == ("divider, size of 2 elements",) * 2
 
 
 @given(st.lists(one_edit, max_size=12))
@@ -251,7 +251,7 @@ def test_undo_wants_back_what_was_before_it_was_applied():
     applied = [ElementOptions(divider=5 if row in {1, 2} else 1, enabled=row != 2) for row in range(COUNT)]
     state.load(table(state.revision + 1, *applied))
     state.note_applied(kept)
-    assert state.undo() == "what was applied to 2"
+    assert state.undo() == "what was applied to 2 elements"
     told = [(change.name, change.field, change.old, change.new, change.theirs) for change in state.changes()]
     names = state.names
     assert told == [
@@ -289,8 +289,8 @@ def test_undo_goes_on_where_others_came_and_went():
     more = table(2, new, old, new)
     first = ElementInfo("/log/a", "-", "scalar", (), (Entry("", "<f8"),), ElementOptions())
     state.load(Table(3, [first, *more.elements[:2]]))  # one came before them, and the last is gone
-    assert state.undo() == "size of 1"
-    assert state.undo() == "what was applied to 2"
+    assert state.undo() == "size of 1 element"
+    assert state.undo() == "what was applied to 2 elements"
     assert [(edit.name, edit.options.divider) for edit in state.edits()] == [("/log/e0", 1)]
     state.load(Table(4, [first]))
     assert not state.can_undo
@@ -304,10 +304,10 @@ def test_undo_goes_back_to_what_was_applied_before_too():
         kept = state.kept()
         state.load(table(2 + at, *(ElementOptions(divider=int(each)) for each in state.values[Field.DIVIDER])))
         state.note_applied(kept)
-    assert state.undo() == "what was applied to 2"
+    assert state.undo() == "what was applied to 2 elements"
     state.edit([3], Field.DIVIDER, 7)
     state.undo()
-    assert state.undo() == "what was applied to 1"
+    assert state.undo() == "what was applied to 1 element"
     told = [(change.name, change.old, change.new, change.theirs) for change in state.changes()]
     assert told == [(state.names[1], "9", "1", None), (state.names[2], "9", "1", None)]
     assert state.undo() is None

@@ -355,6 +355,18 @@ async def test_the_bar_has_room_for_what_commands_the_logger_and_says_what_waits
         assert "Apply" not in bar(screen)
 
 
+async def test_with_a_filter_or_marks_the_bar_has_what_one_does_next_with_them(fake, opened):
+    async with opened(fake.run()) as screen:
+        await screen.do("filter", "b", "enter")
+        assert bar(screen).startswith(" / Filter Esc No filter * Mark all ")
+        await screen.do("toggle")
+        assert "* Mark all a Apply 1 " in bar(screen) and "u Undo" in bar(screen)
+        await screen.do("mark_shown")
+        assert bar(screen).startswith(" / Filter Esc No filter m Plot a Apply ") and "u Undo" in bar(screen)
+        await screen.press("escape")
+        assert bar(screen).startswith(" m Plot a Apply")
+
+
 async def test_the_bar_of_a_list_without_a_line_has_no_key_that_is_about_one(fake, opened):
     async with opened(fake) as screen:
         for scope in ("alarms", "triggers", "recordings"):
@@ -362,6 +374,21 @@ async def test_the_bar_of_a_list_without_a_line_has_no_key_that_is_about_one(fak
             await screen.until(lambda scope=scope: screen.app.screen.scope == scope, "the list")
             await screen.until(lambda: bar(screen).startswith((" r n New", " r r Record")), "its bar")
             assert not any(key in bar(screen) for key in ("Enter", "space", "o Order", "D Delete", "r t", "r k"))
+
+
+async def test_the_bar_of_a_list_says_what_esc_takes_away_first(fake, opened):
+    fake.limit_statuses = [HOT]
+    async with opened(fake) as screen:
+        for scope in ("alarms", "settings"):
+            await screen.do(scope)
+            await screen.until(lambda: "Esc Back" in bar(screen), "the list")
+            screen.app.screen.filter_by("e")
+            await screen.until(lambda: "Esc No filter" in bar(screen), "its filter")
+            await screen.press("escape")
+            await screen.until(lambda: "Esc Back" in bar(screen), "all of it")
+        await screen.press("escape")
+        await screen.do("list_mark")
+        await screen.until(lambda: "Esc Unmark" in bar(screen), "the mark")
 
 
 async def test_the_bar_says_what_is_done_again_where_there_is_room(fake, opened):

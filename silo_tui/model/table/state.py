@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from silo.conditions.standing import LimitStatus
 from silo.core.elements import Edit, ElementInfo, FieldChange, Table
 from silo.core.names import component_name, is_word
+from silo.core.quantities.writing import many
 from silo_tui.model.samples.live import has_norm
 from silo_tui.model.table.facts import LIMIT_BITS, NOTHING
 from silo_tui.model.table.fields import Field, Ints, options_of, phrase_for, rows_of
@@ -241,7 +242,7 @@ class TableState:
         self._wanted[:, rows] = np.where(changed, wanted, self._wanted[:, rows])
         self._edited[:, rows] = np.where(changed, wanted != server, edited)
         fields = ", ".join(Field(int(number)).label for number in np.flatnonzero(changed.any(axis=1)))
-        self._remember(f"{fields} of {len(rows)}", rows, before)
+        self._remember(f"{fields} of {many(len(rows), 'element')}", rows, before)
         return int(changed.sum())
 
     def discard(self, which: Sequence[int] | Rows) -> int:
@@ -253,7 +254,7 @@ class TableState:
         count = int(self.pending[:, rows].sum())
         before = self._layer(rows)
         self._edited[:, rows] = False
-        self._remember(f"discard of {count}", rows, before)
+        self._remember(f"discard of {many(count, 'edit')}", rows, before)
         return count
 
     def resolve(self, which: Sequence[int] | Rows, *, keep_mine: bool) -> int:
@@ -309,7 +310,7 @@ class TableState:
         for edit, row in known:
             self._edited[edit.field, row] = True
             self._wanted[edit.field, row], self._based_on[edit.field, row] = edit.new, edit.old
-        self._remember(f"{len(known)} kept edits", rows, before)
+        self._remember(many(len(known), "kept edit"), rows, before)
         return len(known)
 
     # ------------------------------------------------------------------------------------------- the logger's side
@@ -355,7 +356,7 @@ class TableState:
         for edit, row in known:
             at = int(edit.field), int(np.searchsorted(rows, row))
             before.edited[at], before.wanted[at], before.based_on[at] = True, edit.old, edit.new
-        self._undo.append(_Step(f"{APPLIED} to {len(rows)}", rows, before, now, applied=True))
+        self._undo.append(_Step(f"{APPLIED} to {many(len(rows), 'element')}", rows, before, now, applied=True))
 
     # ------------------------------------------------------------------------------------------------ inside
 

@@ -197,7 +197,9 @@ class ListScreen(SiloScreen, Generic[LineT]):
         self.query_one(KeyBar).update()
 
     def label_now(self, command: Command) -> str:
-        """Return it; nothing of what is about a line where there is none."""
+        """Return it, and what Esc takes away first; nothing of what is about a line where there is none."""
+        if command.id == "back" and (first := "No filter" if self.asked else "Unmark" if self.marks.keys else ""):
+            return first
         about_a_line = TWO_LAYERS.get(command.id, "").split(",")[0] in OF_A_LINE
         return "" if about_a_line and not self.shown else super().label_now(command)
 
