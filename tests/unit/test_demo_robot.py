@@ -151,6 +151,8 @@ def test_the_demo_has_five_hundred_elements_of_distinct_names() -> None:
 
 def test_the_demo_says_in_words_what_the_letters_of_legs_and_joints_stand_for() -> None:
     said = {f"{one.group}/{one.name}": one.row.description for one in make_robot(DemoOptions())[1]}
+    of_motors = [words for name, words in said.items() if name.endswith(("winding_temperature", "housing_temperature"))]
+    assert len(of_motors) == 24 and all("motor" in words for words in of_motors), "found by /motor"
     assert said["legs/LF/HFE/torque"] == "left front hip flexion: measured at the joint"
     assert said["legs/RH/KFE/friction_torque"] == "right hind knee flexion"
     assert said["legs/LH/contact"] == "left hind: whether the foot carries"
