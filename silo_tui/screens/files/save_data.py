@@ -55,7 +55,7 @@ class CheckLine(Guarded, Widget, can_focus=True):
 FOLLOW_S = 0.05
 _PART = re.compile(r"_part\d+$")
 A_PART = "a part: each change that is applied while it logs begins one, and whoever opens one has the whole run"
-KEYS = f"↑↓ Move  space {' '.join(name[0] for name in SAVED_NAMES)} Tick  Enter Saves  Esc Back"
+KEYS = f"↑↓ Move  space {' '.join(name[0] for name in SAVED_NAMES)} Tick  w Configuration  Enter Saves  Esc Back"
 
 
 class SaveDialog(Form[list[SavedFile]]):
@@ -66,6 +66,7 @@ class SaveDialog(Form[list[SavedFile]]):
         Binding("down,j", "app.focus_next", show=False),
         Binding("up,k", "app.focus_previous", show=False),
         *(Binding(name[0], f"turn('{name}')", show=False) for name in SAVED_NAMES),
+        Binding("w", "configuration", show=False),
         Binding("enter,ctrl+s", "save", show=False),
         Binding("o", "open", show=False),
     ]
@@ -95,7 +96,7 @@ class SaveDialog(Form[list[SavedFile]]):
         yield Static(f"in {folder}, on the robot", classes="quiet", markup=False)
         marked = self.context.session.rows.marked_count
         all_of_it = f"all elements, not the {marked} marked alone" if marked else "what was logged"
-        elsewhere = f"{all_of_it}; the configuration: {key_of('back')}, then {key_of('save_script')}"
+        elsewhere = f"{all_of_it}{'' if self._go_on else '; w saves the configuration instead'}"
         yield Static(elsewhere, classes="quiet", markup=False)
         for kind, one in SAVED.items():
             yield CheckLine(f"{one.name:<5} {one.about}", kind in self._types, f"type-{one.name}")
@@ -158,6 +159,13 @@ class SaveDialog(Form[list[SavedFile]]):
         """Tick a type, or not."""
         if self._files is None and not self._saving:
             self.query_one(f"#type-{kind}", CheckLine).action_turn()
+
+    def action_configuration(self) -> None:
+        """Go on to saving the configuration, where nothing was saved yet."""
+        screen = self.context.upper_screen
+        if screen is not None and self._files is None and not (self._saving or self._go_on):
+            self.dismiss()
+            screen.action_command("save_script")
 
     def action_open(self) -> None:
         """Look into what was saved."""
