@@ -4,6 +4,7 @@ import itertools
 import string
 
 import pytest
+from msgspec.structs import replace
 from textual import events
 
 from silo_tui import keymap
@@ -389,6 +390,15 @@ async def test_the_bar_of_a_list_says_what_esc_takes_away_first(fake, opened):
         await screen.press("escape")
         await screen.do("list_mark")
         await screen.until(lambda: "Esc Unmark" in bar(screen), "the mark")
+
+
+async def test_enter_is_no_key_of_a_trigger_without_a_capture(fake, opened):
+    fake.trigger_statuses = [FALL, replace(FALL, options=replace(FALL.options, name="last"), files=("/r/last_1.silo",))]
+    async with opened(fake) as screen:
+        await screen.do("triggers")
+        await screen.until(lambda: "r t Arm/Off" in bar(screen) and "Last capture" not in bar(screen), "its bar")
+        await screen.press("down")
+        await screen.until(lambda: "Enter Last capture" in bar(screen), "that of the other")
 
 
 async def test_the_bar_says_what_is_done_again_where_there_is_room(fake, opened):

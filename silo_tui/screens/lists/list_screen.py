@@ -274,6 +274,7 @@ class ListScreen(SiloScreen, Generic[LineT]):
 
     def on_lines_cursor_moved(self, event: Lines.CursorMoved) -> None:
         self.show_words()
+        self.query_one(KeyBar).update()
 
     def on_lines_line_picked(self, event: Lines.LinePicked) -> None:
         self.enter()

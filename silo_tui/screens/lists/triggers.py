@@ -10,7 +10,7 @@ from silo.conditions.standing import TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord, new_trigger
 from silo.core.quantities.writing import many
 from silo.judging.checks import long_capture_s
-from silo_tui.actions import key_of
+from silo_tui.actions import Command, key_of
 from silo_tui.model.lists.conditions import CAUTION, LOUD, name_width, named_in, times_head, trigger_row
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
@@ -61,6 +61,11 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
 
     def key_of(self, one: TriggerStatus) -> str:
         return one.options.name
+
+    def label_now(self, command: Command) -> str:
+        """Return it; a trigger without a capture has no last one."""
+        has_none = command.id == "trigger_capture" and self.chosen is not None and not self.chosen.files
+        return "" if has_none else super().label_now(command)
 
     def signals_of(self, one: TriggerStatus) -> Sequence[str]:
         return named_in(one.options.when, self.session.table.elements, self.session.table.prefix)
