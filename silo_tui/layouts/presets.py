@@ -30,6 +30,7 @@ PRESETS = (
         "Noisiest: the largest deviation on top, whole numbers left out",
         KeptLayout(sort="std", filter="type:f", set="statistics"),
     ),
+    Preset("problems", "p", "Problems: what the column state says something of", KeptLayout(filter="problem")),
     Preset("stuck", "s", "Stuck: values that change no more", KeptLayout(filter="frozen")),
     Preset("edited", "e", "Edited: other settings than the program began with", KeptLayout(filter="edited")),
     Preset(NEAR, "l", "Near a limit: within a tenth of one, or beyond", KeptLayout()),  # as they are now: `near_limit`

@@ -51,7 +51,7 @@ def count(table, text):
         ("~h(aa|fe)/torque$", 8), ("torque -~HA+", 8),  # a regular expression has its own bars
         ('"LF|RF"', 0), ('"no such thing"', 0),  # quotes keep blanks and bars together
         ("/legs/*/HAA/torque", 4), ("/log/legs/*/HAA/torque", 4), ("/HAA/*", 0),  # without the prefix of the table too
-        ("nan", 1), ("frozen", 2), ("slow", 1), ("alarm", 3), ("-alarm", 69),
+        ("nan", 1), ("frozen", 2), ("slow", 1), ("alarm", 3), ("problem", 3), ("-problem", 69),
         ("state:nan", 1), ("state:slow|Frozen", 2), ("state!=nan", 71), ("state:hh", 0), ("state:full", 0),
         ("value!=1e9", 71),  # what was not measured is neither equal nor unequal
     ],

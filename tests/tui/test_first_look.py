@@ -32,7 +32,7 @@ def test_what_is_near_a_limit_is_a_filter_for_just_that():
     assert near_limit([cold])[0].filter == "alarm -nan"  # a table without rows says why in words that people know
 
 
-@pytest.mark.parametrize("letter", ["h", "n", "s"])
+@pytest.mark.parametrize("letter", ["h", "n", "s", "p"])
 async def test_a_view_that_is_there_without_being_kept(fake, opened, letter):
     async with opened(fake.run()) as screen:
         await screen.do("view")

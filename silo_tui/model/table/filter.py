@@ -8,7 +8,9 @@
     ~HA+$                  a regular expression, somewhere in the name
     unit:Nm on:no div>1 size>=1k act:publish buf:loop state:lost kind:vector type:f4   unit:Nm|rad
     value>60 |value|>60 std>1 rate<95% fill>=50% changed<1s    what was measured, judged twice a second
-    marked pending edited conflict live derived alarm nan frozen slow off
+    marked pending edited conflict live derived problem nan frozen slow off
+
+`problem` is whatever the column `state` says, but `full`; it was called `alarm`, which goes on meaning it
 
 `parse` never raises: a term that can't be understood is reported, with its place, and left out.
 """
@@ -31,7 +33,7 @@ from silo_tui.model.table.terms import OTHER_TERMS, Test, negate
 _TOKEN = re.compile(r'-?~\S+|(?:"[^"]*"?|[^\s"])+')
 _PART = re.compile(r'\|[A-Za-z]+\|(?:>=|<=|!=|>|<|=|:)[^\s|"]*|(?:"[^"]*"?|[^|"])+')
 _TERM = re.compile(r"(\|?[A-Za-z]+\|?)(>=|<=|!=|>|<|=|:)(.*)", re.DOTALL)
-_MEASURED_WORDS = ("alarm", "nan", "frozen", "slow")
+_MEASURED_WORDS = ("problem", "alarm", "nan", "frozen", "slow")
 _FLAGS = ("dirty", "pending", "marked", "edited", "conflict", "live", "derived", "off", *_MEASURED_WORDS)
 TERMS = (*(term for column in LIVE_COLUMNS for term in column.terms), *OTHER_TERMS)
 
