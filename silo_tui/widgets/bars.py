@@ -193,8 +193,8 @@ class StatusBar(FittingLine):
             parts.append(LinePart(0, f"  ‼ {idle_words(session.idle_s)}", bold(variables, "alarm")))
         elif session.running:
             shorter = (f"  {rate.strip()} Hz{slow}", *([] if slow else [""]))
-            told, rank = f"  {rate} of {text.short(nominal_hz)} Hz{slow}", 9 if slow else 7  # alarms have 8
-            parts.append(LinePart(rank, told, slow and caution, shorter))
+            told = f"  {rate} of {text.short(nominal_hz)} Hz{slow}"
+            parts.append(LinePart(7, told, slow and caution, shorter))  # before alarms, which have 8; `slow` stays
         if (not (self.mode or status.recorders) or wide) and not session.dead:  # what isn't normal needs the room
             room = " " * (len(" slow") if session.running and not slow else 0)
             parts.append(LinePart(3, f"{room}  {status.enabled}/{status.elements}{' elements' * wide} on"))
@@ -276,7 +276,10 @@ class Banner(Guarded, Widget):
         if session.dead:
             reason = session.status.reason
             opens = f" {self._opens()}" if left_a_file(session) else ""
-            return f"{session.name} died: {reason or 'nothing is known of why'}{opens}"
+            words = f"{session.name} died: {reason or 'nothing is known of why'}{opens}"
+            if cast(Any, self.app).context.has_demo():
+                words = f"{words.rstrip('.')}; {key_of('loggers')}, then {key_of('demo')} starts the demo again."
+            return words
         if len(session.table) and not session.table.live.any() and session.running:
             keys = f"press {key_of('toggle')}, then {key_of('apply')} to apply"
             return f"Nothing is logged, every element is off: mark elements, {keys}."

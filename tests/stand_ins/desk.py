@@ -208,7 +208,7 @@ class Drawn:
     """A widget of so many cells, in an app whose colours are their names."""
 
     width, height = 80, 1
-    read_only = False
+    read_only = has_demo = False
     screen: Any = None
 
     @property
@@ -216,7 +216,7 @@ class Drawn:
         console = Console(width=self.width, color_system=None)
         return SimpleNamespace(
             theme_variables=Colours(), size=Size(self.width, 24), console=console, no_color=False, _driver=None,
-            context=SimpleNamespace(read_only=self.read_only),
+            context=SimpleNamespace(read_only=self.read_only, has_demo=lambda: self.has_demo),
         )  # fmt: skip
 
     size = content_size = property(lambda self: Size(self.width, self.height))

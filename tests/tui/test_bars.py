@@ -241,15 +241,15 @@ def test_that_others_are_there_gives_way_before_alarms_are_letters(desk):
     desk.session.status = msgspec.structs.replace(desk.session.status, clients=[Present("a", 0), Present("b", 0)])
     assert head(desk, 120).endswith("  1 alarm (HH), 1 ended unseen  1 other client")
     assert head(desk, 100).endswith("of 400 Hz slow        1 alarm (HH), 1 ended unseen")
-    assert head(desk, 80).endswith("of 400 Hz slow    1 alarm (HH)")
-    assert head(desk, 72).endswith("of 400 Hz slow    HH 1")
+    assert head(desk, 80).endswith("200.0 Hz slow  1 alarm (HH), 1 ended")
+    assert head(desk, 56).endswith("200.0 Hz slow  HH 1")
 
 
-def test_a_rate_that_is_as_it_should_be_gives_way_before_alarms_are_letters_and_a_slow_one_after_them(desk):
+def test_a_rate_gives_way_before_alarms_are_letters_but_that_it_is_slow(desk):
     desk.session.limits = [LimitStatus(NAME, NAME, LimitWord.RED_HIGH, alarm=True)]
     assert head(desk, 64) == at_end(RUNS, "1 alarm (HH)", 64)
     desk.session.measured_hz = 200.0
-    assert head(desk, 72) == at_end(f"{RUNS}  200.0 of 400 Hz slow", "HH 1", 72)
+    assert head(desk, 72) == at_end(f"{RUNS}  200.0 Hz slow", "1 alarm (HH)", 72)
 
 
 def test_triggers_stand_in_the_head_while_there_is_room(desk):
@@ -282,8 +282,8 @@ def test_words_of_alarms_and_triggers_give_way_before_the_name_of_the_logger_and
     desk.session.limits = [LimitStatus(NAME, NAME, LimitWord.OK, alarm=True)]
     desk.session.triggers = [TriggerStatus(TriggerOptions("fall", "x > 1"), TriggerWord.FIRING)]
     desk.session.measured_hz = 200.0
-    assert head(desk, 91) == at_end(f"{RUNS}  200.0 of 400 Hz slow", "1 alarm unseen  FIRES", 91)
-    assert head(desk, 77) == at_end(f"{RUNS[:-8]}  200.0 Hz slow", "1 alarm unseen  FIRES", 77)
+    assert head(desk, 91) == at_end(f"{RUNS}  200.0 Hz slow", "1 alarm ended unseen  FIRES", 91)
+    assert head(desk, 77) == at_end(f"{RUNS[:-8]}  200.0 Hz slow", "1 alarm ended  FIRES", 77)
 
 
 def test_a_thin_link_is_told_at_the_end_with_as_much_as_has_room(desk, monkeypatch):
@@ -311,8 +311,9 @@ def test_a_head_is_painted_when_it_reads_differently(desk):
 # ----------------------------------------------------------------------------------------------------------- the banner
 
 
-def banner(desk: Desk, scope: str = "table") -> tuple[str, bool]:
+def banner(desk: Desk, scope: str = "table", *, has_demo: bool = False) -> tuple[str, bool]:
     drawn = Top(desk.session)
+    drawn.has_demo = has_demo
     drawn.screen = SimpleNamespace(scope=scope)
     drawn.update()
     return " ".join(line.strip() for line in drawn.render().plain.split("\n")), drawn.display
@@ -363,6 +364,8 @@ def test_how_a_robot_program_died_is_told_with_how_its_file_is_opened(reason, fi
     told(desk, state=State.DEAD, reason=reason)
     desk.session.left_files = files
     assert banner(desk, scope) == (f"robot died: {words}", True)
+    again = "; g l, then g d starts the demo again."
+    assert banner(desk, scope, has_demo=True)[0] == f"robot died: {words.rstrip('.')}{again}"
 
 
 def test_that_nothing_is_logged_is_told_with_the_keys_that_change_it(desk):
