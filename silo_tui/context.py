@@ -559,6 +559,11 @@ class SiloScreen(Leaving[None]):
         """Show the keys of a dialog that lies above."""
         self.show_keys_above()
 
+    def cover_messages(self, covered: bool) -> None:
+        """Have what is said fit into the row that a menu leaves of it, or have its room again."""
+        for line in self.walk_children(MessageLine):
+            line.cover(covered)
+
     def show_keys_above(self) -> None:
         """Show the keys of what lies above this screen, where it is a dialog."""
         if self.app.screen.is_modal:

@@ -77,6 +77,7 @@ class MenuReader:
             if self._lines is not None:
                 self._lines.remove()  # it takes a moment, in which another may be drawn
                 self._on.show_keys("")
+                self._on.cover_messages(False)
             self._on.update_keys()
         self._menu, self._on, self._timer, self._lines = "", None, None, None
 
@@ -144,6 +145,7 @@ class MenuReader:
             return
         self._lines = MenuLines(self.picture(screen, self._app.size.width - 2), markup=False)
         screen.mount(self._lines)
+        screen.cover_messages(True)
         screen.show_keys(f"a letter Does what stands behind it  {key_of('back')} Leaves the menu")
 
     def picture(self, screen: SiloScreen, width: int) -> Text:

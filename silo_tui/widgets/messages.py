@@ -46,6 +46,7 @@ class MessageLine(FittingLine):
         self._failed = False
         self._news = ""
         self._rows = 1
+        self._most_rows = MOST_ROWS
 
     def say(self, words: str, *, failed: bool = False) -> None:
         """Show an answer until the next one, or until somebody goes on who had time to read it."""
@@ -56,6 +57,11 @@ class MessageLine(FittingLine):
         """Take an answer away that stood long enough: what it is about goes on, and may have ended."""
         if self.said and time.monotonic() - self._said_s >= READ_S:
             self.say("")
+
+    def cover(self, covered: bool) -> None:
+        """Show the beginning of what is longer than a row, while a menu covers the others."""
+        self._most_rows = 1 if covered else MOST_ROWS
+        self.changed()
 
     def tell(self, news: str) -> None:
         """Show news of the robot above; empty: none any more."""
@@ -81,19 +87,21 @@ class MessageLine(FittingLine):
         below = self.below(self._room)
         if not self._news:
             return below
-        rows = max(1, MOST_ROWS - len(below.wrap(self.app.console, self._room)))
+        rows = max(1, self._most_rows - len(below.wrap(self.app.console, self._room)))
         *tour, newest = self._news.split("\n")
         return Text("\n").join([*map(Text, tour), Text(beginning(newest, self._room, rows, self.app.console)), below])
 
     @property
     def answer(self) -> str:
         """What is shown of the answer."""
-        return beginning(self.said, self._room, MOST_ROWS - bool(self._news), self.app.console)
+        rows = max(1, self._most_rows - bool(self._news))
+        return beginning(self.said, self._room, rows, self.app.console)
 
     def below(self, room: int) -> Text:
         """Return facts and the answer, or the answer alone where the line has no room for more."""
         if self._failed:
-            return Text(self.said, style=bold(self.app.theme_variables, "alarm"))
+            said = self.said if self._most_rows > 1 else self.answer
+            return Text(said, style=bold(self.app.theme_variables, "alarm"))
         line = self.line(room)
         return Text(self.answer) if self.said and line.cell_len > room else line
 
@@ -201,7 +209,8 @@ class ListLine(MessageLine):
         if self._failed:
             return super().below(room)
         words = self.BETWEEN.join(filter(None, [self.answer, *self.told]))
-        return Text(beginning(words, room, max(1, round(self.app.size.height * self._share)), self.app.console))
+        most = max(1, round(self.app.size.height * self._share)) if self._most_rows > 1 else 1
+        return Text(beginning(words, room, most, self.app.console))
 
 
 def _cursor_words(session: Session) -> str:

@@ -657,6 +657,19 @@ def test_of_a_list_a_failure_stands_alone_and_an_answer_before_what_is_told():
     assert line.words().plain == "it failed"
 
 
+@pytest.mark.parametrize("failed", [False, True])
+@pytest.mark.parametrize("made", [lambda: OfList(0.3), lambda: Said(Session("robot"))])
+def test_while_a_menu_covers_the_rows_above_a_message_shows_its_beginning(made, failed):
+    line = made()
+    line.say(" ".join(map(str, range(60))), failed=failed)
+    assert len(line.words().wrap(line.app.console, 78)) == 3
+    line.cover(True)
+    (row,) = line.words().wrap(line.app.console, 78)
+    assert row.plain.startswith("0 1 2 3") and row.plain.endswith(f"… ({key_of('messages')})")
+    line.cover(False)
+    assert len(line.words().wrap(line.app.console, 78)) == 3
+
+
 @pytest.mark.parametrize(("values", "quiet"), [([("kp", None, 1.0)], True), ([("kp", 2.0, 1.0)], False)])
 def test_what_all_parameters_are_at_a_start_is_no_news(values, quiet, desk):
     change = ParameterChange(tuple(values))

@@ -33,6 +33,9 @@ class Asked(Sheet):
         self.lines = lines
         lines.remove = lambda: self.told.append("the menu goes")
 
+    def cover_messages(self, covered):
+        self.covered = covered
+
     def show_keys(self, instead):
         self.in_bar = instead
 
@@ -94,10 +97,11 @@ def test_a_key_that_ends_the_program_ends_it_in_a_menu_too(reading):
 def test_a_letter_that_is_in_no_menu_leaves_it_open(reading):
     reading.typed("e", "Q")
     assert reading.sheet.told[-1] == "Q is not in the menu; Esc leaves it"
-    assert reading.sheet.lines
+    assert reading.sheet.lines and reading.sheet.covered, "one row of what is said stays"
     assert reading.sheet.in_bar == "a letter Does what stands behind it  Esc Leaves the menu"
     reading.typed("t")
     assert (reading.sheet.told[-3:], reading.sheet.in_bar) == (["the menu goes", "keys", "toggle"], "")
+    assert not reading.sheet.covered
 
 
 def test_the_key_of_another_menu_opens_that_one_where_it_is_no_letter_of_this(reading):
