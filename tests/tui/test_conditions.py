@@ -88,7 +88,7 @@ class TestWords:
         ended = ("1 alarm ended unseen", "1 alarm ended")
         assert head_words([], [over, replace(over, alarm=False)]) == (ended, False, ())
         assert head_words([], [over, seen])[0] == (
-            "1 alarm (HH) seen, 1 ended unseen", "1 alarm (HH), 1 unseen", "1 alarm (HH)", "HH 1",
+            "1 alarm (HH) seen, 1 ended unseen", "1 alarm (HH), 1 ended", "1 alarm (HH)", "HH 1",
         )  # fmt: skip
         assert head_words([], []) == ((), False, ())
         assert head_words([BLIND], []) == ((), False, ())  # none is armed: nothing to tell
