@@ -597,7 +597,10 @@ class Serving:
         self._close(self.end if kind is None or self._over else self._end_by_error)
 
     def _end_by_error(self) -> None:
+        logger = self._logger_ref()
+        if logger is None:
+            self.end()
+            return
         with self._ends:
-            if (logger := self._logger_ref()) is not None:
-                logger._data.save_unsaved("is served no more after an error")
-        self.end()
+            logger._data.save_unsaved("is served no more after an error")
+        self.end(logger._leave)  # another thread may end the logger, too
