@@ -55,7 +55,8 @@ class CheckLine(Guarded, Widget, can_focus=True):
 FOLLOW_S = 0.05
 _PART = re.compile(r"_part\d+$")
 A_PART = "a part: each change that is applied while it logs begins one, and whoever opens one has the whole run"
-KEYS = f"↑↓ Move  space {' '.join(name[0] for name in SAVED_NAMES)} Tick  w Configuration  Enter Saves  Esc Back"
+CONFIGURATION = "w"
+KEYS = f"↑↓ Move  space {' '.join(name[0] for name in SAVED_NAMES)} Tick  {CONFIGURATION} Configuration  Enter Saves  Esc Back"
 
 
 class SaveDialog(Form[list[SavedFile]]):
@@ -66,7 +67,7 @@ class SaveDialog(Form[list[SavedFile]]):
         Binding("down,j", "app.focus_next", show=False),
         Binding("up,k", "app.focus_previous", show=False),
         *(Binding(name[0], f"turn('{name}')", show=False) for name in SAVED_NAMES),
-        Binding("w", "configuration", show=False),
+        Binding(CONFIGURATION, "configuration", show=False),
         Binding("enter,ctrl+s", "save", show=False),
         Binding("o", "open", show=False),
     ]
@@ -96,7 +97,7 @@ class SaveDialog(Form[list[SavedFile]]):
         yield Static(f"in {folder}, on the robot", classes="quiet", markup=False)
         marked = self.context.session.rows.marked_count
         all_of_it = f"all elements, not the {marked} marked alone" if marked else "what was logged"
-        elsewhere = f"{all_of_it}{'' if self._go_on else '; w saves the configuration instead'}"
+        elsewhere = all_of_it if self._go_on else f"{all_of_it}; {CONFIGURATION} saves the configuration instead"
         yield Static(elsewhere, classes="quiet", markup=False)
         for kind, one in SAVED.items():
             yield CheckLine(f"{one.name:<5} {one.about}", kind in self._types, f"type-{one.name}")
