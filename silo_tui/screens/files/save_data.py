@@ -56,7 +56,8 @@ FOLLOW_S = 0.05
 _PART = re.compile(r"_part\d+$")
 A_PART = "a part: each change that is applied while it logs begins one, and whoever opens one has the whole run"
 CONFIGURATION = "w"
-KEYS = f"↑↓ Move  space {' '.join(name[0] for name in SAVED_NAMES)} Tick  {CONFIGURATION} Configuration  Enter Saves  Esc Back"
+TICKS = " ".join(name[0] for name in SAVED_NAMES)
+KEYS = f"↑↓ Move  space {TICKS} Tick  {CONFIGURATION} Configuration  Enter Saves  Esc Back"
 
 
 class SaveDialog(Form[list[SavedFile]]):
