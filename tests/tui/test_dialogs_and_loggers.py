@@ -251,8 +251,8 @@ async def test_data_is_saved_in_the_types_that_are_chosen_and_that_takes_the_pla
     async with opened(fake.run(), size=(100, 30)) as screen:
         await screen.press("w")
         await screen.shows("Save data")
-        await screen.shows("what was logged; w saves the configuration instead")
-        await screen.press("w")
+        await screen.shows("what was logged; W saves the configuration instead")
+        await screen.press("W")
         await screen.shows("Save the configuration")
         await screen.press("escape", "w", "down", "space", "enter")
         await screen.until(lambda: fake.calls)
@@ -272,7 +272,7 @@ async def test_data_is_saved_in_the_types_that_are_chosen_and_that_takes_the_pla
 async def test_a_save_says_that_it_is_of_all_elements_though_some_are_marked_and_what_a_part_is(fake, opened):
     async with opened(fake.run()) as screen:
         await screen.do("mark", "mark", "save_data")
-        await screen.shows("all elements, not the 2 marked alone; w saves the configuration instead")
+        await screen.shows("all elements, not the 2 marked alone; W saves the configuration instead")
         await screen.do("down", "down", "down")
         await screen.type("walk_part4")
         await screen.press("enter")

@@ -55,7 +55,7 @@ class CheckLine(Guarded, Widget, can_focus=True):
 FOLLOW_S = 0.05
 _PART = re.compile(r"_part\d+$")
 A_PART = "a part: each change that is applied while it logs begins one, and whoever opens one has the whole run"
-CONFIGURATION = "w"
+CONFIGURATION = "W"  # no small letter: names are typed here, too
 TICKS = " ".join(name[0] for name in SAVED_NAMES)
 KEYS = f"↑↓ Move  space {TICKS} Tick  {CONFIGURATION} Configuration  Enter Saves  Esc Back"
 
