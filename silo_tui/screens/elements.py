@@ -397,7 +397,7 @@ class ElementsScreen(SiloScreen):
         self._lay_out(self.app.size.width)
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
-        """Return what a range, a filter or marks ask for, or a name space under the cursor."""
+        """Return what a range or a filter asks for, or a name space under the cursor."""
         rows = self.session.rows
         if rows.anchor is not None:
             return (("range", "Mark the range"), ("back", "Leave it"))
@@ -408,11 +408,11 @@ class ElementsScreen(SiloScreen):
             into = [("fold", "Fold" if rows.vector in rows.unfolded else "Unfold")]
         if self._inspector_opened:
             return (*into, ("back", "Close"))
+        if not rows.filter.text:
+            return into
         plot = next(BY_ID[each] for each in ("monitor", "plot") if self.scope in BY_ID[each].scopes)
-        then = [(plot.id, self.label_now(plot))] if rows.marked_count else []
-        if rows.filter.text:
-            then = [("filter", "Filter"), ("back", "No filter"), *(then or [("mark_shown", "Mark all")])]
-        return (*into, *then)
+        then = (plot.id, self.label_now(plot)) if rows.marked_count else ("mark_shown", "Mark all")
+        return (*into, ("filter", "Filter"), ("back", "No filter"), then)
 
     def command_back(self) -> None:
         """Leave the inspector that was asked for, the range, the filter, the marks, the tour; never pending edits."""
