@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from silo.core.conditions import Conditions
 from silo.core.elements import State
 from silo.errors import SaveError, StateError
-from silo.logger.unclosed import LoggerEnd
+from silo.logger.unclosed import LoggerEnd, after_calls
 from silo.loop.plan import Element
 
 if TYPE_CHECKING:
@@ -82,6 +82,11 @@ class LifeCycle:
         """Let the helper process know of a new state or table. Never waits."""
         if self.serving is not None:
             self.serving.state_changed()
+
+    def end(self, end: Callable[[], None]) -> None:
+        """Do what ends the logger, or its server: now, or after what this thread is amid."""
+        if self.serving is None or not self.serving.keeps(end):
+            after_calls(self, end)
 
     @property
     def helper_is_up(self) -> bool:

@@ -38,7 +38,6 @@ from silo.logger.scripted_table import ScriptedTable
 from silo.logger.tunables import Tunables
 from silo.logger.unclosed import (
     LoggerEnd,
-    after_calls,
     drop_journals,
     end_namesakes,
     ends_after_calls,
@@ -581,7 +580,7 @@ class Logger(LoggerNames):
             self._end(LoggerEnd.FORGOTTEN)
 
     def _end(self, ending: LoggerEnd) -> None:
-        after_calls(self._life, functools.partial(self._end_now, ending))
+        self._life.end(functools.partial(self._end_now, ending))
 
     def _end_now(self, ending: LoggerEnd) -> None:
         """End it once, however that comes; what was interrupted goes on as it began, or drops where it is to."""

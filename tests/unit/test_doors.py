@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 import silo
+from silo.errors import SiloError
 from silo.files.event_log import CRASHED, read_events
 from silo.files.silo import writer
 from silo.logger import unclosed
@@ -51,13 +52,14 @@ SERVED_PAIRS = [(first, second) for first in SERVED for second in SERVED if {fir
 
 @pytest.fixture
 def logger(tmp_path):
-    """Makes a logger with some ticks, `served` or not."""
+    """Makes a logger with some ticks, `served` or not, with a parameter that has such a check."""
 
-    def made(served):
+    def made(served, check=None):
         log = silo.Logger(
             "walk", folder=tmp_path, script=tmp_path / "none.yaml", storage="disk" if served else "memory"
         )
         log.add(x := np.zeros(1), "x")
+        log.parameter("kp", 1.0, check=check)
         serving = log.serve() if served else None
         log.start()
         for x[0] in range(TICKS):
@@ -177,6 +179,22 @@ def in_a_thread(what):
     thread.start()
     thread.join(30)
     assert not thread.is_alive()
+
+
+@contextlib.contextmanager
+def asking(what):
+    """A client asks for something, and may hear instead that the logger was closed."""
+
+    def asks():
+        with contextlib.suppress(SiloError):
+            what(client)
+
+    with silo.connect("walk") as client:
+        thread = threading.Thread(target=asks, daemon=True)
+        thread.start()
+        yield
+        thread.join(30)
+        assert not thread.is_alive()
 
 
 @contextlib.contextmanager
@@ -367,6 +385,34 @@ def test_a_signal_handler_that_closes_a_served_one_amid_a_call_waits_for_no_thre
         log.stop()
     assert log._life.freed
     check(log, serving, {"dropped"}, tmp_path, runtime_folder)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("asked", ["close", "server"])
+@pytest.mark.parametrize("door", ["with", "server, error"])
+def test_a_check_that_closes_it_while_another_thread_ends_it_waits_for_no_save_that_waits_for_its_answer(
+    logger, tmp_path, runtime_folder, monkeypatch, caplog, door, asked
+):
+    begins, saves = threading.Event(), threading.Event()
+
+    def ends(_):
+        begins.set()
+        assert saves.wait(30)
+        pass_through(asked, log, serving)
+
+    def saved(*arguments):
+        saves.set()
+        return save(*arguments)
+
+    log, serving = logger(served=True, check=ends)
+    save = serving.save
+    monkeypatch.setattr(serving, "save", saved)
+    with asking(lambda client: client.parameters.set({"kp": 2.0})):
+        assert begins.wait(30)
+        in_a_thread(lambda: pass_through(door, log, serving))
+    assert "frozen" not in caplog.text
+    assert log._life.freed == (asked == "close" or door == "with")
+    check(log, serving, {"saved"}, tmp_path, runtime_folder)
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ Called by the thread of `silo.logger.serving.serving`, never by the loop.
 
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import msgspec
@@ -36,6 +36,8 @@ class Life(Protocol):
     """A logger's life, seen from here."""
 
     ends: threading.RLock
+
+    def end(self, end: Callable[[], None], /) -> None: ...
 
 
 class Served(StateOfLogger, Protocol):

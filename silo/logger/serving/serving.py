@@ -34,7 +34,6 @@ from silo.logger.serving.process import (
     Patience,
     drawn_id,
 )
-from silo.logger.unclosed import after_calls, during
 from silo.loop.run import Run
 from silo.parameters.requests import ParametersSet
 from silo.parameters.robot import ended
@@ -120,6 +119,7 @@ class Serving:
         self._answers: dict[int, concurrent.futures.Future[tuple[AnyReply, SaveFuture]]] = {}
         self._saves: dict[int, SaveFuture] = {}
         self._beats = 0  # that were answered
+        self._to_end: list[Callable[[], None]] = []  # the logger, or this, as a check of a parameter asked for
         self._landing: list[tuple[int, str, float]] = []  # changes of parameters whose clients wait for their tick
         self._table_sent = -1
         self._by = ""
@@ -184,7 +184,7 @@ class Serving:
                 if self._wake in ready:
                     os.eventfd_read(self._wake)
                     if not self.alive:
-                        return
+                        break
                     self._push_state()
                     self._look_at_end()
                 if link in ready:
@@ -193,8 +193,19 @@ class Serving:
                         self._helper_died()
                     else:
                         self._heard(message)
+                self._end_as_asked(waiting=False)
             except (OSError, SiloError):  # gone, or what it sends is no message
                 self._helper_died()
+        self._end_as_asked(waiting=True)
+
+    def _end_as_asked(self, *, waiting: bool) -> None:
+        """End what it was asked to here; not while another thread ends it, which may wait for what this one hears."""
+        if self._to_end and self._ends.acquire(blocking=waiting):
+            try:
+                while self._to_end:
+                    self._to_end.pop(0)()
+            finally:
+                self._ends.release()
 
     def _until_due(self, next_look_s: float) -> float | None:
         """Seconds until the next look at what a running logger's program holds, or at changes of its parameters.
@@ -240,10 +251,6 @@ class Serving:
             logger._data.look_for_unheld(run, run.left_behind(lambda: time.sleep(PAUSE_S)))
 
     def _heard(self, message: object) -> None:
-        logger = self._logger_ref()
-        during(logger and logger._life, [], self._handle, message)  # a check of a parameter may end the logger
-
-    def _handle(self, message: object) -> None:
         logger = self._logger_ref()
         if isinstance(message, LinkRequest) and logger is not None:
             with self._telling:
@@ -338,6 +345,7 @@ class Serving:
 
     def _helper_died(self) -> None:
         """Start a new helper, as often as it takes. The control loop notices nothing."""
+        self._end_as_asked(waiting=False)  # it may be long until there is another
         if not self.alive:
             return  # it ended because the logger is being closed
         self.is_up = False
@@ -516,7 +524,15 @@ class Serving:
 
     def _close(self, end: Callable[[], None]) -> None:
         logger = self._logger_ref()
-        end() if logger is None else after_calls(logger._life, end)
+        end() if logger is None else logger._life.end(end)
+
+    def keeps(self, end: Callable[[], None]) -> bool:
+        """Keep what ends the logger, or this, for after an answer, where that is asked for amid it; whether it does."""
+        if self._thread is not threading.current_thread() or self._logger_ref() is None:  # being forgotten
+            return False
+        self._to_end.append(end)
+        os.eventfd_write(self._wake, 1)
+        return True
 
     def forget(self) -> None:
         """Serve nobody, in a forked child, and hold nothing by whose end others learn that its parent ended."""
