@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from silo.core.conditions import Conditions
 from silo.core.elements import State
 from silo.errors import SaveError, StateError
-from silo.logger.unclosed import LoggerEnd, after_calls
+from silo.logger.unclosed import LoggerEnd, after_calls, during
 from silo.loop.plan import Element
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ class LifeCycle:
     def tell(self) -> None:
         """Let the helper process know of a new state or table. Never waits."""
         if self.serving is not None:
-            self.serving.state_changed()
+            during(self, [], self.serving.state_changed)
 
     def end(self, end: Callable[[], None]) -> None:
         """Do what ends the logger, or its server: now, or after what this thread is amid."""

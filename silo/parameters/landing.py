@@ -105,7 +105,7 @@ class Landing:
         self.landed: dict[str, int] = {}  # likewise by group
         self._places: dict[str, int] = {}
         self._tokens, self._revisions = itertools.count(1), itertools.count(1)
-        self._recording = threading.Lock()
+        self._recording = threading.RLock()
         self.block: OwnMemory | None = None
         self._words: NDArray[np.int64] = np.zeros(0, np.int64)
         self.used_words = 0  # that parameters have so far: the next one stands behind them
@@ -203,8 +203,15 @@ class Landing:
         return WaitingChange(next(self._tokens), infos, new, selection, who, where, name)
 
     def post(self, change: WaitingChange) -> None:
-        """Have a change land at the end of a tick."""
-        self._open(change)
+        """Have a change land at the end of a tick; that notes it where another thread is noting one just now.
+
+        It may have been interrupted there by a signal handler that waits for this thread.
+        """
+        if self._recording.acquire(blocking=False):
+            try:
+                self._open(change)
+            finally:
+                self._recording.release()
         self.waiting.append(change)
 
     def store(self, change: WaitingChange) -> None:

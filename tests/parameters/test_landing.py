@@ -75,6 +75,16 @@ def test_the_record_begins_with_what_all_were_and_tells_what_it_really_was_befor
     assert asked == (1, "alice", {"/log/legs/kp": (45.0, 50.0)})
 
 
+def test_what_comes_while_another_thread_notes_a_change_waits_for_nobody_and_is_noted_as_it_lands(tuned):
+    asks = threading.Thread(target=lambda: ask(tuned, {"kp": 50.0}), daemon=True)
+    with tuned.parameters.landing._recording:
+        asks.start()
+        asks.join(30)
+        assert not asks.is_alive()
+    tuned.collect()
+    assert told(tuned)[-1] == (1, "alice", {"/log/legs/kp": (40.0, 50.0)})
+
+
 def test_what_waits_when_the_next_run_starts_lands_in_it_and_is_recorded_there(tuned):
     ask(tuned, {"kp": 50.0})
     tuned.restart()

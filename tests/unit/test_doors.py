@@ -24,6 +24,7 @@ from silo.logger import unclosed
 from silo.logger.serving.serving import Serving
 from silo.logger.unclosed import LoggerEnd
 from silo.segment.reader import SegmentReader
+from silo.segment.reasons import StopReason
 from tests.stand_ins.interrupting import Interrupts
 from tests.waiting import wait_until
 
@@ -383,6 +384,43 @@ def test_a_signal_handler_that_closes_a_served_one_amid_a_call_waits_for_no_thre
     monkeypatch.setattr(log._present, "settle_cut", with_the_lock)
     with handling(log.close):
         log.stop()
+    assert log._life.freed
+    check(log, serving, {"dropped"}, tmp_path, runtime_folder)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("amid", ["a set", "the tick with which it stops"])
+def test_a_signal_handler_that_closes_a_served_one_waits_for_no_thread_that_waits_for_what_it_came_amid(
+    logger, tmp_path, runtime_folder, monkeypatch, amid
+):
+    log, serving = logger(served=True)
+    landing = log.parameters.landing
+    owner, name, waits_in, does, asks = {
+        "a set": (
+            landing.record, "open", "_open", lambda: log.parameters.set({"kp": 3.0}),
+            lambda client: client.parameters.set({"kp": 2.0}),
+        ),
+        "the tick with which it stops": (
+            serving._changes, "add", "state_changed", lambda: log._stop_by_itself(StopReason.TIME_FULL),
+            lambda client: client.start(unsaved="discard"),
+        ),
+    }[amid]  # fmt: skip
+    real = getattr(owner, name)
+
+    def waits():
+        stack = traceback.extract_stack(sys._current_frames()[serving._thread.ident])
+        return landing.waiting or any(frame.name == waits_in for frame in stack)
+
+    def interrupted(*arguments):
+        monkeypatch.setattr(owner, name, real)
+        with asking(asks):
+            wait_until(waits)
+            signal.raise_signal(signal.SIGUSR1)
+            return real(*arguments)
+
+    monkeypatch.setattr(owner, name, interrupted)
+    with handling(log.close):
+        does()
     assert log._life.freed
     check(log, serving, {"dropped"}, tmp_path, runtime_folder)
 
