@@ -13,7 +13,7 @@ from silo.core.arrays.columns import HOLE_TEXTS, Gap
 from silo.core.names import did_you_mean, glob_of_regex, nearest
 from silo.core.quantities.writing import many
 from silo.rpc.frames import Frame
-from silo_tui.actions import BY_ID, key_of
+from silo_tui.actions import BY_ID, Command, commands_for, key_of
 from silo_tui.context import SiloScreen
 from silo_tui.modal import ask
 from silo_tui.model.drawing.braille import SHADE
@@ -39,6 +39,7 @@ DEBOUNCE_S = 0.15
 FILTER_HINTS = """words in any order   a|b either   -not   ~regex   "with blank"   /glob/*
 unit:Nm on:no div>1 size>=1k kind:vector   value>60 |value|>60 std>1 rate<95%
 changed<1s   marked pending edited problem nan frozen slow off"""
+AWAY = {"loggers": "the loggers", "quit": "quits"}  # where Esc has nothing to leave
 FILTER_KEYS = "Enter keeps the filter  Tab completes  Esc clears it"
 
 
@@ -396,6 +397,15 @@ class ElementsScreen(SiloScreen):
         self.inspector_wanted = not self.inspector.display
         self._lay_out(self.app.size.width)
 
+    def label_now(self, command: Command) -> str:
+        """Return it; what is folded is a vector into one line, or a name space, of which only a tree has lines."""
+        rows = self.session.rows
+        if command.id != "fold":
+            return super().label_now(command)
+        if rows.vector:
+            return "Fold" if rows.vector in rows.unfolded else "Entries"
+        return command.label if rows.sort == TREE else ""
+
     def mode_keys(self) -> Sequence[tuple[str, str]]:
         """Return what a range or a filter asks for, or a name space under the cursor."""
         rows = self.session.rows
@@ -405,7 +415,7 @@ class ElementsScreen(SiloScreen):
         if rows.branch is not None:
             into = [("into", "Unfold" if rows.branch.path in rows.folded else "Fold")]
         elif rows.sort == TREE and rows.vector:
-            into = [("fold", "Fold" if rows.vector in rows.unfolded else "Unfold")]
+            into = [("fold", self.label_now(BY_ID["fold"]))]
         if self._inspector_opened:
             return (*into, ("back", "Close"))
         if not rows.filter.text:
@@ -429,6 +439,10 @@ class ElementsScreen(SiloScreen):
         elif self.context.tour is not None:
             self.context.tour, told = None, "the tour ends; :tour begins it again"
             self.show_news(self.context.news)
+        else:
+            here = {command.id for command in commands_for(self.scope)}
+            ways = [f"{key_of(each)} {words}" for each, words in AWAY.items() if each in here and key_of(each)]
+            told = f"nothing to leave here: {', '.join(ways)}"
         self.say(told)
         self.table_changed()
 

@@ -11,6 +11,7 @@ from silo_tui import keymap
 from silo_tui.actions import BY_ID, COMMANDS, commands_for, key_of, key_text, why_no_use
 from silo_tui.keymap import BASES, OPENERS, TWO_LAYERS, clashes, in_menu, use_keys, where
 from silo_tui.menus import MenuLines
+from silo_tui.model.table.columns import NAME, TREE
 from silo_tui.model.table.fields import Field
 from silo_tui.screens.dialogs.questions import Question
 from silo_tui.settings.options import Settings
@@ -244,6 +245,32 @@ async def test_enter_plots_the_row_though_others_are_marked_and_all_where_it_is_
         assert {each.element.name for each in screen.app.screen.stack.plots} == {
             "/log/base/orientation", "/log/base/position"
         }  # fmt: skip
+
+
+async def test_the_key_that_folds_is_called_by_what_it_does_on_the_line_under_the_cursor(fake, opened):
+    async with opened(fake, size=(160, 50)) as screen:
+        key, bar = key_of("fold"), lambda: screen.text.splitlines()[-1]
+        for order, name, label in (
+            (NAME, "imu/temperature", ""), (NAME, "base/position", "Entries"), (TREE, "imu/temperature", "Fold"),
+            (TREE, "base/position", "Entries"),
+        ):  # fmt: skip
+            await screen.enter(f":sort {order}")
+            await screen.enter(f":goto {name}")
+            await screen.until(lambda name=name: screen.session.table.names[screen.session.rows.row].endswith(name))
+            await screen.shows(f" {key} {label}") if label else await screen.settled()
+            assert label or f" {key} " not in bar()
+        await screen.do("fold")
+        await screen.shows(f" {key} Fold ")
+
+
+async def test_esc_that_has_nothing_to_leave_on_the_table_says_which_keys_lead_on(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("escape")
+        await screen.shows(f"nothing to leave here: {key_of('loggers')} the loggers, {key_of('quit')} quits")
+        await screen.do("mark")
+        await screen.press("escape")
+        await screen.until(lambda: not screen.session.rows.marked_count)
+        assert "nothing to leave" not in screen.text
 
 
 async def test_enter_on_a_name_space_folds_it_and_on_a_row_plots_it(fake, opened):
