@@ -36,7 +36,8 @@ def beginning(words: str, room: int, rows: int, console: Console) -> str:
 
 class MessageLine(FittingLine):
     """Two messages that never take the place of one another: the answer stands behind the facts of the screen, of which
-    as many as have room beside it are shown; one that is longer than the line wraps, a failure as far as it goes.
+    as many as have room beside it are shown, and those that must stay (of rank 0); what is longer than the line wraps,
+    a failure as far as it goes.
     """
 
     def __init__(self) -> None:
@@ -91,19 +92,21 @@ class MessageLine(FittingLine):
         *tour, newest = self._news.split("\n")
         return Text("\n").join([*map(Text, tour), Text(beginning(newest, self._room, rows, self.app.console)), below])
 
-    @property
-    def answer(self) -> str:
-        """What is shown of the answer."""
-        rows = max(1, self._most_rows - bool(self._news))
-        return beginning(self.said, self._room, rows, self.app.console)
+    def cut(self, words: str) -> str:
+        """Return what is shown of words with an answer."""
+        return beginning(words, self._room, max(1, self._most_rows - bool(self._news)), self.app.console)
 
     def below(self, room: int) -> Text:
-        """Return facts and the answer, or the answer alone where the line has no room for more."""
-        if self._failed:
-            said = self.said if self._most_rows > 1 else self.answer
-            return Text(said, style=bold(self.app.theme_variables, "alarm"))
+        """Return facts and the answer, or it with what must stay where the line has no room for more."""
         line = self.line(room)
-        return Text(self.answer) if self.said and line.cell_len > room else line
+        if not self._failed and not (self.said and line.cell_len > room):
+            return line
+        stays = "".join(f"{part.words}{self.BETWEEN}" for part in self.facts() if part.words and not part.rank)
+        is_whole = self._failed and self._most_rows > 1
+        answer = Text(stays + self.said if is_whole else self.cut(stays + self.said))
+        if self._failed:
+            answer.stylize(bold(self.app.theme_variables, "alarm"), len(stays))
+        return answer
 
     def parts(self) -> list[LinePart]:
         return [*self.facts(), LinePart(0, self.said)]
@@ -131,14 +134,17 @@ class InfoLine(MessageLine):
         return Text(self._prompt) if self._prompt else super().below(room)
 
     def facts(self) -> list[LinePart]:
-        """Return them; what is pending and how many passed the filter stay longest."""
+        """Return them; what is pending and how many passed the filter stay longest. Of what an answer comes to, marks
+        and filter stay beside it: the next key is about them.
+        """
         session, rows = self.session, self.session.rows
+        alone = not self.said  # what must stay has rank 0
         parts: list[LinePart] = []
         if rows.anchor is not None:
             parts.append(LinePart(3, f"range of {len(rows.range_rows())} ({key_of('range')} marks it)"))
         if rows.marked_count:
             hidden = f", {rows.hidden_marked} not shown" if rows.hidden_marked else ""
-            parts.append(LinePart(9 if hidden else 4, f"{rows.marked_count} marked{hidden}"))
+            parts.append(LinePart((9 if hidden else 4) * alone, f"{rows.marked_count} marked{hidden}"))
             parts.append(LinePart(2, unmark_words()))
         fields, elements = session.table.pending_count
         if fields:
@@ -151,7 +157,7 @@ class InfoLine(MessageLine):
         if rows.filter.text:
             unknown = rows.filter.measured and not rows.is_measured
             passing = "being measured" if unknown else f"{len(rows.shown)} of {len(session.table)}"
-            parts.append(LinePart(6, f"/{rows.filter.text.removeprefix('/')}: {passing}"))
+            parts.append(LinePart(6 * alone, f"/{rows.filter.text.removeprefix('/')}: {passing}"))
             parts += [LinePart(5, f"? {problem}") for problem in rows.filter.problems[:1]]
         if rows.sort not in STEADY or rows.turned:
             since_ns = session.table.facts.since_ns  # 0 of a file: its statistics are of all
@@ -208,7 +214,7 @@ class ListLine(MessageLine):
     def below(self, room: int) -> Text:
         if self._failed:
             return super().below(room)
-        words = self.BETWEEN.join(filter(None, [self.answer, *self.told]))
+        words = self.BETWEEN.join(filter(None, [self.cut(self.said), *self.told]))
         most = max(1, round(self.app.size.height * self._share)) if self._most_rows > 1 else 1
         return Text(beginning(words, room, most, self.app.console))
 

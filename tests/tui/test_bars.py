@@ -541,14 +541,29 @@ def test_of_a_table_it_is_told_what_is_marked_pending_filtered_and_ordered(chang
     assert said.words().plain == words
 
 
-def test_an_answer_stands_behind_the_facts_and_alone_where_it_has_no_room(desk, said):
-    desk.session.rows.set_filter("torque")
+@pytest.mark.parametrize(
+    ("marked", "words", "stays"),
+    [
+        (0, "torque", "/torque: 12 of 72 │ "), (12, "", "12 marked │ "), (0, "", ""),
+        (2, "q", "2 marked, 2 not shown │ /q: 12 of 72 │ "),
+    ],
+)  # fmt: skip
+def test_an_answer_stands_behind_the_facts_and_with_marks_and_filter_where_others_have_no_room(
+    desk, said, marked, words, stays
+):
+    desk.session.rows.marked[:marked] = True
+    desk.session.rows.set_filter(words)
+    desk.session.rows.sort = "div"
+    desk.session.rows.refresh()
     said.say("done")
-    assert said.words().plain == "/torque: 12 of 72 │ done"
-    said.say("x" * 70)
-    assert said.words().plain == "x" * 70
-    said.say("it failed " + "x" * 70, failed=True)
-    assert said.words().plain == "it failed " + "x" * 70
+    assert said.words().plain.startswith(stays)
+    assert said.words().plain.endswith(" │ done")
+    long = "word " * 15
+    said.say(long)
+    assert said.words().plain.split() == f"{stays}{long}".split()
+    said.say("it failed " + long, failed=True)
+    assert said.words().plain == f"{stays}it failed {long}"
+    assert [(span.start, span.end) for span in said.words().spans] == [(len(stays), len(said.words()))]
     said.ask("what is to be typed")
     assert said.words().plain == "what is to be typed"
 

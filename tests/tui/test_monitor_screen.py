@@ -212,11 +212,11 @@ async def test_of_a_vector_one_entry_or_all_are_plotted_as_it_is_looked_at_folde
         assert [each.name for each in screen.app.screen.stack.plots] == ["/log/base/position_x"]
         await screen.press("escape")
         await screen.press("space")
-        await screen.shows("base/position marked, with all its entries")
+        await screen.shows("base/position marked, with all")  # beside filter and marks
         await screen.plot("m")
         assert len(screen.app.screen.stack.plots) == 3
         await screen.press("escape", "space")
-        await screen.shows("base/position no longer marked, with all its entries")
+        await screen.shows("base/position no longer marked, with all")
 
 
 async def test_the_cursor_is_drawn_a_cell_further_for_each_press(fake, opened):
