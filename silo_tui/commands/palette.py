@@ -5,6 +5,7 @@ What takes an argument goes on in the command line, with its word typed already.
 
 from collections.abc import Callable, Iterator
 from functools import partial
+from typing import TYPE_CHECKING
 
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 from textual.content import Content
@@ -15,6 +16,10 @@ from silo_tui.actions import COMMANDS, FILE_SCOPES, commands_for, commands_like,
 from silo_tui.context import SiloScreen
 from silo_tui.keymap import counts, where
 
+if TYPE_CHECKING:
+    from silo_tui.screens.lists.help import HelpLine
+
+BY_HELP = 0.25  # of what is told, not done
 BY_WORDS = 0.5  # of the score of a name: who types one means what is called so
 
 
@@ -34,6 +39,9 @@ class CommandProvider(Provider):
             score = max(matcher.match(_name(title)), BY_WORDS * all(word in told for word in typed))
             if score > 0:
                 yield Hit(score, _lit(matcher, title), do, help=escape(words))
+        for line in self._of_help():
+            if line.holds(typed):
+                yield Hit(BY_HELP, Content(line.left.strip()), partial(self._tell, line), help=escape(line.right))
 
     def _offers(self) -> Iterator[tuple[str, str, Callable[[], None]]]:
         """Yield title, meaning and what is done: by key, by a word to type, by a file to open."""
@@ -85,6 +93,18 @@ class CommandProvider(Provider):
                 place, _ = where([command], screen.scope)
                 say = partial(screen.action_command, command.id)
                 yield f"{command.label}  ({place}, {command.key_text})", command.help, say
+
+    def _of_help(self) -> Iterator["HelpLine"]:
+        """Yield what only the help has, of all screens: signs, columns, words of filters, what is done in a shell."""
+        from silo_tui.screens.lists.help import entries  # no first screen waits for it
+
+        if isinstance(self.screen, SiloScreen):
+            found = entries(self.screen.scope, everywhere=True)
+            yield from (line for line in found if not (line.command or line.left.startswith(":")))
+
+    def _tell(self, line: "HelpLine") -> None:
+        if isinstance(self.screen, SiloScreen):
+            self.screen.context.say(f"{line.left.strip()}: {line.right}")
 
     def _lead(self, screen: SiloScreen, way: str, note: str, then: str) -> None:
         """Go there, and do what is wanted if it is one step away; say how to go on otherwise."""

@@ -19,11 +19,13 @@ from silo.errors import ConnectionLostError, RefusedError
 from silo.files import write
 from silo.rpc.published import EventKind
 from silo_tui import screens as every_screen
-from silo_tui.actions import BY_WORD, COMMANDS, footer_for
+from silo_tui.actions import BY_ID, BY_WORD, COMMANDS, footer_for
 from silo_tui.commands import flows
+from silo_tui.commands.palette import CommandProvider
 from silo_tui.modal import Choices
 from silo_tui.model.table.fields import Field
 from silo_tui.screens.dialogs.questions import Choice, Question
+from silo_tui.screens.lists.help import entries
 from silo_tui.screens.table import TableScreen
 from silo_tui.sessions import kept
 
@@ -385,6 +387,7 @@ async def test_the_palette_finds_by_words_of_a_sentence_and_not_by_letters_that_
             ("take the last", "Undo"),
             (":view", ":view [save] NAME", "put a view on the screen, or keep it"),  # brackets as they are typed
             ("beyond its", "Alarms  (A)"),
+            ("browser", "silo-tui --serve"),  # what only the help has a line for
         ):
             await screen.press("ctrl+p")
             await screen.type(typed)
@@ -395,6 +398,21 @@ async def test_the_palette_finds_by_words_of_a_sentence_and_not_by_letters_that_
             await screen.shows("No matches found")
             await screen.press("escape", "escape")
         assert options == 1
+
+
+async def test_the_palette_finds_what_the_help_has_a_line_for_and_tells_what_is_no_command(fake, opened):
+    async with opened(fake, size=(120, 40)) as screen:
+        palette = CommandProvider(screen.app.screen)
+        for line in entries("table", everywhere=True):
+            hidden = line.command in ("back", "excite") or bool(line.command and BY_ID[line.command].hidden)
+            if hidden or line.group == "Move":  # what moves; Excite is found by what is typed
+                continue
+            assert [hit async for hit in palette.search(line.right)], line
+        await screen.press("ctrl+p")
+        await screen.type("in a browser")
+        await screen.shows("silo-tui --serve")
+        await screen.press("enter", "enter")
+        await screen.shows("silo-tui --serve: in a shell: all of it in a browser")
 
 
 async def test_the_palette_finds_a_spectrum_from_the_table_and_from_the_plots_and_leads_there(fake, opened):
