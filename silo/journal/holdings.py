@@ -89,8 +89,12 @@ def segment_holdings(reader: SegmentReader | JournalReader, kept: list[RetainedA
     ends = [(span[0] * one.divider, span[-1] * one.divider, one.count) for span, one in held]
     seconds, most_s = _lengths(ends, lambda tick: _stamp(reader, tick))
     elements, samples = sum(one.count for _, one in held), sum(len(span) * one.count for span, one in held)
-    published = len(schema.elements) - sum(one.count for one in alike)
-    return Holdings(ticks, elements, samples, seconds, since, most_s, published)
+    return Holdings(ticks, elements, samples, seconds, since, most_s, published_in(schema))
+
+
+def published_in(schema: SegmentSchema) -> int:
+    """How many elements of a segment are logged without being saved."""
+    return sum(not element.info.options.action.saves for element in schema.elements)
 
 
 def _lengths(ends: list[tuple[int, int, int]], stamp_of: Callable[[int], int]) -> tuple[float, float]:

@@ -10,7 +10,7 @@ import fcntl
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from silo.core.elements import STARTED, FileType, LoggedEvent, SavedFile
 from silo.core.quantities.writing import and_more
 from silo.core.runtime import closing_file, is_at, open_own
 from silo.errors import StateError
-from silo.journal.holdings import Holdings, recording_holdings
+from silo.journal.holdings import Holdings, published_in, recording_holdings
 from silo.journal.reader import JournalReader
 from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
@@ -163,7 +163,7 @@ def save_reader(
         recording, folder, schema.logger, types, progress=progress, why=DIED, events=happened, conditions=conditions,
         damage=missing(reader),
     )  # fmt: skip
-    return files, held
+    return files, replace(held, published=published_in(schema))  # which the file, and it, know nothing of
 
 
 def missing(reader: RunReader) -> tuple[str, ...]:

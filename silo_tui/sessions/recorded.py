@@ -93,7 +93,9 @@ class FileSession(Session):
         seconds = (source.end_ns - source.begin_ns) / 1e9  # as plots count them, while that is no long number
         span = f"{text.short(seconds)} s" if 100 <= seconds < 1000 else text.span(seconds)
         facts += f"  {span}  {text.count(report.ticks)} {self._stamps}"
-        facts += f"  {many(len(report.elements), 'element')}" if wide else ""
+        derived = len({one.name for one in source.recording.conditions.derived} & self.rows_of.keys())
+        facts += f"  {many(len(report.elements) - derived, 'element')}" if wide else ""
+        facts += f" +{derived} derived" if wide and derived else ""
         facts += f"  {text.short(report.rate_hz)} Hz" if report.rate_hz and source.recording.offset else ""
         facts += f"  {size_text(report.size_bytes)}" if wide and report.size_bytes else ""
         lost, holes = f"  lost {text.count(report.lost)}", len(source.recording.gaps)

@@ -255,3 +255,11 @@ def test_the_head_says_beside_what_was_lost_that_there_are_holes():
     recording = Recording("robot", times, 10, (element("a", np.arange(10.0)),), gaps=((int(times[4]), int(times[5])),))
     head = FileSession(Log(recording, "whole.silo")).facts_words(100, wide=True)
     assert head[-1][1] == "  lost 0, 1 hole"
+
+
+def test_the_head_counts_derived_signals_apart_as_that_of_a_logger_does():
+    times = START_NS + STEP_NS * np.arange(10, dtype=np.int64)
+    elements = (element("a", np.arange(10.0)), element("twice", 2 * np.arange(10.0)))
+    conditions = Conditions(derived=(Derived("/log/twice", "2 * a"), Derived("/log/lost", "a + b")))
+    log = Log(Recording("robot", times, 10, elements, conditions=conditions), "run.silo")
+    assert "  1 element +1 derived" in "".join(words for _, words, _ in FileSession(log).facts_words(100, wide=True))

@@ -6,12 +6,13 @@ import pytest
 
 from silo.core.elements import Action, BufferType
 from silo.journal.holdings import Holdings, _lengths, recording_holdings, segment_holdings
+from silo.recovery.left import save_reader
 from silo.segment.reader import SegmentReader
 
 
 @pytest.mark.parametrize("max_time", [0, 1])
 @pytest.mark.parametrize("ticks", [0, 1, 7, 50, 95, 250])
-def test_what_is_told_of_a_segment_is_what_its_snapshot_holds(new_logger, ticks, max_time):
+def test_what_is_told_of_a_segment_is_what_its_snapshot_holds(new_logger, tmp_path, ticks, max_time):
     times = iter(range(0, 10**12, 10_000_000))
     logger = new_logger(max_time=max_time, clock=lambda: next(times))
     for kind in BufferType:
@@ -24,6 +25,7 @@ def test_what_is_told_of_a_segment_is_what_its_snapshot_holds(new_logger, ticks,
     told = segment_holdings(SegmentReader(logger._present.path))
     assert replace(told, published=0) == recording_holdings(logger.snapshot())  # a file knows of what it holds alone
     assert (told.ticks, told.published) == (logger.ticks, bool(ticks))
+    assert save_reader(SegmentReader(logger._present.path), tmp_path, events=())[1] == told  # as of one that died
 
 
 def test_a_looping_buffer_is_told_by_its_samples_not_by_the_ticks_since_start(new_logger):
