@@ -174,7 +174,7 @@ class Holding(Dialog[None]):
     What is typed meanwhile is for the dialog that comes: without this it would edit the table.
     """
 
-    KEYS_HERE = "Esc Lets it go on"
+    KEYS_HERE = "Esc Closes, the request goes on"
 
     def __init__(self, what: str, gives_up: Callable[[], object] | None = None) -> None:
         """Wait for `what`; that which Esc ends, by `gives_up`, is told at once."""
@@ -210,7 +210,7 @@ class Holding(Dialog[None]):
             since = text.span(round(waited, 1)) if waited >= TELLS_AFTER_S else "…"
             line = self.query_one("#waiting", Static)
             line.display = True
-            line.update(f"{self._what} {since}   {self.KEYS_HERE.replace(' L', ' l').replace(' G', ' g')}")
+            line.update(f"{self._what} {since}")  # the lowest line says what Esc does
 
     def on_screen_suspend(self) -> None:
         """Make room for the dialog that came."""

@@ -62,6 +62,7 @@ async def test_a_slow_dialog_owns_the_keys_and_says_for_what_it_waits_until_esc_
         gate = slow("table")
         await screen.press("r")
         await screen.shows("waiting for robot")
+        await screen.shows("Esc Closes, the request goes on")
         await screen.press("escape")
         await screen.press("j")
         assert screen.session.rows.position == 1

@@ -309,7 +309,7 @@ def test_for_what_one_waits_is_said_after_a_moment(held):
     held.clock.s += 0.96
     held._tell()
     assert held.line.display
-    assert held.words == "waiting for robot 1.2 s   Esc lets it go on"
+    assert held.words == "waiting for robot 1.2 s"
     held.on_screen_suspend()
     assert not held.line.display
     held.is_active = False
