@@ -402,9 +402,7 @@ async def test_brackets_step_far_beyond_the_pin_and_what_was_pinned_there_surviv
         assert 40 in values
 
 
-async def test_all_pins_are_let_go_of_with_the_pause_and_finding_from_an_earlier_window_looks_at_later_ones_too(
-    spiked, opened
-):
+async def test_all_pins_are_let_go_of_with_the_pause(spiked, opened):
     fake = spiked()
     async with opened(fake.run(61)) as screen:
         await open_torque(screen)
@@ -412,6 +410,12 @@ async def test_all_pins_are_let_go_of_with_the_pause_and_finding_from_an_earlier
         await screen.until(lambda: len(fake.pins) > 1, "a second pin")
         await screen.press("space")
         await screen.until(lambda: not fake.pins, "all pins are let go of")
+
+
+async def test_finding_from_an_earlier_window_looks_at_what_came_after_it_too(spiked, opened):
+    fake = spiked()
+    async with opened(fake.run(61)) as screen:
+        await open_torque(screen)
         await screen.press("pageup", "pageup", "pageup")
         await screen.shows("End: now")
         await screen.do("find", "l")
