@@ -527,7 +527,14 @@ class Serving:
         end() if logger is None else logger._life.end(end)
 
     def keeps(self, end: Callable[[], None]) -> bool:
-        """Keep what ends the logger, or this, for after an answer, where that is asked for amid it; whether it does."""
+        """Keep an end for after an answer, where it is asked for amid that.
+
+        Args:
+            end: ends the logger, or this.
+
+        Returns:
+            Whether it is kept; else the caller does it.
+        """
         if self._thread is not threading.current_thread() or self._logger_ref() is None:  # being forgotten
             return False
         self._to_end.append(end)
