@@ -35,7 +35,7 @@ from silo_tui.settings.file import SettingsProblem
 from silo_tui.settings.options import Settings
 from silo_tui.tour import Tour
 from silo_tui.widgets import messages
-from silo_tui.widgets.bars import OPENS, Banner, KeyBar, StatusBar, left_a_file
+from silo_tui.widgets.bars import OPEN_FILE, OPENS, Banner, KeyBar, StatusBar, left_a_file
 from silo_tui.widgets.inputs import Fleeting
 from silo_tui.widgets.messages import MessageLine
 
@@ -534,7 +534,7 @@ class SiloScreen(Leaving[None]):
         if session is not None and session.dead and command.id in ("start_stop", "save_data"):
             return ""
         if session is not None and command.id in OPENS.get(self.scope, ())[:1] and left_a_file(session):
-            return "Open the file"
+            return OPEN_FILE
         if session is not None and command.id == "start_stop":
             return "Stop" if session.running else "Start"
         if session is not None and command.id == "apply":

@@ -30,6 +30,7 @@ OF_MODE = 99  # rank in the key bar of what a mode asks for: all else gives way 
 LONG = 10  # digits from which on a column may not have room for a whole number
 # how what a dead program left is opened: Enter has a meaning of its own on most screens
 OPENS = {"table": ("monitor", "edit"), "monitor": ("detail",)}
+OPEN_FILE = "Open the file"  # what the first of these keys is called then, which stays in the bar
 STATE_SIGNS = {State.RUNNING: "● RUNNING", State.STOPPED: "■ STOPPED", State.DEAD: "✖ DEAD"}
 
 
@@ -349,7 +350,8 @@ class KeyBar(Guarded, Widget):
             in_mode = [*(_called(command, "Try now") for command in tries), *in_mode]
         known = {command.id for command in in_mode}
         shown = in_bar(screen.scope, read_only=cast(Any, self.app).context.read_only)
-        now = [(_called(command, screen.label_now(command)), rank) for command, rank in shown]
+        labels = [(command, rank, screen.label_now(command)) for command, rank in shown]
+        now = [(_called(command, label), OF_MODE if label == OPEN_FILE else rank) for command, rank, label in labels]
         mode = [(command, OF_MODE - place) for place, command in enumerate(in_mode)]
         return [*mode, *((command, rank) for command, rank in now if command.id not in known and command.label)]
 

@@ -23,6 +23,7 @@ from silo_tui.widgets.bars import LONG, FittingLine, LinePart, lines_of
 
 READ_S = 4.0  # so long answers and news of the robot stand at least; then the next key takes them away
 HELD = "stands still 3 s after a key"
+STAYS = 8  # rank of what gives way last, and stays beside an answer at its shortest
 MOST_ROWS = 3  # of news and an answer together: they stand over the rows that they are about
 
 
@@ -101,7 +102,8 @@ class MessageLine(FittingLine):
         line = self.line(room)
         if not self._failed and not (self.said and line.cell_len > room):
             return line
-        stays = "".join(f"{part.words}{self.BETWEEN}" for part in self.facts() if part.words and not part.rank)
+        kept = [(part.words, *part.shorter)[-1] for part in self.facts() if part.words and part.rank in (0, STAYS)]
+        stays = "".join(f"{each}{self.BETWEEN}" for each in kept)
         is_whole = self._failed and self._most_rows > 1
         answer = Text(stays + self.said if is_whole else self.cut(stays + self.said))
         if self._failed:
@@ -149,7 +151,9 @@ class InfoLine(MessageLine):
         fields, elements = session.table.pending_count
         if fields:
             way = f" ({key_of('apply')} to apply)"
-            parts.append(LinePart(8, f"{fields} pending in {many(elements, 'row')}{way}", "", (f"{fields} pending",)))
+            parts.append(
+                LinePart(STAYS, f"{fields} pending in {many(elements, 'row')}{way}", "", (f"{fields} pending",))
+            )
         if conflicts := int(session.table.conflicts.sum()):
             parts.append(LinePart(0, f"! {many(conflicts, 'conflict')}"))
         if session.reading:

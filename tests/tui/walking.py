@@ -18,7 +18,7 @@ from typing import Any
 from tests.waiting import DEADLINE_S
 
 FOLDER = Path(__file__).parents[1] / "data" / "walks"
-STEADY_LOOKS = 25  # a screen that is the same so often is what is written of a step
+STEADY_LOOKS = 80  # a screen that is the same so often is what is written of a step: a survey comes once a second
 LOOK_S = 0.02
 Line = tuple[str, tuple[tuple[str, int], ...]]  # its words, and of how many cells each style is
 STEP, LEGEND = "\n== ", "\n-- colours\n"
