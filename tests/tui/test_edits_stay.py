@@ -191,7 +191,7 @@ async def test_a_script_that_changes_nothing_says_so_and_that_pending_edits_stay
         await screen.shows("It would change nothing")
         assert "Kept, whatever is loaded: 1 pending edit in 1 row" in screen.text
         await screen.press("enter")
-        await screen.shows("nothing to load; kept: 1 pending")
+        await screen.shows("kept: 1 pending edit in 1 row")
         await screen.shows("(x takes back those of a row)")
 
 
