@@ -462,19 +462,21 @@ class Session:
         What is `named` is edited instead: names, their ends, patterns. ValueError says what is out of range, or that
         there is no such element; nothing is changed then.
         """
-        rows, values = self.rows.targets(), self.table.values
-        known = Names(self.table.names, self.table.prefix)
-        found = {name: [place for place, _ in known.find(name)] for name in named}
-        if unknown := [name for name in named if not found[name]]:
-            raise ValueError(f"no element is called {unknown[0]!r}{known.hint(unknown[0], '')}")
-        if named:
-            rows = np.array(sorted({place for places in found.values() for place in places}), np.int64)
+        rows, values = self._named(named) if named else self.rows.targets(), self.table.values
         if why := self.why_fixed(rows):
             raise ValueError(why)
         rows = rows[~self.table.derived[rows]]
         elements = [(self.table.names[row], options_of(values[:, row])) for row in rows]
         made = apply_settings(settings, elements, self.status.frequency_hz)
         return self.table.edit_all(rows, rows_of(made))
+
+    def _named(self, named: Sequence[str]) -> NDArray[np.int64]:
+        known, places = Names(self.table.names, self.table.prefix), set[int]()
+        for name in named:
+            if not (found := known.find(name)):
+                raise ValueError(f"no element is called {name!r}{known.hint(name, '')}")
+            places |= {place for place, _ in found}
+        return np.array(sorted(places), np.int64)
 
     def why_fixed(self, rows: NDArray[np.int64] | None = None) -> str:
         """Return why none of the rows, else of the targets, can be edited; empty where some can."""

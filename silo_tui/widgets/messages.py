@@ -37,8 +37,8 @@ def beginning(words: str, room: int, rows: int, console: Console) -> str:
 
 class MessageLine(FittingLine):
     """Two messages that never take the place of one another: the answer stands behind the facts of the screen, of which
-    as many as have room beside it are shown, and those that must stay (of rank 0); what is longer than the line wraps,
-    a failure as far as it goes.
+    as many as have room beside it are shown, and those that must stay (of rank 0 and `STAYS`); what is longer than the
+    line wraps, a failure as far as it goes.
     """
 
     def __init__(self) -> None:
