@@ -278,6 +278,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("export_plots", "w", "Write", "what is shown to a CSV, PNG or SVG file here", "Plots", _PLOTS,
             11),
     Command("drop_plot", "x", "Remove", "take the plot off the screen", "Plots", _MONITORS, 10),
+    Command("add_plot", "m", "Plot", "plot more signals, added by their names", "Plots", _MONITORS, 9,
+            typed=_read(("plot",), "names", ":plot NAME ...", "plot it too: a name, its end, a pattern", 6)),
     Command("mode", "tab,v", "View", "over time, x-y, spectrum, histogram", "Large plot", _DETAILS, 1),
     Command("level", "Y", "Log/dB", "y axis by powers of ten; of a spectrum also dB", "Large plot", _DETAILS, 2),
     Command("mode_time", "", "Over time", "the signals over time", "Large plot", _PLOTS, does="show_as", given="time"),

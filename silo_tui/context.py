@@ -495,7 +495,12 @@ class SiloScreen(Leaving[None]):
     def value_now(self, command_id: str) -> str:
         """Return what a menu tells of an entry: what it changes, as it is; what it makes, or tells it from its like."""
         told = {"top": "first line", "recordings": "of robot", "runs": "of a folder"}
-        told |= {"new_of_row": "trigger or limits", "trigger_new": "trigger", "alarm_new": "limits"}
+        told |= {
+            "add_plot": "another",
+            "new_of_row": "trigger or limits",
+            "trigger_new": "trigger",
+            "alarm_new": "limits",
+        }
         return told.get(command_id, "")
 
     @property

@@ -43,6 +43,7 @@ _TABLE = (
     ("end", "newest"),
     # -------------------------------------------------------------------------------- finding, marking
     ("slash,p f", "find"),
+    ("m,p m", "add_plot"),
     ("n", "next_found"),
     ("N", "previous_found"),
     ("o,v o", "sort list_order"),
@@ -143,7 +144,9 @@ TWO_LAYERS |= {each.id: each.keys for each in COMMANDS if each.keys and each.id 
 # the key bar, one order on every screen; and who gives way first where it has no room for all
 _BAR = "space enter r; m plus minus h,left slash p e g v r o a u S w D full_stop escape"  # r; what stands in a menu
 _GIVES_WAY = (
-    "full_stop o minus plus h,left w D r v monitor S pause space save_data u p m slash e escape turn_down g r; enter a"
+    "full_stop add_plot o minus plus h,left w D r v monitor S pause space save_data u p m slash e escape turn_down g "
+    "r; enter a"
+    "enter a"
 )
 BASES: dict[str, Mapping[str, str]] = {"two-layer": TWO_LAYERS, "classic": {}}
 # where the letters mean other things on lists, or are free for keys of the user's own
@@ -166,9 +169,9 @@ def with_alike(keymap: str, own: Mapping[str, str]) -> Mapping[str, str]:
     """Return keys of the user with those of commands that are the same on other screens, where a key is free."""
     found = dict(own)
     for command, key in own.items():
-        label, keys = BY_ID[command].label, keys_in(keymap, command)
+        label, first = BY_ID[command].label, keys_in(keymap, command).split(",")[0]
         for each in COMMANDS if TWO_LAYERS.get(command) != DESTROYS else ():  # it deletes many a thing
-            if each.label == label and each.id not in found and keys_in(keymap, each.id) == keys:
+            if each.label == label and each.id not in found and keys_in(keymap, each.id).split(",")[0] == first:
                 taken = clashes(keymap, {**found, each.id: key})
                 found |= {} if any(each.id in clash[:2] for clash in taken) else {each.id: key}
     return found

@@ -333,6 +333,12 @@ class ElementsScreen(SiloScreen):
 
     command_monitor = command_plot  # as it is called over a logger
 
+    def command_add_plot(self, typed: Spelled) -> None:
+        """Plot what is named, whatever is marked."""
+        if not typed.arguments:
+            raise ValueError("say what to plot: `:plot NAME`, the end of a name, or a pattern")
+        self.plot_rows(list(dict.fromkeys(row for row, _ in self.session.named(typed.arguments, scalars=True))))
+
     @abstractmethod
     def plot_rows(self, chosen: Sequence[int]) -> None:
         """Show plots of these elements."""

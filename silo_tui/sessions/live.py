@@ -19,7 +19,7 @@ from silo.core.arrays.columns import MAX_COLUMNS, ColumnStore, HistoryColumns
 from silo.core.conditions import TriggerOptions, new_trigger
 from silo.core.elements import ElementInfo, LoggedEvent, SavedFile, State, Status
 from silo.core.episodes.words import next_marks
-from silo.core.names import Names
+from silo.core.names import Found, Names
 from silo.errors import RefusedError, SiloError
 from silo.live.quantities import SLOW, SLOW_SHARE
 from silo.recorder.requests import RecorderInfo
@@ -462,7 +462,8 @@ class Session:
         What is `named` is edited instead: names, their ends, patterns. ValueError says what is out of range, or that
         there is no such element; nothing is changed then.
         """
-        rows, values = self._named(named) if named else self.rows.targets(), self.table.values
+        values = self.table.values
+        rows = np.array([row for row, _ in self.named(named)], np.int64) if named else self.rows.targets()
         if why := self.why_fixed(rows):
             raise ValueError(why)
         rows = rows[~self.table.derived[rows]]
@@ -470,13 +471,23 @@ class Session:
         made = apply_settings(settings, elements, self.status.frequency_hz)
         return self.table.edit_all(rows, rows_of(made))
 
-    def _named(self, named: Sequence[str]) -> NDArray[np.int64]:
-        known, places = Names(self.table.names, self.table.prefix), set[int]()
+    def named(self, named: Sequence[str], *, scalars: bool = False) -> list[Found]:
+        """Return what these mean, in the order of the table: names, their ends, patterns; `scalars` too where asked.
+
+        Raises ValueError for what there isn't.
+        """
+        table = self.table
+        known = Names(
+            table.names,
+            table.prefix,
+            lambda: [[one.name + each.suffix for each in one.entries] for one in table.elements],
+        )
+        places: dict[Found, None] = {}
         for name in named:
-            if not (found := known.find(name)):
+            if not (found := known.find(name, scalars=scalars)):
                 raise ValueError(f"no element is called {name!r}{known.hint(name, '')}")
-            places |= {place for place, _ in found}
-        return np.array(sorted(places), np.int64)
+            places |= dict.fromkeys(found)
+        return sorted(places, key=lambda found: (found[0], -1 if found[1] is None else found[1]))
 
     def why_fixed(self, rows: NDArray[np.int64] | None = None) -> str:
         """Return why none of the rows, else of the targets, can be edited; empty where some can."""

@@ -32,7 +32,7 @@ class LineSuggester(Suggester):
     async def get_suggestion(self, value: str) -> str | None:
         """Return the first completion."""
         found = self._complete(value) if value else []
-        return found[0] if found else None
+        return next((one for one in found if one.startswith(value)), None)
 
 
 class NamingLine(Input):

@@ -205,7 +205,7 @@ def test_on_a_narrow_screen_the_title_gives_way_to_the_way_back(width, reading):
     reading.typed("p")
     title, *rows = reading.reader.picture(reading.sheet, width).plain.split("\n")
     assert (len(title), title[-11:]) == (width, "…  Esc back" if width < 78 else "   Esc back")
-    assert len(rows) == 7
+    assert len(rows) == 6
     assert all(len(row) <= width for row in rows)
 
 

@@ -309,3 +309,39 @@ async def test_keys_of_a_plot_say_that_nothing_is_plotted_where_its_signal_is_no
             shown.action_command(does)
             await screen.shows("nothing is plotted")
             assert screen.app.screen is shown
+
+
+async def test_another_signal_is_plotted_by_its_name_without_leaving_the_plots(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("m")
+        await screen.shows("plot it too")
+        await screen.press(*"LF/HAA/pos", "tab", "enter")
+        await screen.shows("added; J lays it over the plot above")
+        stack = monitor(screen).stack
+        assert [each.name for each in stack.plots] == [TORQUE, TORQUE.replace("torque", "position")]
+        assert stack.chosen_plot is stack.plots[1]
+        await screen.press("J")
+        await screen.until(lambda: [len(panel) for panel in stack.panels] == [2], "one plot of both")
+        await screen.enter(":plot LF/HAA/torque")
+        await screen.shows("that is plotted already")
+        await screen.enter(":plot LF/HAA/torqe")
+        await screen.shows("no element is called 'LF/HAA/torqe'")
+        await screen.enter(":plot position")
+        await screen.until(lambda: len(stack.plots) > 2, "all that end so")
+        assert all(each.element.name.endswith(("/torque", "/position")) for each in stack.plots)
+        assert len({each.name for each in stack.plots}) == len(stack.plots)
+        await screen.press("space", "m")
+        await screen.shows("space goes on")
+
+
+async def test_what_is_named_is_plotted_from_the_table_whatever_is_marked(fake, opened):
+    async with opened(fake.run(20)) as screen:
+        await screen.press("space")
+        await screen.enter(":plot LF/HAA/torque")
+        await screen.until(lambda: monitor(screen).scope == "monitor", "the plots")
+        assert [each.name for each in monitor(screen).stack.plots] == [TORQUE]
+        await screen.press("escape")
+        await screen.enter(":plot")
+        await screen.shows("say what to plot")

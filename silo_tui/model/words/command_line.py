@@ -92,11 +92,16 @@ def _newest_first(path: Path) -> tuple[float, str]:
 
 
 def complete(line: str, words: Sequence[str], choices: Sequence[str]) -> list[str]:
-    """Return whole lines that `line` may become: command words first, then the `choices` for its last argument."""
+    """Return whole lines that `line` may become: command words first, then the `choices` for its last argument.
+
+    Choices that begin so come first, then names of which a part behind a `/` does.
+    """
     body = line.lstrip(":")
     word, space, rest = body.partition(" ")
     if not space:
         return [known for known in words if known.startswith(word) and known != word]
     head, last = rest.rpartition(" ")[0], rest.rpartition(" ")[2]
     before = f"{word} {head} " if head else f"{word} "
-    return [before + choice for choice in choices if choice.startswith(last) and choice != last]
+    begin_so = [choice for choice in choices if choice.startswith(last) and choice != last]
+    inside = [choice for choice in choices if last and f"/{last}" in choice and choice not in set(begin_so)]
+    return [before + choice for choice in [*begin_so, *inside]]

@@ -262,7 +262,7 @@ class DetailScreen(MonitorScreen):
 
     async def _pair(self) -> Analysed:
         if len(self.plots) < 2:
-            raise ValueError("it needs two plots: mark two elements")
+            raise ValueError(f"it needs two plots: {key_of('add_plot')} in the stacked ones plots another")
         x, y = self.plots[0], self.plots[1]
         of_x, of_y = await self._samples(x), await self._samples(y)
         found = await asyncio.to_thread(pair_of, *of_x, *of_y)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
+from silo.core.quantities.writing import and_more
 from silo_tui.actions import Command, key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.drawing.plots import Plotted, plots_of
@@ -292,6 +293,8 @@ class MonitorScreen(PlotScreen):
 
     def label_now(self, command: Command) -> str:
         """Return it; of one plot there is no other way to stand."""
+        if command.id == "add_plot":
+            return "Plot more"
         return "" if command.id == "arrange_plots" and len(self.stack.plots) < 2 else super().label_now(command)
 
     def why_not_now(self, command_id: str) -> str:
@@ -303,12 +306,13 @@ class MonitorScreen(PlotScreen):
             try:
                 join(stack.panels, stack.chosen_panel, stack.most)
             except ValueError as refused:
-                return str(refused)
+                more = f": {key_of('add_plot')} plots another" if len(stack.panels) < 2 else ""
+                return f"{refused}{more}"
         chosen, panel = stack.chosen_plot, stack.panels[stack.chosen_panel]
         is_on = chosen.numeric and self.session.source.is_live(chosen.element.name)
         vector = len(chosen.element.entries) > 1
         needs = {
-            "mode_xy": (len(self.plots_of_detail) > 1, "it needs two plots: mark two elements"),
+            "mode_xy": (len(self.plots_of_detail) > 1, f"it needs two plots: {key_of('add_plot')} plots another"),
             "isolate_plot": (len(panel) > 1, "it is alone in its plot"),
             "arrange_plots": (self._next_arrangement[0] != stack.panels, "these can't be arranged in another way"),
             "all_entries": (vector, ONE_VALUE),
@@ -370,8 +374,7 @@ class MonitorScreen(PlotScreen):
 
     def _replace(self, plots: Sequence[Plotted], shown: Sequence[Plotted]) -> None:
         """Plot some entries in place of others of their element, which share plots no more."""
-        if self.pause.source is not None:
-            self.say("what is held are the plots of when it was: space goes on")
+        if self._stands_still():
             return
         panels: list[Panel] = []
         for panel in self.stack.panels:
@@ -382,6 +385,39 @@ class MonitorScreen(PlotScreen):
         self.stack.show_panels(panels)
         self.stack.choose(self.stack.plots.index(plots[0]))
         self.say("")
+        self.fill_soon()
+
+    def _stands_still(self) -> bool:
+        """Whether the picture is held, which gets no other plots, and say so."""
+        if self.pause.source is not None:
+            self.say(f"what is held are the plots of when it was: {key_of('pause')} goes on")
+        return self.pause.source is not None
+
+    def command_add_plot(self, typed: Spelled) -> None:
+        """Plot more signals, below the others."""
+        if self._stands_still():
+            return
+        if typed is BY_KEY or not typed.arguments:
+            self.begin_command("plot")
+            return
+        stack, short, off = self.stack, self.session.short_name, []
+        new: list[Plotted] = []
+        for place, index in self.session.named(typed.arguments, scalars=True):
+            element = self.session.table.elements[place]
+            every = plots_of([element])
+            if not self.source.is_live(element.name):
+                off.append(short(element.name))
+            new += [each for each in (every if index is None else [every[index]]) if each not in (*stack.plots, *new)]
+        if off:
+            words = f"{and_more(off, 3)} {'is' if len(off) == 1 else 'are'} off"
+            raise ValueError(f"{words}: {key_of('toggle')} in the table switches on")
+        if not new:
+            self.say("that is plotted already")
+            return
+        stack.keep([*stack.plots, *new])
+        stack.choose(stack.plots.index(new[0]))
+        joins = not self.why_not_now("join_plots") and len(new) == 1
+        self.say(f"added; {key_of('join_plots')} lays it over the plot above" if joins else "added")
         self.fill_soon()
 
     # ----------------------------------------------------------------------------------------------------- the way back
