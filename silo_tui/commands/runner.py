@@ -31,7 +31,7 @@ from silo_tui.commands import flows
 from silo_tui.context import Context, SiloScreen
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout
-from silo_tui.layouts.presets import BY_NAME, NEAR, PRESETS, near_limit, within
+from silo_tui.layouts.presets import BY_NAME, NEAR, PRESETS, near_limit
 from silo_tui.modal import ask
 from silo_tui.model.words import command_line
 from silo_tui.model.words.command_line import BY_KEY, Spelled
@@ -383,7 +383,7 @@ async def view_shown(context: Context, name: str) -> str:
             missing = await views.show(context, layout)
             return "; ".join(filter(None, [words, missing]))
         if preset is not None:
-            layout = within(preset, context.session.rows.filter.text)
+            layout = preset.layout
         elif name.startswith(ROBOT):
             from silo_tui.layouts.texts import read
 
@@ -394,11 +394,6 @@ async def view_shown(context: Context, name: str) -> str:
     except ValueError as error:
         raise RefusedError(str(error)) from error
     missing = await views.show(context, layout)
-    rows = context.session.rows
-    if preset is not None and not len(rows.shown) and not rows.filter.measured:
-        before = " ".join(rows.filter.text.split()[:-1])
-        missing = await views.show(context, preset.layout)
-        missing = "; ".join(filter(None, [f"of all: '{before}' lets nothing of it pass" if before else "", missing]))
     return "; ".join(filter(None, [f"view {name}", missing, *problems[:1]]))
 
 

@@ -31,18 +31,16 @@ PRESETS = (
         KeptLayout(sort="std", filter="type:f", set="statistics"),
     ),
     Preset("problems", "p", "Problems: what the column state says something of", KeptLayout(filter="problem")),
-    Preset("stuck", "s", "Stuck: values that change no more", KeptLayout(filter="frozen")),
+    Preset(
+        "stuck",
+        "s",
+        "Stuck: no change in the statistics; what changed before on top",
+        KeptLayout(sort="state", filter="frozen|std=0", set="statistics"),
+    ),
     Preset("edited", "e", "Edited: other settings than the program began with", KeptLayout(filter="edited")),
     Preset(NEAR, "l", "Near a limit: within a tenth of one, or beyond", KeptLayout()),  # as they are now: `near_limit`
 )
 BY_NAME = {preset.name: preset for preset in PRESETS}
-
-
-def within(preset: Preset, words: str) -> KeptLayout:
-    """Return its view of what passes a filter, that of another preset aside."""
-    own = {each.layout.filter for each in PRESETS}
-    kept = [word for word in words.split() if word not in own]
-    return msgspec.structs.replace(preset.layout, filter=" ".join([*kept, preset.layout.filter]).strip())
 
 
 def is_near(one: LimitStatus) -> bool:

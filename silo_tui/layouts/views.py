@@ -112,7 +112,7 @@ def let_go_back(context: Context, before: KeptLayout | None) -> None:
     """Have Esc take a view back that was asked for: all that it changed in the table, and not its filter alone."""
     table = _table_of(context)
     if table is not None and before is not None:
-        table.view_is_on((before.filter, before.sort), lambda: show_table(table, before))
+        table.view_is_on(before.filter, before.sort, lambda: show_table(table, before))
 
 
 async def show(context: Context, layout: KeptLayout) -> str:

@@ -22,6 +22,7 @@ from silo_tui.model.table.columns import BEFORE, NAME, TREE, TableColumn
 from silo_tui.model.table.tree import parts_of
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.model.words.names import next_levels
+from silo_tui.model.words.text import cut
 from silo_tui.screens.dialogs.questions import Choice, OrderDialog, Question
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import KeyBar
@@ -39,6 +40,7 @@ DEBOUNCE_S = 0.15
 FILTER_HINTS = """words in any order   a|b either   -not   ~regex   "with blank"   /glob/*
 unit:Nm on:no div>1 size>=1k kind:vector   value>60 |value|>60 std>1 rate<95%
 changed<1s   marked pending edited problem nan frozen slow off"""
+BEFORE_ROOM = 12  # cells of a filter in the key bar
 AWAY = {"loggers": "the loggers", "quit": "quits"}  # where Esc has nothing to leave
 FILTER_KEYS = "Enter keeps the filter  Tab completes  Esc clears it"
 
@@ -147,11 +149,17 @@ class ElementsScreen(SiloScreen):
         if self.inspector.display:
             self.inspector.live_changed()
 
+    @property
+    def filter_before(self) -> str:
+        """The filter that Esc goes back to; empty where it leaves none."""
+        return ""
+
     def why_empty(self) -> str:
         """Return why no element is shown, and what to do about it; empty where one need not be told."""
         if not len(self.session.table):
             return ""
-        return f"No element passes the filter {self.session.rows.filter.text!r} ({self._why_none()}). Esc clears it."
+        esc = f"goes back to {before!r}" if (before := self.filter_before) else "clears it"
+        return f"No element passes the filter {self.session.rows.filter.text!r} ({self._why_none()}). Esc {esc}."
 
     # ------------------------------------------------------------------------------------------------ the view
 
@@ -428,7 +436,8 @@ class ElementsScreen(SiloScreen):
             return into
         plot = next(BY_ID[each] for each in ("monitor", "plot") if self.scope in BY_ID[each].scopes)
         then = (plot.id, self.label_now(plot)) if rows.marked_count else ("mark_shown", "Mark all")
-        return (*into, ("filter", "Filter"), ("back", "No filter"), then)
+        back = f"Back to {cut(before, BEFORE_ROOM)}" if (before := self.filter_before) else "No filter"
+        return (*into, ("filter", "Filter"), ("back", back), then)
 
     def command_back(self) -> None:
         """Leave the inspector that was asked for, the range, the filter, the marks, the tour; never pending edits."""

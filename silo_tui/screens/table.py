@@ -53,6 +53,14 @@ WORDS_WIDTH = 40
 EDITOR_KEYS = "Enter sets it  Esc leaves it as it was"
 
 
+class _View(msgspec.Struct, frozen=True):
+    """A view that Esc takes back: its filter and order, the filter of `before`, what takes it back."""
+
+    on: tuple[str, str]
+    before: str
+    back: Callable[[], object]
+
+
 class TableScreen(ElementsScreen):
     """Elements, their options, their newest values."""
 
@@ -72,7 +80,7 @@ class TableScreen(ElementsScreen):
         self._survey_s = 0.0
         self._no_survey = ""
         self._window = ""  # over how long the statistics are, as the head says it
-        self._view: tuple[tuple[str, str], Callable[[], object]] | None = None  # filter and order; what takes it back
+        self._view: _View | None = None
         super().__init__(session, LIVE_COLUMNS)
 
     def lines(self) -> ComposeResult:
@@ -83,24 +91,35 @@ class TableScreen(ElementsScreen):
     def _filter_and_order(self) -> tuple[str, str]:
         return self.session.rows.filter.text, self.session.rows.sort
 
-    def view_is_on(self, before: tuple[str, str], back: Callable[[], object]) -> None:
+    def view_is_on(self, before: str, sort: str, back: Callable[[], object]) -> None:
         """Have Esc take the view back that is shown; of several, one after another, what was before the first.
 
-        `before` are filter and order of then.
+        `before` and `sort` are filter and order of then.
         """
-        if self._view is not None and self._view[0] == before:
-            back = self._view[1]
-        self._view = self._filter_and_order, back
+        if self._view is not None and self._view.on == (before, sort):
+            before, back = self._view.before, self._view.back
+        self._view = _View(self._filter_and_order, before, back)
+        self.table_changed()  # which says where Esc leads
+
+    @property
+    def _view_on(self) -> "_View | None":
+        """The view that is on: no other filter or order was chosen since."""
+        view = self._view
+        return view if view is not None and view.on == self._filter_and_order and view.on[0] else None
+
+    @property
+    def filter_before(self) -> str:
+        """The filter that Esc goes back to: a view was shown over it."""
+        return view.before if (view := self._view_on) is not None else ""
 
     def command_back(self) -> None:
-        """Leave a view with its order and columns, where no other filter or order was chosen since."""
-        view, rows = self._view, self.session.rows
-        is_on = view is not None and view[0] == self._filter_and_order and rows.filter.text
-        if view is None or not is_on or self._inspector_opened or rows.anchor is not None:
+        """Leave a view with its order and columns."""
+        view = self._view_on
+        if view is None or self._inspector_opened or self.session.rows.anchor is not None:
             super().command_back()
             return
         self._view = None
-        view[1]()
+        view.back()
         self.say("")
         self.table_changed()
 

@@ -4,7 +4,8 @@ import pytest
 from msgspec.structs import replace
 
 from silo.conditions.standing import LimitStatus, LimitWord
-from silo_tui.layouts.presets import BY_NAME, is_near, near_limit, within
+from silo.live.quantities import FROZEN
+from silo_tui.layouts.presets import BY_NAME, is_near, near_limit
 
 
 @pytest.mark.parametrize(
@@ -78,31 +79,50 @@ async def test_what_only_counts_is_no_noise(fake, opened):
         assert {element.entries[0].dtype[1] for element in screen.session.table.elements} > shown
 
 
-@pytest.mark.parametrize(
-    ("words", "view", "shown"),
-    [
-        ("torque", "noisiest", "torque type:f"),
-        ("torque unit:degC", "noisiest", "torque type:f"),
-        ("type:f", "noisiest", "type:f"),
-        ("", "hottest", "unit:degC"),
-        ("LF RF", "near-limit", "LF RF"),
-    ],
-)
-def test_a_view_is_one_of_what_passes_the_filter(words, view, shown):
-    assert within(BY_NAME[view], words).filter == shown
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)])
+async def test_a_view_is_of_all_elements_and_the_bar_names_the_filter_that_esc_goes_back_to(size, fake, opened):
+    async with opened(fake.run(), size=size) as screen:
+        await screen.enter("/torque")
+        torques = len(screen.session.rows.shown)
+        for letter in "sh":  # of several, one after another, the filter of before the first
+            await screen.do("view")
+            await screen.press(letter)
+            await screen.shows("Esc Back to torque")
+        await screen.shows("view hottest")
+        shown = {screen.session.table.elements[row].unit for row in screen.session.rows.shown}
+        assert shown == {"degC"}
+        await screen.press("escape")
+        await screen.shows("Esc No filter")
+        assert len(screen.session.rows.shown) == torques
 
 
-async def test_a_view_of_what_is_filtered_or_of_all_where_that_has_nothing_of_it(fake, opened):
+async def test_a_view_that_nothing_passes_says_where_esc_leads(fake, opened):
     async with opened(fake.run()) as screen:
         await screen.enter("/torque")
         await screen.do("view")
-        await screen.press("n")
-        await screen.until(lambda: screen.session.rows.filter.text == "torque type:f")
-        assert screen.session.rows.position == 0
+        await screen.press("e")
+        await screen.shows("No element passes the filter 'edited'")
+        await screen.shows("goes back to 'torque'.")
+        await screen.press("escape", "escape")
         await screen.do("view")
-        await screen.press("h")
-        await screen.until(lambda: screen.session.rows.filter.text == "unit:degC")
-        await screen.shows("view hottest; of all: 'torque' lets nothing of it pass")
+        await screen.press("e")
+        await screen.shows("clears it.")
+        await screen.shows("Esc No filter")
+
+
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)])
+async def test_what_stands_still_from_the_first_sample_on_is_seen_below_what_changed_before(size, fake, opened):
+    stopped, dead, moves = (element.name for element in fake.elements[2:5])
+    still = dict.fromkeys((element.name for element in fake.elements), 1.0) | {dead: 0.0, stopped: 0.5}
+    fake.facts = {"std": still, "signs": {stopped: FROZEN}}
+    async with opened(fake.run(), size=size) as screen:
+        await screen.do("view")
+        await screen.shows("Stuck: no change in the statistics; what changed before on top  (s)")
+        await screen.press("s")
+        await screen.until(lambda: screen.session.short_name(moves) not in screen.text, "what stands still alone")
+        names = [screen.session.short_name(each) for each in (stopped, dead)]
+        assert all(each in screen.text for each in names)
+        assert screen.text.index(names[0]) < screen.text.index(names[1])
 
 
 async def test_esc_takes_all_of_a_view_back_and_what_was_chosen_since_by_itself(fake, opened):
