@@ -125,6 +125,14 @@ async def test_what_stands_still_from_the_first_sample_on_is_seen_below_what_cha
         assert screen.text.index(names[0]) < screen.text.index(names[1])
 
 
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)])
+async def test_with_a_filter_the_bar_has_what_stops_the_logger(size, fake, opened):
+    async with opened(fake.run(), size=size) as screen:
+        await screen.enter("/torque")
+        await screen.shows("Esc No filter")
+        assert "S Stop" in screen.text
+
+
 async def test_esc_takes_all_of_a_view_back_and_what_was_chosen_since_by_itself(fake, opened):
     async with opened(fake.run()) as screen:
         rows, table = screen.session.rows, screen.app.screen.table
