@@ -238,3 +238,17 @@ async def test_what_a_branch_costs_is_seen_at_once_in_a_small_terminal_too(fake,
         body = screen.app.screen.query_one(".dialog-body")
         line = next(at for at, line in enumerate(screen.text.splitlines()) if "of these, shortest:" in line)
         assert line < body.region.bottom
+
+
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)])
+async def test_rows_stay_under_a_filter_by_the_setting_that_was_edited_until_it_is_applied(size, fake, opened):
+    async with opened(fake, size=size) as screen:
+        await screen.enter("/HAA/torque div=1")
+        await screen.shows("4 of 72")
+        await screen.do("mark_shown", "edit_divider", "5", "enter")
+        await screen.shows("divider: 4 changed")
+        assert "LF/HAA/torque" in screen.text and "not shown" not in screen.text
+        await screen.do("apply")
+        await screen.shows("Apply 4 edits to 4 elements?")
+        await screen.press("a")
+        await screen.shows("No element passes the filter 'HAA/torque div=1'")

@@ -10,7 +10,7 @@ from silo.core.elements import Table
 from silo.live.quantities import FROZEN, NOT_FINITE, SLOW
 from silo_tui.model.table import filter as filters
 from silo_tui.model.table.facts import Facts
-from silo_tui.model.table.fields import Field
+from silo_tui.model.table.fields import Field, synonym
 from silo_tui.model.table.state import TableState
 
 
@@ -87,6 +87,20 @@ def test_what_was_not_measured_hides_nothing(table, facts):
 def test_off_shows_what_is_switched_off_also_as_a_pending_edit(table):
     table.edit([2], Field.ENABLED, 0)
     assert passing(table, "off") == [table.names[2]]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["buf:grow", "buf:loop", "-buf:grow", "buf!=loop", "div=1", "div:5", "div>1", "buf:grow div:5", "on:yes", "off"],
+)
+def test_an_edited_row_passes_by_what_it_has_and_by_what_is_wanted(table, text):
+    grow, loop = synonym(Field.BUFFER, "grow"), synonym(Field.BUFFER, "loop")
+    table.server[Field.BUFFER], table.server[Field.DIVIDER], table.server[Field.ENABLED] = grow, 1, 1
+    for field, value in ((Field.BUFFER, loop), (Field.DIVIDER, 5), (Field.ENABLED, 0)):
+        table.edit([7], field, value)
+    assert table.names[7] in passing(table, text)
+    assert table.names[7] not in passing(table, "div=3|buf:fixed")
+    assert count(table, text) in (1, len(table))
 
 
 def test_an_unreadable_term_tells_its_place_and_the_others_count(table):

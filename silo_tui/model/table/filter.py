@@ -10,6 +10,8 @@
     value>60 |value|>60 std>1 rate<95% fill>=50% changed<1s    what was measured, judged twice a second
     marked pending edited conflict live derived problem nan frozen slow off
 
+An element with edits passes by a setting that it has, or that is wanted of it.
+
 `problem` is whatever the column `state` says, but `full`; it was called `alarm`, which goes on meaning it
 
 `parse` never raises: a term that can't be understood is reported, with its place, and left out.
@@ -45,6 +47,15 @@ class Condition(msgspec.Struct, frozen=True):
     test: Test
     quantities: frozenset[str] = frozenset()
 
+    def passes(self, table: TableState, marked: Mask) -> Mask:
+        """Return shape `(n,)`: what passes it, by the settings wanted or by those in force: no edit takes its row away."""
+        found = self.test(table, marked)
+        if not table.pending.any():
+            return found
+        as_is = copy(table)
+        as_is.in_force = True
+        return found | self.test(as_is, marked)
+
 
 class Filter(msgspec.Struct, frozen=True):
     """A parsed filter: `problems` says which terms were left out and why, `places` where they stand in the text."""
@@ -64,13 +75,13 @@ class Filter(msgspec.Struct, frozen=True):
 
         Where no name has all words, each of them may be in the name or in the description.
         """
-        steady = [each.test(_named(table), marked) for each in self.conditions if not each.quantities]
+        steady = [each.passes(_named(table), marked) for each in self.conditions if not each.quantities]
         if steady and not np.logical_and.reduce(steady).any() and not table.said_too:
             table = copy(table)
             table.said_too = True
         result = np.ones(len(table), np.bool_)
         for condition in self.conditions:
-            result &= condition.test(table, marked)
+            result &= condition.passes(table, marked)
         return result
 
     def by_component(self, table: TableState, marked: Mask, passing: Sequence[int]) -> list[int]:
@@ -87,7 +98,7 @@ class Filter(msgspec.Struct, frozen=True):
 
     def blocked_by(self, table: TableState, marked: Mask) -> tuple[str, int] | None:
         """Return the term without which most elements would be left, and how many; None where no single one is it."""
-        masks = [condition.test(table, marked) for condition in self.conditions]
+        masks = [condition.passes(table, marked) for condition in self.conditions]
         left = []
         for at in range(len(masks)):
             others = [mask for other, mask in enumerate(masks) if other != at]
@@ -97,7 +108,7 @@ class Filter(msgspec.Struct, frozen=True):
 
     def without_any(self, table: TableState, marked: Mask) -> list[str]:
         """Return the terms that nothing passes, each by itself."""
-        return [each.text for each in self.conditions if not each.test(table, marked).any()]
+        return [each.text for each in self.conditions if not each.passes(table, marked).any()]
 
 
 def _named(table: TableState) -> TableState:
@@ -228,7 +239,7 @@ def _flag(word: str) -> Test:
     if word == "live":
         return lambda table, marked: table.live
     if word == "off":
-        return lambda table, marked: np.asarray(table.values[Field.ENABLED] == 0)
+        return lambda table, marked: np.asarray(table.settings[Field.ENABLED] == 0)
     if word in _MEASURED_WORDS:
         bits = BITS.get(word, -1)
         return lambda table, marked: np.asarray((table.signs & bits) != 0)

@@ -87,7 +87,7 @@ def number_term(names: tuple[str, ...], field: Field) -> Term:
         if number is None:
             return f"{names[0]}{sign}{value}: {value!r} is no number"
         compare = COMPARE[sign]
-        return lambda table, marked: np.asarray(compare(table.values[field], number), np.bool_)
+        return lambda table, marked: np.asarray(compare(table.settings[field], number), np.bool_)
 
     return Term(names, read, compares=True)
 
@@ -100,7 +100,7 @@ def choice_term(names: tuple[str, ...], field: Field) -> Term:
         wanted = synonym(field, value)
         if wanted is None:
             return f"{value!r}: write {' or '.join(offered)}"
-        return _signed(sign, lambda table, marked: np.equal(table.values[field], wanted))
+        return _signed(sign, lambda table, marked: np.equal(table.settings[field], wanted))
 
     return Term(names, read, completions=offered)
 
@@ -114,7 +114,7 @@ def action_term(names: tuple[str, ...]) -> Term:
             return f"{value!r}: write act:save, act:publish or act:save+pub"
         exact = value.lower() in {"both", "pub"} or "+" in value or "_" in value
         passing = (wanted,) if exact else (wanted, 0)
-        return _signed(sign, lambda table, marked: np.isin(table.values[Field.ACTION], passing))
+        return _signed(sign, lambda table, marked: np.isin(table.settings[Field.ACTION], passing))
 
     return Term(names, read, completions=("act:save", "act:publish", "act:save+pub"))
 
