@@ -193,7 +193,7 @@ async def apply(context: Context) -> None:
 async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> str | None:
     elements = len({change.name for change in changes})
     title = f"Apply {many(len(changes), 'edit')} to {many(elements, 'element')}?"
-    keep = Choice("", "Keep them pending")
+    keep = Choice("", f"Keep them pending{_drops_one(context) if elements > 1 else ''}")
     discard = Choice("discard", f"Discard all edits; {context.key_in_table('undo')} brings them back", "x")
     body = _what_changes(context, changes)
     if context.session.running:
@@ -202,6 +202,12 @@ async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> s
         go_on = Choice("cut", "Apply and go on: no tick is lost", "a")
         return await _ask_around(context, title, body, [go_on, keep], "stop, apply, start again", "r", [discard])
     return await context.app.push_screen_wait(Question(title, body, [Choice("apply", "Apply", "a"), keep, discard]))
+
+
+def _drops_one(context: Context) -> str:
+    """Return how the edits of one element alone are dropped: with marks the key is about all of these."""
+    unmark = f"{key_of('unmark') or ':unmark'}, then " if context.session.rows.marked_count else ""
+    return f"; {unmark}{context.key_in_table('discard')} on its line drops one"
 
 
 def _watching_again(session: Session) -> str:

@@ -6,9 +6,11 @@ import threading
 import msgspec
 import pytest
 
+from silo_tui.actions import key_of
 from silo_tui.model.table.fields import Field
 from silo_tui.screens.dialogs.questions import Question
 from silo_tui.sessions import kept
+from silo_tui.settings.options import Settings
 from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
@@ -252,3 +254,27 @@ async def test_rows_stay_under_a_filter_by_the_setting_that_was_edited_until_it_
         await screen.shows("Apply 4 edits to 4 elements?")
         await screen.press("a")
         await screen.shows("No element passes the filter 'HAA/torque div=1'")
+
+
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)])
+async def test_the_question_that_applies_says_how_the_edits_of_one_element_are_dropped(size, fake, opened):
+    async with opened(fake, size=size) as screen:
+        await screen.do("mark", "mark", "edit_divider", "5", "enter", "apply")
+        await screen.shows(f"Keep them pending; :unmark, then {key_of('discard')} on its line drops one")
+        await screen.press("escape")
+        await screen.shows("Keep them pending: nothing")
+        await screen.enter(":unmark")
+        await screen.do("up", "apply")
+        await screen.shows(f"Keep them pending; {key_of('discard')} on its line drops one")
+        await screen.press("escape")
+        await screen.do("discard")
+        await screen.shows("1 edit discarded")
+        await screen.do("apply")
+        await screen.shows("Apply 1 edit to 1 element?")
+        assert "drops one" not in screen.text
+
+
+async def test_a_key_of_the_users_own_drops_one_edit_as_the_question_says(fake, opened):
+    async with opened(fake, settings=Settings(keys={"discard": "Z"})) as screen:
+        await screen.do("edit_divider", "5", "enter", "down", "edit_divider", "5", "enter", "apply")
+        await screen.shows("Keep them pending; Z on its line drops one")

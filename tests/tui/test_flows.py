@@ -175,7 +175,7 @@ def test_what_applying_asks_counts_edits_and_elements_and_says_what_goes_on(runn
         "and begins them empty. Stopping ends this recording.\n"
     )
     assert desk.asked[0].endswith(
-        "\n(a) Apply and go on: no tick is lost\n() Keep them pending"
+        "\n(a) Apply and go on: no tick is lost\n() Keep them pending; e x on its line drops one"
         "\n(r) Stop, apply, start again\n(x) Discard all edits; u brings them back"
     )
 

@@ -53,6 +53,11 @@ class Choice(msgspec.Struct, frozen=True):
     loses: bool = False
 
 
+def _begin_of(label: str) -> str:
+    """Return what a choice does, without what it tells beside that."""
+    return re.split(r"[:;,(]", label)[0].strip()
+
+
 class Question(Dialog[str | None]):
     """Asks; answers with the value of a choice, None on Esc. A long body scrolls."""
 
@@ -161,7 +166,7 @@ class Question(Dialog[str | None]):
 
     def dismiss(self, result: str | None = None) -> AwaitComplete:
         """Leave; where one of the choices does nothing, and that was meant, say so."""
-        nothing = next((choice.label for choice in self._choices if not choice.value), "")
+        nothing = next((_begin_of(choice.label) for choice in self._choices if not choice.value), "")
         if nothing and not result:
             cast(Any, self.app).context.say(f"{self._title} {nothing}: nothing was done")
         return super().dismiss(result or None)
@@ -175,8 +180,7 @@ class Question(Dialog[str | None]):
     def _show_keys(self, before: str = "") -> None:
         """Show what the keys do here; `before` is what the one did that was pressed."""
         at = self.query_one(OptionList).highlighted or 0
-        label = re.split(r"[:;,(]", self._choices[at].label)[0].strip()
-        self.KEYS_HERE = f"{before}Enter {label}  {MOVES}"
+        self.KEYS_HERE = f"{before}Enter {_begin_of(self._choices[at].label)}  {MOVES}"
         if (screen := cast(Any, self.app).context.upper_screen) is not None:
             screen.show_keys_above()
 
