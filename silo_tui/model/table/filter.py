@@ -48,7 +48,7 @@ class Condition(msgspec.Struct, frozen=True):
     quantities: frozenset[str] = frozenset()
 
     def passes(self, table: TableState, marked: Mask) -> Mask:
-        """Return shape `(n,)`: what passes it, by the settings wanted or by those in force: no edit takes its row away."""
+        """Return shape `(n,)`: what passes it, by the settings wanted or by those in force: no edit hides its row."""
         found = self.test(table, marked)
         if not table.pending.any():
             return found
