@@ -58,7 +58,7 @@ class Member(msgspec.Struct, frozen=True, dict=True):
     @property
     def key(self) -> str:
         """What tells it from all others."""
-        return self.found.socket or str(self.found.root or self.found.label)
+        return self.found.key
 
     @property
     def state(self) -> State | None:

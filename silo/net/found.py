@@ -52,6 +52,11 @@ class LoggerAddress(msgspec.Struct, frozen=True):
         return Root(self.host, self.name, self.id) if self.host else None
 
     @property
+    def key(self) -> str:
+        """What tells it from all others."""
+        return self.socket or str(self.root or self.label)
+
+    @property
     def machine(self) -> str:
         """The part of the id that is of the computer: what starts there again may be the same robot."""
         return self.id[:MACHINE_DIGITS]

@@ -146,7 +146,15 @@ class Opener:
             found, problem = await self._look()
             if self._app.screen is screen:
                 screen.take(found.loggers, found.advice, problem)
+                self._name_as_listed(found.loggers)
             await asyncio.sleep(LOOK_S)
+
+    def _name_as_listed(self, loggers: Sequence[FoundLogger]) -> None:
+        """Have the table call the logger that is open as the list does: another one of its name may run by now."""
+        session = self._context.logger_session
+        for one in loggers:
+            if session is not None and session.link is not None and one.key == session.link.logger_key:
+                session.address = one.address if one.alike else ""
 
     async def _open(self, logger: FoundLogger) -> bool:
         """Open a logger on a new table; return False when it doesn't answer, which is remembered and shown."""
@@ -156,7 +164,7 @@ class Opener:
             return True  # the program was ended meanwhile
         session = Session(logger.name)
         session.own_name = self._finder.own_name
-        session.address = logger.addresses[-1] if logger.alike and logger.addresses else ""
+        session.address = logger.address if logger.alike else ""
         self._view_is_there = False
         context.take_session(session)
         screen = TableScreen(session)

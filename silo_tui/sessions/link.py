@@ -98,6 +98,11 @@ class Link:
         return self._client.connected
 
     @property
+    def logger_key(self) -> str:
+        """What tells the logger from all others, the one that it follows now."""
+        return self._client.found.key
+
+    @property
     def identity(self) -> str:
         """By which the logger tells us from other operators."""
         return self._client._identity

@@ -89,6 +89,10 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions, FakeParameters):
     # -- what tests do
 
     @property
+    def found(self) -> LoggerAddress:
+        return LoggerAddress(self.name, self.pid, f"{self.name}.{self.pid}", "ann")
+
+    @property
     def state(self) -> State:
         return self._state
 
@@ -276,7 +280,7 @@ class FakeFinder:
     def __init__(self, *clients: FakeClient) -> None:
         self.clients = list(clients)
         self.advice: tuple[str, ...] = ()
-        self.members: dict[str, Member] = {}  # how they stand, by their names
+        self.members: dict[str, Member] = {}  # how they stand, by their names or keys
         self.attentive = True
 
     def find(self) -> Found:
@@ -287,7 +291,9 @@ class FakeFinder:
                     client.pid,
                     "ann",
                     key,
-                    self.members.get(client.name) or Member(LoggerAddress(client.name, client.pid, key, "ann")),
+                    self.members.get(key) or self.members.get(client.name) or Member(client.found),
+                    addresses=client.found.addresses,
+                    alike=sum(other.name == client.name for other in self.clients) > 1,
                 )
                 for client, key in ((client, f"{client.name}.{client.pid}") for client in self.clients)
             ),

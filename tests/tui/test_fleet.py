@@ -324,3 +324,48 @@ def test_of_the_logger_that_is_open_it_is_told_in_full_why_it_died():
     assert reason not in listed.about(one)
     listed.context = SimpleNamespace(logger_session=SimpleNamespace(status=status))
     assert reason in listed.about(one)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)])
+async def test_of_two_loggers_of_one_name_the_open_one_is_told_in_a_word_and_by_one_name(new_fake, opened, size):
+    dead, mine = new_fake(name="demo"), new_fake(name="demo").run()
+    dead.pid, mine.pid = 19149, 19150
+
+    def lines(screen):
+        return [line for line in screen.text.splitlines()[1:] if "✖ DEAD" in line or "● RUNNING" in line]
+
+    async with opened(dead, mine, ready=False, size=size) as screen:
+        screen.app._finder.members = {
+            fake.found.key: Member(fake.found, msgspec.structs.replace(FINE, state=state))
+            for fake, state in ((dead, State.DEAD), (mine, State.RUNNING))
+        }
+        await screen.shows("demo.19150  ● RUNNING")  # the one that lives opens by itself
+        await screen.do("loggers")
+        await screen.shows("1 dead, 1 running")
+        other, here = sorted(lines(screen), key=lambda line: " open " in line)
+        assert "demo.19149" in other and "DEAD" in other and " open " not in other
+        assert "demo.19150" in here and "RUNNING" in here
+        assert screen.app.screen.chosen_key == mine.found.key
+
+
+@pytest.mark.slow
+async def test_a_logger_that_got_a_namesake_is_called_as_in_the_list(new_fake, opened):
+    mine, other = new_fake(name="demo").run(), new_fake(name="demo")
+    mine.pid, other.pid = 19150, 19149
+    async with opened(mine) as screen:
+        await screen.shows("anymal/demo  ● RUNNING")
+        screen.app._finder.clients.append(other)
+        await screen.do("loggers")
+        await screen.shows("demo.19149")
+        await screen.press("escape")
+        await screen.shows("demo.19150  ● RUNNING")
+
+
+def test_the_open_one_is_told_beside_what_it_answered_too() -> None:
+    def told(one: fleet.FoundLogger) -> str:
+        return fleet.row(one, 16, 80, NOW_S, NOW_NS, is_open=True)
+
+    assert told(line(member(), answer="stopped")).endswith(" open: stopped")
+    assert told(line(Member(UNKNOWN.found, problem="no answer"))).endswith(" open: no answer")
+    assert " open ann" in told(line(member()))

@@ -100,15 +100,19 @@ def head(names: int, width: int) -> str:
     return f"  {'logger':<{names}} {'state':<{STATE_WIDTH}} {tail}who"
 
 
-def row(one: FoundLogger, names: int, width: int, now_s: float, now_ns: int, addresses: tuple[str, ...] = ()) -> str:
+def row(
+    one: FoundLogger, names: int, width: int, now_s: float, now_ns: int, addresses: tuple[str, ...] = (),
+    *, is_open: bool = False,
+) -> str:  # fmt: skip
     """Return a logger, among others of these addresses, as a line; what it answered stands behind its state."""
     name = fitted_among(one.address, addresses, names)
     begin = f"  {name:<{names}} {STATES.get(one.member.word, one.member.word):<{STATE_WIDTH}} "
+    here = ["open"] * is_open
     if one.answer:
-        return begin + one.answer
+        return begin + ": ".join([*here, one.answer])
     member, told = one.member, one.member.summary
     if told is None:
-        return begin + member.problem.replace("\n", " ")
+        return begin + ": ".join([*here, member.problem.replace("\n", " ")])
     run_s = member.run_s(now_ns)
     was = f"was {STATES.get(told.state.value, ' ')[:1]}" if member.lost else ""
     share = member.disk_share
@@ -127,7 +131,7 @@ def row(one: FoundLogger, names: int, width: int, now_s: float, now_ns: int, add
     recorded = [f"REC {told.recorders}"] if told.recorders else []
     denied = [f"DENIED {told.denied}"] if told.denied else []
     idle = [idle_words(member.idle_s(now_s))] if member.stalled else []
-    return begin + tail + " ".join([*idle, *denied, *recorded, *member.people])
+    return begin + tail + " ".join([*here, *idle, *denied, *recorded, *member.people])
 
 
 def told(one: FoundLogger) -> str:

@@ -100,6 +100,17 @@ class LoggersScreen(ListScreen[FoundLogger]):
         """Return its key, and whether it is there: one that is lost comes up."""
         return f"{one.key} {one.member.here}"
 
+    @property
+    def _open_key(self) -> str:
+        """The key of the logger that is open; empty where none is."""
+        session = self.context.logger_session
+        return session.link.logger_key if session is not None and session.link is not None else ""
+
+    def follow(self, known: str, place: int | None) -> int | None:
+        """Return it; the list begins with the logger that is open."""
+        begins = place is None and self._open_key in self.shown_keys
+        return self.shown_keys.index(self._open_key) if begins else super().follow(known, place)
+
     def prepare(self, found: Sequence[FoundLogger], width: int) -> None:
         self._names = fleet.name_width(found, width)
         self._addresses = tuple(one.address for one in found)
@@ -125,7 +136,7 @@ class LoggersScreen(ListScreen[FoundLogger]):
 
     def row_of(self, one: FoundLogger, width: int) -> Text:
         variables, member = self.app.theme_variables, one.member
-        row = fleet.row(one, self._names, width, *self._now, self._addresses)
+        row = fleet.row(one, self._names, width, *self._now, self._addresses, is_open=one.key == self._open_key)
         line = Text(row)
         if not member.here:
             line.stylize("dim")
