@@ -50,6 +50,8 @@ def query(drawer: Drawer, statement: str) -> Any:
         return polars.DataFrame() if answer is None else answer.pl()
     except duckdb.Error as error:
         wrong = str(error)
+    except polars.exceptions.PolarsError as error:
+        wrong = f"no table here holds this answer ({error}): write epoch(...) of an interval, else what::text"
     finally:
         connection.close()
     raise tables.failed or ElementError(f"{wrong}\n(tables: {', '.join(COLUMNS)}; `describe wide` has the signals)")

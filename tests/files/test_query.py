@@ -1,5 +1,6 @@
 """SQL over runs and their archive: each answer against the logs themselves, what is read, what can't be reached."""
 
+import errno
 import itertools
 import json
 import os
@@ -329,6 +330,39 @@ def test_programs_are_told_times_to_the_nanosecond(tmp_path):
     (row,) = json.loads(shown.stdout)
     digits = "010000000" if version("duckdb") < "2" else "010000001"  # of the one for Python 3.10
     assert row["time"] == f"2023-11-14T22:13:20.{digits}Z"
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_lists_and_what_else_no_cell_holds_are_written_as_json(written, tmp_path, ending):
+    file = tmp_path / f"rows.{ending}"
+    asked = "select *, ['wet'] as wet, {'a': 1} as pair, 'ab'::blob as raw from runs order by run"
+    made = CliRunner().invoke(cli, ["query", asked, "--in", str(written), "--to", str(file)])
+    assert made.output == f"{file}: {RUNS} rows\n"
+    rows = polars.read_csv(file) if ending == "csv" else polars.read_parquet(file)
+    found = rows.row(1, named=True)
+    wanted = ("[]", '["wet"]', '{"a":1}', '"YWI="') if ending == "csv" else ([], ["wet"], {"a": 1}, b"ab")
+    assert (found["tags"], found["wet"], found["pair"], found["raw"]) == wanted
+
+
+def test_an_answer_that_no_table_here_holds_is_told_with_the_way_out(runs):
+    with pytest.raises(ElementError, match=r"write epoch\(\.\.\.\) of an interval") as raised:
+        runs.sql("select age(timestamp '2026-01-02', timestamp '2026-01-01') as apart from runs")
+    assert "interval" in str(raised.value)
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_an_answer_for_which_a_disk_has_no_room_leaves_no_half_of_it(written, tmp_path, monkeypatch, ending):
+    def full(descriptor, buffers, offset):
+        os.pwrite(descriptor, bytes(buffers[0])[:10], offset)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("silo.cli.logs.query.write_all", full, raising=False)
+    monkeypatch.chdir(tmp_path)
+    asked = ["query", "select * from signals", "--in", str(written), "--to", f"rows.{ending}"]
+    made = CliRunner().invoke(cli, asked)
+    assert made.exit_code == 1
+    assert f"can't save 'rows.{ending}': No space left on device" in made.output
+    assert not list(tmp_path.iterdir())
 
 
 def test_of_an_archive_the_shell_asks_its_table_of_runs(archive):

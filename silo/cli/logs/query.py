@@ -1,5 +1,6 @@
 """`silo query`, `silo archive`: runs as tables, asked in SQL, kept as Parquet."""
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ from silo.cli.codes import EXIT_FAILED, EXIT_FOUND
 from silo.cli.common import progress, show_json, show_rows
 from silo.core.quantities.writing import count, many, size_text
 from silo.errors import SaveError
+from silo.files.atomic import atomic_file, write_all
 from silo.files.optional_packages import need
 
 MOST_ROWS = 100
@@ -40,7 +42,7 @@ def query(statement: str, places: tuple[str, ...], where: str, file: str | None,
         raise SaveError(f"'{file}' must end with .csv or .parquet, and not be there already")
     frame = _asked(places or (".",), where)(statement)
     if file is not None:
-        (frame.write_csv if file.endswith(".csv") else frame.write_parquet)(file)
+        _write(frame, file)
         click.echo(f"{file}: {many(len(frame), 'row')}")
     elif as_json:
         show_json(_with_all_digits(frame).to_dicts())
@@ -116,6 +118,27 @@ def _asked(places: tuple[str, ...], where: str) -> Any:
 def _name(problems: dict[str, str]) -> None:
     for run, why in problems.items():
         click.echo(f"{run}: {why}")
+
+
+def _write(frame: Any, file: str) -> None:
+    """Write a frame, whole or not at all. Raises SaveError."""
+    made = io.BytesIO()
+    if file.endswith(".csv"):
+        _in_cells(frame).write_csv(made)
+    else:
+        frame.write_parquet(made)
+    with atomic_file(file) as target:
+        write_all(target.fileno(), [made.getbuffer()], 0)
+
+
+def _in_cells(frame: Any) -> Any:
+    """The frame with what CSV has no cell for, as lists and bytes, in JSON."""
+    import msgspec
+
+    polars = need("polars", "query", "SQL over runs")
+    wide = [name for name, kind in frame.schema.items() if kind.is_nested() or kind == polars.Binary]
+    texts = {name: [msgspec.json.encode(one).decode() for one in frame[name].to_list()] for name in wide}
+    return frame.with_columns(**{name: polars.Series(column, dtype=polars.String) for name, column in texts.items()})
 
 
 def _with_all_digits(frame: Any) -> Any:
