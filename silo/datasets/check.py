@@ -1,5 +1,6 @@
 """What a LeRobot data set says of itself, held against what is in it: its loader looks at neither times nor totals."""
 
+import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 
 from silo.core.arguments import path
 from silo.datasets.lerobot import COUNTERS, TIMESTAMP
-from silo.decoding import json_decoder
+from silo.decoding import converted, json_decoder
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.optional_packages import need
 
@@ -108,14 +109,17 @@ def _rows(parquet: Any, files: list[Path], wanted: list[str]) -> list[dict[str, 
 def _of_statistics(file: Path, features: dict[str, Any]) -> Iterator[str]:
     """Return what is wrong with the file by which a policy scales what it is given."""
     try:
-        known = json_decoder(dict[str, dict[str, Any]]).decode(file.read_bytes())
-    except (OSError, msgspec.DecodeError, msgspec.ValidationError) as error:
+        known = converted(json.loads(file.read_bytes()), dict[str, dict[str, Any]])
+    except (OSError, ValueError, RecursionError) as error:
         yield f"stats.json, by which a policy scales its inputs, can't be read: {error}"
         return
     of = {name: one.get("dtype") if isinstance(one, dict) else None for name, one in features.items()}
     numbers = [name for name, dtype in of.items() if dtype not in (None, "string", "image", "video")]
     if lacking := [name for name in numbers if not {"mean", "std", "min", "max"} <= {*known.get(name, ())}]:
         yield f"stats.json lacks mean, std, min or max of {', '.join(lacking)}"
+    for name in numbers:
+        if keys := [key for key, value in known.get(name, {}).items() if "None" in str(value)]:
+            yield f"stats.json has null in {', '.join(keys)} of {name}: its loader makes no numbers of it"
 
 
 def _of_episodes(episodes: list[dict[str, Any]]) -> Iterator[str]:

@@ -17,9 +17,11 @@ from silo.analysis.log import Log
 from silo.analysis.signal import Signal
 from silo.core.arguments import INT64
 from silo.core.arrays.enumerations import contradiction
+from silo.core.quantities.writing import and_more
 from silo.errors import ElementError, UnknownSignalError
 
 How = Literal["last", "mean", "window"]
+_MOST_TOLD = 5
 HOWS: tuple[How, ...] = ("last", "mean", "window")
 
 
@@ -59,6 +61,12 @@ class FrameTable:
 
     def __len__(self) -> int:
         return len(self.columns[0])
+
+    @property
+    def not_finite(self) -> str:
+        """Which numbers are NaN or infinite in how many frames, in words."""
+        told = [_not_finite(*each) for each in zip(self.features, self.columns, strict=True)]
+        return f"no finite numbers: {'; '.join(filter(None, told))}" if any(told) else ""
 
 
 def wanted_of(
@@ -251,8 +259,21 @@ def _column(wanted: Wanted, grid_ns: NDArray[np.int64], width: int) -> tuple[Fea
     shape = values.shape[1:] if wanted.how == "window" else (values.shape[1],)
     dtype = wanted.dtype or _dtype(wanted.signals[0].name, values)
     feature = Feature(wanted.name, dtype, shape, tuple(names), tuple(units), labels)
-    values = values.astype(object if dtype == "string" else dtype, copy=False)
+    with np.errstate(over="ignore"):  # beyond float32 it is infinite, which is told
+        values = values.astype(object if dtype == "string" else dtype, copy=False)
     return feature, values[:, 0] if shape == (1,) else values
+
+
+def _not_finite(feature: Feature, values: NDArray[Any]) -> str:
+    if values.dtype.kind != "f" or np.isfinite(values).all():
+        return ""
+    frames_of = (~np.isfinite(values)).reshape(len(values), -1, len(feature.names)).any(axis=1).sum(axis=0)
+    found = [
+        f"'{name}' in {some} of {len(values)} frames"
+        for name, some in zip(feature.names, frames_of.tolist(), strict=True)
+        if some
+    ]
+    return f"{and_more(found, _MOST_TOLD)} ({feature.name})"
 
 
 def _has_mean(signal: Signal, values: NDArray[Any], wanted: Wanted) -> bool:

@@ -5,6 +5,7 @@ The layout is that of the package lerobot 0.6.1 (`src/lerobot/datasets/`): `meta
 time stamps nor totals: `silo.datasets.check` does. Memory holds one run at a time.
 """
 
+import json
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
@@ -41,13 +42,16 @@ COUNTERS = tuple(Feature(name, "int64", (1,)) for name in ("frame_index", "episo
 
 @dataclass
 class DataSet:
-    """What was written: episodes, frames, and by run what was left out and why, and of which frames it is short."""
+    """What was written: episodes, frames, and by run what was left out and why, of which frames it is short, and which
+    numbers are NaN or infinite in how many of them.
+    """
 
     path: Path
     episodes: int = 0
     frames: int = 0
     left_out: list[tuple[str, str]] = field(default_factory=list)
     short: list[tuple[str, str]] = field(default_factory=list)
+    not_finite: list[tuple[str, str]] = field(default_factory=list)
     lost: int = 0
 
 
@@ -134,6 +138,7 @@ def write_lerobot(
                 writer.add(one.name, made, words, facts | ({} if one.marked is None else facts_of(one.marked)))
                 done.lost += lost
                 done.short += [(one.name, made.lacks)] if made.lacks else []
+                done.not_finite += [(one.name, made.not_finite)] if made.not_finite else []
             done.episodes, done.frames = len(writer.rows), writer.frames
             if not writer.rows:
                 why = f": {done.left_out[0][0]}: {done.left_out[0][1]}" if done.left_out else "; name some"
@@ -326,7 +331,8 @@ class _Writer:
 
     def _json(self, name: str, value: object) -> None:
         (self._folder / "meta").mkdir(exist_ok=True)
-        (self._folder / "meta" / name).write_bytes(msgspec.json.format(msgspec.json.encode(value), indent=4))
+        # NaN, as Python's own JSON has it: of null no loader makes a number
+        (self._folder / "meta" / name).write_text(json.dumps(value, indent=4))
 
 
 def _told(feature: Feature) -> dict[str, Any]:

@@ -1,9 +1,11 @@
 """Statistics of a data set that is never in memory as a whole: of each episode, and merged over all.
 
 Minimum, maximum, mean and standard deviation are exact; quantiles of all episodes are the means of theirs, weighted by
-their frames, as LeRobot 0.6 merges them.
+their frames, as LeRobot 0.6 merges them. NaN and infinite numbers are left out, as one of them would make all that a
+policy is scaled by NaN.
 """
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -11,47 +13,65 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+Numbers = NDArray[np.float64]
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 
 
 @dataclass(frozen=True)
 class Moments:
-    """Of one feature: arrays of the shape of a frame, and how many frames they are of."""
+    """Of one feature: arrays of the shape of a frame, and how many frames they are of.
+
+    What is no finite number is in none of them: `known` are how many were, and where that is 0 there stands NaN.
+    """
 
     count: int
-    least: NDArray[np.float64]
-    most: NDArray[np.float64]
-    mean: NDArray[np.float64]
-    std: NDArray[np.float64]
-    quantiles: NDArray[np.float64]
+    known: NDArray[np.int64]
+    least: Numbers
+    most: Numbers
+    mean: Numbers
+    std: Numbers
+    quantiles: Numbers
 
     @classmethod
     def of(cls, values: NDArray[Any]) -> "Moments":
         """Of frames of one episode, of shape `(frames, ...)`."""
         numbers = values.astype(np.float64)
         numbers = numbers[:, None] if numbers.ndim == 1 else numbers
-        return cls(
-            len(numbers),
-            numbers.min(axis=0),
-            numbers.max(axis=0),
-            numbers.mean(axis=0),
-            numbers.std(axis=0),
-            np.quantile(numbers, list(QUANTILES.values()), axis=0),
-        )
+        finite = np.isfinite(numbers)
+        least, most, mean, std, quantile = (np.min, np.max, np.mean, np.std, np.quantile)
+        if not finite.all():
+            least, most, mean, std, quantile = (np.nanmin, np.nanmax, np.nanmean, np.nanstd, np.nanquantile)
+            numbers = np.where(finite, numbers, np.nan)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # of NaN alone there is NaN
+            return cls(
+                len(numbers),
+                finite.sum(axis=0),
+                least(numbers, axis=0),
+                most(numbers, axis=0),
+                mean(numbers, axis=0),
+                std(numbers, axis=0),
+                quantile(numbers, list(QUANTILES.values()), axis=0),
+            )
 
     def and_of(self, other: "Moments") -> "Moments":
         """Return those of both, by Chan's rule for mean and variance."""
-        count = self.count + other.count
-        share = other.count / count
+        known = self.known + other.known
+        share = other.known / np.maximum(known, 1)
         apart = other.mean - self.mean
         variance = (1 - share) * self.std**2 + share * other.std**2 + share * (1 - share) * apart**2
+
+        def of_both(mine: Numbers, theirs: Numbers, made: Numbers) -> Numbers:
+            return np.where(other.known == 0, mine, np.where(self.known == 0, theirs, made))
+
         return Moments(
-            count,
-            np.minimum(self.least, other.least),
-            np.maximum(self.most, other.most),
-            self.mean + share * apart,
-            np.sqrt(variance),
-            (1 - share) * self.quantiles + share * other.quantiles,
+            self.count + other.count,
+            known,
+            np.fmin(self.least, other.least),
+            np.fmax(self.most, other.most),
+            of_both(self.mean, other.mean, self.mean + share * apart),
+            of_both(self.std, other.std, np.sqrt(variance)),
+            of_both(self.quantiles, other.quantiles, (1 - share) * self.quantiles + share * other.quantiles),
         )
 
     def told(self) -> dict[str, list[Any]]:

@@ -10,11 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
 import silo
 from silo.analysis.signal import Signal
+from silo.cli.group import cli
 from silo.core.elements import Stretch
 from silo.core.recording import Recording
 from silo.datasets.check import check_lerobot
@@ -311,7 +313,51 @@ def test_statistics_of_all_are_those_of_the_whole(sizes, seed):
     assert (told["count"], tuple(told)) == ([len(whole)], TEN)
 
 
+@given(st.lists(st.integers(1, 30), min_size=1, max_size=5), st.integers(0, 99))
+def test_what_is_no_finite_number_is_in_no_statistic(sizes, seed):
+    parts = [np.random.default_rng([seed, size]).normal(3, 10, (size, 3)) for size in sizes]
+    for number, part in enumerate(parts):
+        part[number % 3 :: 4, 0] = (np.nan, np.inf, -np.inf)[number % 3]
+        part[:, 1] = np.nan if number else part[:, 1]
+        part[:, 2] = np.nan
+    found: dict = {}
+    for part in parts:
+        found = merged(found, [("x", Moments.of(part))])
+    told, whole = found["x"].told(), np.concatenate(parts)
+    for place, numbers in enumerate(column[np.isfinite(column)] for column in whole.T):
+        for name, of in (("min", np.min), ("max", np.max), ("mean", np.mean), ("std", np.std)):
+            assert told[name][place] == pytest.approx(of(numbers) if len(numbers) else np.nan, abs=1e-9, nan_ok=True)
+    weights = [np.isfinite(part[:, 0]).sum() for part in parts]
+    medians = [np.median(part[np.isfinite(part[:, 0]), 0]) if some else 0 for part, some in zip(parts, weights)]  # noqa: B905
+    assert told["q50"][0] == pytest.approx(
+        np.average(medians, weights=weights) if any(weights) else np.nan, nan_ok=True
+    )
+    assert (told["count"], tuple(told)) == ([len(whole)], TEN)
+
+
 # ------------------------------------------------------------------------------------------------------- a data set
+
+
+def test_a_policy_has_numbers_to_scale_by_where_some_samples_are_none(tmp_path, new_logger):
+    log = new_logger("arm", frequency=100, clock=itertools.count(10**18, 10_000_000).__next__)
+    q, none = log.array("q", 3), log.array("none")
+    log.start()
+    for tick in range(50):
+        q[:] = tick, np.nan if tick == 7 else tick, 1e300 if tick == 9 else tick
+        none[...] = np.nan
+        log.collect()
+    path = log.save().path
+    made = write_lerobot([path], tmp_path / "data", fps=100, state=["q", "none"], window=["q"])
+    words = "'q_y' in 1 of 50 frames, 'q_z' in 1 of 50 frames"
+    told = f"no finite numbers: {words}, 'none' in 50 of 50 frames (observation.state); {words} (observation.q)"
+    assert made.not_finite == [(str(path), told)]
+    stats = json.loads((tmp_path / "data/meta/stats.json").read_text())["observation.state"]
+    assert stats["min"] == pytest.approx([0, 0, 0, np.nan], nan_ok=True)
+    assert stats["mean"] == pytest.approx([24.5, 1218 / 49, 1216 / 49, np.nan], nan_ok=True)
+    assert check_lerobot(tmp_path / "data") == []
+    shown = CliRunner().invoke(cli, ["convert", str(path), str(tmp_path / "two"), "--to", "lerobot", "--fps", "50",
+                                     "--state", "none"])  # fmt: skip
+    assert f"warning: {path}: no finite numbers: 'none' in 25 of 25 frames (observation.state)" in shown.output
 
 
 def test_every_value_is_the_one_of_the_run_at_that_time(runs, made):
@@ -523,6 +569,12 @@ def test_what_its_loader_would_take_is_found(made, tmp_path, column):
         (
             lambda meta: (meta / "stats.json").write_bytes(b'{"action": {"mean": [0'),
             r"stats.json, by which .* can't be read",
+        ),
+        (
+            lambda meta: (meta / "stats.json").write_text(
+                (meta / "stats.json").read_text().replace('"mean": [', '"mean": [null, ', 1)
+            ),
+            r"stats.json has null in mean of observation.state: its loader makes no numbers of it",
         ),
         (lambda meta: (meta / "stats.json").write_bytes(b"{}"), r"stats.json lacks mean, std, min or max of .*action"),
         (
