@@ -108,11 +108,13 @@ class Format(msgspec.Struct, frozen=True):
         function = _function(self.writer)
 
         def write(recording: "Recording", path: Path, progress: "Progress | None", **options: Any) -> None:
-            from silo.core.recording import has_own_stamps, read_whole, silent
+            from silo.core.recording import falls, has_own_stamps, read_whole, silent
 
             if not self.own_times and has_own_stamps(recording):
                 whose = "in this bag each topic" if recording.stretch is None else "an element changed by a cut"
-                if recording.stretch is not None and recording.stretch.recorder:
+                if falls(recording.time_ns):
+                    whose = "an element across a step back of the clock"
+                elif recording.stretch is not None and recording.stretch.recorder:
                     whose = "an element with a gap between two parts of the recording, or changed by a cut,"
                 raise SaveError(
                     f"'{path}' has one time for all signals, but {whose} has its own: choose a rate, "

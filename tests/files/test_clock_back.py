@@ -104,6 +104,13 @@ def test_how_long_it_took_is_what_passed_between_the_steps(path, tmp_path, log):
     assert [(one["start_s"], one["end_s"]) for one in told["elements"]] == [(0.0, 0.19)] * 2
 
 
+def test_a_part_over_the_step_that_a_format_can_not_keep_is_told_why_and_saved_at_a_rate(log, tmp_path):
+    part = log.clip(0.0, 0.11)
+    with pytest.raises(silo.SaveError, match=r"but an element across a step back of the clock has its own: choose"):
+        part.save(tmp_path / "part.silo")
+    part.resample(100).save(tmp_path / "part.silo")
+
+
 def test_the_shell_tells_of_it(path):
     result = CliRunner().invoke(cli, ["stats", str(path)])
     assert result.exit_code == 0
