@@ -319,6 +319,27 @@ def test_the_name_of_the_time_says_its_unit(tmp_path, name, cells, step_ns):
 
 
 @pytest.mark.parametrize(
+    ("name", "cell", "words"),
+    [
+        ("%time", "1700000000000000000", r"\('%time'\) says '1700000000000000000', and in seconds that is not within "
+         r"the years 1678 to 2262: if they are others, call it '%time_ns', '%time_us' or '%time_ms'"),
+        ("stamp", "1.7e18", r"says '1\.7e18', and in seconds .* call it 'stamp_ns'"),
+        ("t_ns", "9300000000000000000", r"says '9300000000000000000', and in nanoseconds that .* 2262$"),
+    ],
+)  # fmt: skip
+def test_times_that_are_in_another_unit_are_told_with_how_to_name_it(tmp_path, name, cell, words):
+    (tmp_path / "x.csv").write_text(f"{name},a\n1,1\n{cell},2\n")
+    with pytest.raises(FileFormatError, match=words):
+        read_csv(tmp_path / "x.csv")
+
+
+def test_a_column_without_a_name_is_called_by_its_number(tmp_path):
+    (tmp_path / "x.csv").write_text("time,a,\n0,1,5\n1,2,6\n")
+    log = silo.open_log(tmp_path / "x.csv")
+    assert {name: log[name].values.tolist() for name in log} == {"a": [1, 2], "column_3": [5, 6]}
+
+
+@pytest.mark.parametrize(
     ("name", "cells", "unit"),
     [
         ("tau", "12", " in seconds"),

@@ -244,7 +244,7 @@ def _from_columns(
         surely = not cells.sampled and letters[number] == DIGITS and longest[number] <= _MOST_DIGITS
         kind = np.dtype(np.int64) if surely else None
         columns.append(Column(places, partial(column, number, places), kind, int(letters[number])))
-    names = [_text(cell) for cell in head]
+    names = [_text(cell) or f"column_{number}" for number, cell in enumerate(head, start=1)]
     if width > 1 and names[-1] == TIME_NS and len(columns[-1].places) == len(words):
         counted, seconds = _numbers(columns[-1].words()), _converted(words, np.dtype(np.float64))
         # else somebody edited the seconds, or the file was cut there
@@ -344,18 +344,27 @@ def _time(name: str, cells: Words) -> tuple[NDArray[np.int64], str]:
             return whole, f" in {unit.name}"
     matches = [_DECIMAL.fullmatch(text) for text in texts]
     if all(matches):
-        return _stamps([_nanoseconds(match, unit) for match in matches if match]), f" in {unit.name}"
+        exact = [_nanoseconds(match, unit) for match in matches if match]
+        if any(far := [abs(number) >= _MOST_NS for number in exact]):
+            raise _too_far(name, texts[far.index(True)], unit)
+        return np.array(exact, np.int64), f" in {unit.name}"
     numbers = _numbers(texts)
     if numbers is not None:
         scaled = np.round(numbers.astype(np.float64) * (10.0**unit.digits * unit.times))
-        if not (np.abs(scaled) < _MOST_NS).all():
-            raise FileFormatError("a time stamp is out of range: nanoseconds must fit 63 bits, the years 1678 to 2262")
+        if not (near := np.abs(scaled) < _MOST_NS).all():
+            raise _too_far(name, texts[int(near.argmin())], unit)
         return scaled.astype(np.int64), f" in {unit.name}"
     others = [text for text, match in zip(texts, matches, strict=True) if match is None]
     with contextlib.suppress(ValueError):
         if len(others) == len(texts):  # else a number would be a year
             return np.array([_in_utc(decode_text(text)) for text in texts], "M8[ns]").view(np.int64), ""
     raise FileFormatError(f"its first column ('{name}') holds no time in {unit.name}: '{decode_text(others[0])[:40]}'")
+
+
+def _too_far(name: str, text: bytes, unit: _Unit) -> FileFormatError:
+    says = f"its first column ('{name}') says '{decode_text(text)[:40]}', and in {unit.name}"
+    way_out = f": if they are others, call it '{name}_ns', '{name}_us' or '{name}_ms'" if unit.digits else ""
+    return FileFormatError(f"{says} that is not within the years 1678 to 2262{way_out}")
 
 
 def _in_utc(text: str) -> np.datetime64:
