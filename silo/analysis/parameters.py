@@ -172,7 +172,8 @@ class LoggedParameters:
             aim = next(new for other, _, new in values_of(event) if other == name)
             again = (one.tick for one in later if any(other == name for other, _, _ in values_of(one)))
             logged, end = self._samples(name), next(again, sys.maxsize)
-            self._arrivals[name, number] = logged and Arrival(aim, logged, event.tick, end, self._passed)
+            begin = event.tick + (event.change.held if event.change is not None else 0)
+            self._arrivals[name, number] = logged and Arrival(aim, logged, begin, end, self._passed)
         return self._arrivals[name, number]
 
     @functools.cached_property

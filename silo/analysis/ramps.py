@@ -139,6 +139,7 @@ class _Number(NamedTuple):
 def _numbers_told(
     event: LoggedEvent, later: Sequence[LoggedEvent], samples: Callable[[str], TunedSamples | None]
 ) -> Iterator[_Number]:
+    fresh = event.tick + (event.change.held if event.change is not None else 0)
     for name, old, new in values_of(event):
         if (way := _way(old, new)) is None:
             continue
@@ -146,7 +147,7 @@ def _numbers_told(
         logged, shares = samples(name), []
         is_logged = logged is not None and way.place < logged.values.shape[1]
         if logged is not None and is_logged:
-            part = slice(*np.searchsorted(logged.ticks, [event.tick, until]))
+            part = slice(*np.searchsorted(logged.ticks, [min(fresh, until), until]))
             numbers = logged.values[part, way.place].tolist()
             shares = list(zip(logged.ticks[part].tolist(), map(way.share, numbers), strict=True))
         if then is not None:

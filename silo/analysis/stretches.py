@@ -4,7 +4,7 @@ Pure functions on a `Recording`; values stay views of the file where they can.
 """
 
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import groupby, pairwise
@@ -490,7 +490,14 @@ def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) ->
     rate = None
     if len(time_ns) > 1:
         rate = float((len(time_ns) - 1) / ((time_ns[-1] - time_ns[0]) * 1e-9))
-    events = tuple(_event_at(event, recording, time_ns) for event in recording.events)
+    by_name = {element.name: element for element in recording.elements}
+
+    @cache
+    def stamps(name: str) -> NDArray[np.int64]:
+        own = stamps_of(recording, by_name[name]) if name in by_name else time_ns[:0]
+        return np.maximum.accumulate(own)  # where a clock stepped back, the first that is as late is found
+
+    events = tuple(_event_at(event, recording, time_ns, stamps) for event in recording.events)
     return replace(
         recording,
         time_ns=time_ns,
@@ -549,7 +556,9 @@ def _risen_gaps(gaps: Sequence[tuple[int, int]], fold: Unfolded) -> tuple[tuple[
     return tuple(found)
 
 
-def _event_at(event: LoggedEvent, recording: Recording, time_ns: NDArray[np.int64]) -> LoggedEvent:
+def _event_at(
+    event: LoggedEvent, recording: Recording, time_ns: NDArray[np.int64], sampled: Callable[[str], NDArray[np.int64]]
+) -> LoggedEvent:
     """An event by the ticks of other stamps; of a change of parameters those at which it was there, and over."""
     change, ticks = event.change, recording.time_ns
     if change is None or not len(ticks) or not len(time_ns):
@@ -557,10 +566,16 @@ def _event_at(event: LoggedEvent, recording: Recording, time_ns: NDArray[np.int6
     if event.tick < 0:
         return event  # the logger stood still: no row has it
     before = recording.offset - len(ticks)
-    asked = np.clip([event.tick - change.span - before, change.until - before], 0, len(ticks) - 1)
+    here = event.tick - before
+    asked = np.clip([here - change.span, change.until - before, here + change.held], 0, len(ticks) - 1)
     stamps = [event.at_ns, *ticks[asked].tolist()]
-    tick, begin, until = np.minimum(np.searchsorted(time_ns, stamps), len(time_ns) - 1).tolist()
-    told = msgspec.structs.replace(change, span=max(0, tick - begin), until=until if change.until >= 0 else -1)
+    tick, begin, until, _ = np.minimum(np.searchsorted(time_ns, stamps), len(time_ns) - 1).tolist()
+    # samples from there on are no older than the change
+    fresh = [own[np.searchsorted(own, stamps[-1]) :][:1] for own in (sampled(name) for name, _, _ in change.values)]
+    held = max((int(np.searchsorted(time_ns, one[0])) if len(one) else len(time_ns) for one in fresh), default=tick)
+    told = msgspec.structs.replace(
+        change, span=max(0, tick - begin), until=until if change.until >= 0 else -1, held=max(0, held - tick)
+    )
     return msgspec.structs.replace(event, tick=tick, change=told)
 
 

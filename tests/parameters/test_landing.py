@@ -381,6 +381,22 @@ def test_a_ramp_is_on_its_way_at_a_time_and_all_that_was_set_with_it(new_logger)
     assert run.facts.parameters["/log/leg/slow"] == pytest.approx(ramps.slow.value)
 
 
+@pytest.mark.parametrize("rate", [100, 333, 40])
+def test_a_ramp_is_on_its_way_at_another_rate_too_as_far_as_samples_tell(new_logger, rate):
+    ramps = Ramps(new_logger(frequency=100, clock=Clock()))
+    ramps.ticks(7)
+    ask(ramps.logger, {"slow": 0.5, "n": 40})
+    ramps.ticks(70)
+    ask(ramps.logger, {"slow": 0.0})
+    ramps.ticks(23)
+    ask(ramps.logger, {"slow": 0.4})  # before it was over
+    ramps.ticks(60)
+    _, log = ramps.told()
+    other = log.resample(rate)
+    held = [other.parameters.at(time_s)["/log/leg/slow"] for time_s in log.times]
+    assert held == pytest.approx([one[0] for one in ramps.saw], abs=0.1 + 1 / rate)
+
+
 @pytest.mark.parametrize(("begin_s", "end_s"), [(0.4, 0.7), (0.43, 0.57), (0.57, 1.0), (0.0, 1.0), (0.95, 1.2)])
 def test_a_part_that_begins_on_the_way_of_a_ramp_knows_it_by_the_samples(new_logger, begin_s, end_s):
     ramps = Ramps(new_logger(frequency=100, clock=Clock()))

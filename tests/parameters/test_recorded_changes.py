@@ -106,3 +106,28 @@ def test_what_parameters_were_is_the_same_in_parts_and_at_other_times(events):
         other = log.resample(rate)
         assert [outcome(other, second) for second in range(12)] == wanted
         assert len(other.warnings) == len(log.warnings)
+
+
+@pytest.mark.parametrize(("rate", "late"), [(100, 0), (1000, 0), (30, 4)])
+def test_at_another_rate_parameters_are_what_they_were_though_samples_of_them_are_held(tmp_path, rate, late):
+    now = [10**18]
+    log = silo.Logger("dog", frequency=100, folder=tmp_path, clock=lambda: now[0])
+    x, kp, gains = log.array("x"), log.parameter("kp", 1.0), log.parameter("gains", [0, 0])
+    log.start()
+    wanted = []
+    for tick in range(60):
+        if tick in (3, 17, 18, 44):
+            kp.value = float(tick)
+        if tick == 25:
+            gains.value = [2, 3]
+        x[...] = tick
+        wanted.append(log.parameters.read())
+        log.collect()
+        now[0] += 10**7
+    whole = silo.open_log(log.save().path)
+    log.close()
+    whole.resample(rate).save(tmp_path / "other.parquet")
+    # the next of its own ticks has what was set
+    for read, behind in ((whole, 0), (whole.resample(rate), late), (silo.open_log(tmp_path / "other.parquet"), late)):
+        for tick in range(60):
+            assert read.parameters.at(tick * 0.01) in wanted[max(0, tick - behind) : tick + 1]
