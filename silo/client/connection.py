@@ -32,7 +32,7 @@ from silo.fleet.near import seen_now
 from silo.fleet.resolving import namesakes
 from silo.net import keys
 from silo.net.found import LoggerAddress
-from silo.net.session import owner_is_gone, undeclare
+from silo.net.session import check_unforked, owner_is_gone, undeclare
 from silo.net.sessions import SessionLease, borrow, give_back
 from silo.rpc.clocks import TheirClock
 from silo.rpc.declaring import Do, Request, request_of
@@ -207,6 +207,7 @@ class Connection:
 
     def borrowed(self) -> SessionLease:
         """Return what requests go through. Raises ConnectionLostError while there is none, and once this was closed."""
+        check_unforked()
         borrowed, who = self._borrowed, self.label_of(self.found)
         if self.closed:
             address = f"{self.found.host}/{self.found.name}" if self.found.config else self.found.name

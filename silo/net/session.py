@@ -44,6 +44,8 @@ MAX_MESSAGE_BYTES = 8 * 2**20  # about 60,000 edits; a larger message is dropped
 OPEN_TRIES = 5
 AGAIN_S = 0.05  # between two tries of a client
 
+_opened_in = [0]  # the process that has opened a session
+
 log = logging.getLogger("silo.client")
 
 
@@ -52,6 +54,27 @@ log = logging.getLogger("silo.client")
 _CLIENT_WAIT: dict[str, Any] = {
     "transport": {"link": {"tx": {"queue": {"congestion_control": {"block": {"wait_before_close": 2_000_000}}}}}}
 }
+
+
+def opened(settings: zenoh.Config) -> zenoh.Session:
+    """Open a session; the one place that does so. Raises ZError, ConnectionLostError as `check_unforked` does."""
+    check_unforked()
+    _opened_in[0] = os.getpid()
+    return zenoh.open(settings)
+
+
+def check_unforked() -> None:
+    """Raise ConnectionLostError in a process that was forked from one that had opened a session by then.
+
+    None of Zenoh's threads are in it: whatever is asked there waits for ever, and a session that is opened there
+    takes the news of its parent's, which hears nothing from then on.
+    """
+    if _opened_in[0] not in (0, os.getpid()):
+        raise ConnectionLostError(
+            f"process {os.getpid()} was forked from process {_opened_in[0]}, which had connected to a logger, and "
+            "no connection works in such a child: start it by multiprocessing.get_context('spawn'), or fork before the "
+            "first silo.connect(); nothing was asked"
+        )
 
 
 def socket_path(folder: Path, logger: str, pid: int, copy: int = 0) -> Path:
@@ -168,7 +191,7 @@ def open_server(
             if grouped:
                 for file in (Beside.OWN.of(path), Beside.GROUP.of(path)):
                     write_private(file, os.urandom(16).hex())
-            session = zenoh.open(settings)
+            session = opened(settings)
             if config is not None:
                 releasing.begin(session, Door(session))
             if _is_whole(path, settings, root, grouped=grouped):
@@ -274,7 +297,7 @@ def open_router(config: str) -> tuple[zenoh.Session, list[str]]:
     for key, value in {"mode": "router", "listen/endpoints": endpoints, "scouting/delay": 0}.items():
         settings.insert_json5(key, json.dumps(value))
     try:
-        session = zenoh.open(settings)
+        session = opened(settings)
     except zenoh.ZError as error:
         raise ConnectionLostError(f"can't listen on {', '.join(endpoints)}: {reason_of(error)}") from error
     releasing.begin(session, Door(session))
@@ -310,7 +333,7 @@ def open_client(
     try:
         while True:
             try:
-                session = zenoh.open(settings)
+                session = opened(settings)
                 break
             except zenoh.ZError:  # one that is starved may close the link itself, too
                 if path is None or not path.exists() or time.monotonic() >= until_s:

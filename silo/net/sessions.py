@@ -18,7 +18,7 @@ from silo.net import keys
 from silo.net.access.probing import REACH_S, reach
 from silo.net.access.senders import group_identity, local_identity
 from silo.net.configuration import find_file, from_file, said_of, user_of
-from silo.net.session import Beside, close, open_client
+from silo.net.session import Beside, check_unforked, close, open_client
 
 WAITED_TRIPS = 4  # of an answer, beyond the time that it may take where there is no way
 
@@ -64,6 +64,7 @@ def borrow(socket_path: str, config: str, reach_s: float = REACH_S, open_s: floa
     `reach_s` is how long an address may stay silent, `open_s` how long a helper process that is there is waited for.
     Raises ConnectionLostError, with the layer that fails where it is a network.
     """
+    check_unforked()  # else it may wait for a lock that a thread of its parent held
     if socket_path:
         local = Path(socket_path)
         session, (proof, identity) = open_client(local, open_s=open_s), _shown(local)

@@ -1,5 +1,9 @@
 """What a client says that was closed, what commands end with, and how many lines tell of robots that were stopped."""
 
+import os
+import signal
+from collections.abc import Callable
+
 import pytest
 
 import silo
@@ -11,10 +15,12 @@ from silo.client.client import Client
 from silo.conditions.requests import Alarms
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import State, Status
-from silo.errors import ConnectionLostError
+from silo.errors import ConnectionLostError, SiloError
 from silo.fleet.member import Member
 from silo.net.found import LoggerAddress
 from tests.ipc.test_follow import FINE
+
+CHILD_S = 10  # after which a child that waits for ever is ended
 
 
 @pytest.mark.slow
@@ -27,6 +33,73 @@ def test_a_closed_client_says_that_it_is_closed_and_how_to_have_another(bench) -
     assert "closed" in repr(client)
     assert "closed" in client._repr_html_()
     assert not client.connected
+
+
+def told_in_a_fork(do: Callable[[], object]) -> str:
+    """What a child of this process, forked off it now, is told where it does this."""
+    mine, theirs = os.pipe()
+    child = os.fork()
+    if child == 0:
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.alarm(CHILD_S)
+        try:
+            os.write(theirs, repr(do()).encode())
+        except SiloError as error:
+            os.write(theirs, str(error).encode())
+        finally:
+            os._exit(0)
+    os.close(theirs)
+    text = os.read(mine, 4096).decode()
+    os.close(mine)
+    os.waitpid(child, 0)
+    return text
+
+
+def iterate(client: Client) -> None:
+    for _ in client.topic("x"):
+        pass
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "do",
+    [
+        lambda client: client.status(),
+        lambda client: client.mark("from a child"),
+        lambda client: client.view(["/log/x"]),
+        lambda client: client.pin(["x"], 0, 1),
+        lambda client: client._survey(["mean"]),
+        iterate,
+        lambda client: silo.connect("bot"),
+        lambda client: silo.topic("silo:///bot/log/x"),
+    ],
+)
+def test_a_forked_child_is_told_at_once_that_no_client_works_there(do, bench, client) -> None:
+    text = told_in_a_fork(lambda: do(client))
+    assert f"was forked from process {os.getpid()}" in text
+    assert "get_context('spawn')" in text
+    assert client.status().helper_pid  # that of the parent goes on
+
+
+@pytest.mark.slow
+def test_what_a_parent_has_open_can_be_closed_in_its_forked_child_and_goes_on_in_the_parent(bench, client, until):
+    topic, view = client.topic("x"), client.view(["/log/x"])
+    client.take_control()
+
+    def close() -> str:
+        for one in (topic, view, client):
+            one.close()
+        return "closed"
+
+    assert told_in_a_fork(close) == "'closed'"
+    bench.logger.start()
+
+    def heard() -> bool:
+        bench.ticks(1)
+        return bool(topic.read())
+
+    assert until(heard)
+    assert client.status().control
 
 
 def test_no_two_meanings_share_an_exit_code() -> None:

@@ -27,7 +27,7 @@ from silo.errors import ConnectionLostError, SiloError
 from silo.history.arrays import SampleArrays
 from silo.net.configuration import FORCED, insert, reason_of
 from silo.net.lingering import releasing
-from silo.net.session import close, matching, undeclare
+from silo.net.session import close, matching, opened, undeclare
 
 OPEN_MS = 3000
 CALLER = "somebody in the ROS graph"  # which has no names to prove
@@ -41,7 +41,7 @@ def joined(router: str) -> Iterator[zenoh.Session]:
     config = zenoh.Config()
     try:
         insert(config, {"mode": "client", "connect": {"endpoints": [router], "timeout_ms": OPEN_MS}, **FORCED})
-        session = zenoh.open(config)
+        session = opened(config)
         releasing.begin(session)
     except zenoh.ZError as error:
         raise ConnectionLostError(
