@@ -147,10 +147,12 @@ class Landing:
         """Record changes there from now on; `first`: with what landed since it was made, while the loop turned."""
         began = self._bytes()
         if record is not None and first:
+            # nobody else notes anything there yet: it waits for none that notes a change elsewhere, as `post` does not
             self._record_late(record, record.begin, began)
         self.record, self.next_row = record, next_row
-        if record is not None and first:
-            self._record_late(record, began, self._bytes())  # within this moment
+        if record is not None and first and (now := self._bytes()) != began:  # within this moment
+            with self._recording:
+                self._record_late(record, began, now)
 
     def _bytes(self) -> bytes:
         return self._words[: self.used_words].tobytes()
@@ -161,9 +163,7 @@ class Landing:
         late = [place for place, part in enumerate(parts) if before[part] != now[part] and part.stop <= len(before)]
         if late:
             old, new = (b"".join(words[parts[place]] for place in late) for words in (before, now))
-            with self._recording:
-                slot = record.open("", BEFORE_BEGIN, "", late, new)
-            slot.land(0, old)
+            record.open("", BEFORE_BEGIN, "", late, new).land(0, old)
 
     def end_run(self, record: ChangeRecord | None) -> None:
         """Record there no more, unless another run began."""

@@ -16,6 +16,7 @@ from silo.errors import ElementError
 from silo.logger.current_run import CurrentRun
 from silo.parameters.landing import between
 from silo.parameters.parameters import MOST_ENDS, MOST_REVERTS, MOST_WAITING
+from silo.segment.parameter_changes import AREA_BYTES, ChangeRecord, image_bytes, read_changes
 from tests.waiting import wait_until
 
 
@@ -83,6 +84,20 @@ def test_what_comes_while_another_thread_notes_a_change_waits_for_nobody_and_is_
         assert not asks.is_alive()
     tuned.collect()
     assert told(tuned)[-1] == (1, "alice", {"/log/legs/kp": (40.0, 50.0)})
+
+
+def test_a_start_waits_for_nobody_who_notes_a_change_elsewhere(tuned):
+    landing = tuned.parameters.landing
+    infos, area = landing.described(), bytearray(AREA_BYTES)
+    record = ChangeRecord(memoryview(area), memoryview(bytearray(image_bytes(infos))), infos)
+    tuned.parameters["kp"].value = 45.0  # while the loop turned
+    begins = threading.Thread(target=lambda: landing.begin_run(record, lambda: 0), daemon=True)
+    with landing._recording:  # of a thread that a signal handler has interrupted, which waits for the start
+        begins.start()
+        begins.join(30)
+        assert not begins.is_alive()
+    (late,) = read_changes(np.frombuffer(area, np.uint64), 0, infos, "bot", "1")
+    assert (late.tick, late.change.values) == (0, (("/log/legs/kp", 40.0, 45.0),))
 
 
 def test_what_waits_when_the_next_run_starts_lands_in_it_and_is_recorded_there(tuned):
