@@ -405,7 +405,7 @@ async def robots_names(context: Context) -> list[str]:
 async def kept_names(context: Context) -> list[str]:
     """Return the names of the views that were kept, here and on the robot."""
     known = files.names()
-    with suppress(SiloError):  # an older silo, or no link: those of this machine are there all the same
+    with suppress(SiloError):  # no link: those of this machine are there all the same
         known += await robots_names(context)
     return known
 

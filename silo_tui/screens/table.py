@@ -176,7 +176,7 @@ class TableScreen(ElementsScreen):
         reset, self._reset_wanted = self._reset_wanted, False
         try:
             await self.session.survey(self.table.names_on_screen(), self._quantities, reset=reset)
-        except RefusedError as refused:  # a logger of an older silo
+        except RefusedError as refused:  # as where others have all statistics that there may be
             if self._no_survey != str(refused):
                 self._no_survey = str(refused)
                 self.say(f"no statistics and signs: {refused}")

@@ -10,10 +10,11 @@ import time
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TypeVar, cast
 
 import numpy as np
 
+from silo.conditions.requests import TriggerTried
 from silo.core.arrays.columns import ColumnGrid, ColumnStore, HistoryColumns, grid_of
 from silo.core.elements import BufferType, ElementInfo, LoggedEvent, Sought
 from silo.errors import RefusedError, SiloError
@@ -28,9 +29,6 @@ from silo_tui.model.table.derived import present
 from silo_tui.model.words import text
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.pinned import Buffers, LinkPin, PinnedSource
-
-if TYPE_CHECKING:
-    from silo.conditions.requests import TriggerTried
 
 MOST_PIECES = 12  # a helper process has 64 pins for all its clients
 NAMES_AT_ONCE = 64  # that a helper process looks through
@@ -523,7 +521,7 @@ def _why(error: SiloError) -> str:
     return str(error) if isinstance(error, RefusedError) else "no link"
 
 
-def _tells_all(tried: "TriggerTried | SiloError", begin_ns: int) -> bool:
+def _tells_all(tried: TriggerTried | SiloError, begin_ns: int) -> bool:
     """Whether a logger could tell from a moment on when a condition turned true."""
     return not isinstance(tried, SiloError) and not (tried.why or tried.blind) and tried.begin_ns <= begin_ns
 
@@ -556,7 +554,7 @@ class Pause:
             raise RefusedError("nothing is held: space holds the picture")
         return cast(HeldRows, held)
 
-    async def turns_true(self, condition: str) -> "TriggerTried":
+    async def turns_true(self, condition: str) -> TriggerTried:
         """Return when a condition turned true in all that the logger holds; where it can't tell, in what is pinned.
 
         Raises ExpressionError with the place of a mistake, a SiloError where neither can tell.

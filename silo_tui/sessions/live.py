@@ -283,7 +283,7 @@ class Session:
             self._entry_counts.clear()
 
     async def learn_events(self) -> None:
-        """Read what happened since the newest line that is here; of an older silo, which has no event log, nothing."""
+        """Read what happened since the newest line that is here; nothing where that is refused now."""
         since = self.happened[-1].number if self.happened else 0
         try:
             found = await self.connection.read(lambda client: client.events(since, FIRST_EVENTS))
@@ -343,11 +343,8 @@ class Session:
         return await self.connection.call(lambda client: client.delete_recording(name))
 
     async def refresh_recorders(self) -> None:
-        """Ask how endless recordings stand; of an older silo, which has none, nothing."""
-        try:
-            self.recorders = await self.connection.read(lambda client: client.recorders())
-        except RefusedError:
-            self.recorders = []
+        """Ask how endless recordings stand."""
+        self.recorders = await self.connection.read(lambda client: client.recorders())
         now_s = time.monotonic()
         self.paces = {
             one.name: self.paces[one.name].next(now_s, one.written_bytes)
@@ -365,11 +362,6 @@ class Session:
             self.table.limits = {one.name: one for one in self.limits}
             self.bounds = {one.name: one.bounds for one in self.limits if any(each is not None for each in one.bounds)}
             self._take_beyond(self._beyond())
-        except RefusedError:
-            self.triggers, self.limits = [], []  # of a helper process of an older silo
-            self.bounds, self.table.limits = {}, {}
-            self._take_beyond({})
-            raise
         except (SiloError, asyncio.CancelledError):
             self.conditions_due = True  # nobody knows: asked again
             raise
@@ -433,11 +425,7 @@ class Session:
             return  # of a table that we haven't read yet
         told: dict[str, dict[str, float]] = {}
         if names:
-            some = found.some
-            if not some:  # of an older helper process, which knows nothing of `some`
-                asked = [quantity for quantity in asked if quantity not in {"bad", "least", "most"}]
-                some = (await self.connection.read(lambda client: client._survey(asked, names))).values
-            columns = np.frombuffer(some).reshape(len(asked), -1)
+            columns = np.frombuffer(found.some).reshape(len(asked), -1)
             told = {
                 name: dict(zip(asked, column, strict=True))
                 for name, column in zip(names, columns.T.tolist(), strict=True)
@@ -618,8 +606,7 @@ class Session:
         is_new = not before.is_of_program(self.status)
         if is_new:
             self.knobs.forget()
-            with suppress(RefusedError):  # an older silo has none
-                await self.refresh_conditions()
+            await self.refresh_conditions()
             self.lent.of_before(had)
         self._left, self.lost_since, self._said_closed = None, None, False
         self.connection.watch_again()

@@ -10,7 +10,7 @@ import msgspec
 
 from silo.core.quantities.writing import and_more
 from silo.core.tuning.parameters import ParameterInfo, ParameterValue, value_text
-from silo.errors import ElementError, RefusedError
+from silo.errors import ElementError
 from silo_tui.model.lists.parameters import stepped, why_fixed
 from silo_tui.sessions.link import Link
 
@@ -58,12 +58,8 @@ class Knobs(msgspec.Struct):
             self._one.release()
 
     async def refresh(self, link: Link) -> None:
-        """Ask for all of them; an older silo has none."""
-        try:
-            table = await link.read(lambda client: client._list_parameters())
-        except RefusedError:
-            self.known = {}
-            raise
+        """Ask for all of them."""
+        table = await link.read(lambda client: client._list_parameters())
         self.known = {one.name: one for one in table.parameters}
         self.locked = table.locked
 

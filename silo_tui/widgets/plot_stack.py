@@ -169,7 +169,7 @@ class PlotStack(Guarded, Styled):
 
     def _panel(self, at: int) -> Drawn:
         if at not in self._drawn_panels:
-            panel, ghosts = self.panels[at], self._ghosts(self.panels[at])
+            panel, ghosts = self.panels[at], self.ghosts_of(self.panels[at])
             height = self.heights()[at - self.first] - title_lines(panel, self.size.width)
             source = PanelSource(self.store, self.window, self.source.period_ns, self.letter, self.bounds, self.level)
             self._drawn_panels[at] = drawn(source, panel, self.chosen_plot, ghosts, self.plot_width, height)
@@ -178,14 +178,10 @@ class PlotStack(Guarded, Styled):
     def scale_of_first(self) -> tuple[float, float]:
         """The ends of the axis of the first signal, as values."""
         picture = self._panel(0).pictures[0]
-        bottom, top = picture.scale
-        return bottom + picture.base, top + picture.base
+        bottom, top = picture.axis.scale
+        return bottom + picture.axis.base, top + picture.axis.base
 
-    def has_ghost(self, panel: Panel) -> bool:
-        """Whether a saved run has something of these signals in the window."""
-        return bool(self._ghosts(panel))
-
-    def _ghosts(self, panel: Panel) -> dict[int, ColumnPiece]:
+    def ghosts_of(self, panel: Panel) -> dict[int, ColumnPiece]:
         """What a saved run had in the window, by the place of the signal."""
         if self.ghost is None or self.ghost.column_ns != self.store.column_ns:
             return {}
@@ -302,7 +298,7 @@ class PlotStack(Guarded, Styled):
         quiet = self._style("plot--quiet")
         colors = {place: self._color(panel, place) for place in range(len(panel))} | {HOLE: quiet, NOBODY: quiet}
         colors |= {RED: self._style("plot--red"), YELLOW: self._style("plot--yellow")}
-        for ghost, place in enumerate(self._ghosts(panel) if self.ghost is not None else (), len(panel)):
+        for ghost, place in enumerate(self.ghosts_of(panel) if self.ghost is not None else (), len(panel)):
             colors[ghost] = colors[place] + GHOST
         styles = [colors[owner] for owner in drawn.owners[line].tolist()]
         label = drawn.left.get(line, "")

@@ -85,8 +85,8 @@ def panel(live: np.ndarray, ghost: np.ndarray | None):
 def test_the_axis_has_room_for_both_and_the_live_curve_is_in_front():
     live, ghost = np.zeros(20), np.full(20, 50.0)
     pictures, _, owners = panel(live, ghost)
-    assert pictures[0].scale == pictures[1].scale
-    assert pictures[0].scale[1] >= 50
+    assert pictures[0].axis.scale == pictures[1].axis.scale
+    assert pictures[0].axis.scale[1] >= 50
     assert set(owners.ravel().tolist()) == {-1, 0, 1}
     _, _, same = panel(live, live.copy())
     assert 1 not in same
@@ -125,7 +125,7 @@ async def test_O_lays_a_run_over_the_plots_and_lifts_it_again(opened, fake, tmp_
         await screen.until(lambda: type(screen.app.screen) is MonitorScreen, "plots")
         await screen.shows("' old_walk")
         stack = screen.app.screen.stack
-        await screen.until(lambda: stack.ghost is not None and stack.has_ghost(stack.panels[0]), "the ghost")
+        await screen.until(lambda: stack.ghost is not None and stack.ghosts_of(stack.panels[0]), "the ghost")
         ghost = ghost_piece(stack.ghost, X, stack.store.end, stack.columns)
         newest_s = (stack.store.end * stack.store.column_ns - START_NS) / SECOND
         assert ghost.high[-1] == pytest.approx(10 * newest_s, abs=20)

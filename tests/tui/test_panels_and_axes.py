@@ -225,7 +225,7 @@ def store_of(**signals):
 def test_two_curves_share_cells_and_each_cell_has_the_colour_of_one():
     store = store_of(a=[0.0] * 20, b=[10.0] * 20)
     pictures = draw_panel(store, PlotWindow(), [A, B], [False, False], 10, 4, lambda name: 10)
-    assert pictures[0].scale == pictures[1].scale
+    assert pictures[0].axis.scale == pictures[1].axis.scale
     cells, owners = together(pictures)
     assert set(owners[3].tolist()) == {0}
     assert set(owners[0].tolist()) == {1}
@@ -245,23 +245,23 @@ def test_a_spike_of_another_curve_shows_under_the_one_in_front():
 def test_the_axis_on_the_right_has_a_scale_of_its_own():
     store = store_of(a=[0.0, 1.0] * 10, c=[0.0, 1000.0] * 10)
     pictures = draw_panel(store, PlotWindow(), [A, C], [False, True], 10, 4, lambda name: 10)
-    assert pictures[0].scale[1] < 10 < pictures[1].scale[1]
+    assert pictures[0].axis.scale[1] < 10 < pictures[1].axis.scale[1]
 
 
 def test_the_zeros_of_both_axes_are_on_one_line_and_no_curve_leaves_its_plot():
     store = store_of(a=[-1.0, 3.0] * 10, c=[-900.0, 100.0] * 10)
     pictures = draw_panel(store, PlotWindow(), [A, C], [False, True], 10, 4, lambda name: 10)
-    shares = [-low / (high - low) for low, high in (picture.scale for picture in pictures)]
+    shares = [-low / (high - low) for low, high in (picture.axis.scale for picture in pictures)]
     assert shares[0] == pytest.approx(shares[1])
     for picture, (least, most) in zip(pictures, ((-1, 3), (-900, 100)), strict=True):
-        assert picture.scale[0] <= least
-        assert picture.scale[1] >= most
+        assert picture.axis.scale[0] <= least
+        assert picture.axis.scale[1] >= most
 
 
 def test_an_axis_without_a_zero_stays_as_it_is():
     store = store_of(a=[-1.0, 3.0] * 10, c=[490.0, 500.0] * 10)
     pictures = draw_panel(store, PlotWindow(), [A, C], [False, True], 10, 4, lambda name: 10)
-    assert pictures[1].scale[0] > 400
+    assert pictures[1].axis.scale[0] > 400
 
 
 def test_eight_series_differ_in_16_colours_too():

@@ -72,7 +72,7 @@ def test_every_sample_lights_its_cell_and_every_lit_cell_has_one(rows):
     }
     assert marked <= lit
     for column, value in finite:
-        row = row_of(value, drawn.scale)
+        row = row_of(value, drawn.axis.scale)
         near = {(HEIGHT - 1 - math.floor((row + slack) / 4 + 1e-9), column // 2) for slack in (-0.51, 0, 0.51)}
         near = {(min(HEIGHT - 1, max(0, line)), cell) for line, cell in near}
         assert near & lit, (column, value)
@@ -88,7 +88,7 @@ def test_every_sample_lights_its_cell_and_every_lit_cell_has_one(rows):
 @given(st.lists(st.floats(-1e6, 1e6), min_size=COLUMNS, max_size=COLUMNS))
 def test_dots_stay_within_what_a_column_and_the_way_to_its_neighbours_cover(values):
     drawn = picture_of([10 * column for column in range(COLUMNS)], values)
-    rows = [round(row_of(value, drawn.scale)) for value in values]
+    rows = [round(row_of(value, drawn.axis.scale)) for value in values]
     for line, cells in enumerate(dots_of(drawn.lines)):
         for cell, bits in enumerate(cells):
             for part in range(2):
@@ -107,7 +107,7 @@ def test_dots_stay_within_what_a_column_and_the_way_to_its_neighbours_cover(valu
 def test_what_is_no_number_has_its_mark_and_no_axis_of_minus_one_to_one(value, sign, line):
     drawn = picture_of(range(0, COLUMNS * 10, 10), [value] * COLUMNS)
     assert drawn.lines[line] == sign * WIDTH
-    assert text.axis_ends(*drawn.scale, drawn.base) == ("", "", "")
+    assert text.axis_ends(*drawn.axis.scale, drawn.axis.base) == ("", "", "")
     assert drawn.signs == {np.inf: "inf", -np.inf: "-inf"}.get(value, "nan")
 
 
@@ -129,7 +129,7 @@ def test_a_wave_is_a_wave_at_every_size(scale):
 def test_the_newest_value_is_marked_where_the_curve_ends(scale):
     values = scale * np.array([-1.0, 1.0, 0.6, 0.6])
     drawn = picture_of(range(0, 40, 10), values)
-    assert drawn.newest == 4 * HEIGHT - 1 - braille.row_of(values[-1:], drawn.scale, 4 * HEIGHT)[0]
+    assert drawn.newest == 4 * HEIGHT - 1 - braille.row_of(values[-1:], drawn.axis.scale, 4 * HEIGHT)[0]
 
 
 @pytest.mark.parametrize("start", [2**62, 2**53, -(2**63), 2**63 - 100])
@@ -139,14 +139,14 @@ def test_a_counter_far_from_zero_rises(start):
     assert drawn.lines[0][-1] != BLANK != drawn.lines[-1][0]
     assert drawn.lines[-1][-1] == BLANK == drawn.lines[0][0]
     entry = Entry("", "<i8")
-    assert offset_text(entry, drawn.smallest, drawn.base, 8) == str(start)
-    assert offset_text(entry, drawn.largest, drawn.base, 8) == str(start + COLUMNS - 1)
+    assert offset_text(entry, drawn.smallest, drawn.axis.base, 8) == str(start)
+    assert offset_text(entry, drawn.largest, drawn.axis.base, 8) == str(start + COLUMNS - 1)
 
 
 def test_an_unsigned_counter_at_its_end_rises():
     counts = np.array([2**64 - COLUMNS + number for number in range(COLUMNS)], "u8")
     drawn = picture_of(range(0, COLUMNS * 10, 10), counts, "<u8")
-    assert offset_text(Entry("", "<u8"), drawn.largest, drawn.base, 8) == str(2**64 - 1)
+    assert offset_text(Entry("", "<u8"), drawn.largest, drawn.axis.base, 8) == str(2**64 - 1)
     assert drawn.lines[0][0] == BLANK
 
 
@@ -172,7 +172,7 @@ def test_small_changes_of_a_large_number_are_no_constant():
     wave = 1e6 + 1e-4 * np.where(np.arange(COLUMNS) // 4 % 2 == 0, -1, 1)
     drawn = picture_of(range(0, COLUMNS * 10, 10), wave)
     assert drawn.lines[0].strip()
-    bottom, top, origin = text.axis_ends(*drawn.scale, drawn.base)
+    bottom, top, origin = text.axis_ends(*drawn.axis.scale, drawn.axis.base)
     assert bottom != top
     assert float(origin) == pytest.approx(1e6, abs=1)
 

@@ -116,16 +116,6 @@ class Picture(msgspec.Struct, frozen=True):
     newest: int | None = None
 
     @property
-    def scale(self) -> axes.Scale:
-        """The ends of its axis."""
-        return self.axis.scale
-
-    @property
-    def base(self) -> int:
-        """What its numbers are offsets from."""
-        return self.axis.base
-
-    @property
     def lines(self) -> tuple[str, ...]:
         """The signal alone, as lines."""
         return tuple(dots.lines_of(together([self])[0]))

@@ -50,14 +50,14 @@ class PlotFacts:
     def brief(self, plotted: Plotted, picture: Picture) -> str:
         """Return what stands beside the name of one of several: its value at the cursor, or the newest one."""
         if picture.at_cursor is not None:
-            low, high = (offset_text(plotted.entry, end, picture.base, 9) for end in picture.at_cursor)
+            low, high = (offset_text(plotted.entry, end, picture.axis.base, 9) for end in picture.at_cursor)
             return low if low == high else self.sample(plotted) or f"{low}…{high}"
         return picture.cursor_signs or self.now(plotted)
 
     def of_curve(self, plotted: Plotted, picture: Picture) -> str:
         """Return the numbers at the right end of the title of a curve."""
         if picture.at_cursor is not None:
-            low, high = (offset_text(plotted.entry, end, picture.base, 12) for end in picture.at_cursor)
+            low, high = (offset_text(plotted.entry, end, picture.axis.base, 12) for end in picture.at_cursor)
             highest = f" … {high}" if high != low else ""
             if highest and (sample := self.sample(plotted)):  # the column has more of them
                 return f"at cursor {sample} ({low}{highest})"
@@ -86,9 +86,9 @@ class PlotFacts:
 
 def extremes(plotted: Plotted, picture: Picture) -> tuple[str, ...]:
     """Return the smallest and the largest value of a picture, so that they can be told apart."""
-    if picture.base or plotted.entry.dtype[1:2] == "M":
+    if picture.axis.base or plotted.entry.dtype[1:2] == "M":
         smallest, largest = (
-            offset_text(plotted.entry, end, picture.base, 12) for end in (picture.smallest, picture.largest)
+            offset_text(plotted.entry, end, picture.axis.base, 12) for end in (picture.smallest, picture.largest)
         )
         return smallest, largest
     return text.of_range(picture.smallest, picture.largest)

@@ -111,9 +111,9 @@ def _draw_limits(
 
 def axis_words(plotted: Plotted, picture: Picture, height: int) -> tuple[dict[int, str], str]:
     """Return what stands on which line of an axis, and what these numbers count from."""
-    ends = picture.scale
+    ends = picture.axis.scale
     if picture.axis.log is None and plotted.entry.dtype[1:2] == "M" and not math.isnan(ends[0]):
-        words = [offset_text(plotted.entry, end, picture.base, 30) for end in ends]
+        words = [offset_text(plotted.entry, end, picture.axis.base, 30) for end in ends]
         if words[0][: AXIS - 2] != words[1][: AXIS - 2]:
             return {height - 1: words[0][: AXIS - 2], 0: words[1][: AXIS - 2]}, ""
     return picture.axis.words(height, AXIS - 1)

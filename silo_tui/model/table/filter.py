@@ -157,16 +157,12 @@ def _condition(token: str) -> Condition | str | None:
             tests.append(test)
     if not tests:
         return None
-    both = tests[0] if len(tests) == 1 else (_all_of(tests) if sign == "!=" else _any_of(tests))
+    both = _joined(tests, np.logical_and if sign == "!=" else np.logical_or)
     return Condition(token, negate(both) if negated else both, quantities)
 
 
-def _any_of(tests: list[Test]) -> Test:
-    return lambda table, marked: np.logical_or.reduce([test(table, marked) for test in tests])
-
-
-def _all_of(tests: list[Test]) -> Test:
-    return lambda table, marked: np.logical_and.reduce([test(table, marked) for test in tests])
+def _joined(tests: list[Test], join: np.ufunc) -> Test:
+    return lambda table, marked: join.reduce([test(table, marked) for test in tests])
 
 
 def _word(word: str) -> Test | str | None:
@@ -262,6 +258,3 @@ def completions(text: str, units: list[str]) -> list[str]:
     pool = [f"unit:{unit}" for unit in units] + [word for term in TERMS for word in term.completions]
     pool += [*(term.bare for term in TERMS), "-", *_FLAGS]
     return [term for term in pool if start and term.startswith(start) and term != start]
-
-
-__all__ = ["Filter", "completions", "parse"]

@@ -1,10 +1,11 @@
 """What to look for in the plots: a letter picks it, `*` looks in all signals that are plotted; a condition is typed."""
 
 from collections.abc import Awaitable, Callable
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from textual.widgets import Static
 
+from silo.conditions.requests import TriggerTried
 from silo.expressions.binding import bind
 from silo.judging.checks import table_catalogue
 from silo_tui.model.lists.conditions import tried_lines
@@ -13,9 +14,6 @@ from silo_tui.model.table import derived
 from silo_tui.screens.dialogs.form import CONDITION, Form
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.sessions.live import Session
-
-if TYPE_CHECKING:
-    from silo.conditions.requests import TriggerTried
 
 EVERYWHERE, MOMENT = "*", "a"
 
@@ -55,7 +53,7 @@ class ConditionDialog(Form[Search]):
     NEEDED: ClassVar = {"when": CONDITION}
 
     def __init__(
-        self, session: Session, begun: str, chosen: str, turns_true: "Callable[[str], Awaitable[TriggerTried]]"
+        self, session: Session, begun: str, chosen: str, turns_true: Callable[[str], Awaitable[TriggerTried]]
     ) -> None:
         """`chosen` is what a condition that begins with its sign is of: `> 20`."""
         super().__init__(

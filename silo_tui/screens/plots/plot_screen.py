@@ -271,7 +271,7 @@ class PlotScreen(SiloScreen):
     def _ghost_words(self) -> str:
         """Where the saved run is, if it isn't on the screen."""
         ghost, overlay = self.stack.ghost, self.session.overlay
-        if ghost is None or overlay is None or any(self.stack.has_ghost(panel) for panel in self.stack.panels):
+        if ghost is None or overlay is None or any(self.stack.ghosts_of(panel) for panel in self.stack.panels):
             return ""
         extent = overlay.extent([plotted.element.name for plotted in self.stack.plots])
         here = duration_text((self.end_ns - self.session.status.run_began_ns) / SECOND_NS)
