@@ -196,9 +196,10 @@ class EndlessRecordings:
         ]
         if not short:
             return ""
+        are, full = ("is", "its buffer is") if len(short) == 1 else ("are", "their buffers are")
         return (
-            f"set buffer=looping or action=both of {many(len(short), 'element')} to record without end: else only "
-            f"until their buffers are full ({and_more(short, 5)}), those that grow until there is no memory"
+            f"{many(len(short), 'element')} {are} recorded only until {full} full ({and_more(short, 5)}), or, where it "
+            "grows, until there is no memory; buffer=looping or action=both has them recorded without end"
         )
 
     def _present(self) -> dict[str, Any]:

@@ -238,8 +238,8 @@ def test_what_can_not_be_recorded_is_refused_in_words(bench, client, tmp_path) -
     with pytest.raises(SaveError, match="nothing is being recorded"):
         bench.logger.stop_recording()
     assert client.record(name="short").text == (
-        "set buffer=looping or action=both of 1 element to record without end: else only until their buffers are full "
-        "(/log/kept), those that grow until there is no memory"
+        "1 element is recorded only until its buffer is full (/log/kept), or, where it grows, until there is no "
+        "memory; buffer=looping or action=both has them recorded without end"
     )
     with pytest.raises(RefusedError, match="a recording 'short' is under way already"):
         client.record(name="short")

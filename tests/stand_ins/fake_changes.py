@@ -248,7 +248,7 @@ class FakeChanges:
         )  # fmt: skip
         self.recorder_infos.append(made)
         self.publish(EventKind.RECORDING, f"recording '{made.name}'", by=OWN_NAME)
-        return RecorderStarted(made.name, made.folder)
+        return RecorderStarted(made.name, made.folder, self.record_warns)
 
     def stop_recorder(self, name: str = "") -> str:
         self._ask()

@@ -62,6 +62,7 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions, FakeParameters):
         self.files: dict[str, str] = {"robot.yaml": format_script(self.elements), "quiet.yaml": QUIET_SCRIPT}
         self.save_error = ""
         self.save_takes_long = False
+        self.record_warns = ""
         self.logs: Path | None = None  # a real folder with recordings, where a test needs some
         self._folder = RecordingFolder()
         self.views: list[FakeView] = []
