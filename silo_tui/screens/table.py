@@ -386,10 +386,16 @@ class TableScreen(ElementsScreen):
         return int(targets[0]) if len(targets) == 1 and self.session.table.derived[targets[0]] else None
 
     def command_derive(self, typed: Spelled = BY_KEY) -> None:
-        rows, names, given = self.session.rows, self.session.table.names, typed.arguments[1:]
-        marked = [self.session.short_name(names[row]).lstrip("/") for row in rows.targets()] if not given else []
-        two = " * ".join(marked) if len(marked) == 2 and not typed.first else ""
-        self.derive(typed.first, " ".join(given).removeprefix("= ") or two)
+        given = " ".join(typed.arguments[1:]).removeprefix("= ")
+        self.derive(typed.first, given or ("" if typed.first else self._derived_of_here()))
+
+    def _derived_of_here(self) -> str:
+        """Return what a derived signal is of at first: the signal under the cursor, or two that are marked."""
+        rows, table = self.session.rows, self.session.table
+        names = [table.names[row] for row in rows.targets()]
+        if len(names) == 1 and (entry := rows.entry_alone(row := rows.targets()[0])) is not None:
+            names = [table.entry_names(row)[entry]]
+        return " * ".join(self.session.short_name(name).lstrip("/") for name in names) if len(names) <= 2 else ""
 
     def derive(self, name: str = "", expression: str = "") -> None:
         """Make a derived signal, or change the one of that name; what isn't said is asked for."""

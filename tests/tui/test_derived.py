@@ -174,7 +174,7 @@ async def test_a_signal_is_derived_changed_and_forgotten_without_leaving_the_tab
         await screen.settled()
         assert "'name' is empty: it stands in tables" in screen.text
         await screen.type("power")
-        await screen.press("enter")
+        await screen.press("tab", "backspace", "enter")  # without the signal under the cursor
         await screen.shows("'is' is empty: signals, numbers")
         await screen.type("2 * imu/acelaration")
         await screen.shows("^" * len("imu/acelaration"))  # of all that was typed
@@ -219,6 +219,25 @@ async def test_tab_makes_a_name_whole_and_then_goes_on_and_of_two_that_are_marke
         await screen.do("mark", "mark")
         await screen.enter(":derive")
         await screen.shows("legs/LF/HAA/position * legs/LF/HAA/torque")
+
+
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)])
+async def test_a_signal_is_derived_from_the_one_under_the_cursor(size, fake, opened):
+    def offered(screen):
+        return next(line for line in screen.text.splitlines() if re.search(r"\bis\b +\S", line))
+
+    async with opened(fake.run(), size=size) as screen:
+        await screen.enter(":goto LF/HAA/torque")
+        await screen.enter(":derive")
+        await screen.shows("Derive a signal on robot")
+        await screen.shows("legs/LF/HAA/torque")
+        assert "legs/LF/HAA/torque" in offered(screen)
+        await screen.press("escape")
+        await screen.enter(":goto base/position")
+        await screen.do("component", "component")
+        await screen.enter(":derive")  # the norm, then its first entry alone
+        await screen.shows("Derive a signal on robot")
+        await screen.until(lambda: "base/position_x" in offered(screen), "the entry")
 
 
 async def test_what_the_robot_refuses_is_said_and_nothing_typed_is_lost(fake, opened):
