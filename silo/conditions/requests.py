@@ -146,7 +146,7 @@ class ConditionRequests(Caller):
             who: has seen them; empty: this client.
 
         Returns:
-            How many alarms there were and who has seen them, in words.
+            How many alarms were new and who has seen them, in words.
 
         Raises:
             RefusedError: the helper process is too busy judging rows; ask again in a moment.

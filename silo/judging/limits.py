@@ -216,13 +216,15 @@ class Limit:
         return [entry for entry, state in enumerate(self.states) if self._check_stale(state, now_ns)]
 
     def acknowledge(self, who: str, time_ns: int, entries: Collection[int] | None = None) -> int:
-        """Note that somebody has seen the alarms, of these scalars only if given; returns how many there were."""
+        """Note that somebody has seen the alarms, of these scalars only if given; returns how many were new."""
         chosen = [state for at, state in enumerate(self.states) if entries is None or at in entries]
-        alarms = [state for state in chosen if state.alarm or state.stale_alarm]
+        alarms, new = [state for state in chosen if state.alarm or state.stale_alarm], 0
         for state in alarms:
+            count, before = state.count + state.stale_count, state.acknowledged
+            new += max(1, count - (before.count if before else 0))  # 1: one that was seen became worse
             state.alarm, state.stale_alarm = Level.GREEN, False
-            state.acknowledged = Acknowledgement(who, time_ns, state.count + state.stale_count)
-        return len(alarms)
+            state.acknowledged = Acknowledgement(who, time_ns, count)
+        return new
 
     def worst(self) -> Level:
         """Return the worst state of all scalars."""

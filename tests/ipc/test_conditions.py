@@ -490,7 +490,7 @@ class TestCuts:
         bench.x[...] = 10
         bench.ticks(1)
         assert alarm(client, count=2).worst == 999
-        assert client.acknowledge(who="anna") == "1 alarm seen by anna"
+        assert client.acknowledge(who="anna") == "2 alarms seen by anna"
         heard.wait(EventKind.LIMIT)
 
     def test_what_is_off_for_a_while_is_not_stale_then_and_nothing_lasted_meanwhile(self, bench, client):

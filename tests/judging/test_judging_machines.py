@@ -149,11 +149,14 @@ class LimitMachine(RuleBasedStateMachine):
             for entry, model in enumerate(self.models)
             if (entries is None or entry in entries) and (model.alarm or self.stale_alarms[entry])
         ]
-        assert self.limit.acknowledge(who, self.tick, entries) == len(seen)
+        told, new = self.limit.acknowledge(who, self.tick, entries), 0
         for entry in seen:
-            model = self.models[entry]
+            model, note = self.models[entry], self.acknowledged[entry]
+            count = len(model.violations) + model.stale_count
+            new += max(1, count - (note[2] if note else 0))  # 1: one that was seen became worse
             model.alarm, self.stale_alarms[entry] = 0, False
-            self.acknowledged[entry] = who, self.tick, len(model.violations) + model.stale_count
+            self.acknowledged[entry] = who, self.tick, count
+        assert told == new
 
     @invariant()
     def it_stands_as_the_model_does(self) -> None:

@@ -187,6 +187,13 @@ def test_an_alarm_stays_until_somebody_acknowledges_it():
     assert limit.acknowledge("ann", 6) == 0
 
 
+def test_who_has_seen_alarms_is_told_how_many_were_new():
+    limit, _ = fed(RULE, [0, 99, 0, 99, 0, 99, 0])
+    assert (limit.states[0].count, limit.acknowledge("ann", 7)) == (3, 3)
+    limit.feed(np.array([7, 8]), np.array([7, 8]) * MS, np.array([99.0, 0.0]))
+    assert (limit.states[0].count, limit.acknowledge("ann", 9)) == (4, 1)
+
+
 def test_out_of_its_context_nothing_is_judged():
     limit, found = fed(RULE, [99, 99, 99, 0], context=[0, 1, -1, 1])
     assert [(violation.first_tick, violation.samples) for violation in found] == [(1, 1)]
