@@ -140,9 +140,10 @@ def serve(arguments: Sequence[str], port: int, *, control: bool, tell: Callable[
         server = PageServer(f"exec {shlex.join(command)}", "silo-tui", guard.new_token())
         server.port = listening.getsockname()[1]
         what = "anybody who has this address can change and stop the logger"
+        looks = "it is read-only: with --control it could change and stop the logger, too"
         way = f"ssh -L {server.port}:{HOST}:{server.port} {gethostname()}"
         tell(f"http://{HOST}:{server.port}/{server.token}/")
-        tell(f"{what if control else 'read-only; with --control not'}; Ctrl-C ends it")
+        tell(f"{what if control else looks}; Ctrl-C ends it")
         tell(f"To open it on another computer: first, in a shell there, `{way}`")
         server.initialize_logging()
         web.run_app(server._make_app(), sock=listening, print=None, access_log=None, shutdown_timeout=3.0)

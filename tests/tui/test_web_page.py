@@ -66,7 +66,7 @@ async def shows(page, pattern):
 
 
 @pytest.mark.parametrize(
-    ("control", "words"), [(False, "read-only; with --control not"), (True, "can change and stop")]
+    ("control", "words"), [(False, "it is read-only: with --control it could"), (True, "can change and stop")]
 )
 def test_who_serves_is_told_what_may_be_done_there_and_how_another_computer_gets_there(control, words, monkeypatch):
     serving, said = pytest.importorskip("silo_tui.web.serving"), []
