@@ -27,8 +27,9 @@ from silo_tui.terminal.answers import ALIVE_ANSWER, ALIVE_QUERY, AnswerFilter, K
 from silo_tui.terminal.cells import UNKNOWN, Grid, difference
 from silo_tui.terminal.pacing import Pacer, waited_s
 from silo_tui.terminal.parser import QUERY, SYNC_BEGIN, SYNC_END, Follower, Through
+from silo_tui.terminal.signals import over_ssh
 from silo_tui.terminal.styles import Styles
-from silo_tui.terminal.thinness import FAT_BYTES_PER_S, LAG_S, Busyness, Painted, Thinness
+from silo_tui.terminal.thinness import FAT_BYTES_PER_S, HERE_S, LAG_S, Busyness, Painted, Thinness
 
 ESCAPE_S = 0.1  # as long as Textual waits for the rest of an escape sequence
 URGENT_S = 1.0  # what is painted so soon after a key is its echo
@@ -124,7 +125,8 @@ class CellDriver(LinuxDriver):
         self._take_answers()
         # a lost packet costs one more way there and back: that is no thin link
         lags = self.pacer.paced and self.pacer.lag_s(now_s) > max(LAG_S, self.pacer.fastest_s)
-        fat = self.pacer.paced and self.pacer.bytes_per_s > FAT_BYTES_PER_S
+        here = bool(self.pacer.answers) and self.pacer.fastest_s < HERE_S and not over_ssh()
+        fat = self.pacer.paced and (here or self.pacer.bytes_per_s > FAT_BYTES_PER_S)
         self.busyness.note(waited_s(), now_s)
         starts = self.pacer.paced and not self.pacer.answers  # the first frame is on its way
         if fat or not (self.busyness.is_busy or starts):  # else nobody knows what the link carries

@@ -476,14 +476,42 @@ def test_a_link_that_is_seen_to_carry_much_is_thin_no_more(monkeypatch, waits):
     assert driven(monkeypatch, waits, 1, driver, 20.0, 120.0).thinness.step == 0
 
 
-def driven(monkeypatch, waits, answers, driver=None, begin_s=0.0, lasts_s=10.0):
-    """The parts of a driver whose terminal lags by a second, after 10 s."""
-    clock = SimpleNamespace(s=0.0, monotonic=lambda: clock.s)
-    driver = driver or SimpleNamespace(
+@pytest.mark.parametrize(
+    ("fastest_s", "ssh", "head"),
+    [
+        (0.0005, "", "DRAWN 0.0 of 5 Hz"),  # nobody knows why: the terminal may be slow
+        (0.0005, "10.0.0.2 50022 10.0.0.1 22", "THIN 0.0 of 5 Hz 717 kbit/s"),
+        (0.02, "", "THIN 0.0 of 5 Hz 717 kbit/s"),
+    ],
+)
+def test_a_terminal_on_this_very_computer_has_no_link_that_could_be_thin(monkeypatch, fastest_s, ssh, head):
+    for name in ("SSH_CONNECTION", "SSH_TTY", "SSH_CLIENT"):
+        monkeypatch.delenv(name, raising=False)
+    if ssh:
+        monkeypatch.setenv("SSH_CONNECTION", ssh)
+    driver = lagging(1)
+    driver.pacer.fastest_s, driver.pacer.bytes_per_s, driver.behind = fastest_s, 89_600, True
+    driven(monkeypatch, 0.0, 1, driver)
+    assert head_words(driver.thinness, driver.painted, ["717 kbit/s"], 60) == head
+    if not driver.thinness.step:  # and where processors are what is late, that is said
+        driven(monkeypatch, 0.5, 1, driver, 10.0)
+        assert driver.busyness.is_busy
+        assert head_words(driver.thinness, driver.painted, [], 60, busy=True) == "BUSY drawn 0.0 of 5 Hz"
+
+
+def lagging(answers):
+    """The parts of a driver whose terminal lags by a second."""
+    return SimpleNamespace(
         pacer=SimpleNamespace(paced=True, answers=answers, lag_s=lambda now_s: 1.0, fastest_s=0.01, bytes_per_s=8_000),
         thinness=Thinness(), busyness=Busyness(), painted=Painted(), behind=False, _painted_s=0.0,
         _take_answers=lambda: None,
     )  # fmt: skip
+
+
+def driven(monkeypatch, waits, answers, driver=None, begin_s=0.0, lasts_s=10.0):
+    """The parts of a driver whose terminal lags by a second, after 10 s."""
+    clock = SimpleNamespace(s=0.0, monotonic=lambda: clock.s)
+    driver = driver or lagging(answers)
     monkeypatch.setattr("silo_tui.terminal.driver.time", clock)
     monkeypatch.setattr("silo_tui.terminal.driver.waited_s", lambda: waits * clock.s)
     for tick in range(1, round(5 * lasts_s)):
