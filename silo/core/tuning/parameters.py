@@ -132,7 +132,7 @@ class ParameterChange(msgspec.Struct, frozen=True, omit_defaults=True):
 
     `order` counts those that landed in a run, from 1; -1 where nobody knows. Of an image it is how many came before it:
     0 at the start, more where the oldest are not kept. Then `span` is how many ticks before the image the first of
-    these landed. In a log at another rate, in which samples are held, those of the first `held` ticks are older than it.
+    these landed. In a log at another rate, where samples are held, those of the first `held` ticks are older than it.
     """
 
     values: tuple[tuple[str, ParameterValue | None, ParameterValue], ...] = ()
