@@ -13,6 +13,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.analysis.compute.samples import MOST_SAMPLES
+from silo.analysis.compute.spectra import HOLE
 from silo.analysis.log import Log
 from silo.analysis.signal import Signal
 from silo.core.arguments import INT64
@@ -22,6 +24,7 @@ from silo.errors import ElementError, UnknownSignalError
 
 How = Literal["last", "mean", "window"]
 _MOST_TOLD = 5
+_HOLE_NS = 1_000_000_000  # a loop that is late for less goes on
 HOWS: tuple[How, ...] = ("last", "mean", "window")
 
 
@@ -58,6 +61,7 @@ class FrameTable:
     columns: tuple[NDArray[Any], ...]
     begin_s: float
     lacks: str = ""  # which frames there are not, in words
+    held: str = ""  # and which hold what was long before
 
     def __len__(self) -> int:
         return len(self.columns[0])
@@ -102,7 +106,7 @@ def frames(
     `widths` are those of its windows, by name: what `widths_of` gives for it, or more. Within `span_ns`, where that is
     given, of signals that may begin before. Raises ElementError where there is no such time.
     """
-    wanted, grid_ns, lacks = _on_grid(wanted, fps, span_ns)
+    wanted, grid_ns, lacks, held = _on_grid(wanted, fps, span_ns)
     widths = _widths(wanted, grid_ns) if widths is None else widths
     made = [_column(one, grid_ns, widths.get(one.name, 1)) for one in wanted]
     return FrameTable(
@@ -110,6 +114,7 @@ def frames(
         tuple(values for _, values in made),
         (int(grid_ns[0]) - wanted[0].signals[0].start_ns) * 1e-9,
         lacks,
+        held,
     )
 
 
@@ -118,7 +123,7 @@ def widths_of(wanted: Sequence[Wanted], fps: int, span_ns: tuple[int, int] | Non
 
     Raises ElementError where there are no frames.
     """
-    wanted, grid_ns, _ = _on_grid(wanted, fps, span_ns)
+    wanted, grid_ns, _, _ = _on_grid(wanted, fps, span_ns)
     return _widths(wanted, grid_ns)
 
 
@@ -129,8 +134,10 @@ def _widths(wanted: Sequence[Wanted], grid_ns: NDArray[np.int64]) -> dict[str, i
 
 def _on_grid(
     wanted: Sequence[Wanted], fps: int, span_ns: tuple[int, int] | None
-) -> tuple[list[Wanted], NDArray[np.int64], str]:
-    """The time of each frame, ns, the signals from the sample on that is known at the first, and which frames lack."""
+) -> tuple[list[Wanted], NDArray[np.int64], str, str]:
+    """The time of each frame, ns, the signals from the sample on that is known at the first, which frames lack, and
+    which hold what was long before.
+    """
     signals = [signal for one in wanted for signal in one.signals]
     empty = next((signal.name for signal in signals if not len(signal)), "")
     if empty:
@@ -154,10 +161,11 @@ def _on_grid(
     reasons = [f"'{late.name}' has no sample before"] if begin_ns > low_ns else []
     reasons += [f"the last sample of '{early.name}' holds no longer"] if end_ns < high_ns else []
     lacks = f"{all_of_them - count} of {all_of_them} frames are not there: {', '.join(reasons)}"
+    held = _held(signals, begin_ns, end_ns, fps, whole_run=span_ns is None)
     known = [replace(one, signals=tuple(_from_known(each, begin_ns) for each in one.signals)) for one in wanted]
     # whole numbers: a frame's time never drifts from i / fps
     grid_ns = begin_ns + np.arange(count, dtype=np.int64) * 1_000_000_000 // fps
-    return known, grid_ns, lacks if all_of_them > count else ""
+    return known, grid_ns, lacks if all_of_them > count else "", held
 
 
 def _half_a_tick(signals: Sequence[Signal]) -> float:
@@ -181,6 +189,26 @@ def _check_holes(signal: Signal, begin_ns: int, end_ns: int, fps: int, *, whole_
         if (to - since) * fps > 1_000_000_000:
             span = " to ".join(f"{(at - signal.start_ns) * 1e-9:.3g} s" for at in (since, to))
             raise ElementError(f"'{signal.name}' was switched off, or not recorded, from {span}{_way_out(whole_run)}")
+
+
+def _held(signals: Sequence[Signal], begin_ns: int, end_ns: int, fps: int, *, whole_run: bool) -> str:
+    """Which frames hold what was before, as none of the signals has a sample for long: the loop stood still, or its
+    clock was set forward. Raises ElementError for more frames than are made.
+    """
+    stamps = np.unique(np.concatenate(list({id(one.time_ns): one.time_ns for one in signals}.values())))
+    stamps = stamps[(stamps >= begin_ns) & (stamps <= end_ns)]
+    steps = np.diff(stamps)
+    usual = int(np.median(steps)) if len(steps) else 0
+    at = np.flatnonzero(steps > max(HOLE * usual, _HOLE_NS))
+    without = sum((step - usual) * fps // 1_000_000_000 for step in steps[at].tolist())
+    total = (end_ns - begin_ns) * fps // 1_000_000_000 + 1
+    times = (stamps - signals[0].start_ns) * 1e-9
+    spans = and_more([f"from {times[one]:.3g} s to {times[one + 1]:.3g} s" for one in at.tolist()], _MOST_TOLD)
+    told = f"{without} of {total} frames hold what was before, as no sample came {spans}" if without else ""
+    if total > MOST_SAMPLES:
+        way_out = f"at most {MOST_SAMPLES:,} frames are made of a run{_way_out(whole_run)}"
+        raise ElementError(f"{told or f'it has {total} frames'}: {way_out}")
+    return told
 
 
 def _way_out(whole_run: bool) -> str:

@@ -42,8 +42,8 @@ COUNTERS = tuple(Feature(name, "int64", (1,)) for name in ("frame_index", "episo
 
 @dataclass
 class DataSet:
-    """What was written: episodes, frames, and by run what was left out and why, of which frames it is short, and which
-    numbers are NaN or infinite in how many of them.
+    """What was written: episodes, frames, and by run what was left out and why, of which frames it is short, which hold
+    what was long before, and which numbers are NaN or infinite in how many of them.
     """
 
     path: Path
@@ -51,6 +51,7 @@ class DataSet:
     frames: int = 0
     left_out: list[tuple[str, str]] = field(default_factory=list)
     short: list[tuple[str, str]] = field(default_factory=list)
+    held: list[tuple[str, str]] = field(default_factory=list)
     not_finite: list[tuple[str, str]] = field(default_factory=list)
     lost: int = 0
 
@@ -137,8 +138,9 @@ def write_lerobot(
                 facts = {"silo/source": one.source, "silo/begin_s": made.begin_s, "silo/lost": lost}
                 writer.add(one.name, made, words, facts | ({} if one.marked is None else facts_of(one.marked)))
                 done.lost += lost
-                done.short += [(one.name, made.lacks)] if made.lacks else []
-                done.not_finite += [(one.name, made.not_finite)] if made.not_finite else []
+                tells = ((done.short, made.lacks), (done.held, made.held), (done.not_finite, made.not_finite))
+                for told, why in tells:
+                    told.extend([(one.name, why)] if why else [])
             done.episodes, done.frames = len(writer.rows), writer.frames
             if not writer.rows:
                 why = f": {done.left_out[0][0]}: {done.left_out[0][1]}" if done.left_out else "; name some"

@@ -170,6 +170,39 @@ def test_the_last_sample_of_a_slow_signal_holds_until_the_next_would_come():
     )
 
 
+def test_frames_of_a_time_without_any_sample_are_told_and_more_than_are_made_refused():
+    stamps = np.arange(100, dtype=np.int64) * 10**7
+    late = stamps + np.where(stamps >= 6 * 10**8, 3 * 10**9, 0) + np.where(stamps >= 8 * 10**8, 2 * 10**9, 0)
+    both = tuple(Signal("x", np.arange(len(at)), at) for at in (late, late[::10]))
+    told = "250 of 300 frames hold what was before, as no sample came from 0.59 s to 3.6 s, from 3.79 s to 5.8 s"
+    assert frames([Wanted("both", both)], 50).held == told
+    steady = Signal("y", np.arange(610), np.arange(610, dtype=np.int64) * 10**7)
+    assert frames([Wanted("all", (*both, steady))], 50).held == ""
+    assert frames([Wanted("slow", (Signal("x", np.arange(9), np.arange(9) * 3 * 10**9),))], 50).held == ""
+    years = [Wanted("x", (Signal("x", stamps, late + (late > 10**9) * 10**17),))]
+    why = r"5000000250 of 5000000300 frames hold .* 0\.59 s to 1e\+08 s, .*: at most 100,000,000 frames are made of"
+    for span_ns, way_out in ((None, " a run: episodes that"), ((0, 10**17 + 6 * 10**9), " a run$")):
+        with pytest.raises(silo.ElementError, match=f"{why}{way_out}"):
+            frames(years, 50, span_ns=span_ns)
+
+
+def test_a_run_in_which_a_clock_was_set_forward_is_told(tmp_path, new_logger):
+    now = [10**18]
+    log = new_logger("run", frequency=100, clock=lambda: now[0])
+    x = log.array("x")
+    log.start()
+    for tick in range(300):
+        x[...] = tick
+        log.collect()
+        now[0] += 4 * 10**9 if tick == 200 else 10_000_000
+    path, out = log.save().path, tmp_path / "out"
+    asked = ["convert", str(path), str(out), "--to", "lerobot", "--fps", "50", "--state", "x"]
+    assert CliRunner().invoke(cli, asked).output.splitlines() == [
+        f"warning: {path}: 199 of 350 frames hold what was before, as no sample came from 2 s to 6 s",
+        f"{out}  1 episodes, 350 frames at 50/s",
+    ]
+
+
 def test_of_whole_numbers_side_by_side_with_others_the_mean_is_taken_of_words_the_last():
     stamps = np.arange(10, dtype=np.int64) * 10**7
     number, word = Signal("n", np.arange(10), stamps), Signal("w", np.arange(10), stamps, labels={1: "A"})

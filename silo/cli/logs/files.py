@@ -139,7 +139,7 @@ def _make_data_set(sources: tuple[str, ...], target: Path, force: bool, options:
         made = write_lerobot(runs, target, force=force, progress=tell, **options)
     for name, why in made.left_out:
         click.echo(f"left out: {name}: {why}", err=True)
-    for name, why in (*made.short, *made.not_finite):
+    for name, why in (*made.short, *made.held, *made.not_finite):
         click.echo(f"warning: {name}: {why}", err=True)
     if made.lost:
         click.echo(
