@@ -23,8 +23,8 @@ from silo.files.manifest import WRITTEN_ENDING, CaptureEntry, number_of, read_ca
 from silo.files.mcap.chunks import mapped
 from silo.files.mcap.damage import DAMAGE
 from silo.files.naming import find_logs
-from silo.files.parts.metadata import EVENTS_RING, RingFacts
-from silo.files.parts.scan import PartScan, scan_part
+from silo.files.parts.metadata import EVENTS_RING, PART_ENDING, RingFacts
+from silo.files.parts.scan import CUT_SHORT, PartScan, scan_part
 from silo.files.silo.reader import damage_of
 from silo.recorder.orders import CLOSED
 from silo.rpc.published import EventKind
@@ -233,9 +233,8 @@ class _Folder:
                 continue  # a bag
             about = scan.facts.recording
             name = path.relative_to(self.folder)
-            self.verdicts += [
-                Verdict("damaged", f"{name}: {one}", about.logger, scan.facts.run) for one in scan.damaged
-            ]
+            damaged = [*scan.damaged, *([] if scan.finished or path.name.endswith(PART_ENDING) else [CUT_SHORT])]
+            self.verdicts += [Verdict("damaged", f"{name}: {one}", about.logger, scan.facts.run) for one in damaged]
             run = self.run_of(about.logger, scan.facts.run, about.started_ns)
             run.parts.append(_Part(path, scan))
             run.ticks = max([run.ticks, *(last + 1 for _, last in run.parts[-1].ticks())])

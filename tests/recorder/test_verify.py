@@ -449,6 +449,22 @@ def test_a_part_that_is_damaged_from_its_begin_is_told(kept):
     assert kept.found() == [[("damaged", ())], []]
 
 
+@pytest.mark.parametrize("lacking", [1, 100, 4000])
+def test_a_finished_part_whose_end_is_missing_is_told_with_what_helps(kept, lacking, capsys):
+    kept.recorded(300)
+    whole = kept.part.read_bytes()
+    kept.part.write_bytes(whole[:-lacking])
+    assert run(["verify", str(kept.folder)]) == 4
+    words = "the file is cut off: its end is missing, as of a copy that was interrupted"
+    assert f"damaged: rec/{kept.part.name}: {words}" in capsys.readouterr().out
+    with pytest.warns(silo.LogWarning, match=words):
+        silo.open_log(kept.part)
+    left = kept.part.with_name("left.mcap.part")
+    left.write_bytes(whole[:-lacking])
+    with pytest.warns(silo.LogWarning, match="the file is not finished: .*`silo recover` closes it"):
+        silo.open_log(left)
+
+
 @pytest.mark.parametrize("which", [0, -1])
 def test_times_that_flipped_in_the_index_of_a_part_are_told_and_read_off_its_messages(kept, capsys, which):
     kept.recorded(300)

@@ -25,8 +25,8 @@ from silo.files.mcap.chunks import chunk_start, unpack_chunk, walked
 from silo.files.mcap.damage import DAMAGE
 from silo.files.mcap.index import Index, IndexedChunk, entries_at, entries_in, record_at, walked_index
 from silo.files.parts.events import events_of
-from silo.files.parts.metadata import EVENTS_RING, PartFacts, RingFacts
-from silo.files.parts.scan import NO_INDEX, SEQUENCE_AT, first_row, index_fits
+from silo.files.parts.metadata import EVENTS_RING, PART_ENDING, PartFacts, RingFacts
+from silo.files.parts.scan import CUT_SHORT, NO_INDEX, SEQUENCE_AT, first_row, index_fits
 
 _LOST = re.compile(r"samples were lost, of ticks \d+ to \d+: ([^;]*)")  # in the recorder's words, and why
 
@@ -154,6 +154,8 @@ def open_part(file: Path, data: memoryview, index: Index, facts: PartFacts, chec
         warnings.append(
             "the file is not finished: it is being recorded, or its recorder was killed (`silo recover` closes it, so "
             "that other readers read it too)"
+            if file.name.endswith(PART_ENDING)
+            else CUT_SHORT
         )
     warnings += damaged
     if lost := sum(ring.lacks + len(ring.missing) for ring in of_elements):

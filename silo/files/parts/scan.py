@@ -21,6 +21,10 @@ from silo.files.parts.metadata import EVENTS_RING, PART_ATTACHMENT, PartFacts, R
 
 SEQUENCE_AT = 11  # in a message record
 NO_INDEX = "the index is damaged: its times, or where it points, are not those of the messages"
+CUT_SHORT = (  # of one that was finished
+    "the file is cut off: its end is missing, as of a copy that was interrupted; copy it again, or `silo convert` what "
+    "is left of it, so that other readers read that, too"
+)
 _IN_CHUNK = (Opcode.SCHEMA, Opcode.CHANNEL)
 
 
