@@ -538,11 +538,15 @@ def read_whole(recording: Recording) -> None:
 
 
 class DamageNotes(list[str]):
-    """What is missing or damaged in a file; what is found once it is open is a `LogWarning` too."""
+    """What is missing or damaged in a file; what is found once it is open is a `LogWarning` too.
+
+    The first `stored` of them stand in the file.
+    """
 
     def __init__(self, file: Path, texts: Iterable[str] = ()) -> None:
         super().__init__(texts)
         self.file = file
+        self.stored = len(self)
         self.loud = False
         self.parts: list[DamageNotes] = []
         self._wholes: list[tuple[DamageNotes, str]] = []

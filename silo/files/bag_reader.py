@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from silo.core.recording import DamageNotes, Recording, alike
 from silo.errors import FileFormatError, LogNotFoundError, SiloError, reason
-from silo.files.bags.index import BagElements
+from silo.files.bags.index import BagElements, lost_chunk
 from silo.files.bags.metadata import (
     FACTS_ATTACHMENT,
     FACTS_VERSION,
@@ -29,7 +29,7 @@ from silo.files.bags.metadata import (
     unpack_times,
 )
 from silo.files.formats import ROS1_MARK, refuse_others, starts_with
-from silo.files.mcap.chunks import mapped
+from silo.files.mcap.chunks import mapped, unpack_chunk
 from silo.files.mcap.damage import DAMAGE, damage_told, told_damage
 from silo.files.mcap.index import Index, attachment, read_index, record_at, walked_index
 from silo.files.mcap.writer import MAGIC
@@ -56,6 +56,32 @@ def open_bag(path: str | os.PathLike[str], *, check: bool = False) -> Recording:
     return found or _opened_others(source)
 
 
+def damage_of_bag(path: str | os.PathLike[str]) -> tuple[str, ...]:
+    """What is damaged in a bag that silo saved, its chunks too: all of it is read. Of others, and of parts of
+    recordings, nothing. Raises as `open_bag` does.
+    """
+    if _is_of_others(Path(path)):
+        return ()
+    file, data = _mapped(path)
+    with damage_told(file):
+        try:
+            found = _opened(file, data)
+        except _LostFactsError as error:
+            return (f"what silo wrote beside the messages can't be read ({error})",)
+        if found is None or not isinstance(found.warnings, DamageNotes) or _is_part(found):
+            return ()
+        told = [_wrong_chunk(data, chunk.at) for chunk in (read_index(data) or _walked(data)).chunks]
+        return (*found.warnings[found.warnings.stored :], *filter(None, told))
+
+
+def _wrong_chunk(data: memoryview, at: int) -> str:
+    try:
+        unpack_chunk(record_at(data, at, Opcode.CHUNK))
+    except DAMAGE as error:
+        return lost_chunk(at, error)
+    return ""
+
+
 def _as_of_others(source: Path, error: ValueError) -> Recording:
     """A bag of silo without what it says of itself: its messages have a description of their own.
 
@@ -69,6 +95,10 @@ def _as_of_others(source: Path, error: ValueError) -> Recording:
     if isinstance(found.warnings, DamageNotes):
         found.warnings.insert(0, lost)
     return found
+
+
+def _is_part(recording: Recording) -> bool:
+    return recording.stretch is not None and bool(recording.stretch.recorder)
 
 
 def _is_of_others(path: Path) -> bool:
@@ -124,7 +154,7 @@ def _opened(file: Path, data: memoryview, check: bool = False) -> Recording | No
         raise ValueError("cut off before its time stamps")
     times: NDArray[np.int64] = _attached(data, index, TIME_ATTACHMENT, unpack_times)
     _check(facts, len(times))
-    missing = 0
+    missing, stored = 0, len(facts.warnings)
     if any(_missing(element, index) for element in facts.elements):
         index = _walked(data)
         missing = sum(max(0, _missing(element, index)) for element in facts.elements)
@@ -133,6 +163,7 @@ def _opened(file: Path, data: memoryview, check: bool = False) -> Recording | No
         cut = "the file is cut off: its index is missing, which other readers need; all samples are there"
         facts = msgspec.structs.replace(facts, warnings=(*facts.warnings, cut))
     bag = BagElements(file, data, facts, index, len(times))
+    bag.warnings.stored = stored
     return alike(Recording, facts, time_ns=times, elements=bag.elements, warnings=bag.warnings, cut_off=missing)
 
 

@@ -17,6 +17,8 @@ from silo.core.quantities.writing import and_more, count, many
 from silo.core.recording import Recording
 from silo.core.runtime import list_segments, read_own
 from silo.errors import LogNotFoundError, SegmentError, SiloError
+from silo.files.bag_reader import damage_of_bag
+from silo.files.csv.reader import damage_of_csv
 from silo.files.event_log import event_log_path, loggers_with_events, older_event_log, read_events
 from silo.files.formats import read_recording
 from silo.files.manifest import WRITTEN_ENDING, CaptureEntry, number_of, read_captures, read_written
@@ -244,7 +246,7 @@ class _Folder:
             for path in find_logs(self.folder):
                 try:
                     recording = read_recording(path)
-                    damage = damage_of(path) if path.suffix == ".silo" else ()
+                    damage = _damage_of(path)
                 except SiloError as error:
                     self.verdicts.append(Verdict("damaged", f"{path.name} can't be read: {error}"))
                     continue
@@ -305,6 +307,14 @@ class _Folder:
                     if ring != EVENTS_RING and entry.end.get(ring, 0) > entry.begin.get(ring, 0)
                 )
                 run.trimmed[written.recorder] = had, entry.deleted > 0
+
+
+def _damage_of(path: Path) -> Sequence[str]:
+    if path.suffix == ".silo":
+        return damage_of(path)
+    if path.suffix == ".csv":
+        return damage_of_csv(path)
+    return damage_of_bag(path) if path.is_dir() or path.suffix == ".mcap" else ()
 
 
 def _kept_elements(reader: SegmentReader) -> Sequence[ElementSchema]:

@@ -6,6 +6,7 @@ import shutil
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 from mcap.opcode import Opcode
 
@@ -482,6 +483,42 @@ def test_times_that_flipped_in_the_index_of_a_part_are_told_and_read_off_its_mes
         after = silo.open_log(path, check=True)
     assert after.time_ns.tolist() == before.time_ns.tolist()
     assert all(after[name].values.tolist() == before[name].values.tolist() for name in before)
+
+
+@pytest.mark.parametrize(("kind", "harm"), [("bag", "cut"), ("bag", "flip"), ("bag", ""), ("csv", "cut"), ("csv", "")])
+def test_a_saved_bag_or_table_that_is_damaged_is_told_as_damage(tmp_path, truth, capsys, kind, harm):
+    robot = truth.robot(tmp_path)
+    robot.start()
+    robot.ticks(50)
+    robot.log.mark("here")
+    (saved,) = robot.log.save(kind)
+    robot.log.close()
+    path = next(Path(saved.path).glob("*.mcap")) if kind == "bag" else Path(saved.path)
+    data = bytearray(path.read_bytes())
+    if harm == "flip":
+        chunk = next(place for opcode, place, _ in records(data, len(MAGIC)) if opcode == Opcode.CHUNK)
+        data[chunk + 120] ^= 1
+    path.write_bytes(data[: len(data) * 2 // 3] if harm == "cut" else data)
+    assert run(["verify", str(tmp_path)]) == (4 if harm else 0)
+    assert (f"damaged: {Path(saved.path).name}: " in capsys.readouterr().out) == bool(harm)
+
+
+@pytest.mark.parametrize("kind", ["bag", "csv", "silo"])
+def test_what_a_saved_log_tells_of_its_run_is_no_damage(tmp_path, new_logger, kind):
+    stamps = iter([0, 0, *range(0, 200, 10), *range(50, 250, 10)])
+    log = new_logger(clock=lambda: next(stamps) * 1_000_000, folder=tmp_path)
+    kept, few = log.array("kept"), log.array("few", size=5, buffer=silo.BufferType.FIXED)
+    log.add(np.zeros(2), "let_go")
+    log.start()
+    for _ in range(30):
+        kept += 1
+        few += 1
+        log.collect()
+    log.save(kind)
+    log.close()
+    with pytest.warns(silo.LogWarning, match="stepped back"):
+        assert "nobody but silo holds this array" in str(silo.open_log(tmp_path).warnings)
+    assert run(["verify", str(tmp_path)]) == 0
 
 
 def test_values_of_a_saved_log_that_are_damaged_are_told_as_damage(tmp_path, truth, capsys):

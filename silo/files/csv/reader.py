@@ -128,6 +128,16 @@ def _parsed(text: NDArray[np.uint8], path: Path) -> Recording:
     return _recording(path.stem, prefix, time_ns, names, columns, warnings)
 
 
+def damage_of_csv(path: str | os.PathLike[str]) -> tuple[str, ...]:
+    """What reading a table finds that the facts beside it don't tell; nothing of one without them. Raises as that."""
+    stored: tuple[str, ...] = ()
+    if (beside := _facts_beside(Path(path))) is None:
+        return stored
+    with contextlib.suppress(NotThisTableError):
+        stored = unpack(beside).log.warnings
+    return tuple(text for text in read_csv(path).warnings if text not in stored)
+
+
 def _facts_beside(path: Path) -> bytes | None:
     try:
         return sidecar_of(path).read_bytes()
