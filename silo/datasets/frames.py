@@ -195,12 +195,16 @@ def _held(signals: Sequence[Signal], begin_ns: int, end_ns: int, fps: int, *, wh
     """Which frames hold what was before, as none of the signals has a sample for long: the loop stood still, or its
     clock was set forward. Raises ElementError for more frames than are made.
     """
-    stamps = np.unique(np.concatenate(list({id(one.time_ns): one.time_ns for one in signals}.values())))
+    fast = max(signals, key=len)
+    usual = fast._step_ns
+    stamps = np.sort(fast.time_ns)
+    wide = np.flatnonzero(np.diff(stamps) > max(HOLE * usual, _HOLE_NS))
+    # those of the others matter only in there
+    stamps = np.sort(np.concatenate([stamps, *(_between(one.time_ns, stamps, wide) for one in signals if len(wide))]))
     stamps = stamps[(stamps >= begin_ns) & (stamps <= end_ns)]
     steps = np.diff(stamps)
-    usual = int(np.median(steps)) if len(steps) else 0
     at = np.flatnonzero(steps > max(HOLE * usual, _HOLE_NS))
-    without = sum((step - usual) * fps // 1_000_000_000 for step in steps[at].tolist())
+    without = sum((step - int(usual)) * fps // 1_000_000_000 for step in steps[at].tolist())
     total = (end_ns - begin_ns) * fps // 1_000_000_000 + 1
     times = (stamps - signals[0].start_ns) * 1e-9
     spans = and_more([f"from {times[one]:.3g} s to {times[one + 1]:.3g} s" for one in at.tolist()], _MOST_TOLD)
@@ -209,6 +213,12 @@ def _held(signals: Sequence[Signal], begin_ns: int, end_ns: int, fps: int, *, wh
         way_out = f"at most {MOST_SAMPLES:,} frames are made of a run{_way_out(whole_run)}"
         raise ElementError(f"{told or f'it has {total} frames'}: {way_out}")
     return told
+
+
+def _between(time_ns: NDArray[np.int64], stamps: NDArray[np.int64], places: NDArray[np.intp]) -> NDArray[np.int64]:
+    """What is behind one of these places of stamps that rise, and before the next stamp."""
+    behind = np.searchsorted(stamps[places], time_ns, side="right") - 1
+    return time_ns[(behind >= 0) & (time_ns < stamps[places + 1][np.maximum(behind, 0)])]
 
 
 def _way_out(whole_run: bool) -> str:
