@@ -18,6 +18,7 @@ from silo.errors import ConnectionLostError, ElementError
 from silo.net.keys import ClientId, Root, unescape
 from silo.net.subscribed import Subscribed
 from silo.rpc.foreign import NOT_UNDERSTOOD, Foreign
+from silo.rpc.published import ATTACHED
 
 POLL_S = 0.01  # batches come 20 times per second
 SILENCE_S = 2.0  # after which an iteration asks why nothing comes
@@ -170,16 +171,19 @@ def decode_batch(sample: zenoh.Sample) -> Batch:
     """Return the arrays of a sample. Raises ConnectionLostError for an encoding that isn't silo's."""
     payload = sample.payload.to_bytes()
     attached = sample.attachment
-    number = attached.to_bytes() if attached is not None else b""
-    return batch_of(payload, str(sample.encoding), number)
+    return batch_of(payload, str(sample.encoding), attached.to_bytes() if attached is not None else b"")
 
 
-def batch_of(payload: bytes, encoding: str, number: bytes) -> Batch:
-    """Return the arrays of bytes in an encoding; `number` is that of the first sample.
+def batch_of(payload: bytes, encoding: str, attached: bytes) -> Batch:
+    """Return the arrays of bytes in an encoding; `attached` is the number of the first sample, and an encoding that is
+    too long for Zenoh.
 
     Raises ConnectionLostError for what isn't silo's, or makes no sense.
     """
+    number = attached
     try:
+        if encoding == ATTACHED:
+            number, encoding = attached[:8], attached[8:].decode()
         dtype, shape = _layout(encoding)
         size = 8 + dtype.itemsize * math.prod(shape)
         count, over = divmod(len(payload), size)

@@ -3,7 +3,8 @@
 A batch is little-endian: `n` time stamps (int64, ns), then `n` values. The encoding tells the type of a value,
 `silo/samples;dtype=<f8;shape=3` or, for elements of several types, `silo/samples;fields=_x:<f8,_mode:|u1` (packed, in
 that order); so `n = len(payload) // (8 + bytes of a value)`. The attachment is the number of the batch's first sample
-since start, uint64: a gap between batches is a loss, a smaller number a new start.
+since start, uint64: a gap between batches is a loss, a smaller number a new start. An encoding for which Zenoh has no
+room stands behind it.
 """
 
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from silo.core.names import grouped
 from silo.errors import SegmentError
 from silo.net.keys import Root, escape
 from silo.net.session import matching, undeclare
+from silo.rpc.published import ATTACHED
 from silo.segment.layout import ElementSchema
 from silo.segment.picking import Packer, shaped
 from silo.segment.reader import SegmentReader
@@ -24,6 +26,7 @@ from silo.state.run_follower import Between, is_next, is_over
 
 MAX_BATCH_BYTES = 2 * 2**20  # rows read per ring and round
 CHECK_PERIOD_S = 0.25  # how soon a new subscriber is noticed
+MOST_ENCODING_BYTES = 255  # Zenoh panics at more, within a lock: then nobody reaches the helper process any more
 DECLARED_PER_ROUND = 250  # a declaration takes 70 us: 10,000 elements must not hold up the views
 
 
@@ -52,6 +55,7 @@ def _field(suffix: str) -> str:
 class _Topic:
     element: ElementSchema
     publisher: zenoh.Publisher
+    attached: bytes  # behind the number of the first sample
     packer: Packer
     active: bool = False
 
@@ -168,12 +172,15 @@ class Topics:
     def _declare(self) -> None:
         for _ in range(min(DECLARED_PER_ROUND, len(self._undeclared))):
             element = self._undeclared.pop()
+            encoding = encoding_of(element)
+            fits = len(encoding.encode()) <= MOST_ENCODING_BYTES
             publisher = self._session.declare_publisher(
                 self._root.topic(element.info.name),
-                encoding=encoding_of(element),
+                encoding=encoding if fits else ATTACHED,
                 congestion_control=zenoh.CongestionControl.DROP,
             )
-            self._topics.append(_Topic(element, publisher, Packer(element.live_entries)))
+            attached = b"" if fits else encoding.encode()
+            self._topics.append(_Topic(element, publisher, attached, Packer(element.live_entries)))
 
     def _check(self, reader: SegmentReader) -> None:
         """See who has subscribers; a ring begins with what comes from now on, unless it was read before a restart."""
@@ -197,5 +204,5 @@ class Topics:
         stamps = rows.time_ns.tobytes()
         first = rows.first.to_bytes(8, "little")
         for topic in topics:
-            topic.publisher.put(stamps + topic.packer.of(rows.words).tobytes(), attachment=first)
+            topic.publisher.put(stamps + topic.packer.of(rows.words).tobytes(), attachment=first + topic.attached)
         return len(rows) == most

@@ -11,6 +11,7 @@ from silo.core.elements import LoggedEvent, SavedFile, State, Status, Word
 
 MOST_NAMES = 8  # of clients, in a summary
 MOST_REASON = 200  # letters
+ATTACHED = "silo/samples;attached"  # of a topic whose encoding is too long for Zenoh: it stands in the attachment
 
 
 class NotLive(Word):

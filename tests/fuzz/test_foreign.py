@@ -44,6 +44,7 @@ WILD = (
 ENCODED = (
     "silo/samples", "dtype=<f8", "dtype=|O", "dtype=(2,3)f4", "shape=3", "shape=-1", "shape=0,0", "shape=9" * 9,
     "fields=_x:<f8,_n:<i4", "fields=_x:|O", "fields=:", "fields=", "dtype={", "dtype=,", "dtype=V0", "x=1", "",
+    "attached",
 )  # fmt: skip
 
 
@@ -188,8 +189,9 @@ def test_topics_in_any_encoding_are_batches_or_words() -> None:
         chance = random.Random(number)
         encoding = ";".join(chance.choice(ENCODED) for _ in range(chance.randrange(1, 4)))
         data = chance.randbytes(chance.randrange(100))
+        behind = chance.choice([b"", chance.randbytes(4), encoding.replace("attached", "dtype=<f8").encode()])
         try:
-            batch = batch_of(data, encoding, chance.randbytes(chance.randrange(12)))
+            batch = batch_of(data, encoding, chance.randbytes(chance.randrange(9)) + behind)
         except SiloError:
             continue
         except Exception as error:

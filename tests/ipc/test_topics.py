@@ -10,6 +10,7 @@ import silo
 from silo.bridges.messages import entry_values
 from silo.client.client import Client
 from silo.errors import ElementError
+from silo.live.topics import encoding_of
 from tests.stand_ins.ticking import turning
 from tests.waiting import DEADLINE_S, wait_until
 
@@ -275,3 +276,53 @@ def test_complex_numbers_arrive_as_they_were_logged(runtime, tmp_path):
         assert client.samples(["pair"])["pair"].values.dtype == np.float64  # as ever: no complex number
         assert client.samples(["one_imag"])["one_imag"].values.dtype == np.float32
     log.close(discard=True)
+
+
+@pytest.mark.slow
+def test_an_element_of_more_types_than_an_encoding_has_room_for_arrives_as_it_was_logged(runtime, tmp_path):
+    motor = [("mode", "u1"), ("q", "f4"), ("dq", "f4"), ("tau", "f4"), ("temperature", "i2")]
+    with silo.Logger("bot", frequency=100, folder=tmp_path) as log:
+        motors = log.array("motors", (), [(f"motor{number}", motor) for number in range(12)], action="both")
+        log.serve()
+        log.start()
+        count = 0
+
+        def tick():
+            nonlocal count
+            count += 1
+            for place, name in enumerate(motors.dtype.names):
+                motors[name] = (count % 256, count, place, -count, place)
+            log.collect()
+
+        with Client.connect("bot") as client, client.topic("motors") as topic, turning(tick, 0.002):
+            first = wait_until(topic.read)[0]
+            batches = [first, *wait_until(topic.read)]
+            assert client.status().ticks  # who looks at a topic costs nobody else a thing
+        values = np.concatenate([batch.values for batch in batches])
+        numbers = values["_motor11_q"]
+        assert numbers.tolist() == list(range(first.first + 1, first.first + 1 + len(values)))
+        assert values["_motor11_tau"].tolist() == (-numbers).tolist()
+        assert (values["_motor11_temperature"] == 11).all()
+        assert values["_motor0_mode"].tolist() == (numbers % 256).tolist()
+        assert topic.missed == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("letters", [223, 224])  # of an encoding of 255 bytes, and of one more
+def test_the_longest_encoding_that_zenoh_takes_is_one_and_a_longer_one_is_attached(letters, runtime, tmp_path):
+    name = "m" * letters
+    with silo.Logger("bot", frequency=100, folder=tmp_path) as log:
+        pair = log.array("q", (), [(name, "f4"), ("b", "i2")], action="both")
+        log.serve()
+        log.start()
+
+        def tick():
+            pair[name] += 1
+            log.collect()
+
+        with Client.connect("bot") as client, client.topic("q") as topic, turning(tick, 0.002):
+            (batch, *_) = wait_until(topic.read)
+        assert batch.values.dtype.names == (f"_{name}", "_b")
+        assert batch.values[f"_{name}"][0] == batch.first + 1
+        (element,) = (one for one in log._present.run.segment.schema.elements if one.info.name == "/log/q")
+        assert len(encoding_of(element)) == letters + 32
