@@ -29,11 +29,22 @@ def main() -> int:
     arguments = parser.parse_args()
     print_printable()
     logging.basicConfig(level=logging.WARNING, format="silo: %(message)s", stream=sys.stderr)
+    threading.excepthook = end_at_panic
     limit_heap()
     raise_descriptors()
     robot = open_link(arguments.fd, arguments.runs_fd, arguments.changes_fd)
     serving = ServingOptions(arguments.group, arguments.config, arguments.group_role, arguments.control)
     return Helper(robot, arguments.name, serving, arguments.id).run()
+
+
+def end_at_panic(args: threading.ExceptHookArgs) -> None:
+    """Tell what ended a thread, and end the process where that was a panic of Zenoh, which is no `Exception`.
+
+    It leaves locks behind that nobody gets any more; the robot program starts another helper process.
+    """
+    threading.__excepthook__(args)
+    if not issubclass(args.exc_type, Exception | SystemExit):
+        os._exit(1)
 
 
 def _end(code: int) -> None:

@@ -2,6 +2,8 @@
 
 import itertools
 import socket
+import subprocess
+import sys
 
 import pytest
 
@@ -36,3 +38,23 @@ def test_one_that_hangs_in_its_start_holds_up_the_end_of_its_program_a_little_al
     with ours, theirs:
         assert Starting(ours)._answers(is_wanted) is answers
     assert next(asked) > 4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("error", "told"), [("ValueError", ["goes on"]), ("GeneratorExit", [])])
+def test_a_panic_of_zenoh_ends_the_process_and_an_error_in_a_thread_does_not(error, told) -> None:
+    text = f"""
+import threading
+from silo.helper.__main__ import end_at_panic
+threading.excepthook = end_at_panic
+def fail():
+    raise {error}("what was met")
+thread = threading.Thread(target=fail)
+thread.start()
+thread.join()
+print("goes on")
+"""
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=False)
+    assert "what was met" in done.stderr
+    assert done.stdout.splitlines() == told
+    assert done.returncode == (not told)
