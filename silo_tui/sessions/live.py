@@ -166,7 +166,6 @@ class Session:
         self.triggers: list[TriggerStatus] = []
         self.limits: list[LimitStatus] = []  # worst first
         self.bounds: dict[str, Bounds4] = {}  # of each scalar with limits: red low, yellow low, yellow high, red high
-        self.beyond: dict[str, str] = {}  # the worst sign of each element that is beyond its limits
         self.recorders: list[RecorderInfo] = []  # endless recordings, as they were asked for last
         self.paces: dict[str, WritingPace] = {}  # how fast each of them writes
         self.knobs = Knobs()
@@ -278,7 +277,7 @@ class Session:
         table = await self.connection.call(lambda client: client.table())
         if table.revision != self.table.revision or not len(self.table):
             self.table.load(table)
-            self._take_beyond(self._beyond())  # limits may have been known before: of whose entries is known now
+            self.table.take_beyond(self._beyond())  # limits may have been known before: of whose entries is known now
             self.rows.refresh()
             self._entry_counts.clear()
 
@@ -361,14 +360,10 @@ class Session:
             self.limits = (await self.connection.read(lambda client: client.alarms())).limits
             self.table.limits = {one.name: one for one in self.limits}
             self.bounds = {one.name: one.bounds for one in self.limits if any(each is not None for each in one.bounds)}
-            self._take_beyond(self._beyond())
+            self.table.take_beyond(self._beyond())
         except (SiloError, asyncio.CancelledError):
             self.conditions_due = True  # nobody knows: asked again
             raise
-
-    def _take_beyond(self, words: dict[str, str]) -> None:
-        self.beyond = words
-        self.table.take_beyond(words)
 
     def _beyond(self) -> dict[str, str]:
         found: dict[str, str] = {}

@@ -72,11 +72,6 @@ class FileSession(Session):
         self.rows.refresh()
 
     @property
-    def _stamps(self) -> str:
-        """What time stamps are of: a logger has ticks, of a bag of others each topic has its own."""
-        return "ticks" if self.source.recording.offset else "stamps"
-
-    @property
     def connected(self) -> bool:
         """A file is always there."""
         return True
@@ -92,7 +87,8 @@ class FileSession(Session):
         facts = f"  {many(self._parts, 'part')}" if self._parts else ""
         seconds = (source.end_ns - source.begin_ns) / 1e9  # as plots count them, while that is no long number
         span = f"{text.short(seconds)} s" if 100 <= seconds < 1000 else text.span(seconds)
-        facts += f"  {span}  {text.count(report.ticks)} {self._stamps}"
+        stamps = "ticks" if source.recording.offset else "stamps"  # of a bag of others each topic has its own
+        facts += f"  {span}  {text.count(report.ticks)} {stamps}"
         derived = len({one.name for one in source.recording.conditions.derived} & self.rows_of.keys())
         facts += f"  {many(len(report.elements) - derived, 'element')}" if wide else ""
         facts += f" +{derived} derived" if wide and derived else ""

@@ -38,7 +38,6 @@ class PageServer(Server):  # type: ignore[misc]  # textual-serve is an extra
         app.router.add_get(f"/{self.token}", self._with_slash)
         app.add_subapp(f"/{self.token}", inner)
         app.router.add_get(f"/{self.token}/page.js", self._script)
-        self._inner = inner
         return app
 
     @web.middleware  # type: ignore[untyped-decorator]  # textual-serve is an extra

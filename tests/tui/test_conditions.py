@@ -626,7 +626,7 @@ class TestScreens:
         name = fake.elements[0].name + fake.elements[0].entries[0].suffix
         fake.limit_statuses = [LimitStatus(name, name, LimitWord.RED_HIGH, value=9.0, count=1)]
         async with opened(fake, size=(120, 24)) as screen:
-            await screen.until(lambda: screen.session.beyond == {fake.elements[0].name: "HH"})
+            await screen.until(lambda: screen.session._beyond() == {fake.elements[0].name: "HH"})
             await screen.shows("1 alarm (HH)")
 
     async def test_a_plot_makes_a_trigger_at_its_level(self, fake, opened):
@@ -778,7 +778,7 @@ def test_limits_that_were_known_before_the_table_have_the_sign_of_their_element_
     session.table.load(Table(0, []))
     asyncio.run(session.refresh_conditions())
     asyncio.run(session.reload())
-    assert session.beyond == {element.name: "HH"}
+    assert session._beyond() == {element.name: "HH"}
     assert session.table.signs[session.table.row(element.name)]
 
 

@@ -71,11 +71,6 @@ _OF_TERMINAL = "blocks" if os.environ.get("TERM") == "linux" else "braille"
 _style = _OF_TERMINAL
 
 
-def style() -> str:
-    """Return the style that plots are drawn in."""
-    return _style
-
-
 def choose(name: str) -> None:
     """Draw all plots in this style from now on; "auto" leaves it to the terminal. Raises ValueError for an unknown."""
     global _style  # noqa: PLW0603 - one terminal, one font, one choice
