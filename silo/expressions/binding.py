@@ -59,11 +59,6 @@ class Known:
         """Return an element of a table, whose samples a source has."""
         return cls(info.name, info.entries, info.unit, source, info.options.divider, info.kind)
 
-    @property
-    def is_complex(self) -> bool:
-        """Whether its entries are real and imaginary parts in turns."""
-        return in_parts(self.kind, None, self.entries)
-
 
 class Catalogue:
     """The elements that expressions may name, in the order of the table. Made once for many expressions."""
@@ -381,7 +376,7 @@ class _Binder:
         if isinstance(node, Name):
             found = self._catalogue.find(node.text)
             known = self._catalogue.elements[found[0][0]] if len(found) == 1 and found[0][1] is None else None
-            return known if known is not None and known.is_complex else None
+            return known if known is not None and in_parts(known.kind, None, known.entries) else None
         if isinstance(node, Call):
             return self._complex(node.arguments[0]) if node.function in _BY_PARTS[1:] else None
         if isinstance(node, Operation) and self._is_linear(node):

@@ -114,9 +114,6 @@ class _Pair:
                 found.append(scaled(one, times, unit))
         return found
 
-    def holds(self, text: str) -> bool:
-        return self._query(text).holds((facts := self.facts(self.run)).run, (), facts.signals)
-
     def _query(self, text: str) -> Query:
         known: dict[str, list[str]] = {}
         words: list[dict[str, set[str]]] = []

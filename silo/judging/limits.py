@@ -60,14 +60,6 @@ class LimitRule:
         """Return what the worst of several has most of: red goes before yellow, then the farthest beyond its bound."""
         return abs(violation.worst), abs(violation.peak - self.bound(violation.worst))
 
-    def level(self, value: float) -> Level:
-        """Return where a value is; a NaN is in no range, and not judged."""
-        if value > self.yellow_high:
-            return Level.RED_HIGH if value > self.red_high else Level.YELLOW_HIGH
-        if value < self.yellow_low:
-            return Level.RED_LOW if value < self.red_low else Level.YELLOW_LOW
-        return Level.GREEN
-
 
 def beside_bounds(values: NDArray[Any], rule: LimitRule) -> Floats:
     """Return integers as float64s that lie beyond the same bounds: no one beyond 2^53 is rounded to where it is not."""
@@ -225,10 +217,6 @@ class Limit:
             state.alarm, state.stale_alarm = Level.GREEN, False
             state.acknowledged = Acknowledgement(who, time_ns, count)
         return new
-
-    def worst(self) -> Level:
-        """Return the worst state of all scalars."""
-        return max((state.level for state in self.states), key=abs, default=Level.GREEN)
 
     # ------------------------------------------------------------------------------------------------ the rules
 

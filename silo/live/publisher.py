@@ -70,7 +70,7 @@ class SummaryFeed:
     def send(self, now_s: float) -> None:
         """Publish what is new, and from time to time what isn't; what a new state is, at once."""
         told = self._told
-        changed = told is None or told.state is not self._state
+        changed = told is None or told.state is not (State.DEAD if self._died else self._replica.now.state)
         if not changed and now_s - self._looked_s < PERIOD_S:
             return
         self._looked_s = now_s
@@ -84,10 +84,6 @@ class SummaryFeed:
             if news or now_s - self._told_s >= AGAIN_S:
                 self._told, self._told_s = found, now_s
                 self._publisher.put(msgspec.msgpack.encode(found))
-
-    @property
-    def _state(self) -> State:
-        return State.DEAD if self._died else self._replica.now.state
 
     def now(self) -> Summary:
         """Return what there is to say."""

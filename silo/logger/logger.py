@@ -136,7 +136,7 @@ class Logger(LoggerNames):
         self._table = Registrations(options.prefix)
         self._conditions = LoggerConditions(options, self._table, self._life)
         self._scripted = ScriptedTable(options, self._table, self._conditions, self._life, type(self))
-        self.parameters = Parameters(options.prefix)
+        self.parameters = Parameters()
         self._tunables = Tunables(options, self._scripted.add, self._life, self.parameters)
         self._present = CurrentRun()
         self._data = RunData(options, self._table, self._conditions, self._life, self._present)

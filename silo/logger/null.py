@@ -114,7 +114,7 @@ class NullLogger(LoggerNames):
         """Take the arguments of `Logger`."""
         self.options = LoggerOptions(name=name, frequency_hz=frequency, max_time_s=max_time, prefix=prefix)
         self._infos: dict[str, ElementInfo] = {}
-        self.parameters = Parameters(self.options.prefix)
+        self.parameters = Parameters()
         self._tunables = Tunables(self.options, self.add, LifeCycle(self.options.name), self.parameters)
 
     def collect(self) -> None:

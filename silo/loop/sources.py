@@ -209,7 +209,7 @@ class HeldArrays:
         (added,) = map(sys.getrefcount, [object()])
         self._parts = [arrays[begin : begin + COUNTED_AT_ONCE] for begin in range(0, len(arrays), COUNTED_AT_ONCE)]
         # one that may be written to by its address is never told of: as if it were referred to once more than it can be
-        plain = map(_is_plain, bases)
+        plain = (base is None or isinstance(base, np.ndarray | OwnMemory) for base in bases)
         self._owed = [[owed[id(array)] + added if next(plain) else 0 for array in part] for part in self._parts]
         # the arrays of each reference by their numbers: `numbers` from `begins` on
         self._numbers: NDArray[np.intp] = numbers.reshape(-1)
@@ -247,11 +247,6 @@ class OwnMemory(mmap.mmap):
     def __new__(cls, size_bytes: int) -> "OwnMemory":
         """Zeros; pages that are never used take no memory. Raises OSError, OverflowError where there is no room."""
         return super().__new__(cls, -1, size_bytes, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
-
-
-def _is_plain(base: object) -> bool:
-    """Whether what stands behind an array is known to be written by arrays alone."""
-    return base is None or isinstance(base, np.ndarray | OwnMemory)
 
 
 def _cant_refer(value: object, name: str) -> str:

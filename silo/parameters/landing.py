@@ -224,7 +224,8 @@ class Landing:
         record = change.record = self.record
         if record is not None:
             going = self.going(change)
-            places, new = [self._places[info.name] for info, _ in going], _joined(change.new, going)
+            places = [self._places[info.name] for info, _ in going]
+            new = b"".join(change.new[part].tobytes() for _, part in going)
             what = change.excited.what if change.excited is not None else None
             with self._recording:
                 change.slot = record.open(change.who, change.where, change.id, places, new, what)
@@ -388,10 +389,6 @@ def between(
         elif info.kind is ParameterKind.INT:
             found[part] = old[part] + np.rint(fraction * (new[part] - old[part])).astype(np.int64)
     return found
-
-
-def _joined(words: NDArray[np.int64], parts: Sequence[Part]) -> bytes:
-    return b"".join(words[part].tobytes() for _, part in parts)
 
 
 def _far_between(a: NDArray[np.float64], b: NDArray[np.float64], fraction: float) -> NDArray[np.float64]:

@@ -161,9 +161,8 @@ class Revert:
 class Parameters(Mapping[str, Parameter]):
     """The parameters of a logger, by name: `log.parameters["kp"].value`, `log.parameters.set({"kp": 50.0})`."""
 
-    def __init__(self, prefix: str = "") -> None:
-        """Begin without any; names may be given without this prefix."""
-        self._prefix = prefix
+    def __init__(self) -> None:
+        """Begin without any."""
         self.landing = Landing()
         self.excitations = Excitations(self.landing)
         self._known: dict[str, Parameter] = {}

@@ -130,26 +130,19 @@ def ask(wire: str = "", *, slow: bool = False) -> Callable[[F], F]:
 
 
 def change(
-    wire: str = "",
-    *,
-    robot: bool = False,
-    control: bool = True,
-    timeout_s: float | None = None,
-    lane: Lane | None = None,
+    *, robot: bool = False, control: bool = True, timeout_s: float | None = None, lane: Lane | None = None
 ) -> Callable[[F], F]:
     """Declare a request that changes something.
 
     Args:
-        wire: what it is called where the method isn't.
         robot: the robot program does it.
         control: it needs control where somebody has it.
         timeout_s: how long a client waits, at least.
         lane: what it may wait for.
     """
     facts: dict[str, object] = {"needs_control": control, "timeout_s": timeout_s, "lane": lane}
-    return _declared(
-        RobotRequest if robot else Do, wire, {name: fact for name, fact in facts.items() if fact is not None}
-    )
+    known = {name: fact for name, fact in facts.items() if fact is not None}
+    return _declared(RobotRequest if robot else Do, "", known)
 
 
 def given(**changed: object) -> Any:

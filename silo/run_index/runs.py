@@ -78,7 +78,7 @@ class RunList(Sequence[ListedRun]):
         Raises:
             ExpressionError: it can't be understood; the message has the place.
         """
-        return self._kept([place for place, value in enumerate(self._judged(condition)) if is_true(value)])
+        return self._kept([place for place, value in enumerate(self.values(condition)) if is_true(value)])
 
     def values(self, expression: str) -> list[float]:
         """Return a number for each run: `runs.values("max(joints/tau_3)")`; NaN where a run lacks it.
@@ -92,7 +92,28 @@ class RunList(Sequence[ListedRun]):
         Raises:
             ExpressionError: it can't be understood.
         """
-        return self._judged(expression)
+        known: dict[str, list[str]] = {}
+        for index in self.indexes:
+            for element, scalars in index.elements().items():
+                known[element] = list(dict.fromkeys([*known.get(element, ()), *scalars]))
+        parameters = [run.facts.parameters for run in self]
+        said = said_by([index.words() for index in self.indexes], parameters)
+        tags = {word for run in self for word in run.tags}
+        condition = Query(expression, known, {name for some in parameters for name in some}, tags, said)
+        found: list[float] = []
+        unclear: dict[str, SeveralSignalsError] = {}  # by run, what means several signals there
+        for run, of_run in zip(self, self.signals(condition.signals), strict=True):
+            try:
+                found.append(condition.number(run.facts, run.tags, of_run))
+            except SeveralSignalsError as error:  # noqa: PERF203
+                found.append(math.nan)
+                unclear[run.facts.path] = error
+        if unclear:
+            first = next(iter(unclear.values()))
+            if all(map(math.isnan, found)):
+                raise first  # nowhere does it mean one
+            warn_outside(f"not known of {and_more(list(unclear), 3)}: there {first.reason}")
+        return found
 
     def find(self, *words: str) -> "RunList":
         """Return those that have all of some words in name, robot, task, reason, tags, notes or what else is told.
@@ -201,31 +222,6 @@ class RunList(Sequence[ListedRun]):
         from silo.run_index.tables import Folders
 
         return query(Folders(self, self.indexes), statement)
-
-    def _judged(self, text: str) -> list[float]:
-        """What an expression is for each run, NaN where that can't be told."""
-        known: dict[str, list[str]] = {}
-        for index in self.indexes:
-            for element, scalars in index.elements().items():
-                known[element] = list(dict.fromkeys([*known.get(element, ()), *scalars]))
-        parameters = [run.facts.parameters for run in self]
-        said = said_by([index.words() for index in self.indexes], parameters)
-        tags = {word for run in self for word in run.tags}
-        condition = Query(text, known, {name for some in parameters for name in some}, tags, said)
-        found: list[float] = []
-        unclear: dict[str, SeveralSignalsError] = {}  # by run, what means several signals there
-        for run, of_run in zip(self, self.signals(condition.signals), strict=True):
-            try:
-                found.append(condition.number(run.facts, run.tags, of_run))
-            except SeveralSignalsError as error:  # noqa: PERF203
-                found.append(math.nan)
-                unclear[run.facts.path] = error
-        if unclear:
-            first = next(iter(unclear.values()))
-            if all(map(math.isnan, found)):
-                raise first  # nowhere does it mean one
-            warn_outside(f"not known of {and_more(list(unclear), 3)}: there {first.reason}")
-        return found
 
     def signals(self, names: Sequence[str] | None = None) -> list[Sequence[SignalFacts]]:
         """Return the facts of scalars, by their whole names, of each of these; of all scalars without names."""

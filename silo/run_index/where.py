@@ -168,10 +168,6 @@ class Query:
         """The signals that are asked for, by their whole names."""
         return list(dict.fromkeys(name for some in self._meant.values() for name in some))
 
-    def holds(self, run: RunFacts, tags: Sequence[str], signals: Sequence[SignalFacts]) -> bool:
-        """Whether it holds for a run; False where the run lacks something. Raises ExpressionError."""
-        return is_true(self.number(run, tags, signals))
-
     def number(self, run: RunFacts, tags: Sequence[str], signals: Sequence[SignalFacts]) -> float:
         """Return what it is for a run, NaN where the run lacks something. Raises ExpressionError."""
         try:

@@ -170,7 +170,6 @@ class LimitMachine(RuleBasedStateMachine):
             assert state.is_open == (model.open is not None)
             note = state.acknowledged
             assert (note and (note.who, note.time_ns, note.count)) == seen
-        assert self.limit.worst() == max((model.level for model in self.models), key=abs)
 
 
 TestTriggers = TriggerMachine.TestCase

@@ -51,8 +51,8 @@ def test_pieces_may_come_in_any_order(pieces):
 
 def test_a_column_that_comes_again_only_gets_wider():
     found = store((5, [0.0], [1.0]), (5, [0.2], [3.0]))
-    low, high = found.window("a", 6, 1)
-    assert (low[0], high[0]) == (0.0, 3.0)
+    piece = found.piece("a", 6, 1)
+    assert (piece.low[0], piece.high[0]) == (0.0, 3.0)
 
 
 def test_old_columns_leave_when_new_ones_come():
@@ -62,8 +62,7 @@ def test_old_columns_leave_when_new_ones_come():
 
 
 def test_a_window_beyond_what_there_is_is_empty():
-    low, _ = store((0, [1], [1])).window("a", 100, 5)
-    assert np.isnan(low).all()
+    assert np.isnan(store((0, [1], [1])).piece("a", 100, 5).low).all()
 
 
 def test_a_slow_signal_holds_between_its_samples_but_not_for_ever():

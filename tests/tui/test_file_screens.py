@@ -398,7 +398,7 @@ async def test_an_element_without_samples_says_so(new_finder, screen_of):
 async def test_the_end_of_a_long_run_fills_the_window(path, on_file):
     async with on_file(path) as screen:
         await plot(screen, "temperature")
-        low, _ = monitor(screen).stack.store.window("/log/imu/temperature", monitor(screen).stack.store.end, 130)
+        low = monitor(screen).stack.store.piece("/log/imu/temperature", monitor(screen).stack.store.end, 130).low
         assert np.isfinite(low).sum() > 60
         assert monitor(screen).window.span_s < 11
         await screen.do("enter", "plus", "minus", "all_held", "escape", "all_held")

@@ -35,7 +35,7 @@ async def test_plots_are_full_the_moment_they_open_show_a_spike_of_one_sample_an
     async with opened(fake.run(20)) as screen:
         await open_torque(screen)
         stack = monitor(screen).stack
-        assert not np.isnan(stack.store.window(TORQUE, stack.store.end, 100)[0]).any()
+        assert not np.isnan(stack.store.piece(TORQUE, stack.store.end, 100).low).any()
         await screen.shows("max 40")
         top = screen.text.splitlines()[2]
         assert any(char not in f"{BLANK}0123456789.- │" for char in top), top
@@ -74,7 +74,7 @@ async def test_a_curve_goes_on_by_whole_cells_so_that_they_stay_as_they_are_and_
         fake.advance(0.5)
         newest = fake.now_ns // store.column_ns
         await screen.until(lambda: store.end > newest, "the frame after that")
-        await screen.until(lambda: not np.isnan(store.window(TORQUE, newest, 100)[0]).any(), "what was lost")
+        await screen.until(lambda: not np.isnan(store.piece(TORQUE, newest, 100).low).any(), "what was lost")
 
 
 async def test_another_plot_that_is_chosen_leaves_the_rest_as_a_whole_repaint_shows_it(fake, opened):
@@ -169,7 +169,7 @@ async def test_a_wider_span_has_no_blank_though_its_history_comes_late(fake, ope
             fake.advance(0.25)
             newest = fake.now_ns // store.column_ns
             await screen.until(lambda newest=newest: store.end > newest, "the newest frame")
-        await screen.until(lambda: not np.isnan(store.window(TORQUE, newest, 120)[0]).any(), "no blank")
+        await screen.until(lambda: not np.isnan(store.piece(TORQUE, newest, 120).low).any(), "no blank")
 
 
 async def test_what_was_overwritten_is_said_under_the_plots(fake, opened):

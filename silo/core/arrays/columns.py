@@ -369,11 +369,6 @@ class ColumnStore:
             low[there], high[there], marks[there] = self.low[row, here], self.high[row, here], self.marks[row, here]
         return ColumnPiece(low, high, marks, self.base(row))
 
-    def window(self, name: str, end: int, width: int) -> tuple[Floats, Floats]:
-        """Return minimum and maximum of `width` columns up to `end`; NaN where there is nothing."""
-        piece = self.piece(name, end, width)
-        return piece.low, piece.high
-
     def adopt(self, other: "ColumnStore") -> None:
         """Take over what another store of the same grid has about the same entries."""
         if other.column_ns == self.column_ns and not other.empty:
