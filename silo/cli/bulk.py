@@ -26,8 +26,9 @@ def many_meant(verb: str, logger: str | None, *, everyone: bool) -> "list[Logger
     A glob without `--all` names them and asks on a terminal. Raises UsageError where nobody can be asked, Abort for no,
     ConnectionLostError where there is none.
     """
+    from silo.core.names import is_glob
     from silo.fleet.resolving import not_found_text
-    from silo.net.found import is_glob, logger_of, told_apart
+    from silo.net.found import logger_of, told_apart
 
     pattern = logger_of(logger or "")
     if not everyone and not is_glob(pattern):

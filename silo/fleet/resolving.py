@@ -6,13 +6,14 @@ from contextlib import ExitStack
 
 import msgspec
 
+from silo.core.names import is_glob
 from silo.errors import ConnectionLostError
 from silo.fleet.fleet import FleetNow, FleetQuestion, looked, who_is_there
 from silo.fleet.near import down_text, near_loggers
 from silo.net import keys
 from silo.net.configuration import remotes
 from silo.net.folders import ForbiddenFolder
-from silo.net.found import LoggerAddress, is_glob, logger_of, told_apart
+from silo.net.found import LoggerAddress, logger_of, told_apart
 from silo.net.sessions import borrowed
 
 

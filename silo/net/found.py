@@ -89,11 +89,6 @@ class LoggerAddress(msgspec.Struct, frozen=True):
 MACHINE_DIGITS = 4
 
 
-def is_glob(word: str) -> bool:
-    """Return whether a word means many: no address has these characters."""
-    return any(character in word for character in "*?[")
-
-
 def told_apart(found: Iterable[LoggerAddress]) -> list[str]:
     """Return for each logger the shortest address that fits no other of them: a process id before an id."""
     all_found = list(found)

@@ -10,7 +10,6 @@ import silo
 from silo.core.elements import BufferType
 
 COLUMNS = 24
-PRIMES = np.arange(1, COLUMNS + 1, dtype=np.int64) * 1_000_003
 
 
 def correlated(folder: str, frequency: float = 100, columns: int = 1500) -> None:

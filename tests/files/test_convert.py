@@ -28,7 +28,6 @@ h5py, pd, pl, pq, scipy_io = map(Later, ("h5py", "pandas", "polars", "pyarrow.pa
 TICKS = 20
 TIMES = 1_700_000_000_000_000_001 + 2_500_001 * np.arange(TICKS, dtype=np.int64)
 ENDINGS = [".silo", ".csv", ".mcap", ".rosbag2", ".bag", "", ".parquet", ".mat", ".npz", ".h5"]
-FOREIGN = [".parquet", ".mat", ".npz", ".h5"]
 
 
 def element(name, columns, **more):

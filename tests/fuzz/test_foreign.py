@@ -33,7 +33,7 @@ from silo.live.requests import OpenView, ViewOpened
 from silo.live.topic import batch_of
 from silo.live.view import View, history_columns
 from silo.rpc.foreign import MOST, Foreign
-from silo.rpc.published import Event, EventKind, NotLive, Summary, ViewFrame
+from silo.rpc.published import Event, EventKind, NotLive, ViewFrame
 
 COUNT = int(os.environ.get("SILO_FUZZ", "2000"))
 _encoder = msgspec.msgpack.Encoder()
@@ -85,7 +85,6 @@ STREAMED = StreamFrame(1, "run", [ROWS])
 COLUMNS = Columns(["/log/x"], 10, 4, 10**9, bytes(32), bytes(32))
 FOUND = MomentsFound("run", [FoundIn("/log/x", 2, 0, np.arange(2).tobytes(), np.zeros(2).tobytes(), "<f8", 0, 1)])
 EVENT = Event(1, 10**18, EventKind.STARTED, "started", "alice")
-SUMMARY = Summary(state=State.RUNNING, frequency_hz=100.0)
 
 
 def damaged(data: bytes, chance: random.Random) -> bytes:

@@ -18,11 +18,12 @@ from silo.cli.codes import EXIT_USAGE
 from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import State
+from silo.core.names import is_glob
 from silo.errors import ConnectionLostError
 from silo.fleet.fleet import Fleet as Followed
 from silo.fleet.resolving import Discovery, SeveralError, discover
 from silo.logger.serving.process import drawn_id, machine_digits
-from silo.net.found import LoggerAddress, is_glob, told_apart
+from silo.net.found import LoggerAddress, told_apart
 from silo.net.keys import Root, robot_of, root_of
 from tests.stand_ins.shared_sessions import open_configurations
 from tests.thin_net import free_port

@@ -36,7 +36,6 @@ from tests.waiting import DEADLINE_S, wait_until
 
 MINE, OTHER = Root("robot3", "anymal", "3fa977b2e0"), Root("robot4", "anymal", "3fa9000000")
 USERS = {"alice": OPERATOR, "bob": VIEWER, "robot3": ROBOT, "robot4": ROBOT, SHARED: ROBOT}
-VERBS = ("put", "delete", "answer", "ask", "subscribe", "token", "look")
 _OFFERS = {TOLD: "put", ANSWERED: "answer", THERE: "token"}
 _USES = {TOLD: "subscribe", ANSWERED: "ask", THERE: "look"}
 

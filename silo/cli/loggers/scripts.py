@@ -30,7 +30,7 @@ def script() -> None:
 
 def _by_path(ctx: click.Context, words: Sequence[str], usage: str) -> Target:
     """Take logger and path, either of which may be missing. A word with a `/` may be an address."""
-    from silo.net.found import is_glob
+    from silo.core.names import is_glob
 
     def is_path(word: str) -> bool:
         return word.endswith((".yaml", ".yml")) or (
