@@ -41,13 +41,12 @@ Log = Callable[[str, str, str, Sequence[LoggedEvent]], object]
 
 @dataclass(frozen=True)
 class Recovered:
-    """What became of a segment or journal: the files, what they hold, and in words what was saved, and `more`.
+    """What became of a segment or journal: the files, and in words what was saved, and `more`.
 
     `judge` judged it to its end, for the one that goes on it.
     """
 
     files: list[SavedFile]
-    holdings: Holdings
     saved: str
     more: tuple[str, ...] = ()
     judge: "SegmentJudge | None" = None
@@ -87,19 +86,19 @@ def recover(
             let_go(reader)
             freed = "journal was removed" if is_journal else "memory was freed"
             saved = f"all its {reader.ticks} ticks were saved before its process ended; its {freed}"
-            return Recovered(captured, Holdings(reader.ticks, 0, 0, 0.0), saved, tuple(texts), judge)
+            return Recovered(captured, saved, tuple(texts), judge)
         conditions = captures.conditions if captures else None
         files, held = save(reader, where, types, conditions=conditions)
         if files:
             log_end(reader, saved_text(files, held), log)
         let_go(reader)
         if files:
-            return Recovered([*files, *captured], held, f"saved {held.text}", (*missing(reader), *texts), judge)
+            return Recovered([*files, *captured], f"saved {held.text}", (*missing(reader), *texts), judge)
         if is_journal:
             nothing = f"held {held.text}; removed" if held.ticks else "proves no tick; removed"
         else:
             nothing = f"held {held.text if held.ticks else 'no tick'}; its memory was freed"
-        return Recovered(captured, held, nothing, tuple(texts), judge)
+        return Recovered(captured, nothing, tuple(texts), judge)
 
 
 def _captures(reader: SegmentReader, folder: str, before: "SegmentJudge | None") -> "RecoveredCaptures | None":

@@ -28,7 +28,7 @@ class MarkReader:
     """Owns the thread that looks for marks."""
 
     def __init__(self, replica: Replica, events: EventNotifier) -> None:
-        self._replica, self._events = replica, events
+        self._events = events
         self._lock = threading.Lock()
         self._run = RunFollower(replica)
         self._known: list[LoggedEvent] = []  # of the run, that a helper process before this one took
