@@ -27,8 +27,9 @@ class JudgedRows:
         self._infos = [info for info, _ in sources]
         self.catalogue = Catalogue([Known.of(*one) for one in sources], schema.prefix, schema.conditions.derived)
         self._wanted: dict[int, RowPicker[tuple[int, int]]] = {}
-        self._cursors: dict[int, int] = {}
-        self._silent: set[int] = set()
+        self.cursors: dict[int, int] = {}  # the next row of each ring that is read
+        # rings that record no more, as their buffers are full: what is in them can't be told from here on
+        self.silent: set[int] = set()
         self.overwritten: set[int] = set()  # rings of which rows were, before they came with the newest
 
     def _ring_of(self, element: ElementSchema) -> int:
@@ -36,14 +37,9 @@ class JudgedRows:
         fixed = self._reader.schema.rings[element.ring].buffer_type is BufferType.FIXED
         return element.live_ring if fixed and element.live_ring >= 0 else element.ring
 
-    @property
-    def cursors(self) -> dict[int, int]:
-        """The next row of each ring that is read."""
-        return dict(self._cursors)
-
     def recall(self, cursors: Mapping[int, int]) -> None:
         """Go on with these rows."""
-        self._cursors.update((ring, row) for ring, row in cursors.items() if ring in self._cursors)
+        self.cursors.update((ring, row) for ring, row in cursors.items() if ring in self.cursors)
 
     def begin(self, expressions: Sequence[BoundExpression], evaluator: Evaluator, tick: int) -> Evaluator:
         """Return an evaluator of what is judged from a tick on, with what it looks back at as far as rings hold it."""
@@ -78,8 +74,8 @@ class JudgedRows:
     def want(self, columns: Iterable[ScalarPlace], since: int) -> None:
         """Read these and no others from now on: what was not read before from tick `since` on."""
         self._wanted = pickers_of(self._reader.schema, columns)
-        self._cursors = {
-            ring: self._cursors.get(ring, -(-since // self._reader.schema.rings[ring].divider)) for ring in self._wanted
+        self.cursors = {
+            ring: self.cursors.get(ring, -(-since // self._reader.schema.rings[ring].divider)) for ring in self._wanted
         }
 
     def no_room(self, expressions: Iterable[BoundExpression], others: Iterable[BoundExpression]) -> str:
@@ -116,13 +112,8 @@ class JudgedRows:
                 self.overwritten.add(ring)
         # rows of all these ticks were committed: of a ring that has fewer the buffer is full
         rings = self._reader.schema.rings
-        self._silent = {ring for ring, row in self._cursors.items() if row < -(-until // rings[ring].divider)}
+        self.silent = {ring for ring, row in self.cursors.items() if row < -(-until // rings[ring].divider)}
         return found, lost
-
-    @property
-    def silent(self) -> frozenset[int]:
-        """Rings that record no more, as their buffers are full: what is in them can't be told from here on."""
-        return frozenset(self._silent)
 
     def silent_why(self, expressions: Iterable[BoundExpression]) -> str:
         """Return which signals of expressions record no more, in words; empty where all do."""
@@ -130,7 +121,7 @@ class JudgedRows:
             (column.element, self._reader.schema.rings[column.source])
             for bound in expressions
             for column in bound.columns
-            if column.source in self._silent
+            if column.source in self.silent
         ]
         if not full:
             return ""
@@ -140,13 +131,13 @@ class JudgedRows:
         return f"'{name}' {kept} (buffer={buffer}), and its buffer is full"
 
     def _read(self, ring: int, until: int) -> tuple[SourceRows, int]:
-        cursor, lost, picker = self._cursors[ring], 0, self._wanted[ring]
+        cursor, lost, picker = self.cursors[ring], 0, self._wanted[ring]
         divider = self._reader.schema.rings[ring].divider
         rows = self._reader.rows(ring, cursor, max(-(-until // divider) - cursor, 0), picker.words)
         if rows.first > cursor:
             lost = (rows.first - cursor) * divider
             rows = self._reader.rows(ring, rows.first, max(-(-until // divider) - rows.first, 0), picker.words)
-        self._cursors[ring] = rows.first + len(rows)
+        self.cursors[ring] = rows.first + len(rows)
         return SourceRows(rows.ticks, rows.time_ns, picker.numbers(rows)), lost
 
     def infos_of(self, names: Collection[str]) -> list[ElementInfo]:

@@ -383,7 +383,7 @@ class SegmentJudge:
         ]
         under_way = [KeptCapture(buffer.options, buffer.capture, buffer.ended) for buffer in self._buffers]
         return JudgeState(
-            schema.run, schema.pid, schema.pid_start, self.judged, self.conditions, self._rows.cursors, triggers,
+            schema.run, schema.pid, schema.pid_start, self.judged, self.conditions, dict(self._rows.cursors), triggers,
             self.limits.memory(), self._numbers, [*under_way, *waiting], list(untold), closed,
             off=self._rows.infos_of(self._off), program=program_of(schema), folder=schema.folder,
         )  # fmt: skip

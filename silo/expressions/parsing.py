@@ -275,7 +275,7 @@ def parse(text: str, functions: Mapping[str, Function] = FUNCTIONS) -> Expressio
         raise ExpressionError(why, text, min(at, len(text.rstrip())), end) from None
     except (RecursionError, MemoryError, ValueError):
         raise ExpressionError("the expression is nested too deeply", text, 0, len(text)) from None
-    return _Reader(found, functions).read(tree)
+    return Expression(text, _Reader(found, functions).node(tree.body))
 
 
 def _why(error: SyntaxError, found: Tokens) -> str:
@@ -298,16 +298,13 @@ class _Reader:
         self._skipped = len(found.python) - len(found.python.lstrip())
         self._nodes = 0
 
-    def read(self, tree: ast.Expression) -> Expression:
-        return Expression(self._found.text, self._node(tree.body))
-
     def _span(self, node: ast.expr) -> tuple[int, int]:
         return self._skipped + node.col_offset, self._skipped + (node.end_col_offset or node.col_offset + 1)
 
     def _error(self, reason: str, node: ast.expr) -> ExpressionError:
         return ExpressionError(reason, self._found.text, *self._span(node))
 
-    def _node(self, node: ast.expr) -> Node:
+    def node(self, node: ast.expr) -> Node:
         self._nodes += 1
         at, end = self._span(node)
         if self._nodes > MOST_NODES:
@@ -319,15 +316,15 @@ class _Reader:
             constant = _CONSTANTS.get(name.lower())
             return Name(name, at, end) if constant is None else Number(constant, "", at, end)
         if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
-            return Operation(_BINARY[type(node.op)], (self._node(node.left), self._node(node.right)), at, end)
+            return Operation(_BINARY[type(node.op)], (self.node(node.left), self.node(node.right)), at, end)
         if isinstance(node, ast.UnaryOp) and type(node.op) in _UNARY:
-            inner = self._node(node.operand)
+            inner = self.node(node.operand)
             return Operation(operator, (inner,), at, end) if (operator := _UNARY[type(node.op)]) else inner
         if isinstance(node, ast.BoolOp):
-            return Operation(_LOGICAL[type(node.op)], tuple(map(self._node, node.values)), at, end)
+            return Operation(_LOGICAL[type(node.op)], tuple(map(self.node, node.values)), at, end)
         if isinstance(node, ast.Compare) and all(type(op) in _COMPARED for op in node.ops):
             operators = tuple(_COMPARED[type(op)] for op in node.ops)
-            return ComparisonChain(operators, tuple(map(self._node, (node.left, *node.comparators))), at, end)
+            return ComparisonChain(operators, tuple(map(self.node, (node.left, *node.comparators))), at, end)
         if isinstance(node, ast.Call):
             return self._call(node)
         raise self._error(f"{_WORDS.get(type(node), 'this')} has no place in an expression", node)
@@ -358,4 +355,4 @@ class _Reader:
             raise self._error(
                 f"{name} takes {wanted} argument{'s' if most > 1 else ''}{example}, got {len(node.args)}", node
             )
-        return Call(name, tuple(map(self._node, node.args)), at, end)
+        return Call(name, tuple(map(self.node, node.args)), at, end)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.names import grouped
-from silo.loop.sources import Reference, Source, ValuePath, tell_cut
+from silo.loop.sources import Reference, Source, ValuePath, read_steps, tell_cut
 from silo.segment.layout import STAMP_WORDS
 
 logger = logging.getLogger("silo")
@@ -93,7 +93,7 @@ class Slot:
     def _value(self) -> Any:
         if isinstance(self.source, Reference):
             return self.source.view
-        value = self.source.read()
+        value = read_steps(self.source.root, self.source.steps)
         if value is None:
             raise TypeError("the value is None")
         if self.source.convert is None:

@@ -93,10 +93,6 @@ class ValuePath:
         """Bytes of all items."""
         return math.prod(self.shape) * self.dtype.itemsize
 
-    def read(self) -> object:
-        """The value now."""
-        return read_steps(self.root, self.steps)
-
     def __str__(self) -> str:
         return type(self.root).__name__ + "".join(map(str, self.steps))
 

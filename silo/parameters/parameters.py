@@ -77,10 +77,6 @@ class Excitations:
             raise ElementError("no such excitation runs")
         return change, change.excited
 
-    def described(self, info: ParameterInfo) -> ParameterInfo:
-        """Return what a parameter is, with its present value."""
-        return msgspec.structs.replace(info, value=self.landing.value(info))
-
     def swings(self, groups: set[str]) -> list[dict[str, ParameterValue]]:
         """Return the least and the most that values of some groups come to while they are excited."""
         one = self.running
@@ -329,7 +325,8 @@ class Parameters(Mapping[str, Parameter]):
         """
         if name in self.excitations.known:
             return self.excitations.known[name]
-        info = self.excitations.described(self._known[self.full(what.name)].info)
+        known = self._known[self.full(what.name)].info
+        info = msgspec.structs.replace(known, value=self.landing.value(known))
         self._may_change(info, remote=remote)
         self.excitations.check(info, what, frequency_hz)
         if any(info.name == other.name for one in self._reverts for other in one.change.infos):

@@ -100,7 +100,7 @@ class Segment:
         self.marks: MarksOfRun | None = None
         self.changes: ChangeRecord | None = None  # of parameters, where there are any
         self._first_rows = first_rows
-        self._first: dict[int, list[Chunk]] = {}
+        self.first_chunks: dict[int, list[Chunk]] = {}  # those that were made ready at start
         self._in_memory = in_memory
         self._limit_bytes = memory_limit_bytes
         self._limit_chunks = max(1, memory_limit_bytes // schema.chunk_bytes)
@@ -153,7 +153,7 @@ class Segment:
             self._fill(self._file.fileno(), self._body)
             self._body = b""
             for ring in self._growing:
-                self._first[ring] = self._append_rows(ring, self._first_rows.get(ring, 1))
+                self.first_chunks[ring] = self._append_rows(ring, self._first_rows.get(ring, 1))
             self._temporary.rename(self.path)
         except OSError as error:
             raise SegmentError(f"{self.path}: can't make the buffers ({reason(error)})") from error
@@ -291,10 +291,6 @@ class Segment:
         """How many ticks stand in a saved file, also one that another process made."""
         return self._counted[2] if self._counted else self.words[self._control // 8 + ControlWord.SAVED_TICKS]
 
-    def first_chunks(self, ring: int) -> list[Chunk]:
-        """The chunks that were made ready at start."""
-        return self._first[ring]
-
     def next_chunk(self, ring: int) -> Chunk | None:
         """The next chunk of a growing ring, None at the memory limit or where the folder is full.
 
@@ -428,7 +424,7 @@ class Segment:
             self.words = memoryview(b"").cast("l")
             self.marks = self.changes = None
             self._next.clear()
-            self._first.clear()
+            self.first_chunks.clear()
             self._file.close()
 
 
@@ -487,7 +483,7 @@ class Chunks:
 
     def __init__(self, segment: Segment, schema: RingSchema) -> None:
         self._segment, self._schema = segment, schema
-        self._chunks: list[Chunk | None] = list(segment.first_chunks(schema.ring))
+        self._chunks: list[Chunk | None] = list(segment.first_chunks[schema.ring])
         self._given = 0  # chunks before this one are full and no more wanted
 
     def more(self, number: int) -> tuple[memoryview | None, int, int]:
