@@ -145,7 +145,7 @@ def test_what_changes_something_is_refused_who_only_looks_and_needs_a_link_unles
 BARS = {
     ("two-layer", "table"): "mark monitor fold filter menu_edit menu_go menu_view menu_record sort apply undo "
     "start_stop save_data again back help command quit mark_shown",
-    ("two-layer", "monitor"): "pause detail closer wider cursor_left find menu_plots menu_go menu_view "
+    ("two-layer", "monitor"): "pause detail add_plot closer wider cursor_left find menu_plots menu_go menu_view "
     "menu_record apply start_stop export_plots again back earlier later arrange_plots newest help command quit",
     ("two-layer", "detail"): "pause closer wider cursor_left find menu_plots menu_go menu_view menu_record "
     "apply start_stop export_plots again back mode earlier detail_refresh later newest help command quit",
@@ -155,7 +155,7 @@ BARS = {
     ("classic", "table"): "mark filter sort fold edit apply monitor start_stop save_data help command quit mark_shown "
     "toggle undo",
     ("classic", "monitor"): "pause closer wider cursor_left find scale detail cursor_b earlier start_stop later "
-    "arrange_plots newest all_held drop_plot help export_plots command quit",
+    "arrange_plots newest all_held add_plot drop_plot help export_plots command quit",
     ("classic", "detail"): "pause mode closer level wider cursor_left find scale cursor_b earlier detail_refresh later "
     "detail_swap newest all_held help export_plots command quit",
     ("classic", "alarms"): "acknowledge list_mark alarm_worst alarm_limits alarm_new alarm_remove plot_conditions "

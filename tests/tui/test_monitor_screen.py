@@ -316,7 +316,7 @@ async def test_another_signal_is_plotted_by_its_name_without_leaving_the_plots(f
     async with opened(fake) as screen:
         await open_torque(screen)
         await screen.press("m")
-        await screen.shows("plot it too")
+        await screen.shows("added by their names: their ends")
         await screen.press(*"LF/HAA/pos", "tab", "enter")
         await screen.shows("added; J lays it over the plot above")
         stack = monitor(screen).stack
