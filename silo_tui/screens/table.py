@@ -99,7 +99,6 @@ class TableScreen(ElementsScreen):
         if self._view is not None and self._view.on == (before, sort):
             before, back = self._view.before, self._view.back
         self._view = _View(self._filter_and_order, before, back)
-        self.table_changed()  # which says where Esc leads
 
     @property
     def _view_on(self) -> "_View | None":
