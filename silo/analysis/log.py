@@ -41,6 +41,7 @@ from silo.core.recording import (
     Recording,
     alike,
     common_axis,
+    distinct,
     falls,
     has_own_stamps,
     lasted_s,
@@ -344,12 +345,12 @@ class Log(Mapping[str, Signal]):
             fold = unfolded_ticks(axis, even=isinstance(times, Signal))
             risen, at = fold.risen(ticks), fold.risen(times) if isinstance(times, Signal) else times
             if risen is not None and at is not None:
-                stamps = np.unique(risen.resample(at).time_ns)
+                stamps = distinct(risen.resample(at).time_ns)
                 return Log(
                     resampled_by_ticks(self.recording, fold, stamps, method == "linear"), self.path, self.start_ns
                 )
         time_ns = ticks.resample(times).time_ns
-        return Log(resampled(self.recording, np.unique(time_ns), method == "linear"), self.path, self.start_ns)
+        return Log(resampled(self.recording, distinct(time_ns), method == "linear"), self.path, self.start_ns)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
         """Write the log to a file.

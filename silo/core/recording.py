@@ -414,7 +414,7 @@ def samples_of_ticks(recording: Recording, element: RecordedElement, low: int, h
 def common_axis(stamps: Iterable[NDArray[np.int64]]) -> NDArray[np.int64]:
     """All stamps that there are, rising; one that somebody has twice is there twice."""
     parts = list({id(each): each for each in stamps}.values())
-    axis = np.unique(np.concatenate([np.empty(0, np.int64), *parts]))
+    axis = distinct(np.concatenate([np.empty(0, np.int64), *parts]))
     times = np.ones(len(axis), np.int64)
     for part in parts:
         if len(part) > 1 and (part[1:] == part[:-1]).any():
@@ -471,6 +471,14 @@ def places_on(
 def rises(time_ns: NDArray[np.int64]) -> bool:
     """Whether each stamp is larger than the one before: the clock neither stepped back nor stood still."""
     return bool((time_ns[1:] > time_ns[:-1]).all())
+
+
+def distinct(stamps: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Each stamp once, rising. NumPy 2.3 and later make a set of them: of a million 2 s, where sorting takes 20 ms."""
+    if rises(stamps):
+        return stamps
+    ordered = np.sort(stamps)
+    return ordered[np.flatnonzero(np.diff(ordered, prepend=ordered[:1] - 1))]
 
 
 def _walked(axis: NDArray[np.int64], stamps: NDArray[np.int64], holds: NDArray[np.int64]) -> NDArray[np.int64] | None:

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import silo
 from silo.analysis.log import Log
@@ -12,7 +14,7 @@ from silo.analysis.signal import Signal
 from silo.cli.edits import select
 from silo.core.elements import BufferType
 from silo.core.names import matching
-from silo.core.recording import Recording
+from silo.core.recording import Recording, distinct
 from silo.errors import ElementError, LogNotFoundError, LogWarning, UnknownNameError, UnknownSignalError
 from silo.files import write
 from silo.files.silo.reader import read_silo
@@ -465,3 +467,25 @@ def test_arrays_hold_logs_as_any_object_and_equal_none(new_logger):
     for wrong in (lambda: np.array([log]), lambda: np.asarray(log, float), lambda: np.sin(log), lambda: array - log):
         with pytest.raises(silo.errors.ArgumentError, match=r"a log is no array: log.to_pandas"):
             wrong()
+
+
+@given(st.lists(st.integers(-(2**63), 2**63 - 1)))
+def test_distinct_stamps_are_those_of_a_set_in_their_order(stamps):
+    assert distinct(np.array(stamps, np.int64)).tolist() == sorted(set(stamps))
+
+
+def test_no_set_is_made_of_the_stamps_of_a_log(log, monkeypatch):
+    as_set = np.unique
+
+    def sorting(values, **options):
+        assert options or np.size(values) < 4, (
+            "of a million stamps NumPy takes 2 s to make a set, and 20 ms to sort them"
+        )
+        return as_set(values, **options)
+
+    monkeypatch.setattr(np, "unique", sorting)
+    own = replace(log.recording.elements[0], own_ns=log.time_ns + 5)
+    of_two = Log(replace(log.recording, elements=(own, *log.recording.elements[1:])))
+    for one in (log.resample(1000), log.resample([0.004, 0.0, 0.002, 0.008, 0.004, 0.01]), of_two.resample(1000)):
+        assert len(one.to_pandas()) == len(one.time_ns) > 3
+    assert len(of_two.to_pandas()) == 2 * len(of_two.time_ns)
