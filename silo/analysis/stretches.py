@@ -494,7 +494,10 @@ def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) ->
 
     @cache
     def stamps(name: str) -> NDArray[np.int64]:
-        own = stamps_of(recording, by_name[name]) if name in by_name else time_ns[:0]
+        element = by_name.get(name)
+        if element is None or _is_smooth(element, linear):
+            return time_ns[:0]  # what lies between two samples tells nothing
+        own = stamps_of(recording, element)
         return np.maximum.accumulate(own)  # where a clock stepped back, the first that is as late is found
 
     events = tuple(_event_at(event, recording, time_ns, stamps) for event in recording.events)
@@ -567,11 +570,13 @@ def _event_at(
         return event  # the logger stood still: no row has it
     before = recording.offset - len(ticks)
     here = event.tick - before
-    asked = np.clip([here - change.span, change.until - before, here + change.held], 0, len(ticks) - 1)
+    asked = np.clip([here - change.span, change.until - before], 0, len(ticks) - 1)
     stamps = [event.at_ns, *ticks[asked].tolist()]
-    tick, begin, until, _ = np.minimum(np.searchsorted(time_ns, stamps), len(time_ns) - 1).tolist()
+    tick, begin, until = np.minimum(np.searchsorted(time_ns, stamps), len(time_ns) - 1).tolist()
     # samples from there on are no older than the change
-    fresh = [own[np.searchsorted(own, stamps[-1]) :][:1] for own in (sampled(name) for name, _, _ in change.values)]
+    since = here + change.held
+    fresh_ns = int(ticks[max(since, 0)]) if since < len(ticks) else INT64[1]
+    fresh = [own[np.searchsorted(own, fresh_ns) :][:1] for own in (sampled(name) for name, _, _ in change.values)]
     held = max((int(np.searchsorted(time_ns, one[0])) if len(one) else len(time_ns) for one in fresh), default=tick)
     told = msgspec.structs.replace(
         change, span=max(0, tick - begin), until=until if change.until >= 0 else -1, held=max(0, held - tick)
@@ -625,13 +630,17 @@ def _last(own: NDArray[np.int64], time_ns: NDArray[np.int64], smooth: bool) -> i
     return int(own[-1]) if smooth else int(own[-1] + steps[0] - min(steps) / 2)
 
 
+def _is_smooth(element: RecordedElement, linear: bool) -> bool:
+    return linear and all(goes_straight(e.dtype, e.entry.labels) for e in element.entries)
+
+
 def _at(recording: Recording, element: RecordedElement, time_ns: NDArray[np.int64], linear: bool) -> RecordedElement:
     own = stamps_of(recording, element)
     order: slice | NDArray[np.intp] = np.argsort(own, kind="stable") if falls(own) else slice(None)
     own = own[order]
     places = np.searchsorted(own, time_ns, side="right") - 1
     begin = int(np.searchsorted(places, 0))
-    smooth = linear and all(goes_straight(e.dtype, e.entry.labels) for e in element.entries)
+    smooth = _is_smooth(element, linear)
     until = held_until(recording, element)
     last = _last(own, time_ns, smooth) if until is None or smooth else int(until[-1]) - 1
     end = int(np.searchsorted(time_ns, last, side="right"))

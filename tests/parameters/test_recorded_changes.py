@@ -108,16 +108,17 @@ def test_what_parameters_were_is_the_same_in_parts_and_at_other_times(events):
         assert len(other.warnings) == len(log.warnings)
 
 
+@pytest.mark.parametrize("method", ["hold", "linear"])
 @pytest.mark.parametrize(("rate", "late"), [(100, 0), (1000, 0), (30, 4)])
-def test_at_another_rate_parameters_are_what_they_were_though_samples_of_them_are_held(tmp_path, rate, late):
+def test_at_another_rate_parameters_are_what_they_were_though_samples_of_them_are_held(tmp_path, rate, late, method):
     now = [10**18]
     log = silo.Logger("dog", frequency=100, folder=tmp_path, clock=lambda: now[0])
     x, kp, gains = log.array("x"), log.parameter("kp", 1.0), log.parameter("gains", [0, 0])
     log.start()
     wanted = []
     for tick in range(60):
-        if tick in (3, 17, 18, 44):
-            kp.value = float(tick)
+        if tick in (set_to := {3: 50.0, 13: 60.0, 17: 20.0, 18: 30.0, 44: 70.0, 53: 1.0}):
+            kp.value = set_to[tick]
         if tick == 25:
             gains.value = [2, 3]
         x[...] = tick
@@ -126,8 +127,11 @@ def test_at_another_rate_parameters_are_what_they_were_though_samples_of_them_ar
         now[0] += 10**7
     whole = silo.open_log(log.save().path)
     log.close()
-    whole.resample(rate).save(tmp_path / "other.parquet")
+    other = whole.resample(rate, method)
+    twice = other.resample(rate)
+    other.save(tmp_path / "other.parquet")
     # the next of its own ticks has what was set
-    for read, behind in ((whole, 0), (whole.resample(rate), late), (silo.open_log(tmp_path / "other.parquet"), late)):
+    saved = silo.open_log(tmp_path / "other.parquet")
+    for read, behind in ((whole, 0), (other, late), (twice, late), (saved, late)):
         for tick in range(60):
             assert read.parameters.at(tick * 0.01) in wanted[max(0, tick - behind) : tick + 1]
