@@ -171,7 +171,7 @@ class Archive:
         with _told(self.where):
             # beside them may lie what somebody is writing
             names = sorted(name for name in self._files.find(self._at("manifest")) if name.endswith(".json"))
-            texts = self._files.cat(names) if names else {}
+            texts = self._texts(names)
         try:
             return [json_decoder(Archived).decode(text) for _, text in sorted(texts.items())]
         except msgspec.DecodeError as error:
@@ -372,7 +372,7 @@ class Archive:
         names = {f"{_part(one)}.msgpack": one for one in kept}
         with _told(self.where):
             paths = [path for path in (self._at(f"facts/{file}") for file in names) if self._files.exists(path)]
-            stored = self._files.cat(paths) if len(paths) > 1 else {path: self._files.cat(path) for path in paths}
+            stored = self._texts(paths)
         texts = {names[path.rpartition("/")[2]]: text for path, text in stored.items()}
         # JSON has no infinite numbers, which statistics may be
         before = {one: self._decoded(msgpack_decoder(ArchivedFacts).decode, text, one) for one, text in texts.items()}
@@ -386,7 +386,7 @@ class Archive:
         if self._several is None:
             with _told(self.where):
                 there = self._files.exists(self._at(PARTS))
-                text = self._files.cat(self._at(PARTS)) if there else b"{}"
+                text = self._files.cat_file(self._at(PARTS)) if there else b"{}"
             self._several = self._decoded(json_decoder(dict[str, Parts]).decode, text, PARTS)
         return self._several
 
@@ -408,11 +408,17 @@ class Archive:
             self._write(MARK, json.dumps({"version": VERSION}).encode())
             return
         with _told(self.where):
-            version = json.loads(self._files.cat(self._at(MARK))).get("version")
+            version = json.loads(self._files.cat_file(self._at(MARK))).get("version")
         if version != VERSION:
             raise SiloError(
                 f"'{self.where}' is an archive of version {version}, this silo knows {VERSION}: install a newer one"
             )
+
+    def _texts(self, paths: Sequence[str]) -> dict[str, bytes]:
+        """What stands in some files, by their paths: all at once where none reads as a glob, as `logs [2026]` does."""
+        if len(paths) > 1 and not set(self._root) & set("*?["):
+            return dict(self._files.cat(list(paths)))
+        return {path: self._files.cat_file(path) for path in paths}
 
     def _at(self, name: str) -> str:
         return f"{self._root.rstrip('/')}/{name}"

@@ -424,6 +424,15 @@ def test_another_engine_answers_the_same(archive):
     assert answers.rows() == archive.sql('select run, max("joints/tau_x") from wide group by run order by run').rows()
 
 
+def test_an_archive_in_a_folder_whose_name_reads_as_a_glob_is_one_like_any_other(runs, tmp_path):
+    there = Archive(str(tmp_path / "logs [2026] of a?b*"))
+    assert len(there.add(runs).added) == RUNS
+    again = Archive(there.where)
+    assert (again.add(runs).kept, again.check()) == (RUNS, {})
+    asked = "select run, max(slow) as most, count(*) as ticks from wide group by run order by run"
+    assert again.sql(asked).rows() == runs.sql(asked).rows()
+
+
 def test_runs_of_one_name_from_two_places_are_kept_apart(runs, written, tmp_path):
     one = Archive(str(tmp_path / "a"))
     one.add(runs)
