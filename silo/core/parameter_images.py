@@ -40,17 +40,20 @@ def image_after(events: Iterable[LoggedEvent]) -> LoggedEvent | None:
     if not told:
         return None
     values: dict[str, ParameterValue] = {}
-    ticks, order, count = [], -1, 0
+    ticks, order, count, held = [], -1, 0, 0
     for event in told:
         change = event.change
         assert change is not None
         values |= {name: new for name, _, new in change.values}
-        order = max(order, change.order)
+        order, held = max(order, change.order), max(held, event.tick + change.held)
         count += not change.is_image
         ticks += [event.tick - change.span] if not change.is_image or change.order > 0 else []
     last = max(event.tick for event in told)
     change = ParameterChange(
-        tuple((name, None, value) for name, value in values.items()), order=order, span=last - min(ticks, default=last)
+        tuple((name, None, value) for name, value in values.items()),
+        order=order,
+        span=last - min(ticks, default=last),
+        held=max(0, held - last),
     )
     text = f"{len(values)} parameter{'s' * (len(values) != 1)} after {count:,} changes that are not kept"
     return msgspec.structs.replace(told[-1], kind=PARAMETER, text=text, tick=last, change=change)

@@ -135,3 +135,7 @@ def test_at_another_rate_parameters_are_what_they_were_though_samples_of_them_ar
     for read, behind in ((whole, 0), (other, late), (twice, late), (saved, late)):
         for tick in range(60):
             assert read.parameters.at(tick * 0.01) in wanted[max(0, tick - behind) : tick + 1]
+    for begin in range(0, 50, 5):
+        part = other.clip(begin * 0.01, begin * 0.01 + 0.1)
+        for tick in range(begin + late, begin + 9):
+            assert part.parameters.at(tick * 0.01) in wanted[max(0, tick - late) : tick + 1]
