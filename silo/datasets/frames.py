@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.analysis.compute.samples import MOST_SAMPLES
-from silo.analysis.compute.spectra import HOLE
+from silo.analysis.compute.spectra import stills, told_stills
 from silo.analysis.log import Log
 from silo.analysis.signal import Signal
 from silo.core.arguments import INT64
@@ -24,7 +24,6 @@ from silo.errors import ElementError, UnknownSignalError
 
 How = Literal["last", "mean", "window"]
 _MOST_TOLD = 5
-_HOLE_NS = 1_000_000_000  # a loop that is late for less goes on
 HOWS: tuple[How, ...] = ("last", "mean", "window")
 
 
@@ -195,20 +194,16 @@ def _held(signals: Sequence[Signal], begin_ns: int, end_ns: int, fps: int, *, wh
     """Which frames hold what was before, as none of the signals has a sample for long: the loop stood still, or its
     clock was set forward. Raises ElementError for more frames than are made.
     """
-    fast = max(signals, key=len)
-    usual = fast._step_ns
-    stamps = np.sort(fast.time_ns)
-    wide = np.flatnonzero(np.diff(stamps) > max(HOLE * usual, _HOLE_NS))
+    stamps = np.sort(max(signals, key=len).time_ns)
+    wide = stills(stamps)
     # those of the others matter only in there
     stamps = np.sort(np.concatenate([stamps, *(_between(one.time_ns, stamps, wide) for one in signals if len(wide))]))
     stamps = stamps[(stamps >= begin_ns) & (stamps <= end_ns)]
-    steps = np.diff(stamps)
-    at = np.flatnonzero(steps > max(HOLE * usual, _HOLE_NS))
-    without = sum((step - int(usual)) * fps // 1_000_000_000 for step in steps[at].tolist())
+    at, steps = stills(stamps), np.diff(stamps)
+    usual = int(np.median(steps)) if len(steps) else 0
+    without = sum((step - usual) * fps // 1_000_000_000 for step in steps[at].tolist())
     total = (end_ns - begin_ns) * fps // 1_000_000_000 + 1
-    times = (stamps - signals[0].start_ns) * 1e-9
-    spans = and_more([f"from {times[one]:.3g} s to {times[one + 1]:.3g} s" for one in at.tolist()], _MOST_TOLD)
-    told = f"{without} of {total} frames hold what was before, as no sample came {spans}" if without else ""
+    told = f"{without} of {total} frames {told_stills(stamps, at, signals[0].start_ns)}" if without else ""
     if total > MOST_SAMPLES:
         way_out = f"at most {MOST_SAMPLES:,} frames are made of a run{_way_out(whole_run)}"
         raise ElementError(f"{told or f'it has {total} frames'}: {way_out}")

@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arrays.values import Floats, as_floats
+from silo.core.quantities.writing import and_more
 
 LEAST_SAMPLES = 64  # to show one
 FEWEST_SAMPLES = 4  # to compute one
 MOST_SAMPLES = 1 << 17
 MOST_PEAKS = 8
 HOLE = 10.0  # periods without a sample: more than a late loop
+STILL_NS = 1_000_000_000  # such a hole is one in which the loop stood still, or before which its clock was set forward
 MISSING = 2.5  # periods: a sample is missing, or a loop was very late
 UNEVEN = 0.02  # of a period
 _LOBE = 2  # lines on each side that the main lobe of a Hann window covers
@@ -74,6 +76,19 @@ def longest_piece(time_ns: NDArray[np.int64], values: NDArray[Any], most: int | 
     if jitter * 1e9 > UNEVEN * mean:
         found = np.interp(np.arange(len(times)) * mean, (times - times[0]).astype(np.float64), found)
     return GaplessStretch(found, mean / 1e9, jitter, len(floats))
+
+
+def stills(stamps: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Behind which of the stamps, which rise, none comes for ten periods, and for a second."""
+    steps = np.diff(stamps)
+    return np.flatnonzero(steps > max(HOLE * float(np.median(steps)), STILL_NS)) if len(steps) else np.zeros(0, np.intp)
+
+
+def told_stills(stamps: NDArray[np.int64], places: NDArray[np.intp], start_ns: int, most: int = 5) -> str:
+    """These in words, in seconds since a start."""
+    times = (stamps - start_ns) * 1e-9
+    spans = [f"from {times[one]:.3g} s to {times[one + 1]:.3g} s" for one in places.tolist()]
+    return f"hold what was before, as no sample came {and_more(spans, most)}"
 
 
 def _longest(time_ns: NDArray[np.int64], finite: NDArray[np.bool_], hole_ns: float) -> slice:

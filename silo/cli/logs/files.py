@@ -435,9 +435,18 @@ def plot_command(
 
 
 def _at_rate(recording: "Recording", rate: float) -> "Recording":
+    import numpy as np
+
+    from silo.analysis.compute.spectra import stills, told_stills
     from silo.analysis.log import Log
 
-    return Log(recording).resample(rate).recording
+    made = Log(recording).resample(rate).recording
+    stamps = np.sort(recording.time_ns)
+    if len(at := stills(stamps)):
+        held = int(np.diff(np.searchsorted(np.sort(made.time_ns), np.stack([stamps[at] + 1, stamps[at + 1]], 1))).sum())
+        told = told_stills(stamps, at, int(recording.time_ns[0]))
+        click.echo(f"warning: {count(held)} of {count(len(made.time_ns))} ticks {told}", err=True)
+    return made
 
 
 def _read(path: Path, whole: bool = False, *, check: bool = False) -> "Recording":
