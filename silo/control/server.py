@@ -1,18 +1,22 @@
 """Who has control: one operator at a time, where somebody took it or the program wants it so.
 
-Control is leased: it ends with a client that dies, or whose link does. It doesn't outlive the helper process, but its
-owner's next renewal takes it again.
+Control is leased: it ends with a client that dies, or whose link does. A helper process leaves it to the one that
+follows it, with what is left of its time.
 """
 
+import contextlib
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
+
 from silo.control import requests
 from silo.control.requests import LONGEST_LEASE_S, TakeControl
 from silo.core.elements import Control
 from silo.core.quantities.writing import duration
+from silo.decoding import msgpack_decoder
 from silo.net.access.senders import came_by_network, name_of
 from silo.net.keys import Root
 from silo.rpc.declaring import Do, Request
@@ -27,6 +31,16 @@ CONTROL = "control"
 GIVEN_S = 60.0  # in which whom it is given to must renew it
 
 
+class Left(msgspec.Struct, frozen=True):
+    """Control as it is left to the next helper process: until when by the clock of all processes of this computer."""
+
+    control: Control
+    ends_s: float
+
+
+_decoder = msgpack_decoder(Left)
+
+
 class ControlLock:
     """Whose changes are done now. Any thread may ask."""
 
@@ -39,15 +53,22 @@ class ControlLock:
         *,
         one: bool = False,
         closed: Callable[[], str] = str,
+        leave: Callable[[bytes], None] = lambda _: None,
+        left: bytes = b"",
     ) -> None:
         """`label` means the logger among those of this computer. `one`: nothing is changed but by who has control;
-        `closed` tells why nothing is from the network, if so.
+        `closed` tells why nothing is from the network, if so. `leave` takes what is `left` to the next helper process.
         """
         self.closed, self.one = closed, one
         self._events, self._replica, self._logger = events, replica, root.logger
         self._root, self._label = root, label
         self._leases: Leases[str, Control] = Leases()  # of one thing: control
         self._released: dict[str, str] = {}  # by whom it was given up, by the words of who did
+        self._leave = leave
+        if left:
+            with contextlib.suppress(msgspec.MsgspecError):  # of another silo: the program goes on with a new one
+                before = _decoder.decode(left)
+                self._leases.set(CONTROL, before.control, before.ends_s - time.monotonic(), before.control.identity)
 
     @property
     def control(self) -> Control | None:
@@ -104,6 +125,7 @@ class ControlLock:
                 raise RequestRefusedError(RefusedWhy.CONTROL, text)
             if before is not None:
                 self._leases.drop(CONTROL)
+                self._leave(b"")
                 self._released[sender.identity] = sender.words  # its other programs don't renew it
         if before is None:
             return f"nobody had control of {self._logger}"
@@ -138,7 +160,9 @@ class ControlLock:
             lease_s = max(lease_s, mine.ends_s - time.monotonic())
         now_ns = time.time_ns()
         since_ns = mine.value.since_ns if mine is not None else now_ns
-        self._leases.set(CONTROL, Control(who, identity, since_ns, now_ns + round(lease_s * 1e9)), lease_s, identity)
+        control = Control(who, identity, since_ns, now_ns + round(lease_s * 1e9))
+        self._leases.set(CONTROL, control, lease_s, identity)
+        self._leave(msgspec.msgpack.encode(Left(control, time.monotonic() + lease_s)))
 
     def _tell(self, text: str, by: str) -> None:
         self._events.publish(EventKind.CONTROL, text, by=by)

@@ -148,7 +148,7 @@ class Helper:
         one, authentication = self._serving.control == "one", self._authentication(path)
         control_lock = ControlLock(
             events, replica, self._root, path.name.removesuffix(SOCKET_SUFFIX), one=one,
-            closed=lambda: authentication.closed,
+            closed=lambda: authentication.closed, leave=self._robot.leave, left=self._robot.left(),
         )  # fmt: skip
         replica.control = lambda: (control_lock.control, control_lock.one)
         replica.denied = lambda: self._denials.count

@@ -23,6 +23,7 @@ class RobotLink(LinkChannel):
     def __init__(self, sock: socket.socket, runs: socket.socket, changes: ChangeCount) -> None:
         super().__init__(sock)
         self.runs = runs
+        self.leave, self.left = changes.leave, changes.left
         self._changes = changes
         self._known = 0  # changes that were told, or that were waited for in vain
         self._more_is_known = threading.Condition()

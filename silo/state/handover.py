@@ -55,11 +55,14 @@ class RobotState(msgspec.Struct, frozen=True, tag=True, rename={"conditions": "e
     changes: int = 0  # how many of `ChangeCount` it knows of
 
 
+_NOTE_BYTES = 16  # where it begins: behind the number, and its length
+
+
 class ChangeCount:
     """How many changes the robot program made to its logger: a number in memory that its helper process has, too.
 
     A change is counted when it is made, and told a moment later: whoever is asked in between can tell that it is to
-    come. For one writer at a time.
+    come. For one writer at a time. Behind it a helper process leaves a note to the one that follows it.
     """
 
     def __init__(self, descriptor: int | None = None) -> None:
@@ -67,7 +70,8 @@ class ChangeCount:
         self.descriptor = os.memfd_create("silo-changes") if descriptor is None else descriptor
         if descriptor is None:
             os.ftruncate(self.descriptor, mmap.PAGESIZE)
-        self._number = memoryview(mmap.mmap(self.descriptor, mmap.PAGESIZE)).cast("Q")
+        self._bytes = memoryview(mmap.mmap(self.descriptor, mmap.PAGESIZE))
+        self._number = self._bytes.cast("Q")
 
     @property
     def now(self) -> int:
@@ -77,6 +81,20 @@ class ChangeCount:
     def add(self) -> None:
         """Count one. Never waits."""
         self._number[0] += 1
+
+    def leave(self, note: bytes) -> None:
+        """Leave a note in place of the one before; what is killed amid that leaves none, as does one that is too long.
+
+        For one thread at a time.
+        """
+        self._number[1] = 0
+        if _NOTE_BYTES + len(note) <= len(self._bytes):
+            self._bytes[_NOTE_BYTES : _NOTE_BYTES + len(note)] = note
+            self._number[1] = len(note)
+
+    def left(self) -> bytes:
+        """Return the note that was left; empty for none."""
+        return bytes(self._bytes[_NOTE_BYTES:][: self._number[1]])
 
     def close(self) -> None:
         """Close the descriptor."""

@@ -4,6 +4,7 @@ import grp
 import json
 import os
 import re
+import signal
 from pathlib import Path
 from unittest import mock
 
@@ -16,6 +17,7 @@ from silo.cli.codes import EXIT_FAILED
 from silo.cli.main import run
 from silo.client.client import Client
 from silo.control.authentication import Authentication
+from silo.core.elements import Status
 from silo.errors import ArgumentError, ConnectionLostError, ElementError, RefusedError
 from silo.fleet.resolving import discover
 from silo.net.access.admission import INSECURE, Admission, admission_of, rules_hold_names
@@ -35,6 +37,7 @@ from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, answered
 from silo.rpc.serving import Sender
 from tests.thin_net import free_port
+from tests.waiting import answered as answered_soon
 from tests.waiting import wait_until
 
 ROOT = Root("robot3", "walker", "3fa977b2e0")
@@ -411,6 +414,27 @@ def test_control_is_kept_while_its_client_lives_and_released_with_it(bench) -> N
             first = bob.status().control.until_ns
             assert wait_until(lambda: bob.status().control.until_ns > first)
         assert bob.status().control is None
+
+
+def next_helper(bench, client: Client) -> Status:
+    """End the helper process by force; the status that the next one tells."""
+    killed = bench.serving.helper_pid
+    os.kill(killed, signal.SIGKILL)
+    return wait_until(lambda: (told := answered_soon(client.status)) and told.helper_pid != killed and told)
+
+
+def test_control_outlives_the_helper_process_with_what_is_left_of_its_time(bench) -> None:
+    with Other("anna") as anna, Other("bob") as bob:
+        anna.take_control(lease_s=600.0)  # as `silo control take --for` does, whose program ends then
+        before = bob.status().control
+        for _ in range(2):
+            after = next_helper(bench, bob).control
+            assert (after.who, after.since_ns) == (before.who, before.since_ns)
+            assert (after.until_ns, after.identity) == (before.until_ns, before.identity)
+            with pytest.raises(RefusedError, match=r"anna@robot3 .* has control of bot .* ends in (\d\.\d+|10) min"):
+                bob.start()
+        anna.release_control()
+        assert next_helper(bench, bob).control is None
 
 
 def test_a_logger_may_want_one_operator_before_anything_is_changed(bench, capsys) -> None:

@@ -1,5 +1,6 @@
 """A run is handed over as an open file: it arrives whatever becomes of the robot program and of the file's name."""
 
+import mmap
 import os
 import socket
 import subprocess
@@ -79,6 +80,20 @@ def test_bytes_that_are_no_offer_are_refused(ends):
     ours.send(b"nonsense")
     with pytest.raises(ConnectionLostError, match="a run can't be taken over"):
         taken_runs(theirs)
+
+
+def test_a_note_is_left_to_the_next_helper_process_beside_the_number_of_changes():
+    changes = ChangeCount()
+    assert changes.left() == b""
+    changes.add()
+    for note in (b"a longer one", b"short", b"", b"x" * (mmap.PAGESIZE - 16)):
+        changes.leave(note)
+        follower = ChangeCount(os.dup(changes.descriptor))
+        assert (follower.left(), follower.now) == (note, 1)
+        follower.close()
+    changes.leave(b"x" * (mmap.PAGESIZE - 15))
+    assert (changes.left(), changes.now) == (b"", 1)
+    changes.close()
 
 
 def test_a_program_that_tells_nothing_of_a_change_is_waited_for_but_once(monkeypatch):
