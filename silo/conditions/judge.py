@@ -348,7 +348,8 @@ class Judge:
         self._take_up(present)
         self._adopt()
         if self._memory is not None:
-            self._memory.forget_others(lambda run: run == self._run or self._is_due(run))
+            there = self._held.ids()  # what was set in a run stays known as long as somebody can find its rows
+            self._memory.forget_others(lambda run: run == self._run or self._is_due(run) or run in there)
         judge = self._judge
         if judge is None or not judge.active:
             self._replica.alarm = ("", 0)

@@ -242,6 +242,26 @@ def test_a_capture_of_a_run_that_a_new_one_followed_is_written_by_the_next(bench
     assert happened(bench, EventKind.BLIND) == []
 
 
+def test_a_run_that_is_over_is_not_judged_anew_by_what_it_began_with(bench, client):
+    bench.logger.trigger("spike", "q_x > 50", pre="30ms", post="0s")
+    bench.logger.start()
+    run = bench.logger._present.run.segment.schema.run
+    spiked(bench, 20, {10})
+    judged(client, bench)
+    client.trigger("spike", "q_x > 50 and x > 35", pre="30ms", post="1s")
+    spiked(bench, 20, {30, 38})
+    judged(client, bench)
+    bench.logger.restart(unsaved="clear")
+    bench.ticks(1)
+    # with that it is done with the run before: whose capture is written now, and whose rows are let go of after that
+    wait_until(lambda: not state_path("bot", run).exists() or not list_held())
+    kill_helper(bench)
+    judged(client, bench)
+    wait_until(lambda: not list_held())
+    assert [one.tick for one in happened(bench, EventKind.TRIGGERED, run)] == [10, 38]
+    wait_until(lambda: not state_path("bot", run).exists())
+
+
 def test_a_capture_of_a_run_whose_memory_is_gone_is_told_to_be_lost(bench, runtime):
     bench.logger.trigger("high", "x > 50", pre="50ms", post="1s")
     bench.logger.start()
