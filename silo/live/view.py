@@ -196,5 +196,5 @@ def _merged_columns(frames: Sequence[ViewFrame], plots: int) -> ColumnGrid:
     for frame in filled:
         shape = (plots, frame.count)
         low, high = (np.frombuffer(data, "<f8").reshape(shape) for data in (frame.low, frame.high))
-        grid.merge(rows, grid_of(frame.first, low, high, _marks(frame.marks, shape), frame.bases), rows)
+        grid.lay(rows, grid_of(frame.first, low, high, _marks(frame.marks, shape), frame.bases), rows)
     return grid

@@ -403,7 +403,7 @@ class HeldSource:
                 grid.marks[:, inside] = 0
         for part in parts:
             rows = range(len(part.names))
-            grid.merge(rows, grid_of(part.first, part.low, part.high, part.marks, part.bases), rows)
+            grid.lay(rows, grid_of(part.first, part.low, part.high, part.marks, part.bases), rows)
         return grid.columns(names, column_ns)
 
     async def readings(self, names: Sequence[str], time_ns: int) -> dict[str, Reading]:

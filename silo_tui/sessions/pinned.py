@@ -388,4 +388,4 @@ def _spread(grid: ColumnGrid, row: int, name: str, other: HistoryColumns | None,
         places = np.where(inside, places, 0)
         low, high = np.where(inside, low[places], np.nan), np.where(inside, high[places], np.nan)
         marks = np.where(inside, marks[places], 0).astype(np.uint8)
-    grid.merge([row], grid_of(first, low[None], high[None], marks[None], {0: other.bases.get(at, 0)}), [0])
+    grid.lay([row], grid_of(first, low[None], high[None], marks[None], {0: other.bases.get(at, 0)}), [0])

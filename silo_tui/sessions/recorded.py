@@ -117,7 +117,7 @@ class FileSession(Session):
             place = store.row(name) if name and not store.empty else None
             if place is not None:
                 together = coarser(store.low[place], store.high[place], store.marks[place], begins)
-                found[row] = trend(ColumnPiece(*together, store.base(place)), width)
+                found[row] = trend(ColumnPiece(*together, store.bases[place]), width)
         return found
 
     @property

@@ -84,7 +84,7 @@ def test_columns_of_a_counter_near_2_62_are_exact(odd, until, source):
         if source == "history":
             store = ColumnStore(["/log/count"], 3, COLUMN_NS)
             store.take(client.history(["/log/count"], begin, clock[0], COLUMN_NS))
-    low, high = ([store.base(0) + int(end) for end in ends[0]] for ends in (store.low, store.high))
+    low, high = ([store.bases[0] + int(end) for end in ends[0]] for ends in (store.low, store.high))
     assert low == [BIG, BIG + 10, BIG + 20]
     assert high == [BIG + 9, BIG + 19, BIG + 29]
 

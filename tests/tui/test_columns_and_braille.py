@@ -27,11 +27,11 @@ def store(*pieces, count=8):
 def test_columns_leave_with_their_marks_as_newer_ones_come(step, kept):
     found = ColumnStore(["a"], 4, 100)
     found.advance_to(4)
-    for array in (found._grid.low, found._grid.high, found.marks):
+    for array in (found.low, found.high, found.marks):
         array[:] = [1, 2, 3, 4]
     found.advance_to(4 + step)
     assert (found.first, found.end, found.marks.tolist()) == (step, 4 + step, [kept])
-    assert np.nan_to_num(found._grid.low).tolist() == np.nan_to_num(found._grid.high).tolist() == [kept]
+    assert np.nan_to_num(found.low).tolist() == np.nan_to_num(found.high).tolist() == [kept]
 
 
 @given(st.lists(st.tuples(st.integers(0, 6), st.lists(st.floats(-5, 5), min_size=1, max_size=4)), max_size=6))

@@ -192,7 +192,7 @@ class ColumnGrid:
         empty = np.isnan(self.low[signal, place]) & (marks & FLAGS == 0)
         self.marks[signal, place] = np.where(empty, np.maximum(marks, np.uint8(hole_mark(hole))), marks)
 
-    def merge(self, rows: Sequence[int], other: "ColumnGrid", other_rows: Sequence[int]) -> None:
+    def lay(self, rows: Sequence[int], other: "ColumnGrid", other_rows: Sequence[int]) -> None:
         """Lay columns of another grid over those that are here; a column that comes twice only gets wider."""
         start, stop = max(self.first, other.first), min(self.first + self.count, other.first + other.count)
         if start >= stop or not len(rows):
@@ -260,7 +260,7 @@ def grid_of(
     return grid
 
 
-class ColumnStore:
+class ColumnStore(ColumnGrid):
     """The newest `count` columns of some entries, on the grid of `column_ns`; `low`, `high` as in `ColumnGrid`.
 
     Because the grid is absolute, what a view sends, what history returns and what was there before can be laid over
@@ -268,64 +268,38 @@ class ColumnStore:
     """
 
     def __init__(self, names: Sequence[str], count: int, column_ns: int) -> None:
+        super().__init__(len(names), 0, max(1, count))
         self.names = tuple(names)
-        self.count = max(1, count)
         self.column_ns = column_ns
         self.empty = True
         # all samples from `live_since_ns` on came by frames, and all up to `past_until_ns` by the history
         self.live_since_ns = 0
         self.past_until_ns: int | None = None
-        self._grid = ColumnGrid(len(names), 0, self.count)
         self.row = {name: row for row, name in enumerate(self.names)}.get  # of an entry, None for one that isn't here
-
-    @property
-    def first(self) -> int:
-        """Absolute number of the first column kept."""
-        return self._grid.first
 
     @property
     def end(self) -> int:
         """One past the absolute number of the newest column."""
-        return self._grid.first + self.count
-
-    @property
-    def low(self) -> Floats:
-        """Smallest values, shape `(len(names), count)`."""
-        return self._grid.low
-
-    @property
-    def high(self) -> Floats:
-        """Largest values, shape `(len(names), count)`."""
-        return self._grid.high
-
-    @property
-    def marks(self) -> Marks:
-        """Marks, shape `(len(names), count)`."""
-        return self._grid.marks
+        return self.first + self.count
 
     @property
     def gapped(self) -> bool:
         """Whether frames went missing that the history can tell of: it is to be asked for again."""
         return self.past_until_ns is not None and self.live_since_ns > self.past_until_ns
 
-    def base(self, row: int) -> int:
-        """What the values of a row are offsets from."""
-        return self._grid.bases[row]
-
     def advance_to(self, end: int) -> None:
         """Make room so that the newest column is `end - 1`; older ones leave. Never goes back."""
-        grid = self._grid
         if self.empty:
-            grid.first, self.empty = end - self.count, False
+            self.first, self.empty = end - self.count, False
             return
         step = end - self.end
         if step <= 0:
             return
-        for array, nothing in ((grid.low, np.nan), (grid.high, np.nan), (grid.marks, 0)):
+        for array, nothing in ((self.low, np.nan), (self.high, np.nan), (self.marks, 0)):
             if step < self.count:
                 array[:, :-step] = array[:, step:].copy()
             array[:, max(0, self.count - step) :] = nothing
-        grid.first += step
+        self.first += step
 
     def merge(
         self,
@@ -342,9 +316,7 @@ class ColumnStore:
             return
         self.advance_to(first + width)
         known = [(row, theirs) for theirs, name in enumerate(names) if (row := self.row(name)) is not None]
-        self._grid.merge(
-            [mine for mine, _ in known], grid_of(first, low, high, marks, bases), [theirs for _, theirs in known]
-        )
+        self.lay([mine for mine, _ in known], grid_of(first, low, high, marks, bases), [theirs for _, theirs in known])
 
     def take(self, past: HistoryColumns) -> None:
         """Lay a history over what is there; it must be of this grid."""
@@ -353,7 +325,7 @@ class ColumnStore:
 
     def stretch(self, until_ns: int | None) -> HistoryColumns:
         """Return all that is here, as if it had come as one history."""
-        return self._grid.columns(self.names, self.column_ns, until_ns)
+        return self.columns(self.names, self.column_ns, until_ns)
 
     def piece(self, name: str, end: int, width: int) -> ColumnPiece:
         """Return `width` columns up to `end` (absolute, exclusive), empty where there is nothing."""
@@ -367,12 +339,12 @@ class ColumnStore:
             there = slice(start - (end - width), stop - (end - width))
             here = slice(start - self.first, stop - self.first)
             low[there], high[there], marks[there] = self.low[row, here], self.high[row, here], self.marks[row, here]
-        return ColumnPiece(low, high, marks, self.base(row))
+        return ColumnPiece(low, high, marks, self.bases[row])
 
     def adopt(self, other: "ColumnStore") -> None:
         """Take over what another store of the same grid has about the same entries."""
         if other.column_ns == self.column_ns and not other.empty:
-            bases = dict(enumerate(other._grid.bases))
+            bases = dict(enumerate(other.bases))
             self.merge(other.names, other.first, other.low, other.high, other.marks, bases)
 
 

@@ -163,7 +163,7 @@ class RecordingSource:
                 numbers = range(first // TILE, (stop - 1) // TILE + 1)
                 for number, tile in zip(numbers, self._covering(name, first, stop, column_ns), strict=True):
                     some = grid_of(number * TILE, tile.low[None], tile.high[None], tile.marks[None], {0: tile.base})
-                    grid.merge([row], some, [0])
+                    grid.lay([row], some, [0])
                 if column_ns < signal.places.period_ns:
                     self._hold(signal, column_ns, grid, row)
                 self._say_why_empty(signal, column_ns, grid, row)
