@@ -428,7 +428,7 @@ class Judge:
         if self._go_on(reader) or not conditions.judged:
             return
         # of a damaged state nobody knows what it had fired for: nothing fires twice
-        is_damaged = self._memory is not None and self._memory.was_damaged(run)
+        is_damaged = self._memory is not None and run in self._memory.damaged
         self._begin(reader, conditions, since=reader.ticks if is_damaged else 0, after=self._followed(reader))
 
     def _followed(self, reader: SegmentReader) -> "SegmentJudge | None":

@@ -38,7 +38,7 @@ class JudgeMemory:
         self._logger, self._id, self._pid, self._events, self._writer = logger, logger_id, pid, events, writer
         self._left: dict[str, JudgeState] = {}
         self._own: dict[str, Path] = {}
-        self._damaged: set[str] = set()
+        self.damaged: set[str] = set()  # runs of which a predecessor left what can't be read
         self._told: dict[str, list[tuple[int, Untold]]] = {}  # what the event log may not have in its file, by run
         self._before: dict[str, set[tuple[str, str]]] = {}  # what was told of a run before it was begun with, or anew
         self._due_s = 0.0
@@ -59,7 +59,7 @@ class JudgeMemory:
                 return
             state = state_file.read_state(path)
         except SegmentError as error:
-            self._damaged.add(path.name.removeprefix(f"{self._logger}.").removesuffix(path.suffix))
+            self.damaged.add(path.name.removeprefix(f"{self._logger}.").removesuffix(path.suffix))
             text = f"{error}; triggers and limits of its run begin anew, and know nothing of what was logged before"
             self._events.publish(EventKind.BLIND, text)
             path.unlink(missing_ok=True)
@@ -79,10 +79,6 @@ class JudgeMemory:
             if (one.kind, one.text) not in known:
                 at = one if one.tick >= 0 else msgspec.structs.replace(one, tick=tick, stamp_ns=stamp_ns)
                 self._told.setdefault(run, []).append((self._publish(at, run), one))
-
-    def was_damaged(self, run: str) -> bool:
-        """Whether a predecessor left of this run what can't be read."""
-        return run in self._damaged
 
     def numbers(self, run: str) -> dict[str, int]:
         """Return how many captures of a run there are, by trigger."""

@@ -65,11 +65,6 @@ def read_conditions(
     )
 
 
-def given_kinds(keys: Mapping[str, yaml.Node]) -> frozenset[str]:
-    """Return which of the keys are there."""
-    return frozenset(key for key in KEYS if key in keys)
-
-
 def merged(script: Conditions, given: Collection[str], now: Conditions) -> Conditions:
     """Return what a script leads to beside what there is: kinds whose keys it lacks stay."""
     return msgspec.structs.replace(

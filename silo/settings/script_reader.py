@@ -12,7 +12,7 @@ import yaml
 from silo.core.conditions import Conditions
 from silo.core.names import did_you_mean, nearest
 from silo.settings.options import IN_SCRIPT, OPTIONS, ElementOption, OptionValue, shorten
-from silo.settings.script_conditions import KEYS, Kind, Lines, given_kinds, read_conditions
+from silo.settings.script_conditions import KEYS, Kind, Lines, read_conditions
 from silo.settings.typed import ElementSettings, RelativeValue, UnreadableError, read_text, read_word
 from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, key_name, line_of
 
@@ -97,7 +97,7 @@ class Reader:
         known = ("log_elements", *KEYS) if isinstance(root, yaml.MappingNode) else ("log_elements",)
         listed = self._mapping(root, "", known, "a script")
         self.conditions = read_conditions(listed, self.report, self._note, self.condition_lines)
-        self.kinds = given_kinds(listed)
+        self.kinds = frozenset(KEYS).intersection(listed)
         if "log_elements" not in listed:
             if not self.problems and not self.unknown:
                 self.report(line_of(root), "`log_elements:` is missing")
