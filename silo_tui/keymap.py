@@ -144,8 +144,8 @@ TWO_LAYERS |= {each.id: each.keys for each in COMMANDS if each.keys and each.id 
 # the key bar, one order on every screen; and who gives way first where it has no room for all
 _BAR = "space enter r; m plus minus h,left slash p e g v r o a u S w D full_stop escape"  # r; what stands in a menu
 _GIVES_WAY = (
-    "full_stop add_plot o minus plus h,left w D r v monitor mark S pause space save_data u p m slash e escape turn_down "
-    "g r; enter a"
+    "full_stop add_plot o minus plus h,left w D r v monitor mark S pause space save_data u p m slash e escape "
+    "turn_down g r; enter a"
 )
 BASES: dict[str, Mapping[str, str]] = {"two-layer": TWO_LAYERS, "classic": {}}
 # where the letters mean other things on lists, or are free for keys of the user's own

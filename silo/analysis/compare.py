@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from silo.analysis.compute.arithmetic import in_common
 from silo.analysis.compute.samples import Samples, in_order
-from silo.analysis.log import Log, time_facts
+from silo.analysis.log import Log, run_begins, time_facts
 from silo.analysis.plots.curves import text_of
 from silo.analysis.reports import table, type_text
 from silo.analysis.signal import Signal
@@ -113,7 +113,8 @@ class Comparison:
 
     `shift_s` is how far the second run was moved. `alike` counts the entries without a difference, `only_a` and
     `only_b` are names that one run has, `not_compared` says of others why not. `partly` says of signals that go on
-    longer in one run which time both have, and of enumerations whose words have other numbers which.
+    longer in one run which time both have, and of enumerations whose words have other numbers which. `laid` says how
+    the starts of the runs meet where a file holds no more than the end of its run.
     """
 
     rows: tuple[SignalDifference, ...]
@@ -123,6 +124,7 @@ class Comparison:
     only_b: tuple[str, ...]
     not_compared: dict[str, str]
     partly: dict[str, str] = field(default_factory=dict)
+    laid: str = ""
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -169,6 +171,7 @@ class Comparison:
         notes = []
         if self.shift_s:
             notes.append(f"the second run is moved by {self.shift_s:.6g} s")
+        notes += [self.laid] if self.laid else []
         reasons: dict[str, dict[str, str]] = {}
         for name, why in self.not_compared.items():
             reasons.setdefault(why.partition(";")[0], {})[name] = why
@@ -231,8 +234,8 @@ def compare(
             same moment in both runs, or the time itself in seconds. By default their starts are.
         signal: name of a signal by whose course the runs are laid on each other.
         tolerance: by how much numbers may differ.
-        by: `"start"` lays the starts of both on each other; `"stamps"` takes the time stamps as they are, for two files
-            of one run.
+        by: `"start"` lays the starts of both runs on each other, also where their files hold the end alone (of two
+            captures their first samples); `"stamps"` takes the time stamps as they are, for two files of one run.
         episode: compare this episode of both, from its beginning on: the first of a name, or a number.
 
     Returns:
@@ -260,7 +263,8 @@ def compare(
             partly[one.name] = one.span
     rows.sort(key=lambda row: -row._weight)
     only_a, only_b = (tuple(n for n in x if n not in y) for x, y in ((mine, theirs), (theirs, mine)))
-    return Comparison(tuple(rows), shift_s, alike, only_a, only_b, wrong, partly)
+    laid = _laid(first, second) if by == "start" and event is None and not signal else ""
+    return Comparison(tuple(rows), shift_s, alike, only_a, only_b, wrong, partly, laid)
 
 
 class Difference(msgspec.Struct, frozen=True):
@@ -282,7 +286,8 @@ def differences(
         found.append(Difference("time", f"{many(len(a.time_ns), 'tick')}, then {count(len(b.time_ns))}"))
     first = Log(a)
     second = Log(b, start_ns=first.start_ns if by == "stamps" else None)
-    for one in _compared(first, second, [name for name in ours if name in theirs], 0.0, tolerance):
+    shift_s = _by_starts(first, second)
+    for one in _compared(first, second, [name for name in ours if name in theirs], shift_s, tolerance):
         facts = zip(_facts(ours[one.name]), _facts(theirs[one.name]), strict=True)
         found += [Difference(one.name, f"{what}: {old}, then {new}") for (what, old), (_, new) in facts if old != new]
         found += [Difference(one.name, one.span, differs=False)] if one.span else []
@@ -483,7 +488,7 @@ def _meeting(
         raise ElementError("there is no sample in common")
     each_with_each = np.array_equal(mine.values, one.values) and np.array_equal(theirs.values, other.values)
     places = None if each_with_each else (mine.values, theirs.values)
-    moved = other._as_if_started(one.start_ns)
+    moved = other._met(one)
     if one._in_hole(moved.time_ns).any() or moved._in_hole(one.time_ns).any():
         span = "; ".join(filter(None, [span, "not where it was switched off, or not recorded, in one of them"]))
     moved_ns = moved.time_ns
@@ -516,7 +521,7 @@ def _signals(
         other = other.to(one.unit)
     stamps, starts = (one.time_ns, other.time_ns), (one.start_ns, other.start_ns)
     meeting = _meeting(one.name, stamps, starts, shift_s, met, lambda: (one._when, other._when))
-    return (one, replace(other, time_ns=meeting.moved_ns, start_ns=one.start_ns)), meeting
+    return (one, replace(other, time_ns=meeting.moved_ns, start_ns=one.start_ns, _began=one._began)), meeting
 
 
 def _different(scalars: Sequence[_Scalar], tolerance: float) -> Iterator[tuple[int, SignalDifference]]:
@@ -605,6 +610,8 @@ def _shift(a: Log, b: Log, event: Event | None, signal: str, by: str) -> float:
         raise ElementError("by='stamps' leaves both runs where they are: leave out event= and signal=")
     if event is not None and signal:
         raise ElementError("compare takes event= or signal=, not both")
+    if by == "start" and event is None and not signal:
+        return _by_starts(a, b)
     if event is not None:
         if not callable(event):
             raise ElementError(
@@ -614,6 +621,26 @@ def _shift(a: Log, b: Log, event: Event | None, signal: str, by: str) -> float:
     if not text("signal", signal, 'signal="/log/joints/q_0"'):
         return 0.0
     return _by_course(a[signal], b[signal])
+
+
+def _by_starts(a: Log, b: Log) -> float:
+    """By how much the second run moves, from first sample to first sample, that the starts of both runs meet."""
+    first_ns, last_ns = run_begins([a, b])
+    return ((first_ns - last_ns) - (a.start_ns - b.start_ns)) * 1e-9
+
+
+def _laid(a: Log, b: Log) -> str:
+    """How the starts of runs meet where a file begins later, or why its first sample counts as the start."""
+    told = []
+    for which, log in (("first", a), ("second", b)):
+        start, recording = log._began, log.recording
+        if start is None and log._start_ns is None and recording.time_looping:
+            return f"laid on each other by their first samples: the file of the {which} doesn't tell when its run began"
+        if start is not None and not start.capture and (late_s := (log.start_ns - start.stamp_ns) * 1e-9) > 0:
+            ticks = many(recording.offset - len(recording.time_ns), "tick")
+            how = f", counted by {ticks} that it doesn't hold" if start.counted else ""
+            told.append(f"the {which} file begins {late_s:.6g} s after its run did{how}")
+    return "; ".join(told)
 
 
 def _moment(log: Log, event: Event, which: str) -> float:

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from silo.analysis.compute import exports
 from silo.analysis.compute.arithmetic import warn_outside
 from silo.analysis.compute.responses import Bode, StepResponse
+from silo.analysis.compute.run_starts import moved_ns, run_start
 from silo.analysis.compute.samples import is_rate, unfolded_ticks
 from silo.analysis.compute.shapes import assembled, component_names
 from silo.analysis.lookup import names_of
@@ -118,6 +119,7 @@ class Log(Mapping[str, Signal]):
         self.recording = recording
         self.path = path
         self._start_ns = start_ns
+        self._began = run_start(recording) if start_ns is None else None
         elements = names_of(recording)
         # an element of the same name stands for itself
         defined = [one.name for one in recording.conditions.derived if one.name not in elements.places]
@@ -274,7 +276,13 @@ class Log(Mapping[str, Signal]):
         elements = self.recording.elements if kept is None else kept
         # what is derived may need signals that are left out
         conditions = self.recording.conditions if kept is None else NO_CONDITIONS
-        return Log(replace(self.recording, elements=elements, conditions=conditions), self.path, self._start_ns)
+        return self._of(replace(self.recording, elements=elements, conditions=conditions))
+
+    def _of(self, recording: Recording) -> "Log":
+        """A log of what was made of this one: its times count from where they did, and its run began when it did."""
+        made = Log(recording, self.path, self.start_ns)
+        made._began = self._began
+        return made
 
     # ----------------------------------------------------------------------------------------------- parts, other times
 
@@ -305,7 +313,7 @@ class Log(Mapping[str, Signal]):
                 "the clock stepped back: that is every tick with such a time, maybe of several episodes; "
                 "log.clip(log.episodes[0]) is one of them"
             )
-        return Log(made, self.path, self.start_ns)
+        return self._of(made)
 
     def _of_episode(self, episode: Episode, stop_s: object = None, *, known: bool = False) -> "Log":
         """The part that is an episode; with what was `known` when it began."""
@@ -315,7 +323,7 @@ class Log(Mapping[str, Signal]):
         if not len(made.time_ns):
             ticks = f"tick {episode.first} to {episode.last}"
             raise ElementError(f"the log has no tick of episode '{episode.name}', which goes from {ticks}")
-        return Log(made, self.path, self.start_ns)
+        return self._of(made)
 
     def _bound(self, argument: str, given: float | None, end: int) -> int:
         if given is None:
@@ -338,7 +346,9 @@ class Log(Mapping[str, Signal]):
         if method not in ("hold", "linear"):
             raise ElementError(f"unknown method {method!r} to resample a log: choose 'hold' or 'linear'")
         axis = self.recording.time_ns
-        ticks = Signal(name="the log", values=axis, time_ns=axis, start_ns=self.start_ns, axis_ns=axis)
+        ticks = Signal(
+            name="the log", values=axis, time_ns=axis, start_ns=self.start_ns, axis_ns=axis, _began=self._began
+        )
         by_ticks = times.axis_ns is axis if isinstance(times, Signal) else is_rate(times)
         if falls(axis) and by_ticks:
             ticks = replace(ticks, _at=np.arange(len(axis)))
@@ -346,11 +356,9 @@ class Log(Mapping[str, Signal]):
             risen, at = fold.risen(ticks), fold.risen(times) if isinstance(times, Signal) else times
             if risen is not None and at is not None:
                 stamps = distinct(risen.resample(at).time_ns)
-                return Log(
-                    resampled_by_ticks(self.recording, fold, stamps, method == "linear"), self.path, self.start_ns
-                )
+                return self._of(resampled_by_ticks(self.recording, fold, stamps, method == "linear"))
         time_ns = ticks.resample(times).time_ns
-        return Log(resampled(self.recording, distinct(time_ns), method == "linear"), self.path, self.start_ns)
+        return self._of(resampled(self.recording, distinct(time_ns), method == "linear"))
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
         """Write the log to a file.
@@ -521,6 +529,7 @@ class Log(Mapping[str, Signal]):
             kind="array" if found.bound.width else "scalar",
             divider=math.gcd(*dividers),
             start_ns=self.start_ns,
+            _began=self._began,
             axis_ns=axis,
             _at=None if axis is None else found.ticks,
             components=tuple(map(str, range(found.bound.width))),
@@ -540,18 +549,28 @@ class Log(Mapping[str, Signal]):
 
     @property
     def times(self) -> NDArray[np.float64]:
-        """Shape `(n,)`: the same in seconds since the first."""
+        """Shape `(n,)`: the same in seconds since the first of the file."""
         return (self.time_ns - self.start_ns).astype(np.float64) * 1e-9
 
     @property
     def start_ns(self) -> int:
-        """The first time stamp, from which all times count (of a clipped log, that of the whole).
+        """The first time stamp of the file, from which all times count (of a clipped log, that of the whole).
+
+        Not where the run began, where its buffers looped: that is `run_start_ns`.
 
         Of a log without a tick, the wall clock at its start.
         """
         if self._start_ns is not None:
             return self._start_ns
         return int(self.time_ns[0]) if len(self.time_ns) else self.recording.started_ns
+
+    @property
+    def run_start_ns(self) -> int | None:
+        """The time stamp at which the run began, on which it meets others; None where its file doesn't tell.
+
+        Where buffers that loop hold no more of it than the end, it is counted back by the ticks before.
+        """
+        return None if self._began is None else self._began.stamp_ns
 
     @property
     def duration_s(self) -> float:
@@ -628,6 +647,7 @@ class Log(Mapping[str, Signal]):
             time_ns=stamps_of(self.recording, element),
             **time_facts(self, element),
             start_ns=self.start_ns,
+            _began=self._began,
             components=names,
             labels=(labels[0] if alone else None) or {},
             component_labels={} if alone else {name: each for name, each in zip(names, labels, strict=True) if each},
@@ -643,6 +663,13 @@ def time_facts(log: Log, element: RecordedElement) -> dict[str, Any]:
     if ticks and not log._rises:
         facts |= {"_at": ticks_of(recording.time_ns, element), "_off": off_ticks(recording, element)}
     return facts
+
+
+def run_begins(logs: Sequence[Log]) -> list[int]:
+    """Return which stamps of some logs are the same time since the starts of their runs: of the first one its start."""
+    first, known = logs[0], all(log._began is not None and not log._began.capture for log in logs)
+    zero_ns = first._began.stamp_ns if known and first._began is not None else first.start_ns
+    return [zero_ns - moved_ns(first.start_ns, first._began, log.start_ns, log._began) for log in logs]
 
 
 def _seconds(argument: str, given: float) -> float:

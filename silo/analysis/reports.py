@@ -47,6 +47,8 @@ class ElementReport(msgspec.Struct, frozen=True):
 class LogReport(msgspec.Struct, frozen=True):
     """What `silo info FILE` says. `start_ns` is the first time stamp, 0 for an empty log.
 
+    `started_ns` is the clock on the wall when the run was started, 0 where the file doesn't tell.
+
     `ticks` are those that were asked for: of a capture without those before, which slow signals have.
     """
 
@@ -64,6 +66,7 @@ class LogReport(msgspec.Struct, frozen=True):
     failed: int = 0
     events: tuple[LogEvent, ...] = ()
     about: dict[str, str] = {}
+    started_ns: int = 0
 
 
 class SignalStats(msgspec.Struct, frozen=True):
@@ -104,6 +107,7 @@ def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
         failed=sum(element.failures.count for element in recording.elements),
         events=tuple(events_of(recording, int(times[0]) if len(times) else 0)),
         about=recording.told_about,
+        started_ns=recording.started_ns,
     )
 
 
@@ -200,12 +204,14 @@ def moments(numbers: Floats, offsets: NDArray[Any] | None = None) -> tuple[float
 
 def format_report(facts: LogReport, width: int) -> str:
     """Return the report as text: a few lines on the log, a table of its elements, warnings last."""
-    when = datetime.fromtimestamp(facts.start_ns / 1e9, tz=timezone.utc).astimezone() if facts.start_ns > 0 else None
+    at_ns = facts.started_ns or facts.start_ns
+    when = datetime.fromtimestamp(at_ns / 1e9, tz=timezone.utc).astimezone() if at_ns > 0 else None
+    begun = "started" if facts.started_ns else "first sample"
     rate = f", {facts.rate_hz:.6g} Hz" if facts.rate_hz else ""
     entries = many(len(facts.elements), "element")
     lines = [
         f"{facts.path}  ({size_text(facts.size_bytes)})",
-        f"logger {facts.logger}, started {when:%Y-%m-%d %H:%M:%S %z}" if when else f"logger {facts.logger}",
+        f"logger {facts.logger}, {begun} {when:%Y-%m-%d %H:%M:%S %z}" if when else f"logger {facts.logger}",
         f"{entries}, {many(facts.ticks, 'tick')}, {facts.duration_s:.6g} s{rate}, lost {count(facts.lost)}"
         + (f", failed {count(facts.failed)}" if facts.failed else ""),
         *(f"{key}: {text}" for key, text in facts.about.items()),

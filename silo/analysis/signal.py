@@ -2,7 +2,7 @@
 
 A signal is a value: every operation returns a new one and leaves the log alone. Signals of different dividers meet at
 every tick that their rates have in common (every second and every third: each), where they have the value that they
-held; those of different logs on the time since the start of each. Where nothing is in common, or units don't go
+held; those of different logs on the time since the start of each run. Where nothing is in common, or units don't go
 together, there is an error. NaN samples are left out of statistics.
 Operators are NumPy's, which call `silo.analysis.compute.numpy_functions`; frame changes are in
 `silo.analysis.compute.frames`, tables of other libraries in `silo.analysis.compute.exports`.
@@ -196,7 +196,7 @@ class Signal(Samples, _Operators):
                 return pair.folds[1].folded(found) if pair.folds[1] else found
         mine, time_ns = self, new_times(self, times)
         if isinstance(times, Signal):
-            mine = self._as_if_started(times.start_ns)
+            mine = self._met(times)
             if len(times):
                 mine._check_overlap(times, f"resample '{self.name}' at the times of '{times.name}'")
         inside = time_ns >= mine._bounds[0] if len(self) else np.zeros(len(time_ns), bool)

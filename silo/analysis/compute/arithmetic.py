@@ -259,8 +259,8 @@ def aligned(one: One, other: Other, what: str, two_clocks: bool = False) -> tupl
     other = in_order(other, one.components)
     if not np.array_equal(one.time_ns, other.time_ns) and (found := _by_ticks(one, other, what)):
         return found
-    if other.start_ns != one.start_ns:
-        other, two_clocks = other._as_if_started(one.start_ns), True
+    met = other._met(one)
+    other, two_clocks = met, two_clocks or met.time_ns is not other.time_ns
     if np.array_equal(one.time_ns, other.time_ns):
         return one, other
     one._check_overlap(other, what)
@@ -324,7 +324,7 @@ def common_words(one: Samples, other: Samples, common: Samples) -> str:
 
     A step of the slower one is no loss: so much its phase may differ. `common` is what `aligned` gave for `one`.
     """
-    moved = other._as_if_started(one.start_ns)
+    moved = other._met(one)
     if not len(common) or common.time_ns is one.time_ns:
         return ""
     if (one._falls or moved._falls) and len(common) >= max(len(one), len(moved)):
@@ -357,7 +357,7 @@ def in_common(one: One, other: Other) -> tuple[One, Other, str]:
     """
     mine, theirs = aligned(one, other, "compare them", two_clocks=True)
     span = common_words(one, other, mine)
-    other = other._as_if_started(one.start_ns)
+    other = other._met(one)
     return mine, theirs, span and f"compared from {span}: the first {one._span}, the second {other._span}"
 
 

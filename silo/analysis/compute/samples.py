@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.analysis.compute.run_starts import RunStart, moved_ns
 from silo.analysis.compute.shapes import scalars
 from silo.core.arguments import INT64, shown, whole
 from silo.core.arrays.values import missing_in, with_nan
@@ -70,6 +71,7 @@ class Samples:
     # where stamps of `axis_ns` step back or are there twice: at which its samples are, and when it was switched off
     _at: NDArray[np.int64] | None = None
     _off: tuple[tuple[int, int], ...] = ()
+    _began: RunStart | None = None  # where its run did; None where that isn't known, or times count from elsewhere
 
     # ------------------------------------------------------------------------------------------------- what it is
 
@@ -260,20 +262,23 @@ class Samples:
     def counted_from(self: Self, start: "Samples | int") -> Self:
         """Return the same stamps with `times` counted from another one.
 
-        Signals of loggers that ran at once then meet on their stamps, not on the time since each log's start.
+        Signals of loggers that ran at once then meet on their stamps, not on the time since each run's start.
 
         Args:
             start: a stamp in ns, or a signal: where that one starts.
         """
         if isinstance(start, Samples):
-            return replace(self, start_ns=start.start_ns)
-        return replace(self, start_ns=whole("start (in nanoseconds, or a signal)", start, *INT64))
+            return replace(self, start_ns=start.start_ns, _began=start._began)
+        return replace(self, start_ns=whole("start (in nanoseconds, or a signal)", start, *INT64), _began=None)
 
-    def _as_if_started(self: Self, start_ns: int) -> Self:
-        """Return the same `times` in a log that started at another stamp."""
-        shift = start_ns - self.start_ns
+    def _met(self: Self, one: "Samples") -> Self:
+        """Return the same on the clock of another signal: as long after the start of that run as after its own."""
+        shift = moved_ns(one.start_ns, one._began, self.start_ns, self._began)
+        if not shift and self.start_ns == one.start_ns:
+            return self
         holes = tuple((begin + shift, end + shift) for begin, end in self._holes)
-        return replace(self, time_ns=self.time_ns + shift, start_ns=start_ns, _holes=holes)
+        time_ns = self.time_ns + shift if shift else self.time_ns
+        return replace(self, time_ns=time_ns, start_ns=one.start_ns, _began=one._began, _holes=holes)
 
     def _holding(self, time_ns: NDArray[np.int64], slack_ns: float = 0.0) -> NDArray[np.bool_]:
         """Return at which stamps a value holds: from the first sample to `slack_ns` before one more would come.

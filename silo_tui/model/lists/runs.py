@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from silo.analysis.compare import HEADS, SignalDifference
-from silo.analysis.log import Log
+from silo.analysis.log import Log, run_begins
 from silo.analysis.stretches import resampled
 from silo.core.elements import LoggedEvent
 from silo.core.quantities.writing import and_more, many
@@ -126,7 +126,7 @@ class Differences:
 
 
 class OneOfRuns(NamedTuple):
-    """The element of a scalar of several runs over each other, what that scalar is called there, and their start."""
+    """The element of a scalar of several runs over each other, what it is called there, and where the first begins."""
 
     recording: Recording
     names: list[str]
@@ -144,7 +144,9 @@ def of_one(logs: Sequence[tuple[str, Log]], signal: str) -> OneOfRuns | None:
         mine = [each for each in log.recording.elements if each.name == found.name]
         alone.append((run, Log(replace(log.recording, elements=mine), log.path)))
     names = [f"{found.name}/{run}{signal[len(found.name) :]}" for run, _ in logs]
-    return OneOfRuns(together(alone), names, -max(_extent_ns(log)[0] - log.start_ns for _, log in alone))
+    begun = run_begins([log for _, log in alone])
+    first_ns = max(_extent_ns(log)[0] - at for (_, log), at in zip(alone, begun, strict=True))
+    return OneOfRuns(together(alone), names, alone[0][1].start_ns - begun[0] - first_ns)
 
 
 def together(logs: Sequence[tuple[str, Log]], event: str = "") -> Recording:
@@ -153,7 +155,8 @@ def together(logs: Sequence[tuple[str, Log]], event: str = "") -> Recording:
     It goes as far as all of them do. With the words of an event it is the time since the first such one of each.
     Raises ElementError.
     """
-    begun = [_begin_ns(name, log, event) for name, log in logs]
+    starts = run_begins([log for _, log in logs])
+    begun = [_begin_ns(name, log, event, start) for (name, log), start in zip(logs, starts, strict=True)]
     ends = [[end - at for end in _extent_ns(log)] for (_, log), at in zip(logs, begun, strict=True)]
     first, last = max(begin for begin, _ in ends), min(end for _, end in ends)
     if last <= first:
@@ -189,11 +192,11 @@ def _extent_ns(log: Log) -> tuple[int, int]:
     return min(int(each[0]) for each in stamps), max(int(each[-1]) for each in stamps)
 
 
-def _begin_ns(name: str, log: Log, event: str) -> int:
+def _begin_ns(name: str, log: Log, event: str, start_ns: int) -> int:
     if len(log.time_ns) < 2 or not any(element.count > 1 for element in log.recording.elements):
         raise ElementError(f"{name} has no ticks that could lie over those of others")
     if not event:
-        return log.start_ns
+        return start_ns
     found = next((one.time_ns for one in log.events if event.casefold() in one.words.casefold()), None)
     if found is None:
         raise ElementError(f"{name} has no event with '{event}'")
