@@ -57,7 +57,11 @@ def after_crash(replica: Replica, events: EventNotifier) -> bool:
 
     Returns whether there was anything to save, which people may want to read about later.
     """
-    who = death_text(replica.now.robot.pid)
+    stopped = ""
+    with contextlib.suppress(SegmentError):  # told below
+        if (reader := replica.open_reader()) is not None:
+            stopped = reader.stop_reason
+    who = death_text(replica.now.robot.pid, stopped)
     try:
         return _after_crash(replica, events, who)
     except SegmentError as error:

@@ -227,9 +227,10 @@ class CurrentRun:
     def drop(self) -> bool:
         """Free the memory of all runs; the counts of the last one stay, and the files of those that are wanted.
 
-        Returns whether the last one is.
+        Returns whether the last one is, and no helper process that it was left to sees to that.
         """
         self._lost_at_end = self.lost
+        is_left = self.is_left  # first: who has saved it by then was done with all else before
         for run in self.cut_off:
             self._count(run)
         self.cut_off = []
@@ -239,7 +240,7 @@ class CurrentRun:
             return False
         held = self._wanted(self.run)
         self.let_go(self.run, held=held)
-        return held
+        return held and not is_left
 
     def forget(self) -> None:
         """Have no run, in a forked child: those of its parent stay as they are."""

@@ -430,14 +430,17 @@ class Logger(LoggerNames):
 
     def stop(self) -> None:
         """End logging; the data stays and can be saved. Stopping a stopped logger succeeds."""
+        self._stop(StopReason.ASKED)
+
+    def _stop(self, reason: StopReason) -> None:
         with self._life.lock:
             if self._life.running and self._present.run is not None:
                 self._life.running = False
                 self._set_collect(None)
                 self._data.look_for_unheld()
-                self._present.run.end(StopReason.ASKED)
+                self._present.run.end(reason)
                 self._present.settle_cut()
-                self._life.reason = STOP_TEXTS[StopReason.ASKED]
+                self._life.reason = STOP_TEXTS[reason]
                 self._life.tell()
 
     def restart(self, *, unsaved: UnsavedWord = "clear") -> None:
@@ -572,7 +575,7 @@ class Logger(LoggerNames):
 
         `log.close()` before the end drops it.
         """
-        self._end(LoggerEnd.BLOCK if kind is None else LoggerEnd.UNCLOSED)
+        self._end(LoggerEnd.BLOCK if kind is None else LoggerEnd.ERROR)
 
     def __del__(self) -> None:
         """A logger that the program forgot: its thread and memory end, unsaved data is kept for `silo recover`."""
@@ -592,7 +595,7 @@ class Logger(LoggerNames):
             with life.lock:
                 first = not life.closed
                 if first:
-                    self.stop()
+                    self._stop(StopReason.ERROR if ending is LoggerEnd.ERROR else StopReason.ASKED)
                     self._data.look_for_unheld()
                 if first or (ending is LoggerEnd.DISCARDED and not life.freed):
                     life.ending = ending

@@ -35,6 +35,7 @@ class LoggerEnd(enum.Enum):
     CLOSED = "was closed after a save() that failed"  # they are dropped, which is said; kept where that failed
     DISCARDED = "was closed to drop what it has"  # they are dropped, without a word
     BLOCK = "ended without save()"  # at the clean end of a `with`: they are saved as by save(), else as at any end
+    ERROR = "ended by an error, or Ctrl-C, without save()"  # in a `with`: as any that did not close
     UNCLOSED = "ended without save() or close()"  # the helper process saves them, or else this one
     FORGOTTEN = "was let go of without save() or close()"  # by the program: as before, but this one writes no file
     FORKED = "is that of the process that process {} was forked from"  # nothing of it is this one's
@@ -42,7 +43,7 @@ class LoggerEnd(enum.Enum):
     @property
     def keeps(self) -> bool:
         """Whether ticks that stand in no file are kept."""
-        return self in (LoggerEnd.BLOCK, LoggerEnd.UNCLOSED, LoggerEnd.FORGOTTEN)
+        return self in (LoggerEnd.BLOCK, LoggerEnd.ERROR, LoggerEnd.UNCLOSED, LoggerEnd.FORGOTTEN)
 
 
 def during(life: object, to_end: list[Callable[[], None]], call: Callable[P, R], *args: P.args, **kw: P.kwargs) -> R:

@@ -24,6 +24,7 @@ from silo.journal.holdings import Holdings, published_in, recording_holdings
 from silo.journal.reader import JournalReader
 from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
+from silo.segment.reasons import STOP_TEXTS, StopReason
 from silo.segment.rows import Rows
 from silo.segment.snapshot import cut_events
 
@@ -59,9 +60,10 @@ class SavedMeanwhileError(StateError):
     """Another process saved the run, and freed its memory."""
 
 
-def death_text(pid: int) -> str:
-    """Return that a program died, fit to show."""
-    return f"the robot program (process {pid}) ended without close()"
+def death_text(pid: int, stopped: str = "") -> str:
+    """Return that a program died, or was ended by an error, as what `stopped` its run tells; fit to show."""
+    how = "by an error, or Ctrl-C" if stopped == STOP_TEXTS[StopReason.ERROR] else "without close()"
+    return f"the robot program (process {pid}) ended {how}"
 
 
 def saved_text(files: list[SavedFile], held: Holdings) -> str:
@@ -97,7 +99,7 @@ def log_end(reader: RunReader, saved: str = "", log: Callable[..., object] | Non
         noted = sorted([*reader.stamped_marks(), *reader.stamped_changes()], key=lambda one: one.tick)
         stopped = "" if reader.running else reader.stop_reason or "stopped"
         stamp_ns = reader.last_time_ns
-    ends = {STOPPED: stopped, CRASHED: death_text(schema.pid), "recovered": saved}
+    ends = {STOPPED: stopped, CRASHED: death_text(schema.pid, stopped), "recovered": saved}
     at = time.time_ns(), reader.ticks - 1, stamp_ns, schema.logger, schema.run
     ended = [LoggedEvent(kind, text, *at) for kind, text in ends.items() if text]
     lines = [_start(reader), *cut_events(schema), *noted, *ended]

@@ -15,6 +15,7 @@ class StopReason(enum.IntEnum):
     MEMORY_LIMIT = 3
     NO_ROOM = 4
     CUT = 5
+    ERROR = 6
 
 
 STOP_TEXTS = {
@@ -27,6 +28,7 @@ STOP_TEXTS = {
         "or take smaller buffers"
     ),
     StopReason.CUT: "cut: it was changed, and goes on in its next stretch",
+    StopReason.ERROR: "stopped by an error, or Ctrl-C, that ended the program's `with`",
 }
 
 

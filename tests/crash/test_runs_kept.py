@@ -88,6 +88,23 @@ def test_a_program_that_ends_right_after_the_start_leaves_every_tick(tmp_path, u
     assert saved_values(tmp_path) == list(range(ticks))
 
 
+IN_A_BLOCK = """
+log.limit("/log/x", (None, None, 1e9, 2e9))
+with log:
+    raise ValueError
+"""
+
+
+def test_an_error_that_ends_a_block_is_told_as_such_and_nothing_is_said_to_be_missing(tmp_path, until):
+    done = run_program(tmp_path, 7, IN_A_BLOCK)
+    until(lambda: list(tmp_path.glob("*.silo")))
+    told = [(event.kind, event.text) for event in silo.open_log(*tmp_path.glob("*.silo")).events]
+    (crash,) = [text for kind, text in told if kind == "crashed"]
+    assert crash.endswith(") ended by an error, or Ctrl-C")
+    assert ("stopped", "stopped by an error, or Ctrl-C, that ended the program's `with`") in told
+    assert "before its helper process was done" not in done.stderr
+
+
 FORKED = """
 child = os.fork()
 if child == 0:

@@ -226,6 +226,21 @@ def test_who_closes_before_the_helper_process_is_done_is_told_what_may_be_missin
     assert (said in capsys.readouterr().err) is is_held
 
 
+@pytest.mark.parametrize("is_left", [False, True])
+def test_what_a_helper_process_still_does_of_a_run_that_was_left_to_it_is_not_said_to_be_missing(
+    new_logger, is_left
+) -> None:
+    log = new_logger("bot")
+    log.array("x")
+    log.start()
+    log.collect()
+    log.stop()
+    log._present._wanted = lambda run: True
+    if is_left:
+        assert log._present.leave()
+    assert log._present.drop() is not is_left
+
+
 def test_a_logger_lives_as_long_as_its_present_run_has_a_writer(new_logger, held_run) -> None:
     log = new_logger("alone")
     log.array("x")

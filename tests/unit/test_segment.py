@@ -451,7 +451,7 @@ def test_on_a_reordering_machine_the_last_row_of_a_dead_writer_counts(new_logger
 def test_the_control_words_of_a_ring_fit_its_line():
     assert max(RingControl) < 8
     assert TIME_RING == 0
-    assert set(StopReason) == {0, 1, 2, 3, 4, 5}
+    assert set(StopReason) == {0, 1, 2, 3, 4, 5, 6}
 
 
 @pytest.mark.parametrize("storage", ["memory", "file"])
