@@ -6,6 +6,8 @@ prints go through the latter: its own words, those of its errors and warnings, w
 
 import codecs
 import io
+import os
+import stat
 import sys
 
 TYPE_CHECKING = False  # `typing` takes 3 ms, which `silo --version` has none for
@@ -61,3 +63,12 @@ def print_printable() -> None:
 def drawing(stream: "TextIO") -> "TextIO":
     """Return where escape sequences of silo's own go as they are; whoever draws makes all else printable before."""
     return stream.drawn if isinstance(stream, PrintedStream) else stream
+
+
+def leave_pipes() -> None:
+    """Print no more into a pipe: who reads it waits until all that have it let go of it."""
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None and stat.S_ISFIFO(os.fstat(stream.fileno()).st_mode):
+            stream.flush()
+            with open(os.devnull, "wb") as nothing:
+                os.dup2(nothing.fileno(), stream.fileno())

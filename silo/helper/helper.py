@@ -44,6 +44,7 @@ from silo.net.folders import group_folder, share_socket
 from silo.net.keys import Root
 from silo.net.session import SOCKET_SUFFIX, Beside, close, forget, open_server
 from silo.polling import readable
+from silo.printing import leave_pipes
 from silo.recorder.requests import StartRecorder, StopRecorder
 from silo.recorder.server import EndlessRecordings
 from silo.recordings.requests import Save, SaveStarted
@@ -307,6 +308,7 @@ class Helper:
 
     def _linger(self, publisher: Publisher, held: HeldRuns, *, news: bool) -> None:
         """Go on answering while somebody is there to read what happened, or may come for it."""
+        leave_pipes()  # `python robot.py 2>&1 | tee told` ends now: what there was to say is said
         ended_s = time.monotonic()
         while not self._term_s:
             if time.monotonic() - ended_s > stays_s(news=news, clients=bool(publisher.clients)):

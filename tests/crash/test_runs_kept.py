@@ -19,6 +19,7 @@ import pytest
 
 import silo
 from silo.client.client import Client
+from silo.core.elements import State
 from silo.core.runtime import list_held
 from silo.errors import SegmentError, StateError
 from silo.rpc.published import EventKind
@@ -103,6 +104,21 @@ def test_an_error_that_ends_a_block_is_told_as_such_and_nothing_is_said_to_be_mi
     assert crash.endswith(") ended by an error, or Ctrl-C")
     assert ("stopped", "stopped by an error, or Ctrl-C, that ended the program's `with`") in told
     assert "before its helper process was done" not in done.stderr
+
+
+DYING = """
+print(serving.helper_pid, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_who_reads_what_a_program_prints_waits_for_no_helper_process_that_outlives_it(tmp_path):
+    code = PROGRAM.format(folder=str(tmp_path), ticks=7, then=DYING)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    with Client.connect("bot") as client:  # after its pipes ended
+        assert client.status().state is State.DEAD
+    assert psutil.pid_exists(int(done.stdout))
+    assert "ended without close(); saved 7 samples" in done.stderr
 
 
 FORKED = """
