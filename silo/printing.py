@@ -70,5 +70,6 @@ def leave_pipes() -> None:
     for stream in (sys.stdout, sys.stderr):
         if stream is not None and stat.S_ISFIFO(os.fstat(stream.fileno()).st_mode):
             stream.flush()
-            with open(os.devnull, "wb") as nothing:
-                os.dup2(nothing.fileno(), stream.fileno())
+            nothing = os.open(os.devnull, os.O_WRONLY | os.O_CLOEXEC)
+            os.dup2(nothing, stream.fileno())
+            os.close(nothing)

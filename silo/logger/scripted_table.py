@@ -33,9 +33,9 @@ from silo.core.elements import (
     join_name,
 )
 from silo.core.kinds import STRUCT, struct_text
-from silo.core.quantities.writing import size_text
+from silo.core.quantities.writing import many, size_text
 from silo.core.runtime import available_memory_bytes
-from silo.errors import ArgumentError, ElementError, SourceError, StateError
+from silo.errors import ArgumentError, ElementError, ScriptError, SourceError, StateError
 from silo.logger.arguments.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
 from silo.logger.arguments.options import array_layout, edits_given, element_name, new_options, string_room
 from silo.logger.arguments.other_names import tell_of_element
@@ -377,7 +377,13 @@ class ScriptedTable:
             self._life.check_stopped("update the table")
             self._table.adopt()
             if read_script and Path(self._options.script).exists():
-                self.load_script()
+                try:
+                    self.load_script()
+                except ScriptError as error:
+                    raise ScriptError(
+                        f"{error} (the logger's own script, read at its start: mend or remove it, name another by "
+                        "silo.Logger(script=...), or leave it out by log.update(read_script=False))"
+                    ) from None
             elif read_script and not self.is_updated and Path(self._options.script).name != DEFAULT_SCRIPT:
                 log.warning(
                     "%s: there is no script %s, all elements are logged as the program says (log.save_script() writes "
@@ -590,20 +596,44 @@ class ScriptedTable:
             script = read_script(file)
             plan = apply_script(script, self._table.infos, self._options.frequency_hz)
             prefix, frequency_hz = self._options.prefix, self._options.frequency_hz
+            at_start, left_out = not self.is_updated and file == Path(self._options.script), list[str]()
             conditions = script_conditions(
                 script, self._conditions.now, self._table.infos, plan, prefix, frequency_hz,
-                at_start=not self.is_updated and file == Path(self._options.script),
+                left_out=left_out if at_start else None,
             )  # fmt: skip
+            if at_start:
+                self._tell_applied(file, plan.options, conditions)
             self._table.change(dict(enumerate(plan.options)))
             self._conditions.take(conditions)
             self.is_updated = self.is_updated or file == Path(self._options.script)  # an update would read no other
-        for warning in script.warnings:
+        for warning in (*script.warnings, *plan.rates, *left_out):
             log.warning("%s", warning)
-        for words in plan.rates:
-            log.warning("%s", words)
         for unknown in plan.unknown:
             log.warning("%s: %s", file, unknown)
         return [unknown.name for unknown in plan.unknown]
+
+    def _tell_applied(self, file: Path, wanted: Sequence[ElementOptions], conditions: Conditions) -> None:
+        """Tell what the logger's own script changes of what its program says; runs keep it in what is known of them.
+
+        A script that nobody named may have been left in this folder by another program.
+        """
+        from silo.settings.script_conditions import conditions_text
+
+        pairs = [(info.options, new) for info, new in zip(self._table.infos, wanted, strict=True)]
+        changed = sum(old != new for old, new in pairs)
+        off = sum(old.enabled and not new.enabled for old, new in pairs)
+        switched = f", {off} of them switched off" if off else ""
+        told = [f"{changed} of {many(len(pairs), 'element')} changed{switched}"]
+        if conditions != self._conditions.now:
+            told.append(f"then {conditions_text(conditions)}")
+        words = "; ".join(told)
+        self._options.about.setdefault("script", f"{file.absolute()}: {words}")
+        is_news = (changed or len(told) > 1) and file.name == DEFAULT_SCRIPT
+        log.log(
+            logging.WARNING if is_news else logging.INFO,
+            "%s: script %s is applied: %s%s", self._options.name, file.absolute(), words,
+            " (silo.Logger(script=...) names another one)" if is_news else "",
+        )  # fmt: skip
 
     def save_script(self, path: str | os.PathLike[str] | None = None) -> Path:
         """Write the configuration of every element to a script, whole or not at all.

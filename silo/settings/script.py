@@ -188,23 +188,26 @@ def script_conditions(
     prefix: str,
     frequency_hz: float,
     *,
-    at_start: bool = False,
+    left_out: list[str] | None = None,
 ) -> Conditions:
     """Return the conditions that a script leads to beside those of `now`, once its plan holds in the table.
 
-    Its triggers were there before where it is read `at_start`. Raises `ScriptError` for all that don't fit, with the
-    lines of those that the script lists.
+    Raises `ScriptError` for all that don't fit, with the lines of those that the script lists. With `left_out` it is
+    read as a logger starts, which is not to fail for a name that is gone, as little as for an element's: its triggers
+    were there before, and what speaks of another table is told there.
     """
     if script.conditions is None:
         return now
     planned = [
         msgspec.structs.replace(info, options=options) for info, options in zip(table, plan.options, strict=True)
     ]
-    there = [*now.triggers, *(script.conditions.triggers if at_start else ())]
+    there = [*now.triggers, *(script.conditions.triggers if left_out is not None else ())]
     made, unfit = fitting_conditions(script.conditions_beside(now), planned, prefix, frequency_hz, there)
-    if unfit:
-        lines = script.condition_lines
-        raise ScriptError(_message(script.path, [(lines.get((one.kind, one.name), 0), str(one)) for one in unfit]))
+    told = [(script.condition_lines.get((one.kind, one.name), 0), str(one)) for one in unfit]
+    if left_out is not None and len(unfit) < MAX_PROBLEMS and all(one.is_of_another_table for one in unfit):
+        left_out += [f"{script.path}:{line}: {text}; it is left out" for line, text in told]
+    elif unfit:
+        raise ScriptError(_message(script.path, told))
     return made
 
 

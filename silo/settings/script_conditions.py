@@ -244,6 +244,11 @@ class UnfitCondition(NamedTuple):
         named = "" if f"'{self.name}'" in words else f"{self.kind} '{shorten(self.name)}': "
         return named + words.removesuffix("; nothing was changed")
 
+    @property
+    def is_of_another_table(self) -> bool:
+        """Whether it speaks of what this table doesn't have, as one of another program, or of before a change."""
+        return isinstance(self.error, ExpressionError) or isinstance(self.error.__context__, ExpressionError)
+
 
 def fitting_conditions(
     conditions: Conditions,

@@ -174,6 +174,61 @@ def test_a_script_with_problems_changes_nothing_and_stops_every_start(new_logger
     assert not logger.is_running
 
 
+OTHERS_SCRIPT = """log_elements:
+  - {name: /log/x, enabled: false}
+  - {name: /log/y, enabled: true, divider: 4}
+derived_signals:
+  - {name: /log/err, expression: "gone - x"}
+signal_limits:
+  - {name: err, bounds: [-2, -1, 1, 2]}
+  - {name: y, bounds: [-2, -1, 1, 2]}
+triggers:
+  - {name: far, when: "abs(gone) > 2"}
+"""
+
+
+@pytest.mark.parametrize("is_named", [False, True])
+def test_a_script_that_is_applied_at_the_start_says_which_and_what_it_changes(new_logger, tmp_path, caplog, is_named):
+    script = tmp_path / ("mine.yaml" if is_named else "logger.yaml")
+    script.write_text(OTHERS_SCRIPT)
+    logger = new_logger(script=script)
+    for name in ("x", "y", "z"):
+        logger.array(name)
+    with caplog.at_level(logging.INFO, "silo"):
+        logger.start()
+    words = f"{script}: 2 of 3 elements changed, 1 of them switched off; then 1 limit"
+    (told,) = [one for one in caplog.records if "is applied" in one.getMessage()]
+    assert told.levelno == (logging.INFO if is_named else logging.WARNING)
+    assert f"script {script} is applied: {words.partition(': ')[2]}" in told.getMessage()
+    assert logger.snapshot().about["script"] == words
+
+
+def test_what_a_script_says_of_names_that_are_gone_is_left_out_at_the_start_with_a_warning_each(
+    new_logger, tmp_path, caplog
+):
+    script = tmp_path / "logger.yaml"
+    script.write_text(OTHERS_SCRIPT)
+    logger = new_logger()
+    logger.array("x")
+    logger.array("y")
+    logger.start()
+    assert [one.name for one in logger._conditions.now.limits] == ["y"]
+    assert (logger._conditions.now.derived, logger._conditions.now.triggers) == ((), ())
+    told = [text for text in caplog.messages if text.endswith("; it is left out")]
+    assert [text.partition(": ")[0] for text in told] == [f"{script}:{line}" for line in (5, 7, 10)]
+    logger.stop()
+    with pytest.raises(ScriptError, match=r"logger\.yaml:5"):  # by who asks for it
+        logger.load_script()
+
+
+def test_a_start_that_fails_for_its_script_says_how_to_go_on_without_it(new_logger, tmp_path):
+    (tmp_path / "logger.yaml").write_text("log_elements: []\nsignal_limits:\n  - {name: x, bounds: [2, 1, 0, -1]}\n")
+    logger = new_logger()
+    logger.array("x")
+    with pytest.raises(ScriptError, match=r"logger\.yaml:3.* must rise(.|\n)*silo\.Logger\(script=.*read_script=False"):
+        logger.start()
+
+
 def test_names_that_the_table_lacks_are_returned_and_warned_of(new_logger, tmp_path, caplog):
     script = tmp_path / "other.yaml"
     script.write_text("log_elements:\n  - name: /log/gone\n    enabled: true\n  - name: /log/x\n    colour: red\n")
