@@ -497,7 +497,7 @@ class SiloScreen(Leaving[None]):
         told = {"top": "first line", "recordings": "of robot", "runs": "of a folder"}
         told |= {
             "add_plot": "another",
-            "new_of_row": "trigger or limits",
+            "new_of_row": "trigger, limits",
             "trigger_new": "trigger",
             "alarm_new": "limits",
         }

@@ -47,7 +47,11 @@ class Holdings:
             return f"no sample, of {ticks} since {self.since}"
         held = f"{many(self.samples, 'sample')} of {many(self.elements, 'element')}"
         held += f" ({self.published} more only published)" if self.published else ""
-        most = f" (most of them {duration(self.most_s)} or less)" if 0 < 2 * self.most_s < self.seconds else ""
+        most = (
+            f" (most of them {duration(self.most_s)} or less, what their buffers hold)"
+            if 0 < 2 * self.most_s < self.seconds
+            else ""
+        )
         return f"{held} over {duration(self.seconds)}{most}, of {ticks} since {self.since}"
 
 

@@ -623,7 +623,7 @@ class TableScreen(ElementsScreen):
     def _discard(self) -> None:
         count = self.session.table.discard(self.session.rows.targets())
         self._edited(
-            f"{many(count, 'edit')} discarded; {key_of('undo')} brings them back"
+            f"{many(count, 'edit')} discarded; {key_of('undo')} brings {'it' if count == 1 else 'them'} back"
             if count
             else "nothing is pending here"
         )

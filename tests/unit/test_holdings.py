@@ -52,8 +52,8 @@ def test_one_that_holds_all_makes_the_others_no_longer_than_they_are(new_logger)
         logger.collect()
     told = segment_holdings(SegmentReader(logger._present.path)).text
     assert told == (
-        "6 000 samples of 3 elements (1 more only published) over 40 s (most of them 9.99 s or less), "
-        "of 4 000 ticks since start"
+        "6 000 samples of 3 elements (1 more only published) over 40 s "
+        "(most of them 9.99 s or less, what their buffers hold), of 4 000 ticks since start"
     )
 
 

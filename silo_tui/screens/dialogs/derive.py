@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import ClassVar
 
+from msgspec.structs import replace
+
 from silo.core.conditions import Derived
 from silo.core.quantities.writing import many
 from silo_tui.context import Context
@@ -25,7 +27,7 @@ class DeriveDialog(Form[Derived]):
     ABOUT: ClassVar = {
         "name": "a row of the table, a topic and a column of files is called so",
         "unit": "shown beside its values: 'kW' or '1'; empty: as it follows from those of its signals",
-        "is": "computed at each tick from what is logged: a name as the table shows it, or its end",
+        "is": "each tick, of names or their ends: + - * /, norm() rate() diff() abs() mean(x, 1s) a > b",
     }
 
     def __init__(self, session: Session, one: Derived, *, is_new: bool, problem: str = "") -> None:
@@ -45,7 +47,12 @@ class DeriveDialog(Form[Derived]):
 
     async def look(self) -> str:
         typed = self._typed
-        return "\n".join(derived.words_of(typed, self._session.table)) if typed.expression else NUMBER
+        if not typed.expression:
+            return NUMBER
+        if typed.name.strip("/ "):
+            return "\n".join(derived.words_of(typed, self._session.table))
+        words = derived.words_of(replace(typed, name="unnamed"), self._session.table)
+        return f"{words[0]}; name it before Enter"
 
 
 async def ask_derived(context: Context, session: Session, one: Derived, *, is_whole: bool) -> None:

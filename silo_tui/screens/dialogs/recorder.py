@@ -137,7 +137,7 @@ async def end(context: Context, session: Session) -> None:
     if not session.recorders:
         context.say(f"nothing is being recorded; {key_of('record')} begins it")
         return
-    harmless = Choice("", "Record on" if any(not one.state.over for one in session.recorders) else "Leave them")
+    harmless = Choice("", "Keep recording" if any(not one.state.over for one in session.recorders) else "Leave them")
     keys = "y" if len(session.recorders) == 1 else "123456789"  # yes is y wherever one thing is asked
     choices = [harmless] + [
         Choice(one.name, _words(one), keys[place : place + 1]) for place, one in enumerate(session.recorders)
