@@ -7,8 +7,8 @@ that disagree. What somebody told to be missing is told again, apart from that. 
 import contextlib
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from silo.core.arrays.spans import Span, doubled, merged, spans_text, without
@@ -21,7 +21,7 @@ from silo.files.bag_reader import damage_of_bag
 from silo.files.csv.reader import damage_of_csv
 from silo.files.event_log import event_log_path, loggers_with_events, older_event_log, read_events
 from silo.files.formats import read_recording
-from silo.files.manifest import WRITTEN_ENDING, CaptureEntry, number_of, read_captures, read_written
+from silo.files.manifest import WRITTEN_ENDING, CaptureEntry, read_captures, read_written
 from silo.files.mcap.chunks import mapped
 from silo.files.mcap.damage import DAMAGE
 from silo.files.naming import find_logs
@@ -32,20 +32,10 @@ from silo.recorder.orders import CLOSED
 from silo.rpc.published import EventKind
 from silo.segment.layout import ElementSchema, RingSchema
 from silo.segment.reader import SegmentReader
-from silo.verify.gone import captures_that_lack, parts_that_lack, saves_that_lack
+from silo.verify.gone import captures_that_lack, parts_that_lack, saves, saves_that_lack
+from silo.verify.runs import Part, Run
 from silo.verify.verdicts import MOST_SHOWN, RunCovered, Verdict, Verified
 
-# what tells of a loss, once "0 lost" and paths are taken out
-_LOSS = re.compile(
-    r"lost|missing|not recorded|left out|could not|couldn't|gone|overwritten|deleted|blind|not saved|"
-    r"not written|nothing of this run|stays in memory|in no file"
-)
-_NO_LOSS = re.compile(r"\b0 (samples )?lost\b|(?<!\S)/\S+")
-_TELL_LOSS = frozenset(
-    kind.value
-    for kind in (EventKind.LOST, EventKind.RECORDING, EventKind.RECORDING_FAILED, EventKind.BLIND, EventKind.CRASHED,
-                 EventKind.RECOVERED, EventKind.SAVE_FAILED, EventKind.DELETED, EventKind.FILES_DELETED)
-)  # fmt: skip
 _TOTALS = re.compile(
     r"recording '(?P<name>[^']+)'.*?(?P<parts>[\d ]+) files?, (?P<samples>[\d ]+) samples?, (?P<lost>\d+) lost"
 )
@@ -59,95 +49,12 @@ _CAPTURED = re.compile(r"capture (?P<number>\d+) of '(?P<name>[^']+)', ticks (?P
 _DIED = ("program died", "program died, recovered later", "program ended without saving")
 
 
-@dataclass
-class _Part:
-    """A part of an endless recording; `rows` of each ring are stretches of (first, one after the last)."""
-
-    path: Path
-    scan: PartScan
-
-    @property
-    def recorder(self) -> str:
-        return self.scan.facts.recorder if self.scan.facts is not None else ""
-
-    @property
-    def number(self) -> int:
-        return number_of(self.path)
-
-    def ticks(self) -> list[Span]:
-        """The ticks of which any ring has a row."""
-        dividers = {ring.ring: ring.divider for ring in self.scan.facts.value_rings} if self.scan.facts else {}
-        return merged(
-            (first * dividers[ring], (end - 1) * dividers[ring])
-            for ring, stretches in self.scan.rows.items()
-            for first, end in stretches
-            if ring in dividers
-        )
-
-    def covered(self) -> list[Span]:
-        """The same, each row up to the next one: what comes seldom stands for all ticks between."""
-        most = max((ring.divider for ring in self.scan.facts.value_rings), default=1) if self.scan.facts else 1
-        return merged((first, last + most - 1) for first, last in self.ticks())
-
-
-@dataclass
-class _Run:
-    """All that is known of a run."""
-
-    logger: str
-    run: str
-    started_ns: int = 0
-    ticks: int = 0
-    events: list[LoggedEvent] = field(default_factory=list)
-    parts: list[_Part] = field(default_factory=list)
-    saved: list[tuple[Path, Span, str]] = field(default_factory=list)  # and why
-    captured: list[tuple[Path, Recording]] = field(default_factory=list)
-    memory: list[Span] = field(default_factory=list)  # of which any ring has a row
-    held: list[Span] = field(default_factory=list)  # of which any value has its row
-    # by looping element, what saves and memory have of it, from its first sample there on
-    newest: dict[str, list[Span]] = field(default_factory=dict)
-    dividers: dict[str, int] = field(default_factory=dict)  # of these elements, the largest that there was
-    slack: int = 1  # ticks by which buffers differ that are rounded up to whole samples
-    trimmed: dict[str, tuple[list[Span], bool]] = field(default_factory=dict)  # by recorder, what its list says it had
-    ended: bool = False  # nobody logs in it any more
-    lacks: dict[str, int] = field(default_factory=dict)  # by recording, samples that are in no part
-    # by stretch and element, as saved logs and memory count them
-    lost: dict[tuple[int, str], int] = field(default_factory=dict)
-    paused: list[Span] = field(default_factory=list)  # what came while somebody had stopped a recording
-
-    @property
-    def started(self) -> int:
-        """The number of the event that tells of its start, 0 where none does."""
-        return next((event.number for event in self.events if event.kind == EventKind.STARTED.value), 0)
-
-    def hold(self, name: str, first: int, last: int, divider: int) -> None:
-        """Note what a looping buffer has."""
-        self.newest.setdefault(name, []).append((first, last))
-        self.dividers[name] = max(self.dividers.get(name, 1), divider)
-        self.slack = max(self.slack, divider)
-
-    def lose(self, part: int, name: str, samples: int) -> None:
-        """Note what an element lost in a stretch; who is saved later, or is saved twice, counts the same again."""
-        if samples:
-            self.lost[part, name] = max(samples, self.lost.get((part, name), 0))
-
-    def told(self, words: Sequence[str] = ()) -> str:
-        """Who told of a loss in this run: the first event that does, with one of these words where there are any."""
-        for event in self.events:
-            text = _NO_LOSS.sub("", event.text)
-            if event.kind == DAMAGED or (
-                event.kind in _TELL_LOSS and _LOSS.search(text) and (not words or any(word in text for word in words))
-            ):
-                return f"event {event.number}: {event.text}"
-        return ""
-
-
 class _Folder:
     """What stands in a folder, by run."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.runs: dict[str, _Run] = {}
+        self.runs: dict[str, Run] = {}
         self.verdicts: list[Verdict] = []
         self.captures: dict[str, list[CaptureEntry]] = {}
         self.events: dict[str, Sequence[LoggedEvent]] = {}
@@ -164,6 +71,7 @@ class _Folder:
         self._take_parts()
         self._take_memory()
         self._take_logs()
+        self._take_saves_elsewhere()
         self._take_ledgers()
         names = frozenset(path.name for path in folder.rglob("*"))
         for logger in self.loggers:
@@ -179,12 +87,12 @@ class _Folder:
         if not self.runs and not self.loggers:
             raise LogNotFoundError(f"{folder}: there are no logs, no recordings and no event log in it")
 
-    def run_of(self, logger: str, run: str, started_ns: int = 0) -> _Run:
+    def run_of(self, logger: str, run: str, started_ns: int = 0) -> Run:
         """The run of that id, or of that start where the file has no id of it."""
         if not run:
             known = (one for one in self.runs.values() if started_ns and one.started_ns == started_ns)
             run = next((one.run for one in known if one.logger == logger), f"started {started_ns}")
-        found = self.runs.setdefault(run, _Run(logger, run))
+        found = self.runs.setdefault(run, Run(logger, run))
         found.started_ns = found.started_ns or started_ns
         return found
 
@@ -238,7 +146,7 @@ class _Folder:
             damaged = [*scan.damaged, *([] if scan.finished or path.name.endswith(PART_ENDING) else [CUT_SHORT])]
             self.verdicts += [Verdict("damaged", f"{name}: {one}", about.logger, scan.facts.run) for one in damaged]
             run = self.run_of(about.logger, scan.facts.run, about.started_ns)
-            run.parts.append(_Part(path, scan))
+            run.parts.append(Part(path, scan))
             run.ticks = max([run.ticks, *(last + 1 for _, last in run.parts[-1].ticks())])
 
     def _take_logs(self) -> None:
@@ -252,6 +160,21 @@ class _Folder:
                     continue
                 self._take_log(path, recording)
                 self.verdicts += [Verdict("damaged", f"{path.name}: {text}", recording.logger) for text in damage]
+
+    def _take_saves_elsewhere(self) -> None:
+        """What was saved to other folders, as the event log tells: it is in a file, if not in one of these."""
+        for logger in self.loggers:
+            for event, _, others in saves(self.folder, self.events[logger]):
+                for path in others:
+                    if not self._taken(path) and event.run:
+                        self.run_of(logger, event.run).away.append(f"{path} (event {event.number})")
+
+    def _taken(self, path: Path) -> bool:
+        try:
+            self._take_log(path, read_recording(path))
+        except (SiloError, OSError):
+            return False
+        return True
 
     def _take_log(self, path: Path, recording: Recording) -> None:
         run = self.run_of(recording.logger, recording.likely_run, recording.started_ns)
@@ -360,7 +283,7 @@ def verify(folder: Path) -> Verified:
     )
 
 
-def _not_kept(run: _Run, lacks_files: bool, newest: bool) -> Iterator[Verdict]:
+def _not_kept(run: Run, lacks_files: bool, newest: bool) -> Iterator[Verdict]:
     """The ticks of a run that stand nowhere, as no recording was to have them, and no save had them, or it is gone."""
     kept = [*(span for part in run.parts for span in part.covered()), *(span for _, span, _ in run.saved), *run.held]
     lacks = without([(0, run.ticks - 1)], kept) if run.ticks else []
@@ -387,12 +310,15 @@ def _not_kept(run: _Run, lacks_files: bool, newest: bool) -> Iterator[Verdict]:
     end = max((last + 1 for _, last in [*saved, *run.held]), default=0)  # what came behind was never overwritten
     there = (("saved are", saved), ("in memory are", run.held))
     held = "".join(f"; {what} {spans_text(merged(spans))}" for what, spans in there if spans)
+    let_go = "its memory was let go of, and nobody had saved them"
+    if run.away:
+        let_go = f"they may be in what was saved to another folder, and can't be read there: {and_more(run.away, 3)}"
     for spans, why in (
         (
             without(lacks, [(end, run.ticks)]),
             "buffers keep the newest samples, and these were overwritten, as they are made to be",
         ),
-        (without(lacks, [(0, end - 1)]), "its memory was let go of, and nobody had saved them"),
+        (without(lacks, [(0, end - 1)]), let_go),
     ):
         if spans:
             of = many(run.ticks, "tick")
@@ -401,7 +327,7 @@ def _not_kept(run: _Run, lacks_files: bool, newest: bool) -> Iterator[Verdict]:
             yield Verdict("not kept", f"{where}: {why}{gone}{held}", run.logger, run.run, tuple(spans))
 
 
-def _newest(run: _Run) -> Iterator[Verdict]:
+def _newest(run: Run) -> Iterator[Verdict]:
     """The looping elements of which less of a run is there than of others."""
     there = merged([*(span for _, span, _ in run.saved), *run.held])
     recorded = [span for part in run.parts for span in part.covered()]
@@ -419,7 +345,7 @@ def _newest(run: _Run) -> Iterator[Verdict]:
         yield Verdict("newest", text, run.logger, run.run, ticks)
 
 
-def _covered(run: _Run) -> RunCovered:
+def _covered(run: Run) -> RunCovered:
     recorded = (span for part in run.parts for span in part.ticks())
     saved = (span for _, span, _ in run.saved)
     captured = ((one.offset - len(one.time_ns), one.offset - 1) for _, one in run.captured if len(one.time_ns))
@@ -430,7 +356,7 @@ def _covered(run: _Run) -> RunCovered:
 # ---------------------------------------------------------------------------------------------------------- recordings
 
 
-def _recorded_around(run: _Run, runs: Iterable[_Run]) -> set[str]:
+def _recorded_around(run: Run, runs: Iterable[Run]) -> set[str]:
     """The recorders that recorded runs both before and after this one: they were to record it, too."""
     others = [(part.recorder, one.started_ns) for one in runs if one.logger == run.logger for part in one.parts]
     before = {recorder for recorder, started_ns in others if started_ns < run.started_ns}
@@ -438,7 +364,7 @@ def _recorded_around(run: _Run, runs: Iterable[_Run]) -> set[str]:
     return before & after if run.started_ns else set()
 
 
-def _recordings(run: _Run, around: set[str], there: _Folder) -> Iterator[Verdict]:
+def _recordings(run: Run, around: set[str], there: _Folder) -> Iterator[Verdict]:
     own = {part.recorder for part in run.parts}
     under_way = {name for logger, name in there.orders if logger == run.logger and _was_to_have(run, name, there)}
     over = {name for name in around if _is_under_way(run, name, there) is False}
@@ -451,7 +377,7 @@ def _recordings(run: _Run, around: set[str], there: _Folder) -> Iterator[Verdict
         yield from _recording(run, name, parts, there)
 
 
-def _was_to_have(run: _Run, name: str, there: _Folder) -> bool:
+def _was_to_have(run: Run, name: str, there: _Folder) -> bool:
     """Whether a recording was to have all of a run of which it has no part, nor ever made room of one.
 
     It was under way when the run began, and was not ended in it by somebody who may have come before its first tick.
@@ -464,7 +390,7 @@ def _was_to_have(run: _Run, name: str, there: _Folder) -> bool:
     return not numbers or min(numbers) == 1
 
 
-def _is_under_way(run: _Run, name: str, there: _Folder) -> bool | None:
+def _is_under_way(run: Run, name: str, there: _Folder) -> bool | None:
     """Whether a recording was under way when a run began; None where the event log doesn't tell.
 
     One ends with its program, though that may be told after the start of the next one, which finds what it left.
@@ -483,7 +409,7 @@ def _is_end(event: LoggedEvent) -> bool:
     return CLOSED not in event.text and event.kind != EventKind.RECORDING_FAILED.value
 
 
-def _stops(run: _Run, name: str, there: _Folder) -> list[tuple[LoggedEvent, LoggedEvent | None]]:
+def _stops(run: Run, name: str, there: _Folder) -> list[tuple[LoggedEvent, LoggedEvent | None]]:
     """The events by which somebody ended a recording in a run, each with the one that tells of its next begin there."""
     orders = [(event, begun) for event, begun in there.orders.get((run.logger, name), ()) if event.run == run.run]
     following = [*(event if begun else None for event, begun in orders[1:]), None]
@@ -492,14 +418,14 @@ def _stops(run: _Run, name: str, there: _Folder) -> list[tuple[LoggedEvent, Logg
     ]
 
 
-def _is_from_begin(run: _Run, name: str, parts: list[_Part], there: _Folder) -> bool:
+def _is_from_begin(run: Run, name: str, parts: list[Part], there: _Folder) -> bool:
     """Whether a recording was under way when the run began, and none of its parts went for newer ones since."""
     numbers = {part.number for one in there.runs.values() for part in one.parts if part.recorder == name}
     first = min(part.number for part in parts)
     return bool(_is_under_way(run, name, there)) and (first == 1 or first - 1 in numbers)
 
 
-def _recording(run: _Run, name: str, parts: list[_Part], there: _Folder) -> Iterator[Verdict]:
+def _recording(run: Run, name: str, parts: list[Part], there: _Folder) -> Iterator[Verdict]:
     missing: list[Span] = []
     paused: list[Span] = []
     again: list[Span] = []
@@ -555,7 +481,7 @@ def _meets(rows: Span, pauses: Iterable[Span], ring: RingFacts) -> bool:
     return any(first * ring.divider <= stop <= last * ring.divider <= begun + ring.divider for stop, begun in pauses)
 
 
-def _missing(run: _Run, name: str, spans: list[Span]) -> Verdict:
+def _missing(run: Run, name: str, spans: list[Span]) -> Verdict:
     text = f"recording '{name}': {spans_text(spans)} of run {run.run}, of {many(run.ticks, 'tick')}, are in no part"
     return Verdict("missing", text, run.logger, run.run, tuple(spans), run.told([f"'{name}'", "recording", "recorder"]))
 
@@ -570,7 +496,7 @@ class _Total:
     lost: int
 
 
-def _totals(runs: Iterable[_Run]) -> Iterator[Verdict]:
+def _totals(runs: Iterable[Run]) -> Iterator[Verdict]:
     """What the event log told last of each recording, and what its parts have, where these are all there."""
     told: dict[tuple[str, str], _Total] = {}
     where: Counter[tuple[str, str]] = Counter()
@@ -613,7 +539,7 @@ def _totals(runs: Iterable[_Run]) -> Iterator[Verdict]:
 # ------------------------------------------------------------------------------------------------------------ captures
 
 
-def _captures(run: _Run, listed: list[CaptureEntry]) -> Iterator[Verdict]:
+def _captures(run: Run, listed: list[CaptureEntry]) -> Iterator[Verdict]:
     fires = Counter(
         (recording.conditions.capture.trigger, fire)
         for _, recording in run.captured
@@ -632,45 +558,60 @@ def _captures(run: _Run, listed: list[CaptureEntry]) -> Iterator[Verdict]:
         if facts is not None and (lacks := without([(facts.first, min(facts.last, run.ticks - 1))], there)):
             text = f"capture {facts.number} of '{facts.trigger}': {spans_text(lacks)} of run {run.run} are in no file"
             yield Verdict("missing", text, run.logger, run.run, tuple(lacks), facts.ended and f"it says: {facts.ended}")
+    yield from _fires(run, fires)
+    begun = [entry for entry in listed if entry.run == run.run and not entry.files and run.ended]
+    for trigger in dict.fromkeys(entry.trigger for entry in begun):
+        numbers = [str(entry.number) for entry in begun if entry.trigger == trigger]
+        which = and_more(numbers, MOST_SHOWN)
+        nouns = ("captures", "were") if len(numbers) > 1 else ("capture", "was")
+        text = f"{nouns[0]} {which} of '{trigger}' in run {run.run} {nouns[1]} begun and never written"
+        yield Verdict("missing", text, run.logger, run.run, told=run.told([f"'{trigger}'"]))
+
+
+def _fires(run: Run, fires: Mapping[tuple[str, int], int]) -> Iterator[Verdict]:
+    """The fires that were told, and that no capture has, and those that were told twice."""
     written = [(found["name"], int(found["first"]), int(found["last"])) for event in run.events
                if event.kind == EventKind.CAPTURED.value and (found := _CAPTURED.match(event.text))]  # fmt: skip
     told: Counter[tuple[str, int]] = Counter()
+    uncaptured: dict[str, list[int]] = {}
     for event in run.events:
         found = _FIRED.match(event.text) if event.kind == EventKind.TRIGGERED.value else None
         if found is None or " times, " in event.text:
             continue
         name = found["name"]
         told[name, event.tick] += 1
-        if fires[name, event.tick] or any(
+        if fires.get((name, event.tick)) or any(
             name == one and first <= event.tick <= last for one, first, last in written
         ):  # one that is gone was taken away by somebody, or as it keeps no more
             continue
-        text = f"trigger '{name}' fired at tick {event.tick} of run {run.run}, and no capture has it"
+        uncaptured.setdefault(name, []).append(event.tick)
+    for name, ticks in uncaptured.items():
         about = run.told([f"'{name}'", "triggers"])
         if not about and not run.ended:
             continue  # it may be under way
-        yield Verdict("missing", text, run.logger, run.run, ((event.tick, event.tick),), about)
+        places = and_more([str(tick) for tick in ticks], MOST_SHOWN)
+        when = f"at tick {places} of run {run.run}, and no capture has it"
+        if len(ticks) > 1:
+            when = f"{len(ticks)} times in run {run.run} of which no capture has anything, at ticks {places}"
+        spans = tuple((tick, tick) for tick in ticks)
+        yield Verdict("missing", f"trigger '{name}' fired {when}", run.logger, run.run, spans, about)
     for (name, tick), times in told.items():
         if times > 1:
             text = f"trigger '{name}' is told {times} times to have fired at tick {tick} of run {run.run}"
             yield Verdict("twice", text, run.logger, run.run, ((tick, tick),))
-    for entry in listed:
-        if entry.run == run.run and not entry.files and run.ended:
-            text = f"capture {entry.number} of '{entry.trigger}' in run {run.run} was begun and never written"
-            yield Verdict("missing", text, run.logger, run.run, told=run.told([f"'{entry.trigger}'"]))
 
 
 # --------------------------------------------------------------------------------------------------- logs, event log
 
 
-def _saved(run: _Run) -> Iterator[Verdict]:
+def _saved(run: Run) -> Iterator[Verdict]:
     again = [path.name for path, _, why in run.saved if why in _DIED]
     if len(again) > 1:
         text = f"what the program of run {run.run} left was saved {len(again)} times: {', '.join(again)}"
         yield Verdict("twice", text, run.logger, run.run)
 
 
-def _lost(run: _Run) -> Iterator[Verdict]:
+def _lost(run: Run) -> Iterator[Verdict]:
     """What buffers had no room for."""
     counts: Counter[str] = Counter()
     for (_, name), samples in run.lost.items():
@@ -682,7 +623,7 @@ def _lost(run: _Run) -> Iterator[Verdict]:
         yield Verdict("missing", text, run.logger, run.run, told=run.told(["samples could not be kept"]))
 
 
-def _events(run: _Run, there: _Folder) -> Iterator[Verdict]:
+def _events(run: Run, there: _Folder) -> Iterator[Verdict]:
     kinds = Counter(event.kind for event in run.events)
     # of what comes from a helper process, which tells of starts; what is older than the log is in none
     oldest_ns = min((event.time_ns for one in there.runs.values() for event in one.events if one.logger == run.logger),

@@ -20,6 +20,17 @@ def saves_that_lack(
 ) -> Iterator[Verdict]:
     """The saves of which no format is there, by the event log; with who told to have deleted them."""
     deleted = [event for event in events if event.kind == EventKind.DELETED.value]
+    for event, written, _ in saves(folder, events):
+        gone = [path.name for path in written]
+        if gone and there.isdisjoint(gone):
+            names = and_more(gone, MOST_SHOWN)
+            by = (f"event {one.number}: {one.text}" for one in deleted if {*gone} & {*re.split("[ ,]+", one.text)})
+            text = f"{names} was saved (event {event.number}), and is gone"
+            yield Verdict("missing", text, logger, told=next(by, ""))
+
+
+def saves(folder: Path, events: Sequence[LoggedEvent]) -> list[tuple[LoggedEvent, list[Path], list[Path]]]:
+    """The saves that an event log tells of, each with its files in this folder, and with those in others."""
     saved = [
         (event, list(map(Path, _files(event.text))))
         for event in events
@@ -27,13 +38,12 @@ def saves_that_lack(
     ]
     # what this folder was called, where it was moved or copied; saved may be to others, too
     here = {path.parent for _, files in saved for path in files if (folder / path.name).exists()}
-    for event, every in saved:
-        gone = [path.name for path in every if path.parent in here or path.parent.resolve() == folder.resolve()]
-        if gone and there.isdisjoint(gone):
-            names = and_more(gone, MOST_SHOWN)
-            by = (f"event {one.number}: {one.text}" for one in deleted if {*gone} & {*re.split("[ ,]+", one.text)})
-            text = f"{names} was saved (event {event.number}), and is gone"
-            yield Verdict("missing", text, logger, told=next(by, ""))
+    own = [[path for path in files if path.parent in here or path.parent.resolve() == folder.resolve()]
+           for _, files in saved]  # fmt: skip
+    return [
+        (event, mine, [path for path in files if path not in mine])
+        for (event, files), mine in zip(saved, own, strict=True)
+    ]
 
 
 def _files(text: str) -> list[str]:

@@ -731,3 +731,41 @@ class TestCaptures:
     def test_a_capture_that_was_begun_only_is_missing(self, spiked):
         CaptureList(str(spiked), "bot").note(CaptureEntry(self.run, "spike", 2, "name"))
         assert self.found(spiked) == [[("missing", ())], []]
+
+
+def test_what_was_saved_to_another_folder_is_in_a_file(kept, tmp_path):
+    elsewhere = tmp_path / "elsewhere"
+    robot = kept.robot
+    robot.start()
+    kept.run = robot.log._present.run.id
+    robot.ticks(80)
+    path = Path(robot.log.save(folder=elsewhere).path)
+    kept.happens("saved", f"saved {path} (13 kB)", 79)
+    kept.happens("stopped", "stopped", 79)
+    robot.log.close()
+    assert counted(kept.folder) == ([(80, 0, 80, 0, 0)], [])
+    path.unlink()
+    ((verdict,), rows) = verify(kept.folder).not_kept, counted(kept.folder)[0]
+    assert rows == [(80, 0, 0, 0, 0)]
+    assert verdict.text.endswith(
+        f"they may be in what was saved to another folder, and can't be read there: {path} (event 1)"
+    )
+
+
+def test_fires_without_a_capture_are_told_in_one_line_for_each_trigger(kept):
+    kept.recorded(300, stopped=False)
+    for tick in range(100, 300, 10):
+        kept.happens("triggered", f"trigger 'hit' fired at tick {tick}", tick)
+    kept.happens("stopped", "stopped", 299)
+    (missing,) = verify(kept.folder).problems
+    assert (missing.kind, len(missing.spans)) == ("missing", 20)
+    assert "trigger 'hit' fired 20 times in run" in missing.text
+    assert missing.text.endswith("at ticks 100, 110, 120, 130, 140 and 15 more")
+
+
+def test_captures_that_were_never_written_are_told_in_one_line_for_each_trigger(kept):
+    kept.recorded(300)
+    for number in range(1, 9):
+        CaptureList(str(kept.folder), "bot").note(CaptureEntry(kept.run, "hit", number, f"name{number}"))
+    (missing,) = verify(kept.folder).problems
+    assert missing.text == f"captures 1, 2, 3, 4, 5 and 3 more of 'hit' in run {kept.run} were begun and never written"

@@ -24,7 +24,8 @@ def verify(folder: Path, as_json: bool) -> int:
     what stands twice, totals that disagree, files that can't be read, and those that were written here and are gone.
     What the event log tells to be lost stands apart, and so do ticks that nobody asked to keep: what buffers overwrote
     before a save, what the budget of a recording deleted, and what came while somebody had stopped a recording. A
-    buffer of fewer seconds than others keeps the newest; that it is so is said. Nothing is changed.
+    buffer of fewer seconds than others keeps the newest; that it is so is said. What was saved to other folders, as
+    the event log tells, is read there. Nothing is changed.
 
     \b
     Examples:
