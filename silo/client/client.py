@@ -428,7 +428,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
             column_ns: width of a column.
 
         Returns:
-            The view; its `read()` gives frames.
+            The view; its `frame()` gives what came since the last call.
 
         Raises:
             RefusedError: a name or number is out of range.
