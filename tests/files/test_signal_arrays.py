@@ -502,3 +502,27 @@ def test_a_mask_or_a_rule_of_numpy_gives_plain_numbers(log):
 def test_of_a_time_that_is_none_nothing_is_drawn():
     for kind in ("M8[ms]", "m8[ms]"):
         np.testing.assert_array_equal(_seconds(np.array([1500, "NaT"], kind)), [1.5, np.nan])
+
+
+@pytest.mark.parametrize(
+    "key, meant",
+    [
+        (slice(-1.0, None), "[8.9:]"),
+        (slice(None, -1.0), "[:8.9]"),
+        (slice(-2.5, -1.0), "[7.4:8.9]"),
+        (slice(1.0, -1.0), "[1.0:8.9]"),
+        (slice(np.float32(-1), None), "[8.9:]"),
+    ],
+)
+def test_seconds_below_0_say_how_they_are_counted_from_the_end(key, meant):
+    signal = silo.Signal("q", np.arange(100), np.arange(100) * 10**8 + 5, start_ns=5)
+    with pytest.raises(silo.ElementError, match="seconds count from the start, and it has samples from 0 to") as told:
+        signal[key]
+    assert str(told.value).endswith(f"counted from its end that is {meant}")
+
+
+def test_seconds_around_a_moment_at_the_start_and_before_what_times_count_from_are_taken():
+    signal = silo.Signal("q", np.arange(100), np.arange(100) * 10**8)
+    assert len(signal[-0.5:0.5]) == 6
+    assert len(signal.counted_from(5 * 10**9)[-1.0:]) == 60
+    assert len(signal.counted_from(5 * 10**9)[:-1.0]) == 41

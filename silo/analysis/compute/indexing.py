@@ -1,6 +1,7 @@
 """What `signal[...]` gives: a sample, a stretch of samples or of time, those of a mask, a component.
 
 Whole numbers count samples, fractions (`2.0`) are seconds since start: `signal[5]`, `signal[10:20]`, `signal[2.0:3.5]`.
+Those never count from the end, as numbers of samples do: what is counted from another moment has times below 0.
 """
 
 import operator
@@ -104,6 +105,7 @@ def _stretch(signal: One, key: slice, clip: Any) -> One:
                 f"a stretch of seconds of '{signal.name}' takes no step; write .clip({key.start}, {key.stop})[::2], or "
                 ".resample(10) for 10 Hz"
             )
+        _check_begin(signal, key)
         made: One = clip(key.start, key.stop)
         return made
     try:
@@ -115,6 +117,23 @@ def _stretch(signal: One, key: slice, clip: Any) -> One:
             f"got {shown(key)}"
         ) from None
     return signal._part(part, divider=signal.divider * abs(part.step or 1))
+
+
+def _check_begin(signal: Samples, key: slice) -> None:
+    """Refuse seconds that look as if they counted from the end; one around a moment may begin before the start."""
+    bound = key.stop if key.stop is not None else key.start
+    if not all(isinstance(one, float | int | np.number | None) for one in (key.start, key.stop)):
+        return  # who cuts says so
+    if not bound < 0 or (len(signal) and signal._seconds_of(signal._bounds[0]) < 0):
+        return
+    end = signal._seconds_of(signal._bounds[1]) if len(signal) else 0.0
+    written = [round(end + float(one), 9) if one is not None and one < 0 else one for one in (key.start, key.stop)]
+    asked, meant = (":".join("" if one is None else f"{float(one)}" for one in some)
+                    for some in ((key.start, key.stop), written))  # fmt: skip
+    raise ElementError(
+        f"'{signal.name}'[{asked}]: seconds count from the start, and it {signal._span}; counted from its end that is "
+        f"[{meant}]"
+    )
 
 
 def _across(signal: One, key: tuple[Any, ...], clip: Any) -> Any:
