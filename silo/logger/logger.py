@@ -16,7 +16,7 @@ from silo.core.arguments import switch, whole, word
 from silo.core.calls import of, told_class
 from silo.core.elements import DEFAULT_MAX_TIME_S, ControlMode, GroupRole, Storage, Threads
 from silo.core.episodes.block import EpisodeBlock
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import and_more, many
 from silo.errors import ArgumentError, StateError
 from silo.logger.arguments.keywords import AnyStorage, AnyThreads, ControlWord, GroupRoleWord
 from silo.logger.arguments.options import (
@@ -57,6 +57,7 @@ from silo.segment.held_runs import is_due
 from silo.segment.layout import Cut
 from silo.segment.marks import NO_WORDS, marker
 from silo.segment.reasons import STOP_TEXTS, StopReason
+from silo.segment.retention import ending_by_time
 from silo.state.robot import UnsavedWord
 
 if TYPE_CHECKING:
@@ -469,6 +470,8 @@ class Logger(LoggerNames):
         self._set_collect(None)
         self._life.running = False
         self._life.reason = STOP_TEXTS[reason]
+        if reason is StopReason.TIME_FULL and (ending := ending_by_time(self._table.infos, self.options.max_time_s)):
+            self._life.reason += f", as not all buffers are looping ({and_more(ending, 3)}); max_time=0 has no end"
         if self._present.run is not None:
             self._present.run.end(reason)
         self._life.tell()

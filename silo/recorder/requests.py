@@ -24,7 +24,8 @@ class RecorderInfo(msgspec.Struct, frozen=True):
 
     `written_bytes` counts since it was started too, what was deleted since along with it.
 
-    `split_bytes`, `split_s` and `keep_bytes` are 0 for no limit; `text` says how it ended, if it did.
+    `split_bytes`, `split_s` and `keep_bytes` are 0 for no limit; `text` says how it ended, if it did, or why its
+    logger stands still while it waits.
     """
 
     name: str

@@ -20,7 +20,7 @@ import msgspec
 from msgspec.structs import asdict
 
 from silo.core.arguments import check_name
-from silo.core.elements import BufferType, RecorderState
+from silo.core.elements import BufferType, RecorderState, State
 from silo.core.names import matching
 from silo.core.quantities.writing import and_more, many, size_text
 from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
@@ -43,6 +43,7 @@ from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn
 from silo.segment.held_runs import child_of, recorders_path
+from silo.segment.retention import ending_by_time
 from silo.state.events import EventNotifier
 from silo.state.held_runs import HeldRuns
 from silo.state.replica import Replica
@@ -194,13 +195,19 @@ class EndlessRecordings:
             for name in matching(list(table), request.patterns)
             if table[name].enabled and table[name].buffer is not BufferType.LOOPING and not table[name].action.publishes
         ]
-        if not short:
-            return ""
-        are, full = ("is", "its buffer is") if len(short) == 1 else ("are", "their buffers are")
-        return (
-            f"{many(len(short), 'element')} {are} recorded only until {full} full ({and_more(short, 5)}), or, where it "
-            "grows, until there is no memory; buffer=looping or action=both has them recorded without end"
-        )
+        limit_s, told = self._replica.now.options.max_time_s, list[str]()
+        if short:
+            are, full = ("is", "its buffer is") if len(short) == 1 else ("are", "their buffers are")
+            told.append(
+                f"{many(len(short), 'element')} {are} recorded only until {full} full ({and_more(short, 5)}), or, "
+                "where it grows, until there is no memory; buffer=looping or action=both has them recorded without end"
+            )
+        if ending := ending_by_time(self._replica.now.table.elements, limit_s):
+            told.append(
+                f"the logger stops by itself {limit_s:g} s after each start (max_time), and nothing is recorded then, "
+                f"as not all buffers are looping ({and_more(ending, 3)}): make them, or give max_time=0 in its program"
+            )
+        return "; ".join(told)
 
     def _present(self) -> dict[str, Any]:
         """The run in which an order is given, and its newest tick."""
@@ -259,9 +266,15 @@ class EndlessRecordings:
         return f"recording '{name}' ended: {why}{recorder.sums().text}{kept}, in {recorder.order.folder}"
 
     def infos(self) -> list[RecorderInfo]:
-        """Return what there is."""
+        """Return what there is, and of what waits why its logger stands still."""
         with self._lock:
-            return [_info(recorder) for recorder in self._recorders.values()]
+            infos = [_info(recorder) for recorder in self._recorders.values()]
+        robot = self._replica.now.robot
+        still = f"the logger stands still: {robot.reason}" if robot.state is State.STOPPED and robot.reason else ""
+        return [
+            msgspec.structs.replace(one, text=one.text or still) if one.state is RecorderState.WAITING else one
+            for one in infos
+        ]
 
     def follow_present(self) -> None:
         """Hand the present run over to all recorders that don't have it."""

@@ -56,6 +56,17 @@ def item_bytes(dtype: str) -> int:
         return -1
 
 
+def ending_by_time(infos: Iterable[ElementInfo], max_time_s: float) -> list[str]:
+    """Return the elements for which a run ends after `max_time`, all others with them: none where nothing ends it.
+
+    A run whose buffers are all looping has no end, one whose buffers are all fixed ends as these are full.
+    """
+    infos = [info for info in infos if info.options.enabled]
+    if not max_time_s or {info.options.buffer for info in infos} in ({BufferType.LOOPING}, {BufferType.FIXED}, set()):
+        return []
+    return [info.name for info in infos if info.options.buffer is not BufferType.LOOPING]
+
+
 def large_text(infos: Iterable[ElementInfo]) -> str:
     """Return how much memory a run of these elements takes, fit to show; empty where that is nothing to speak of."""
     sizes = sorted(((buffer_bytes(info), info.name) for info in infos), reverse=True)

@@ -239,11 +239,26 @@ def test_what_can_not_be_recorded_is_refused_in_words(bench, client, tmp_path) -
         bench.logger.stop_recording()
     assert client.record(name="short").text == (
         "1 element is recorded only until its buffer is full (/log/kept), or, where it grows, until there is no "
-        "memory; buffer=looping or action=both has them recorded without end"
+        "memory; buffer=looping or action=both has them recorded without end; the logger stops by itself 10 s after "
+        "each start (max_time), and nothing is recorded then, as not all buffers are looping (/log/kept): make them, "
+        "or give max_time=0 in its program"
     )
     with pytest.raises(RefusedError, match="a recording 'short' is under way already"):
         client.record(name="short")
     assert client.recorders()[0].state is RecorderState.WAITING
+    client.stop_recorder()
+
+
+def test_a_recording_that_waits_for_a_logger_that_max_time_ended_says_so(bench, client) -> None:
+    log = bench.logger
+    log.set("kept", buffer="growing")
+    client.record(name="long")
+    log.start()
+    while log.is_running:
+        log.collect()
+    told = "the logger stands still: stopped by itself: the time buffer is full"
+    wait_until(lambda: told in client.recorders()[0].text)
+    assert "(/log/kept); max_time=0 has no end" in client.recorders()[0].text
     client.stop_recorder()
 
 

@@ -34,6 +34,15 @@ def test_a_logger_with_max_time_stops_by_itself(counting):
     assert "stopped by itself: the time buffer is full" in logger.stop_reason
 
 
+def test_a_logger_that_max_time_ended_names_what_had_it_end_and_what_has_no_end(new_logger):
+    logger = new_logger(frequency=10, max_time=2)
+    kept = [logger.array("q"), logger.array("temp", buffer="growing")]
+    logger.start()
+    collect(logger, 100)
+    assert (logger.ticks, len(kept)) == (20, 2)
+    assert logger.stop_reason.endswith("is reached), as not all buffers are looping (/log/temp); max_time=0 has no end")
+
+
 def test_a_logger_of_looping_buffers_never_stops_by_itself(counting):
     logger = counting({"frequency": 10, "max_time": 2}, size=5)
     collect(logger, 1000)

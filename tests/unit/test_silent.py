@@ -397,16 +397,19 @@ def test_what_can_not_be_saved_at_the_end_stays_for_recover(tmp_path, capsys, mo
         (("fixed", "fixed"), 10.0, False),
         (("looping", "looping"), 10.0, False),
         (("looping", "growing"), 0, False),
-        (("looping", "growing"), 60, False),
+        (("looping", "growing"), 60, True),
+        (("growing", "growing"), 60, False),
     ],
 )
-def test_a_run_that_ends_by_itself_by_default_says_so_at_its_start(new_logger, caplog, types, max_time, told):
+def test_a_run_that_ends_by_itself_for_some_of_its_buffers_says_so_at_its_start(
+    new_logger, caplog, types, max_time, told
+):
     logger = new_logger(max_time=max_time)
     kept = [logger.array(f"x{number}", buffer=kind) for number, kind in enumerate(types)]
     logger.start()
     assert len(kept) == len(types)
     assert [warning.partition(", as not all")[0] for warning in warnings_of(caplog)] == (
-        ["test: logging stops by itself after 10 s (max_time)"] if told else []
+        [f"test: logging stops by itself after {max_time:g} s (max_time)"] if told else []
     )
 
 

@@ -31,10 +31,12 @@ from silo.core.elements import (
     join_name,
 )
 from silo.core.quantities.reading import SECONDS, read_amount
+from silo.core.quantities.writing import and_more
 from silo.core.runtime import FOLDER_GONE
 from silo.errors import ElementError, SourceError, reason
 from silo.logger.arguments.provenance import about_run
 from silo.loop.types import MAX_ENTRIES
+from silo.segment.retention import ending_by_time
 from silo.settings.options import option_problems, refusal
 from silo.settings.typed import ElementSettings, apply_settings, read_options, whole_edits
 
@@ -269,17 +271,21 @@ def warn_of_folder(options: LoggerOptions) -> None:
 
 
 def warn_of_end(options: LoggerOptions, table: Iterable[ElementInfo]) -> None:
-    """Say when a run ends by itself that would go on, were all its buffers looping or growing, without `max_time`."""
-    infos = [info for info in table if info.options.enabled]
-    kinds = {info.options.buffer for info in infos}
-    limit_s = options.max_time_s
-    if limit_s != DEFAULT_MAX_TIME_S or kinds in ({BufferType.LOOPING}, {BufferType.FIXED}, set()):
+    """Say when a run ends by itself that would go on, were all its buffers looping or growing, without `max_time`.
+
+    Not where that was given, and none of its buffers would go on.
+    """
+    infos, limit_s = list(table), options.max_time_s
+    ending = ending_by_time(infos, limit_s)
+    is_meant = limit_s != DEFAULT_MAX_TIME_S and not any(
+        info.options.enabled and info.options.buffer is BufferType.LOOPING for info in infos
+    )
+    if not ending or is_meant:
         return
-    ending = [info.name for info in infos if info.options.buffer is not BufferType.LOOPING]
     log.warning(
         "%s: logging stops by itself after %g s (max_time), as not all buffers are looping (%s): for a run without "
         "end give max_time=0, or make them looping",
         options.name,
         limit_s,
-        ", ".join(ending[:3]) + (", ..." if len(ending) > 3 else ""),
+        and_more(ending, 3),
     )
