@@ -61,13 +61,17 @@ class CaptureFile(msgspec.Struct, frozen=True):
 
 
 class CaptureEntry(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A capture by run, trigger and number. `name` is what its files are called; without `files` it was only begun."""
+    """A capture by run, trigger and number. `name` is what its files are called; without `files` it was only begun.
+
+    One that was `let_go` made room for newer ones of its trigger.
+    """
 
     run: str
     trigger: str
     number: int
     name: str
     files: tuple[CaptureFile, ...] = ()
+    let_go: bool = False
 
 
 _decode_capture = json_decoder(CaptureEntry).decode
@@ -140,6 +144,7 @@ class CaptureList:
             entries = self._read(descriptor)
             own = [one for one in entries.values() if keep and one.trigger == entry.trigger and self._is_there(one)]
             for one in own[: max(0, len(own) - keep)]:
+                _append(descriptor, msgspec.structs.replace(one, let_go=True))
                 for file in one.files:
                     if own_status(file, self._folder) is not None:
                         _remove(self._folder / file.name)

@@ -55,14 +55,14 @@ def captures_that_lack(
 ) -> Iterator[Verdict]:
     """The captures that were written and are gone, but for those that made room for newer ones of their trigger.
 
-    `keeps` tells by logger and trigger how many stay, 0 for all.
+    `keeps` tells by logger and trigger how many stay, 0 for all; that may have been another number before.
     """
     newer: Counter[str] = Counter()
     for entry in reversed(captures):
         if not entry.files:
             continue
         keep = keeps.get((logger, entry.trigger), 1)
-        is_kept = not keep or newer[entry.trigger] < keep
+        is_kept = not entry.let_go and (not keep or newer[entry.trigger] < keep)
         if is_kept and not there & {one.name for one in entry.files}:
             names = and_more([one.name for one in entry.files], MOST_SHOWN)
             text = f"{names} is gone: it was capture {entry.number} of '{entry.trigger}' in run {entry.run}"

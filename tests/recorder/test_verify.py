@@ -17,12 +17,13 @@ from silo.conditions.segment_judge import SegmentJudge
 from silo.core.elements import LoggedEvent
 from silo.core.quantities.writing import count, many
 from silo.files.event_log import append_events, event_log_path
-from silo.files.manifest import CaptureEntry, CaptureList
+from silo.files.manifest import CaptureEntry, CaptureList, read_captures
 from silo.files.mcap.chunks import records
 from silo.files.mcap.writer import MAGIC
 from silo.recorder.orders import RecordOrder
 from silo.segment.reader import SegmentReader
 from silo.verify.folder import verify
+from silo.verify.gone import captures_that_lack
 
 
 class Kept:
@@ -711,6 +712,19 @@ class TestCaptures:
         (spiked / "2.silo").write_bytes(b"")
         CaptureList(str(spiked), "bot").written(CaptureEntry(self.run, "spike", 2, "2"), [str(spiked / "2.silo")], 1)
         assert [one for one in verify(spiked).problems if one.kind == "missing"] == []
+
+    def test_a_capture_that_made_room_is_no_problem_though_its_trigger_keeps_more_by_now(self, tmp_path):
+        listed = CaptureList(str(tmp_path), "bot")
+        for number, keep in ((1, 5), (2, 1), (3, 5)):
+            path = tmp_path / f"{number}.silo"
+            path.touch()
+            listed.written(CaptureEntry("run", "spike", number, str(number)), [str(path)], keep)
+        there = frozenset(path.name for path in tmp_path.iterdir())
+        assert "1.silo" not in there
+        keeps = {("bot", "spike"): 5}
+        assert list(captures_that_lack(there, "bot", read_captures(tmp_path, "bot"), keeps)) == []
+        (gone,) = captures_that_lack(there - {"2.silo"}, "bot", read_captures(tmp_path, "bot"), keeps)
+        assert gone.text == "2.silo is gone: it was capture 2 of 'spike' in run run"
 
     def test_a_fire_whose_capture_was_told_to_be_lost_is_told_apart(self, spiked):
         Path(self.files[0].path).unlink()
