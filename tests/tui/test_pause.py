@@ -264,7 +264,7 @@ async def test_where_no_more_is_held_scrolling_back_says_so_until_it_goes_on_and
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         await screen.press("pageup")
-        await screen.shows("that is the oldest that is held, all of it is shown: + closer, ⇧← cursor by ten")
+        await screen.shows("that is the oldest that is held: all is shown; + closer, ⇧← cursor by ten")
         assert "PAUSED" in screen.text
         await screen.press("escape")
         await screen.until(lambda: not monitor(screen).window.paused, "it goes on")

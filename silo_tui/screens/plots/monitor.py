@@ -108,7 +108,7 @@ class MonitorScreen(PlotScreen):
         self.moved()
         whole = newest_ns - oldest_ns <= span_ns  # then there is nothing to go back in
         far = key_of("cursor_far_left" if direction < 0 else "cursor_far_right")
-        zooms = f", all of it is shown: {key_of('closer')} closer, {far} cursor by ten" if whole else ""
+        zooms = f": all is shown; {key_of('closer')} closer, {far} cursor by ten" if whole else ""
         short = f"{text.span(by_ns / 1e9, 2)} {'on' if direction > 0 else 'back'}: " if moved else ""
         at_edge = not moved or by_ns < span_ns // 2 - column_ns
         self.say(f"{short}that is {self._edge(direction)}{zooms}" if at_edge else "")
