@@ -582,7 +582,7 @@ class Logger(LoggerNames):
 
     def __del__(self) -> None:
         """A logger that the program forgot: its thread and memory end, unsaved data is kept for `silo recover`."""
-        if "_times" in vars(self):  # else it was never made
+        if "_times" in vars(self) and not self._life.freed:  # else it was never made, or is closed to its end
             self._end(LoggerEnd.FORGOTTEN)
 
     def _end(self, ending: LoggerEnd) -> None:

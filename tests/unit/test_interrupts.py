@@ -4,6 +4,7 @@ import contextlib
 import gc
 import os
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -94,6 +95,17 @@ def test_an_interrupt_anywhere_leaves_no_file_and_no_descriptor_after_close(tmp_
                 path.unlink()
     assert len(places) > 100
     assert kept == []
+
+
+def test_a_logger_that_was_closed_waits_for_no_lock_as_it_is_collected(tmp_path):
+    held = [made("memory", tmp_path)]
+    held[0].close(discard=True)
+    life = held[0]._life
+    collects = threading.Thread(target=lambda: (held.clear(), gc.collect()), daemon=True)
+    with life.ends:  # as an interrupt between two instructions may leave it to the thread that was interrupted
+        collects.start()
+        collects.join(30)
+        assert not collects.is_alive()
 
 
 # ------------------------------------------------------------------------------------------------------------- ticks
