@@ -158,7 +158,9 @@ def _together(signals: list[Signal], begin: float, end: float) -> tuple[Floats, 
     inside = (slow.times >= begin) & (slow.times <= end)
     times = slow.times[inside]
     if not len(times):
-        raise ElementError(f"'{slow.name}' has no sample from {begin:g} to {end:g} s")
+        gone = "; buffers keep the newest: a recording (`silo record`), or a larger size, keeps what was before"
+        way_out = gone if len(slow) and end < slow.times[0] else ""
+        raise ElementError(f"'{slow.name}' has no sample from {begin:g} to {end:g} s, it {slow._span}{way_out}")
     columns = [one.values[inside] if one is slow else one.resample(times).values for one in signals]
     lengths = {len(column) for column in columns}
     if len(lengths) > 1:

@@ -530,7 +530,7 @@ class Edit(msgspec.Struct, frozen=True, metaclass=_EditClass):
     """What is to become of one element: `silo.Edit("/log/x", divider=3)`.
 
     Attributes:
-        name: the element.
+        name: the element, as `log.set` takes it.
         options: all its new options; or some by their names, as `log.set` takes them, and the others stay.
     """
 

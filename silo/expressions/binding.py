@@ -22,7 +22,18 @@ from silo.core.names import Found, Names, did_you_mean, is_glob, nearest
 from silo.core.quantities.writing import and_more
 from silo.errors import ElementError
 from silo.expressions.operations import FUNCTIONS
-from silo.expressions.parsing import UNIT, Call, ComparisonChain, Expression, Name, Node, Number, Operation, parse
+from silo.expressions.parsing import (
+    UNIT,
+    Call,
+    ComparisonChain,
+    Expression,
+    Name,
+    Node,
+    Number,
+    Operation,
+    parse,
+    written,
+)
 
 OFF = -1  # the source of an element that isn't logged
 
@@ -352,9 +363,10 @@ class _Binder:
             numbers = range(len(element.entries)) if entry is None else (entry,)
             for number in numbers:
                 if np.dtype(element.entries[number].dtype).kind not in _NUMERIC:
-                    raise self._error(
-                        f"'{self._catalogue.name(place, entry)}' is no number ({element.entries[number].dtype})", node
-                    )
+                    name, dtype = self._catalogue.name(place, entry), np.dtype(element.entries[number].dtype)
+                    short = name.removeprefix(f"{self._catalogue.prefix.rstrip('/')}/")
+                    way_out = f"; in Python log['{short}'] == 'word' compares it" if dtype.kind in "SU" else ""
+                    raise self._error(f"'{name}' is no number ({element.entries[number].dtype}){way_out}", node)
                 if self._catalogue.unit(place, number) is None:
                     words = f"'{self._catalogue.name(place, entry)}' counts what has no unit here"
                     raise self._error(f"{words} ({element.entries[number].dtype}): log it as m8[ms] or M8[ms]", node)
@@ -409,7 +421,9 @@ class _Binder:
             return f"'{text}' is neither a label ({', '.join(list(labels.values())[:8])}) nor a signal"
         if "/" in text.strip("/") and all(self._catalogue.find(part) for part in text.split("/", 1)):
             return f"no signal '{text}'; a division has blanks on both sides: {text.replace('/', ' / ', 1)}"
-        hint = did_you_mean(self._catalogue.near(text), f"there are {len(self._catalogue.elements)} elements")
+        hint = did_you_mean(
+            map(written, self._catalogue.near(text)), f"there are {len(self._catalogue.elements)} elements"
+        )
         matches = "matches" if is_glob(text) else "is named"
         return f"no signal {matches} '{text}'{hint}"
 

@@ -28,6 +28,7 @@ _UNIT_BEHIND = re.compile(rf" *({UNIT.pattern})(?![\w(])")  # nothing but a unit
 _OPERATOR = re.compile(r"\*\*|[<>=!]=|[-+*/%<>(),]")
 _LETTER = re.compile(r"[^\W\d]|[_/]")
 _CLASS = re.compile(r"\[[^\[\]\s]{1,50}\]")
+_BARE = re.compile(r"(?!\d)[\w/]+")
 LOGIC = ("and", "or", "not")
 _INSTEAD = {"&": "and", "&&": "and", "|": "or", "||": "or", "!": "not", "=": "=="}
 
@@ -41,6 +42,11 @@ _UNFINISHED = "something is missing at the end"
 _CONSTANTS = {"true": 1.0, "false": 0.0}
 
 _WORDS: dict[type[ast.expr], str] = {ast.Tuple: "a list"}
+
+
+def written(name: str) -> str:
+    """Return how a name stands in an expression: in backticks where a part of it would be an operator, or a number."""
+    return name if _BARE.fullmatch(name) else f"`{name}`"
 
 
 @dataclass(frozen=True)
@@ -113,7 +119,10 @@ class _Tokenizer:
             return operator.end()
         instead = _INSTEAD.get(text[at : at + 2]) or _INSTEAD.get(letter)
         hint = f"; write '{instead}'" if instead else ""
-        raise self._error(f"'{letter}' has no place in an expression{hint}", at, at + 1)
+        if letter in "'\"":
+            hint = f"; the words of enumerations stand without: {text[at:].split(letter)[1] or 'STANCE'}"
+        shown_as = "a quotation mark" if letter in "'\"" else f"'{letter}'"
+        raise self._error(f"{shown_as} has no place in an expression{hint}", at, at + 1)
 
     def _number(self, at: int, end: int) -> int:
         unit = _UNIT_BEHIND.match(self._text, end)

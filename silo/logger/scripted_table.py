@@ -160,7 +160,9 @@ class ScriptedTable:
 
     def problems(self, edits: Iterable[Edit]) -> list[Problem]:
         """Return why edits can't be applied, one per field; empty when they can."""
-        return self._table.problems(edits_given(edits, self._table.infos, self._options.frequency_hz))
+        return self._table.problems(
+            edits_given(edits, self._table.infos, self._table.prefix, self._options.frequency_hz)
+        )
 
     # --------------------------------------------------------------------------------------------- registering
 
@@ -556,7 +558,7 @@ class ScriptedTable:
         """
         with self._changing(who, cut=cut):
             check()
-            edits = edits_given(edits, self._table.infos, self._options.frequency_hz)
+            edits = edits_given(edits, self._table.infos, self._table.prefix, self._options.frequency_hz)
             problems = self._table.problems(edits)
             if problems:
                 raise ElementError(refusal(problems))

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from silo.core.tuning.excitation import LEASE_S, period_s
+from silo.core.tuning.excitation import LEASE_S, OVER, period_s
 from silo.core.tuning.parameters import Excitation, ParameterInfo, ParameterKind, Wave
 
 Course = Callable[[float], float]
@@ -22,7 +22,6 @@ POINTS = 1 << 13  # of its period, at which its peak is looked for
 TAPS = {5: 3, 6: 5, 7: 6, 9: 5, 10: 7, 11: 9, 15: 14, 17: 14}
 
 FADE_S = 0.25  # at most, to go back before its time
-OVER = "it is over"
 GONE = "whoever asked for it is gone"
 
 

@@ -208,7 +208,8 @@ def check_target(path: Path, own_script: Path, *, overwrite: bool) -> None:
             raise RequestRefusedError(RefusedWhy.INVALID, f"{path}: is not a file")
         if not overwrite:
             raise RequestRefusedError(
-                RefusedWhy.EXISTS, f"{path} exists already; choose another name, or confirm that it is replaced"
+                RefusedWhy.EXISTS,
+                f"{path} exists already; choose another name, or replace it (--force, overwrite=True)",
             )
         if path != own_script and not is_script(_text_of(path)):
             text = f"{path}: is no script of silo, it has no `log_elements:`; choose another name; nothing was changed"

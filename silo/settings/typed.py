@@ -26,8 +26,9 @@ from silo.core.elements import (
     Problem,
     buffer_size_for,
 )
-from silo.core.names import did_you_mean, nearest
-from silo.core.quantities.reading import AMOUNT, COUNTS, SECONDS, tell_bare_m
+from silo.core.names import Names, did_you_mean, is_glob, nearest
+from silo.core.quantities.reading import AMOUNT, COUNTS, HERTZ, SECONDS, tell_bare_m
+from silo.core.quantities.writing import and_more
 from silo.errors import ElementError
 from silo.settings.options import OPTION, OPTIONS, RANGES, ElementOption, OptionValue, refusal, shorten
 
@@ -35,7 +36,7 @@ _KEYS = {key: option for option in OPTIONS for key in option.keys}
 _ENABLED = OPTION["enabled"]
 _BARE = tuple(word.word for word in _ENABLED.words)  # `on` and `off` need no key
 _NUMBER = re.compile(rf"\s*([=*/+-]?)\s*{AMOUNT}\s*", re.IGNORECASE | re.ASCII)
-_UNITS = {*SECONDS, *COUNTS, "hz"}
+_UNITS = {*SECONDS, *COUNTS, *HERTZ}
 _DIGITS = re.compile(r"[0-9]{1,300}")
 
 
@@ -122,20 +123,34 @@ def apply_settings(
     return made
 
 
-def whole_edits(edits: Iterable[Edit], elements: Iterable[ElementInfo], frequency_hz: float) -> list[Edit]:
-    """Return edits with all options: of those that name some, the others as they are now. Raises ElementError."""
+def whole_edits(edits: Iterable[Edit], elements: Iterable[ElementInfo], prefix: str, frequency_hz: float) -> list[Edit]:
+    """Return edits with whole names, and all options: of those that name some, the others as they are now.
+
+    Raises ElementError.
+    """
     now = {info.name: info.options for info in elements}
-    return [
-        one
-        if isinstance(one.options, ElementOptions)
-        else Edit(
-            one.name,
-            *apply_settings(
-                read_options(one.options, one.name), [(one.name, now.get(one.name, DEFAULT_OPTIONS))], frequency_hz
-            ),
+    known = Names(now, prefix)
+
+    def whole(one: Edit) -> Edit:
+        name = _whole_name(one.name, known)
+        if isinstance(one.options, ElementOptions):
+            return one if name == one.name else Edit(name, one.options)
+        settings = read_options(one.options, name)
+        return Edit(name, *apply_settings(settings, [(name, now.get(name, DEFAULT_OPTIONS))], frequency_hz))
+
+    return [whole(one) for one in edits]
+
+
+def _whole_name(name: str, known: Names) -> str:
+    """The name of the element that a text means; the text where there is none. Raises ElementError for several."""
+    if name in known.places or is_glob(name):
+        return name
+    found = [known.name(one) for one in known.find(name, namespaces=False)]
+    if len(found) > 1:
+        raise ElementError(
+            f"'{shorten(name)}' means {len(found)} elements, {and_more(found, 3)}: an edit is of one; nothing was done"
         )
-        for one in edits
-    ]
+    return found[0] if found else name
 
 
 # ------------------------------------------------------------------------------------------------------------ reading
@@ -190,12 +205,12 @@ def read_text(option: ElementOption, text: str, *, relative: bool = True) -> Opt
         if "s" not in option.units or operator:
             raise _unreadable(option, typed, relative, "a time only sets the size")
         return RelativeValue("s", float(digits) * SECONDS[unit], typed)
-    if unit == "hz":
+    if unit in HERTZ:
         if "Hz" not in option.units or operator:
             raise _unreadable(option, typed, relative, "a rate only sets the divider")
         if not float(digits):
             raise _unreadable(option, typed, relative, "a rate is above 0")
-        return RelativeValue("Hz", float(digits), typed)
+        return RelativeValue("Hz", float(digits) * HERTZ[unit], typed)
     if operator and not relative:
         raise _unreadable(option, typed, relative, "a change of the value before has no place here")
     if operator:

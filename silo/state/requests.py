@@ -211,15 +211,18 @@ class TableRequests(Caller):
         """
         if isinstance(edits, str) or not isinstance(edits, Sequence):
             raise ElementError(f"edits must be a list of silo.Edit, got {shown(edits)}; nothing was changed")
-        if any(isinstance(one, Edit) and not isinstance(one.options, ElementOptions) for one in edits):
+        if any(isinstance(one, Edit) and not _is_whole(one) for one in edits):
             from silo.settings.typed import whole_edits  # who only asks, as `silo ls`, doesn't load it
 
             table = self.table()
             revision = table.revision if revision == -1 else revision
-            edits = whole_edits(
-                edits, table.elements, self._call(request_of(StateRequests._get_status)).status.frequency_hz
-            )
+            status = self._call(request_of(StateRequests._get_status)).status
+            edits = whole_edits(edits, table.elements, status.prefix, status.frequency_hz)
         return self._call(ApplyEdits(revision=revision, edits=list(edits), cut=switch("cut", cut)))
+
+
+def _is_whole(edit: Edit) -> bool:
+    return isinstance(edit.options, ElementOptions) and edit.name.startswith("/")
 
 
 @told_class("client")

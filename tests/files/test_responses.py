@@ -185,7 +185,15 @@ def test_a_step_with_a_ramp_is_as_high_as_it_comes_to():
         (lambda log: log.bode("tau", "q", 3.0, 3.01), "5 samples of both are too few, at least 64 are needed"),
         (lambda log: log.bode("tau", "q", 1.0, 5.0), "the input has no power from 0 to 250 Hz"),
         (lambda log: log.step("tau", "q", 1.0, 5.0), "the input has no step"),
-        (lambda log: log.bode("tau", "q", 100.0, 101.0), "'/log/tau' has no sample from 100 to 101 s"),
+        (
+            lambda log: log.bode("tau", "q", 100.0, 101.0),
+            "'/log/tau' has no sample from 100 to 101 s, it has samples from 0 to 49.998 s",
+        ),
+        (
+            lambda log: log.clip(5.0).bode("tau", "q", 1.0, 2.0),
+            "'/log/tau' has no sample from 1 to 2 s, it has samples from 5 to 49.998 s; buffers keep the newest: a "
+            "recording (`silo record`), or a larger size, keeps what was before",
+        ),
         (lambda log: log.bode("tau", "nothing"), "the log has no signal 'nothing'; it has 2 elements, see list(log)"),
     ],
 )  # fmt: skip

@@ -14,6 +14,7 @@ import pytest
 from silo.analysis.opening import open_log
 from silo.cli.codes import EXIT_FAILED, EXIT_NO_LOGGER
 from silo.cli.main import run
+from silo.errors import SaveError
 from silo.files.event_log import read_events
 from tests.waiting import DEADLINE_S, wait_until
 
@@ -155,3 +156,21 @@ def test_ls_sweeps_the_rests_of_saves_of_a_dead_program_that_nobody_served(stora
         assert run(["ls"]) == EXIT_NO_LOGGER  # no logger runs
         assert [path.name for path in tmp_path.glob(".silo-*")] == [Path(living.name).name]
     assert "1 recording of programs that died may be in no file" in capsys.readouterr().err
+
+
+def test_what_its_folder_has_no_room_for_is_told_how_to_save_elsewhere(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    die(tmp_path)
+
+    def no_room(*_: object, **__: object) -> None:
+        raise SaveError("no space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("silo.helper.left_logs.recover", no_room)
+        assert run(["recover", str(tmp_path)]) == EXIT_FAILED
+        assert capsys.readouterr().err.endswith("stays as it is; `silo recover --folder DIR` saves it elsewhere\n")
+        assert run(["recover", str(tmp_path), "--folder", str(tmp_path / "other")]) == EXIT_FAILED
+        assert capsys.readouterr().err.endswith("what failed stays as it is\n")
+    assert run(["recover", str(tmp_path), "--folder", str(tmp_path / "other")]) == 0
+    assert list((tmp_path / "other").glob("*.silo"))

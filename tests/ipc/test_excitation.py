@@ -119,6 +119,9 @@ def test_the_shell_says_what_it_will_do_and_does_it_if_it_may(excited, capsys):
     for wrong, words in (("6", "an amplitude of at most 5 fits"), ("nan", "a number other than 0")):
         assert run([*asked[:-3], wrong, "--for", "1s", "--yes"]) == 1
         assert words in capsys.readouterr().err
+    excited.limit("tau", (None, None, 1.0, 1.5))
+    assert run([*asked[:-1], "600s", "--yes"]) == 1, "something else ended it"
+    assert "limit: /log/tau" in capsys.readouterr().out
     assert run(["excite", "bot", "tau", "--amplitude", "1", "--for", "1s"]) == 2
     assert run(["param", "set", "bot", "tau=1"]) == 1
     assert "an input is 0 unless it is excited" in capsys.readouterr().err

@@ -198,6 +198,23 @@ def test_a_name_of_other_letters_stands_in_backticks():
         assert refusal(text).reason == "a name in backticks ends with a backtick"
 
 
+def test_a_name_of_other_letters_is_meant_in_backticks():
+    assert refusal("odd-name > 3").reason == "no signal is named 'odd'; did you mean '`odd-name`'?"
+
+
+def test_words_in_quotation_marks_are_told_how_they_stand():
+    for mark in "'\"":
+        told = refusal(f"mode == {mark}TROT{mark}").reason
+        assert told == "a quotation mark has no place in an expression; the words of enumerations stand without: TROT"
+
+
+def test_a_text_is_no_number_and_how_it_is_compared_is_told():
+    told = refusal("label == 3").reason
+    assert told.startswith("'/log/label' is no number (") and told.endswith(
+        "in Python log['label'] == 'word' compares it"
+    )
+
+
 def test_labels_are_numbers_beside_their_signal():
     bound = bind("controller/mode == TROT", CATALOGUE)
     assert bound.root.parts[1] == Constant(3.0, 3)

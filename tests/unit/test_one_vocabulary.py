@@ -87,6 +87,29 @@ def test_an_edit_says_what_is_to_change_and_leaves_the_rest(log):
         log._scripted.apply([silo.Edit("/log/x", divider=0)])
 
 
+def test_an_edit_is_of_the_element_that_a_short_name_means(log):
+    for name in ("leg/x", "arm/x", "x"):
+        log.array(name)
+    log.update()
+    assert log._scripted.apply([silo.Edit("leg/x", divider=2), silo.Edit("x", DEFAULT_OPTIONS)]) >= 1
+    assert [log[name].options.divider for name in ("leg/x", "arm/x")] == [2, 1]
+    assert log["/log/x"].options == DEFAULT_OPTIONS, "its whole name is the prefix and this"
+    log.remove("/log/x")
+    with pytest.raises(ElementError, match="'x' means 2 elements, /log/leg/x, /log/arm/x: an edit is of one"):
+        log._scripted.apply([silo.Edit("x", divider=2)])
+    assert log._scripted.problems([silo.Edit("leg/*", divider=2)])[0].reason == "the table has no such element"
+
+
+def test_a_rate_of_an_element_takes_kilohertz_as_that_of_its_logger_does(tmp_path):
+    log = silo.Logger("bot", frequency="2kHz", folder=tmp_path)
+    log.array("x", divider="1kHz")
+    log.update()
+    assert log["x"].options.divider == 2
+    log.set("x", divider="0.5 khz")
+    assert log["x"].options.divider == 4
+    log.close()
+
+
 def test_an_edit_takes_all_options_or_some(log):
     with pytest.raises(ArgumentError, match="got both"):
         silo.Edit("/log/x", DEFAULT_OPTIONS, divider=2)

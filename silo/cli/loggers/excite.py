@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from silo.cli.codes import EXIT_FAILED
 from silo.cli.common import ask_first
 from silo.cli.verbs import verb
-from silo.core.tuning.excitation import ends_of, excitation_of, number_at
+from silo.core.tuning.excitation import OVER, ends_of, excitation_of, number_at
 from silo.core.tuning.parameters import Wave, value_text
 from silo.polling import readable
 from silo.printing import drawing
@@ -41,7 +42,8 @@ def excite(
 
     It stays within the bounds, or is refused as a whole, and comes back to the value before: at its end, and at once
     after a key, Ctrl-C, the end of this command or of the link, a limit that fires, or a change of somebody else, who
-    has the last word. Its numbers are an event; `silo bode` and `silo step` tell what came of it.
+    has the last word. Its numbers are an event; `silo bode` and `silo step` tell what came of it. Exit code 1 if
+    something else than a key here ended it before its time.
 
     \b
     Examples:
@@ -64,16 +66,19 @@ def excite(
         ask_first("begin?", "say --yes to begin without being asked; nothing was changed")
     for number in _ENDS:
         signal.signal(number, signal.default_int_handler)
+    keyed = False
     with _keys() as keyboard:
         if keyboard:
             click.echo("any key ends it")
 
         def wait(state: "ExcitationState", seconds: float) -> bool:
+            nonlocal keyed
             if not keyboard:
                 time.sleep(seconds)
                 return False
             click.echo(f"\r{state.at_s:6.1f} of {what.duration_s:g} s ", nl=False, file=drawing(sys.stdout))
-            return _key_within(seconds)
+            keyed = _key_within(seconds)
+            return keyed
 
         ended = client.parameters.excite(
             name, what.wave, amplitude=what.amplitude, duration=what.duration_s, low_hz=what.low_hz,
@@ -82,6 +87,8 @@ def excite(
         if keyboard:
             click.echo("")
     click.echo(f"{name}: {ended.ended or 'it goes back'}; rows {ended.tick} to {ended.until}")
+    if not keyed and ended.ended != OVER:
+        click.get_current_context().exit(EXIT_FAILED)
 
 
 def _key_within(seconds: float) -> bool:

@@ -285,7 +285,7 @@ def _recover(
     from silo.helper.left_logs import recover as recover_segment
     from silo.recovery.left import SavedMeanwhileError
 
-    files, failed, recovered = [], 0, None
+    files, failed, recovered, refused = [], 0, None, False
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
     for path in paths:
@@ -300,7 +300,7 @@ def _recover(
                 continue
             text = str(error)
             click.echo(text if text.startswith(str(path)) else f"{path}: {text}", err=True)
-            failed += 1
+            failed, refused = failed + 1, refused or isinstance(error, SaveError)
             continue
         files += recovered.files
         if not as_json:
@@ -312,4 +312,7 @@ def _recover(
     elif not paths and not quiet:
         _say_nothing(looked_in)
     if failed:
-        raise SaveError(f"{failed} of {many(len(paths), 'segment')} could not be recovered; what failed stays as it is")
+        elsewhere = "; `silo recover --folder DIR` saves it elsewhere" if refused and folder is None else ""
+        raise SaveError(
+            f"{failed} of {many(len(paths), 'segment')} could not be recovered; what failed stays as it is{elsewhere}"
+        )

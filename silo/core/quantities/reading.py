@@ -22,6 +22,7 @@ _BYTES |= {"k": 1000, "m": MB, "g": 1000 * MB, "t": 1000_000 * MB, "kib": 2**10,
 SECONDS = {"s": 1.0, "sec": 1.0, "secs": 1.0, "min": 60.0, "mins": 60.0, "h": 3600.0, "d": 86400.0, "ms": 1e-3}
 SECONDS |= {"us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
 COUNTS = {"": 1.0, "k": 1e3, "m": 1e6}
+HERTZ = {"hz": 1.0, "khz": 1e3}
 AMOUNT = r"([0-9]+\.?[0-9]*(?:e[+-]?[0-9]+)?|\.[0-9]+(?:e[+-]?[0-9]+)?)\s*([a-zA-Zµμ]*)"
 _AMOUNT = re.compile(rf"\s*{AMOUNT}\s*", re.IGNORECASE | re.ASCII)
 

@@ -20,6 +20,7 @@ from silo.errors import ElementError
 
 LEASE_S = 2.0  # whoever asked for it and says nothing for so long is gone: it ends
 ENDED = "excitation ended: "  # begins the event of its end
+OVER = "it is over"  # behind that, of one that came to its own end
 LONGEST_S = 3600.0
 LOWEST_HZ = 1e-4
 WHOLE, LARGEST = 2.0**53, 1e300  # beyond, a float is no whole number, or none at all

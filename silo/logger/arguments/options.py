@@ -30,7 +30,7 @@ from silo.core.elements import (
     Threads,
     join_name,
 )
-from silo.core.quantities.reading import SECONDS, read_amount
+from silo.core.quantities.reading import HERTZ, SECONDS, read_amount
 from silo.core.quantities.writing import and_more
 from silo.core.runtime import FOLDER_GONE
 from silo.errors import ElementError, SourceError, reason
@@ -43,7 +43,6 @@ from silo.settings.typed import ElementSettings, apply_settings, read_options, w
 log = logging.getLogger("silo")
 
 NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,39}")
-HERTZ = {"hz": 1.0, "khz": 1e3}
 MAX_STRING_BYTES = 1_000_000
 MAX_DIMENSIONS = 32  # of NumPy 1
 
@@ -206,7 +205,7 @@ def array_layout(shape: object, dtype: object) -> tuple[tuple[int, ...], np.dtyp
     return lengths, kind
 
 
-def edits_given(edits: object, elements: Iterable[ElementInfo], frequency_hz: float) -> list[Edit]:
+def edits_given(edits: object, elements: Iterable[ElementInfo], prefix: str, frequency_hz: float) -> list[Edit]:
     """The edits of a transaction, each with all options. Raises ElementError for anything else."""
     if isinstance(edits, str | bytes | Mapping) or not isinstance(edits, Iterable):
         raise ElementError(f"edits must be a list of silo.Edit, got {shown(edits)}; log.set(name, ...) is simpler")
@@ -215,7 +214,7 @@ def edits_given(edits: object, elements: Iterable[ElementInfo], frequency_hz: fl
         right = isinstance(one, Edit) and isinstance(one.name, str)
         if not right or not isinstance(one.options, ElementOptions | dict):
             raise ElementError(f"an edit must be silo.Edit(name, divider=5), got {shown(one)}; nothing was changed")
-    return whole_edits(found, elements, frequency_hz)
+    return whole_edits(found, elements, prefix, frequency_hz)
 
 
 def serving_group(given: str | None) -> str | None:
