@@ -1,11 +1,12 @@
 """Limits and conditions judged on a recording: what `silo check` finds. Pure functions on a `Recording`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from silo.core.conditions import SignalLimits
+from silo.core.quantities.writing import count, many
 from silo.core.recording import Recording
 from silo.errors import ElementError
 from silo.expressions.binding import bind
@@ -23,8 +24,8 @@ class Finding:
     """One limit of one scalar, or one condition, and what became of it. Times are seconds since the log's start.
 
     `violations` counts stretches, `samples` the samples in them. `worst` is `RED_HIGH` ... , `GREEN` where there was no
-    violation, `UNOBSERVABLE` where nothing could be judged (`why`, where it is not in the log). Of a condition there is
-    no peak.
+    violation, `UNOBSERVABLE` where nothing could be judged. `missing` counts samples, or ticks, without a value (NaN),
+    which could not be judged. `why` tells what could not, and why. Of a condition there is no peak.
     """
 
     what: str
@@ -37,6 +38,7 @@ class Finding:
     unit: str = ""
     stale: int = 0
     why: str = ""
+    missing: int = 0
 
     @property
     def violated(self) -> bool:
@@ -68,7 +70,7 @@ def _limited(judge: RecordingJudge, recording: Recording, limits: SignalLimits) 
     signal = expressions[0]
     limit = Limit(rule, max(signal.width, 1))
     found: list[dict[int, Violation]] = [{} for _ in limit.states]
-    judged_any = np.zeros(len(limit.states), bool)
+    total, known = (np.zeros(len(limit.states), int) for _ in range(2))  # samples, and those of them that have a value
     start_ns = last_ns = int(recording.time_ns[0]) if len(recording.time_ns) else 0
     for judged in judge.batches(*expressions, whole=True):
         if not len(judged.ticks):
@@ -81,25 +83,27 @@ def _limited(judge: RecordingJudge, recording: Recording, limits: SignalLimits) 
         context = judged.codes(1)[own] if len(expressions) > 1 else None
         for violation in limit.feed(judged.ticks[own], judged.time_ns[own], values, context):
             found[violation.entry][violation.number] = violation
-        fine = ~np.isnan(values) if context is None else ~np.isnan(values) & (context == TRUE)[:, None]
-        judged_any |= fine.any(axis=0)
+        meant = values if context is None else values[context == TRUE]
+        total, known = total + len(meant), known + (~np.isnan(meant)).sum(axis=0)
         last_ns = int(judged.time_ns[-1])
     limit.check_stale(last_ns)
     names, rule = scalar_names(signal, judge.catalogue, limits.name), limit.rule
     return [
-        _finding(name, violations, rule, stale=state.stale_count, unit=signal.unit, start_ns=start_ns, known=known)
-        for name, violations, state, known in zip(
-            names, found, limit.states, judged_any.tolist(), strict=True
+        _without_value(
+            _finding(name, violations, rule, stale=state.stale_count, unit=signal.unit, start_ns=start_ns), *samples
+        )
+        for name, violations, state, *samples in zip(
+            names, found, limit.states, total.tolist(), known.tolist(), strict=True
         )
     ]  # fmt: skip
 
 
 def _finding(
-    name: str, found: dict[int, Violation], rule: LimitRule, *, stale: int, unit: str, start_ns: int, known: bool
+    name: str, found: dict[int, Violation], rule: LimitRule, *, stale: int, unit: str, start_ns: int
 ) -> Finding:
     violations = list(found.values())
     if not violations:
-        return Finding(name, Level.GREEN.name if known else "UNOBSERVABLE", unit=unit, stale=stale)
+        return Finding(name, Level.GREEN.name, unit=unit, stale=stale)
     most = max(violations, key=rule.how_bad)
     return Finding(
         name, most.worst.name, len(violations), sum(one.samples for one in violations),
@@ -107,14 +111,24 @@ def _finding(
     )  # fmt: skip
 
 
+def _without_value(finding: Finding, total: int, known: int, noun: str = "sample") -> Finding:
+    """Return a finding that says how many samples, or ticks, that were meant have no value, and so are not judged."""
+    worst = finding.worst if known else "UNOBSERVABLE"
+    if total == known:
+        return replace(finding, worst=worst)
+    why = f"{count(total - known)} of {many(total, noun)} have no value (NaN) and are not judged"
+    return replace(finding, worst=worst, missing=total - known, why=why)
+
+
 def _conditioned(judge: RecordingJudge, recording: Recording, text: str, bad: int, what: str) -> Finding:
     """Each stretch of ticks at which a condition is what it must not be is one violation."""
     batches = list(judge.batches(bind(text, judge.catalogue).condition()))
     codes = np.concatenate([judged.codes() for judged in batches] or [np.zeros(0, np.int8)])
     times = np.concatenate([judged.time_ns for judged in batches] or [np.zeros(0, np.int64)])
-    wrong = codes == bad
+    wrong, known = codes == bad, int((codes != UNOBSERVABLE).sum())
     if not wrong.any():
-        return Finding(what, "UNOBSERVABLE" if (codes == UNOBSERVABLE).all() else Level.GREEN.name)
+        return _without_value(Finding(what, Level.GREEN.name), len(codes), known, "tick")
     begins = run_begins(wrong)
     first_s = float(times[begins[0]] - recording.time_ns[0]) * 1e-9
-    return Finding(what, "VIOLATED", len(begins), int(wrong.sum()), first_s)
+    found = Finding(what, "VIOLATED", len(begins), int(wrong.sum()), first_s)
+    return _without_value(found, len(codes), known, "tick")

@@ -18,7 +18,7 @@ from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.arrays.values import EXACT
 from silo.core.conditions import SignalLimits
 from silo.core.names import grouped
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import EPOCH_FROM_NS, many, wall_clock
 from silo.errors import ElementError
 from silo.expressions.binding import OFF, BoundExpression, BoundSignal, ScalarPlace, means_else
 from silo.expressions.evaluation import Evaluator, EvaluatorMemory, SourceRows
@@ -96,6 +96,14 @@ class _Limited:
     def columns(self) -> list[ScalarPlace]:
         return [column for bound in self.expressions for column in bound.columns]
 
+    def note_newest(self, time_ns: NDArray[np.int64], values: Floats) -> None:
+        """Keep the newest values; of one that is none, since when there is none."""
+        before, self.newest = self.newest, values[-1]
+        for at in np.flatnonzero(np.isnan(self.newest)).tolist():
+            known = np.flatnonzero(~np.isnan(values[:, at]))
+            if len(known) or not math.isnan(before[at]):
+                self.limit.states[at].missing_ns = int(time_ns[known[-1] + 1 if len(known) else 0])
+
     def take(self, found: Sequence[Violation]) -> None:
         how_bad = self.limit.rule.how_bad
         for violation in found:
@@ -153,7 +161,10 @@ class _Together:
         quiet = np.logical_and.reduceat(green, self.starts).tolist()
         for one, is_quiet, start in zip(self.limited, quiet, self.starts.tolist(), strict=True):
             stop = start + len(one.scalars)
-            one.newest = block[-1, start:stop]
+            if is_quiet:
+                one.newest = block[-1, start:stop]
+            else:
+                one.note_newest(rows.time_ns, block[:, start:stop])
             if not is_quiet or one.stirred:
                 one.take(one.limit.feed(rows.ticks, rows.time_ns, block[:, start:stop]))
 
@@ -299,7 +310,7 @@ class LimitJudge:
         values = beside_bounds(judged.numbers()[own], one.limit.rule).reshape(-1, len(one.scalars))
         if len(values):
             context = judged.codes(1)[own] if len(one.expressions) > 1 else None
-            one.newest = values[-1]
+            one.note_newest(judged.time_ns[own], values)
             one.take(one.limit.feed(judged.ticks[own], judged.time_ns[own], values, context))
 
     def check_silent(self) -> list[str]:
@@ -404,6 +415,13 @@ def _word(state: EntryState, value: float) -> LimitWord:
     return LimitWord.BLIND if math.isnan(value) and not state.count else LimitWord.OK
 
 
+def _no_value(since_ns: int) -> str:
+    if not since_ns:
+        return "it has no value yet"
+    since = wall_clock(since_ns, 3) if since_ns >= EPOCH_FROM_NS else f"{since_ns * 1e-9:.6g} s"
+    return f"it has no value (NaN) since {since}"
+
+
 def _status(one: _Limited, at: int) -> LimitStatus:
     scalar = one.scalars[at]
     if one.why:
@@ -415,7 +433,7 @@ def _status(one: _Limited, at: int) -> LimitStatus:
         scalar.name, one.options.name, word, one.unit, value if math.isfinite(value) else None,
         count=state.count, stale_count=state.stale_count, alarm=bool(state.alarm or state.stale_alarm),
         seen_by=seen.who if seen else "", since_seen=state.count + state.stale_count - seen.count if seen else 0,
-        why=(one.silent or "it has no value yet") if word is LimitWord.BLIND else "",
+        why=(one.silent or _no_value(state.missing_ns)) if word is LimitWord.BLIND else "",
     ).given(one.options)  # fmt: skip
     return _with_worst(made, one.limit.rule, state, scalar.worst)
 

@@ -157,6 +157,7 @@ class EntryState:
     last: float = math.nan
     stale_count: int = 0
     stale_alarm: bool = False
+    missing_ns: int = 0  # where it has no value now, since when; 0 where it never had one
 
     @property
     def is_open(self) -> bool:
@@ -168,6 +169,7 @@ class EntryState:
         return EntryState(
             count=self.count, violation=self.violation and replace(self.violation, over=True), alarm=self.alarm,
             acknowledged=self.acknowledged, stale_count=self.stale_count, stale_alarm=self.stale_alarm,
+            missing_ns=self.missing_ns,
         )  # fmt: skip
 
     def elsewhere(self) -> "EntryState":

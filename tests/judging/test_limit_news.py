@@ -1,5 +1,8 @@
 """What is told of limits: the worst at once, and nothing of it lost."""
 
+import itertools
+import math
+
 import pytest
 
 import silo
@@ -13,8 +16,9 @@ JOINTS = 45
 class Robot:
     """A logger without a helper, and the judge of its run."""
 
-    def __init__(self, folder):
-        self.logger = silo.Logger("news", frequency=1000, max_time=0, folder=folder, script=folder / "none.yaml")
+    def __init__(self, folder, **options):
+        script = folder / "none.yaml"
+        self.logger = silo.Logger("news", frequency=1000, max_time=0, folder=folder, script=script, **options)
         self.x = self.logger.array("x", (), size=3000)
         self.tau = self.logger.array("tau", JOINTS, size=3000)
         self.off = self.logger.array("off", (), size=3000)
@@ -192,3 +196,29 @@ def test_limits_of_an_element_that_is_off_or_whose_condition_is_are_told_to_be_b
         ("/log/x", "~~"),
         ("/log/off", "~~"),
     }
+
+
+@pytest.mark.parametrize("together", [True, False])
+@pytest.mark.parametrize("looks", ["each", "once"])
+def test_a_limit_of_what_has_no_value_any_more_says_since_when(tmp_path, runtime_folder, looks, together):
+    seconds = itertools.count()
+    robot = Robot(tmp_path, clock=lambda: float(next(seconds)))
+    if not together:
+        robot.logger.limit("x", (None, None, 5, 10), when="off == 0")
+    robot.start()
+    begun_s = next(seconds)
+    for value in (0, 1, math.nan, math.nan):
+        robot.collect(value)
+        if looks == "each":
+            robot.told()
+    robot.told()
+    (one,) = robot.judge.limits.statuses()
+    robot.logger.close(discard=True)
+    assert (one.word.value, one.why) == ("~~", f"it has no value (NaN) since {begun_s + 3} s")
+
+
+def test_a_limit_of_what_never_had_a_value_says_that(robot):
+    robot.start()
+    robot.collect(math.nan, math.nan)
+    robot.told()
+    assert [one.why for one in robot.judge.limits.statuses()] == ["it has no value yet"]

@@ -215,6 +215,26 @@ class TestCheck:
         assert (always.violations, always.samples) == (1, 1)
         assert not check(spiky, [], ["x_0 > 1"])[0].violated
 
+    def test_samples_without_a_value_are_counted_and_not_called_green_alone(self, tmp_path, capsys):
+        values = np.concatenate([np.zeros(100), np.full(900, np.nan)])
+        log = recording(element("x", values), ticks=1000)
+        (found,) = check(log, [SignalLimits("x", (-1, -0.5, 0.5, 1))])
+        assert (found.worst, found.missing, found.violated) == ("GREEN", 900, False)
+        write(log, tmp_path, "robot", ["silo"], "run")
+        assert run(["check", str(tmp_path / "run.silo"), "--limit", "x=-1,-.5,.5,1"]) == 0
+        told = capsys.readouterr().out
+        assert "green, in part" in told
+        assert "/log/x: 900 of 1 000 samples have no value (NaN) and are not judged\n" in told
+        assert told.endswith("nothing violated (1 judged, 1 of them in part)\n")
+        (found,) = check(log, [SignalLimits("x", (-1, -0.5, 0.5, 1), stale_s=0.1)])
+        assert found.violated
+        assert [one.missing for one in check(log, [], ["x > 1"], ["x < 1"])] == [900, 900]
+
+    def test_what_never_has_a_value_is_not_judged_and_says_why(self):
+        (found,) = check(recording(element("x", np.full(10, np.nan))), [SignalLimits("x", (-1, -0.5, 0.5, 1))])
+        assert found.worst == "UNOBSERVABLE"
+        assert found.why == "10 of 10 samples have no value (NaN) and are not judged"
+
     def test_a_signal_that_froze_is_stale(self):
         values = np.concatenate([np.arange(100.0), np.full(100, 99.0)])
         (found,) = check(recording(element("x", values), ticks=200), [SignalLimits("x", stale_s=0.05)])

@@ -104,20 +104,28 @@ def _show(found: "list[Finding]", *, as_json: bool) -> None:
     rows = [["what", "worst", "times", "samples", "first", "peak", "at"]]
     for one in worst_first:
         peak = "" if one.peak is None else f"{one.peak:.6g}{'' if one.unit in ('', '-') else ' ' + one.unit}"
-        word = one.worst.lower().replace("_", " ")
+        word = one.worst.lower().replace("_", " ") + (f", stale {one.stale}x" if one.stale else "")
+        word += ", in part" if _in_part(one) else ""
         rows.append([
-            one.what, word + (f", stale {one.stale}x" if one.stale else ""), count(one.violations), count(one.samples),
-            _at(one.first_s), peak, _at(one.peak_s),
+            one.what, word, count(one.violations), count(one.samples), _at(one.first_s), peak, _at(one.peak_s),
         ])  # fmt: skip
     show_rows(rows, right=(2, 3, 4, 5, 6))
     for one in worst_first:
         if one.why:
-            click.echo(f"{one.what}: {one.why}" if one.violated else f"{one.what} can't be told: {one.why}")
+            told = one.violated or _in_part(one)
+            click.echo(f"{one.what}: {one.why}" if told else f"{one.what} can't be told: {one.why}")
     violated = sum(one.violated for one in found)
     blind = sum(one.worst == "UNOBSERVABLE" for one in found)
-    judged = f"{len(found) - blind} judged" + (f", {blind} unobservable" if blind else "")
+    in_part = sum(map(_in_part, found))
+    judged = f"{len(found) - blind} judged" + (f", {in_part} of them in part" if in_part else "")
+    judged += f", {blind} unobservable" if blind else ""
     click.echo(f"{violated} of {len(found)} violated" if violated else f"nothing violated ({judged})")
     print(end="", flush=True)
+
+
+def _in_part(one: "Finding") -> bool:
+    """Whether some of it could not be judged, and some could."""
+    return bool(one.missing) and one.worst != "UNOBSERVABLE"
 
 
 def _at(seconds: float | None) -> str:
