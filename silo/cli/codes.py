@@ -10,7 +10,7 @@ EXIT_CODES = {  # the table of the reference
     EXIT_NO_LOGGER: "no such logger, or nobody there answers",
     EXIT_FOUND: "it looked, and found something: beyond its limits (`silo alarms`, `silo check`), not whole "
     "(`silo verify`), not as archived (`silo archive --check`), or different (`silo diff`, `silo compare`, "
-    "`silo param diff`, `silo script diff --exit-code`)",
+    "`silo param diff`, `silo script diff --exit-code`), or to be looked at (`silo script check`)",
     EXIT_BLIND: "it looked, and could not judge: some limits are blind (`silo alarms`), or all is (`silo check`, "
     "`silo compare`); what could be judged is well",
     EXIT_INTERRUPTED: "Ctrl-C",

@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import pytest
 
 import silo
-from silo.cli.codes import EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE
+from silo.cli.codes import EXIT_FAILED, EXIT_FOUND, EXIT_NO_LOGGER, EXIT_USAGE
 from silo.cli.common import logged_for, next_names, split_logger
 from silo.cli.edits import select, split_settings
 from silo.cli.group import COMMANDS, cli
@@ -323,7 +323,20 @@ def test_what_a_recording_can_not_have_is_told_as_it_begins(monkeypatch, capsys)
     ("more", "code", "out", "err"),
     [
         ("enabled: true", 0, "{}: fine, 1 element\n", ""),
-        ("rat: 0", 0, "{}: fine, 1 element\n", "warning: {}:3: element '/log/a': unknown key 'rat' in an element; "),
+        (
+            "rat: 0", EXIT_FOUND, "{}: 1 element, 2 warnings\n",
+            "warning: {}:3: element '/log/a': unknown key 'rat' in an element; ",
+        ),
+        (
+            "divider: 2", EXIT_FOUND, "{}: 1 element, 1 warning\n",
+            "warning: {}:2: element '/log/a' is off, as it has no key 'enabled': write `enabled: true`",
+        ),
+        *(
+            (
+                f"enabled: true\n- name: {name!r}\n  enabled: true", EXIT_FOUND, "{}: 2 elements, 1 warning\n",
+                f"warning: {{}}:4: element '{name}': names stand there whole, as `/log/joints/q`",
+            ) for name in ("q", "/log/*")
+        ),
         (
             "divider: 0", EXIT_FAILED, "",
             "{}:3: element '/log/a': divider must be a whole number from 1 to 2147483647, got 0",

@@ -17,6 +17,7 @@ from silo.core.quantities.writing import many
 if TYPE_CHECKING:
     from silo.client.client import Client
     from silo.scripts.requests import Scripts
+    from silo.settings.script import Script
 
 
 @click.group(cls=Verbs)
@@ -84,10 +85,11 @@ def show(client: "Client", path: str) -> None:
 @script.command(short_help="Check a script of this computer.")
 @click.argument("path", type=TypedPath(path_type=Path))
 @click.option("-l", "--logger", metavar="LOGGER", shell_complete=complete_logger, help="Check names against its table.")
-def check(path: Path, logger: str | None) -> None:
+def check(path: Path, logger: str | None) -> int:
     """Check a script of this computer; with --logger also whether its elements exist, and what it says of them fits.
 
-    Every problem is told with its line. Exit code 1 if there are any; unknown keys are warnings.
+    Every problem is told with its line. Exit code 1 if there are any, 4 for warnings: unknown keys, what is off by a
+    missing one, names that are none.
 
     \b
     Examples:
@@ -99,18 +101,31 @@ def check(path: Path, logger: str | None) -> None:
     from silo.settings.script import apply_script, read_script, script_conditions
 
     found = read_script(path)
-    _warn(found.warnings)
+    warnings = [*found.warnings, *(_doubtful_names(found) if logger is None else ())]
     if logger is not None:
         with connect(logger) as client:
             table, status = client.table(), client.status()
         plan = apply_script(found, table.elements, status.frequency_hz)
-        _warn(plan.rates)
+        warnings += plan.rates
         derived = tuple(Derived(info.name, info.expression, info.unit) for info in table.derived)
         now = Conditions(derived=derived)
         script_conditions(found, now, table.elements, plan, status.prefix, status.frequency_hz)
         if plan.unknown:
+            _warn(warnings)
             raise ScriptError("\n".join(f"{path}:{one}".replace(":line ", ":", 1) for one in plan.unknown))
-    click.echo(f"{path}: fine, {many(len(found.elements), 'element')}")
+    _warn(warnings)
+    elements = many(len(found.elements), "element")
+    click.echo(f"{path}: {elements}, {many(len(warnings), 'warning')}" if warnings else f"{path}: fine, {elements}")
+    return EXIT_FOUND if warnings else 0
+
+
+def _doubtful_names(found: "Script") -> list[str]:
+    """What a script lists under names that hardly any element has, whatever the logger."""
+    return [
+        f"{found.path}:{one.line}: element '{one.name}': names stand there whole, as `/log/joints/q`, each of its own"
+        for one in found.elements
+        if not one.name.startswith("/") or "*" in one.name
+    ]
 
 
 @script.command(short_help="Configure all elements by a script.")
