@@ -7,12 +7,14 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from silo.core.elements import LoggerOptions
+from silo.core.runtime import list_segments
 from silo.errors import SiloError
 from silo.journal.format import JOURNAL_SUFFIX
 from silo.journal.reader import JournalReader
 from silo.recovery.journals import claimed_journal, find_stale_journals, is_journal, remove_proven, sweep_journals
 from silo.recovery.left import LeftRun, RunReader
 from silo.recovery.segments import claimed_segment, find_stale, release_segment, segment_folder, sweep_segments
+from silo.segment.held_runs import readers
 
 log = logging.getLogger("silo")
 
@@ -53,8 +55,22 @@ def left_of(options: LoggerOptions) -> Iterator[LeftRun]:
             yield one
 
 
+def _beside(options: LoggerOptions) -> list[int]:
+    """Return the processes that log now under the name of a logger, into its folder."""
+    found = list[int]()
+    for reader in readers(list_segments(segment_folder(options)), options.name):
+        with contextlib.closing(reader):
+            schema = reader.schema
+            same = (schema.logger, schema.folder) == (options.name, options.folder)
+            if same and schema.logger_id != options.id and reader.alive():
+                found.append(schema.pid)
+    return sorted(set(found))
+
+
 def look_back(options: LoggerOptions, *, served: bool) -> None:
-    """Remove what dead processes left that holds no data; without a helper, warn of what predecessors left unsaved.
+    """Remove what dead processes left that holds no data; warn of others that log under this name into this folder.
+
+    Without a helper, warn of what predecessors left unsaved as well.
 
     For the first start of a logger, which saves nothing: the program waits for it. Its helper process saves it as soon
     as clients can come.
@@ -62,6 +78,13 @@ def look_back(options: LoggerOptions, *, served: bool) -> None:
     # a start doesn't fail for what others left; where there is no folder to look into, the start itself says so
     with contextlib.suppress(SiloError, OSError):
         sweep(options)
+        for pid in _beside(options):
+            log.warning(
+                "%s: process %d logs under this name into this folder, too: their files and events stand there side by "
+                "side, and `silo` asks which of the two is meant; give each a name of its own",
+                options.name,
+                pid,
+            )
         for stale in left_of(options) if not served else ():
             held = stale.holdings.text if stale.holdings else ""
             log.warning(

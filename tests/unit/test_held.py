@@ -5,6 +5,7 @@ import fcntl
 import os
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -14,6 +15,7 @@ from silo.recorder import left_recordings
 from silo.recorder.left_recordings import left_lists
 from silo.recorder.process import stored
 from silo.recovery.left import SavedMeanwhileError
+from silo.recovery.runs import look_back
 from silo.recovery.segments import claimed, discard, sweep_segments
 from silo.segment import held_runs as held
 from silo.segment.held_runs import (
@@ -315,3 +317,21 @@ def test_of_runs_that_make_room_at_each_start_is_told_once_and_in_one_number_whe
         log.stop()
     told = [record.getMessage().partition(" before")[0] for record in caplog.records if "made room" in record.message]
     assert told == ["1 run", "5 runs in all made room"]
+
+
+@pytest.mark.parametrize(
+    ("other", "is_told"),
+    [({"id": "another"}, True), ({}, False), ({"id": "another", "folder": "/elsewhere"}, False),
+     ({"id": "another", "name": "bo"}, False)],
+)  # fmt: skip
+def test_a_start_beside_another_program_of_that_name_and_folder_tells_of_it(new_logger, caplog, other, is_told) -> None:
+    log = new_logger("bot")
+    log.array("x")
+    log.start()
+    assert caplog.messages == []
+    look_back(msgspec.structs.replace(log.options, **other), served=True)
+    told = f"bot: process {os.getpid()} logs under this name into this folder, too"
+    assert [text.partition(": their")[0] for text in caplog.messages] == [told] * is_told
+    log.close(discard=True)
+    look_back(msgspec.structs.replace(log.options, **other), served=True)
+    assert len(caplog.messages) == is_told
