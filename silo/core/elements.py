@@ -263,6 +263,7 @@ MARKER = "marker"  # the kind of an event that somebody set
 PARAMETER = "parameter"  # of one that tells what parameters were, or became
 NOTED = (MARKER, PARAMETER)  # what the program notes in its segment
 SEEN = ("triggered", "captured", "limit", "limit ended")  # kinds of what is seen in samples, and told once it is judged
+TOLD_LATE_NS = 60_000_000_000  # so late is told, at most, what was before something else that is told already
 SEEN_LATE_NS = 3600_000_000_000  # told so much after its tick by the logger's clock: that clock isn't the wall's
 DAMAGED = "damaged"  # that of one in place of lines of the event log that can't be read
 GOES_ON = "goes on after a cut: its ticks count from 0"  # what the start of a stretch says that isn't the first
@@ -301,6 +302,23 @@ class LoggedEvent(msgspec.Struct, frozen=True, omit_defaults=True):
         """When it was, by the wall clock: of what was seen in samples that of its tick, else when it was told."""
         is_of_tick = self.kind in SEEN and 0 <= self.time_ns - self.stamp_ns < SEEN_LATE_NS
         return self.stamp_ns if is_of_tick else self.time_ns
+
+
+def by_clock(events: Iterable[LoggedEvent]) -> list[LoggedEvent]:
+    """Events as they were told, those that were told some time later where they were, by the wall clock.
+
+    As a start of which is told when its helper process is there, and a save beside it. What is earlier by more than a
+    minute was told by a clock that was set back, and stays behind what was before.
+    """
+    pieces: list[list[LoggedEvent]] = [[]]
+    newest_ns = 0
+    for event in events:
+        if event.clock_ns < newest_ns - TOLD_LATE_NS:
+            pieces.append([])
+            newest_ns = 0
+        newest_ns = max(newest_ns, event.clock_ns)
+        pieces[-1].append(event)
+    return [event for piece in pieces for event in sorted(piece, key=lambda one: one.clock_ns)]
 
 
 DEFAULT_MAX_TIME_S = 10.0

@@ -3,6 +3,7 @@ refused with the address of each.
 """
 
 from contextlib import ExitStack
+from pathlib import Path
 
 import msgspec
 
@@ -107,6 +108,9 @@ def not_found_text(name: str, discovery: Discovery) -> str:
         return "\n".join(map(down_text, down))
     wanted = f"no logger '{name}'" if name else "no logger"
     closed = [f"remote '{remote}': {why}" for remote, why in discovery.unreachable.items()]
+    if name and Path(name).is_dir():
+        lists = "`silo runs` lists the logs in one, `silo recover` tells what programs that died logged last there"
+        closed.insert(0, f"'{name}' is a folder: {lists}")
     where = "on this host" if not any(found.config for found in discovery.loggers) else "here"
     if discovery.loggers:
         others = ", ".join(told_apart(discovery.loggers))

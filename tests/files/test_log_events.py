@@ -8,8 +8,10 @@ import pytest
 from silo.analysis.log import Log
 from silo.analysis.plots.charts import ChartSpec, make_chart
 from silo.analysis.plots.drawing import draw_axes, draw_text
-from silo.core.elements import BufferType, LoggedEvent
+from silo.cli.main import run
+from silo.core.elements import BufferType, LoggedEvent, by_clock
 from silo.core.recording import Recording, stamped
+from silo.files.event_log import append_events
 
 START = 1_700_000_000_000_000_000
 STEP = 2_000_000
@@ -69,3 +71,37 @@ def test_events_of_a_run_without_a_tick_count_from_its_start():
     events = (LoggedEvent("parameter", "kp = 4", START + 5 * 10**8),)
     empty = Log(Recording("robot", np.zeros(0, np.int64), 0, (), started_ns=START, events=events))
     assert [event.seconds for event in empty.events] == [0.5]
+
+
+def test_events_stand_in_the_order_of_time_also_where_one_was_told_later(log):
+    ticks = [
+        LoggedEvent("triggered", "seen", START + 10**9, 20),
+        LoggedEvent("marker", "before", START + 5 * 10**8, 30),
+    ]
+    told = (*ticks, LoggedEvent("saved", "saved", START - 10**8))
+    recording = log.recording
+    made = Log(replace(recording, events=stamped(told, recording.time_ns, recording.offset)))
+    assert [event.text for event in made.events] == ["saved", "seen", "before"]
+    assert np.all(np.diff([event.seconds for event in made.events]) > 0)
+
+
+def test_what_has_no_tick_counts_from_where_the_run_of_a_clock_of_its_own_began(log):
+    """Ticks 500 to 599 of a simulation are held, at 1 to 1.2 s of its clock."""
+    time_ns = 10**9 + np.arange(100) * STEP
+    told = (LoggedEvent("marker", "push", START + 10**9, 510), LoggedEvent("saved", "saved", START + 11 * 10**8))
+    held = Recording("sim", time_ns, 600, (), started_ns=START, events=stamped(told, time_ns, 600))
+    push, saved = Log(held).events
+    assert (push.text, push.seconds) == ("push", pytest.approx(0.02))
+    assert (saved.text, saved.seconds) == ("saved", pytest.approx(0.1))
+
+
+def test_the_shell_prints_events_in_the_order_of_the_clock(tmp_path, capsys):
+    """A start is told when its helper process is there; a clock that is set back by an hour begins anew."""
+    seconds = (10, 9, 11, 3600, 12)
+    found = [
+        LoggedEvent("marker", f"at {at}", START + at * 10**9, number=number) for number, at in enumerate(seconds, 1)
+    ]
+    assert [one.text for one in by_clock(found)] == ["at 9", "at 10", "at 11", "at 3600", "at 12"]
+    append_events(tmp_path, "bot", found[:3])
+    assert run(["events", str(tmp_path)]) == 0
+    assert [line.split()[-1] for line in capsys.readouterr().out.splitlines()] == ["9", "10", "11"]

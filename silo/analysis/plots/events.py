@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from silo.analysis.compute.run_starts import run_start
 from silo.core.elements import LoggedEvent
 from silo.core.episodes.words import Episode, found_episodes
 from silo.core.quantities.writing import EPOCH_FROM_NS
-from silo.core.recording import Recording
+from silo.core.recording import Recording, falls
 
 MOST_SHOWN = 20
 
@@ -36,18 +37,22 @@ class LogEvent:
 def events_of(recording: Recording, start_ns: int) -> list[LogEvent]:
     """Return what happened, in the order of time; seconds count from `start_ns`.
 
-    Of a clock that is not the system's, what has no tick counts from the start by the system's.
+    Of a clock that is not the system's, what has no tick counts from the start of the run by the system's; where such a
+    clock stepped back, all stand as they were told.
     """
-    own = start_ns < EPOCH_FROM_NS
+    own, began = start_ns < EPOCH_FROM_NS, run_start(recording)
+    began_ns = start_ns if began is None else began.stamp_ns
 
     def seconds(event: LoggedEvent) -> float:
         by_system = own and event.at_ns >= EPOCH_FROM_NS
-        return (event.at_ns - (recording.started_ns if by_system else start_ns)) * 1e-9
+        at_ns = event.at_ns - recording.started_ns + began_ns if by_system else event.at_ns
+        return (at_ns - start_ns) * 1e-9
 
-    return [
+    found = [
         LogEvent(event.tick, event.at_ns, seconds(event), event.kind, event.text, event.who)
         for event in recording.events
     ]
+    return found if falls(recording.time_ns) else sorted(found, key=lambda one: one.seconds)
 
 
 def episodes_of(recording: Recording, start_ns: int) -> list[Episode]:

@@ -13,7 +13,7 @@ import msgspec
 
 from silo.cli.common import LogWord, complete_logger, connect, find_saved, json_option, means_saved, show_json
 from silo.cli.verbs import Target, Words, by_count, verb
-from silo.core.elements import LoggedEvent
+from silo.core.elements import LoggedEvent, by_clock
 from silo.core.episodes.words import BEGIN, END, VERDICTS, next_marks
 from silo.core.quantities.writing import wall_clock
 from silo.decoding import json_decoder
@@ -179,7 +179,7 @@ def _news(client: "Client", newest: int = 0) -> Iterator[Sequence[LoggedEvent]]:
 
 
 def _print(found: Sequence[LoggedEvent], as_json: bool) -> None:
-    for event in found:
+    for event in by_clock(found):
         if as_json:
             show_json(msgspec.structs.asdict(event))
         else:
