@@ -40,6 +40,34 @@ def pieces_of(log: Log, name: str, pieces: Pieces) -> list[EpisodeLog]:
     return [EpisodeLog(f"{name}#{one.number}", log.clip(one), log._of_episode(one, known=True), one) for one in found]
 
 
+class SeenMoments:
+    """Which ticks of which runs are in a data set: a run and what triggers captured of it have the same."""
+
+    def __init__(self) -> None:
+        self._seen: dict[tuple[str, int], list[tuple[int, int, str]]] = {}
+
+    def again(self, episode: str, log: Log) -> str:
+        """Note an episode; return what it shares with one before, in words; empty where nothing."""
+        recording = log.recording
+        run = recording.likely_run
+        if not run or not len(recording.time_ns):
+            return ""
+        first, last = recording.offset - len(recording.time_ns) + recording.early, recording.offset - 1
+        seen = self._seen.setdefault((run, recording.stretch.part if recording.stretch is not None else 0), [])
+        shared = next(
+            (
+                (max(first, begin), min(last, end), other)
+                for begin, end, other in seen
+                if first <= end and begin <= last
+            ),
+            None,
+        )
+        seen.append((first, last, episode))
+        if shared is None:
+            return ""
+        return f"ticks {shared[0]} to {shared[1]} of its run are in {shared[2]}, too: the same moments count twice"
+
+
 def with_facts(log: Log, episode: Episode) -> Log:
     """Return the log with what was said of the episode as signals, in place of its own of the same names."""
     recording = log.recording

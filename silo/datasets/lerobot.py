@@ -23,7 +23,7 @@ from silo.analysis.opening import open_log
 from silo.core.arguments import INT64, path, shown, whole
 from silo.core.episodes.words import Episode
 from silo.core.recording import Progress
-from silo.datasets.episodes import Pieces, facts_of, pieces_of, with_facts
+from silo.datasets.episodes import Pieces, SeenMoments, facts_of, pieces_of, with_facts
 from silo.datasets.frames import HOWS, Feature, FrameTable, How, frames, same_features, wanted_of, widths_of
 from silo.datasets.moments import Moments, merged
 from silo.datasets.npz import ENTRY, EpisodeFiles
@@ -43,7 +43,7 @@ COUNTERS = tuple(Feature(name, "int64", (1,)) for name in ("frame_index", "episo
 @dataclass
 class DataSet:
     """What was written: episodes, frames, and by run what was left out and why, of which frames it is short, which hold
-    what was long before, and which numbers are NaN or infinite in how many of them.
+    what was long before, which numbers are NaN or infinite in how many of them, and which moments are in another, too.
     """
 
     path: Path
@@ -53,6 +53,7 @@ class DataSet:
     short: list[tuple[str, str]] = field(default_factory=list)
     held: list[tuple[str, str]] = field(default_factory=list)
     not_finite: list[tuple[str, str]] = field(default_factory=list)
+    again: list[tuple[str, str]] = field(default_factory=list)
     lost: int = 0
 
 
@@ -122,6 +123,7 @@ def write_lerobot(
             writer = (EpisodeFiles if to == "episodes" else _Writer)(part, fps, robot, stack)
             done = DataSet(final)
             features = partial(wanted_of, state=state, action=action, also=also, how=how, window=window)
+            seen = SeenMoments()
             widths: dict[str, int] = {}  # of all runs, as each frame has one shape
             for one in _episodes(runs, episodes, where, DataSet(final)) if window else ():
                 with suppress(SiloError):  # it is left out below, and told why
@@ -138,7 +140,12 @@ def write_lerobot(
                 facts = {"silo/source": one.source, "silo/begin_s": made.begin_s, "silo/lost": lost}
                 writer.add(one.name, made, words, facts | ({} if one.marked is None else facts_of(one.marked)))
                 done.lost += lost
-                tells = ((done.short, made.lacks), (done.held, made.held), (done.not_finite, made.not_finite))
+                tells = (
+                    (done.short, made.lacks),
+                    (done.held, made.held),
+                    (done.not_finite, made.not_finite),
+                    (done.again, seen.again(one.name, one.log)),
+                )
                 for told, why in tells:
                     told.extend([(one.name, why)] if why else [])
             done.episodes, done.frames = len(writer.rows), writer.frames

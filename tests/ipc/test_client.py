@@ -46,7 +46,9 @@ def test_logger_is_found_by_name_label_and_when_it_is_the_only_one_and_closed_as
 def test_a_folder_in_place_of_a_logger_is_told_what_lists_its_logs(bench, tmp_path, monkeypatch):
     (tmp_path / "logs").mkdir()
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ConnectionLostError, match=r"no logger 'logs'.*\n'logs' is a folder: `silo runs` lists the logs"):
+    with pytest.raises(
+        ConnectionLostError, match=r"no logger 'logs'.*\n'logs' is a folder: `silo runs` lists the logs"
+    ):
         Client.connect("logs")
 
 

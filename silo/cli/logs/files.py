@@ -18,6 +18,7 @@ from click.shell_completion import CompletionItem
 
 from silo.cli.codes import EXIT_BLIND, EXIT_FOUND
 from silo.cli.common import LogWord, TypedPath, find_saved, progress, show, show_json, show_rows, together
+from silo.core.names import is_glob
 from silo.core.quantities.writing import count, many
 from silo.errors import ElementError, SiloError
 from silo.files.formats import readable, writable
@@ -72,11 +73,12 @@ _CONVERT_HELP = f"""Convert a log to another format, chosen by the ending of OUT
       silo convert 17 walk.rosbag2         (run number 17 of this folder)
       silo convert run.mcap run.silo
       silo convert --rate 100 rosbag2_2026_11_22 drive.csv
-      silo convert run_*.silo data/ --to lerobot --fps 30 --state 'joints/q*' \\
+      silo convert runs/ data/ --to lerobot --fps 30 --state 'joints/q*' \\
           --action 'cmd/*' --task 'pick the cup'
 
     --to lerobot makes a data set for training (LeRobot v3.0, without cameras) of several runs: an episode of each;
-    --to episodes a NumPy file of each.
+    --to episodes a NumPy file of each. A folder, or a glob in quotes, means all runs there, and no captures; the shell
+    makes names of a glob without, captures too, and moments that are in two episodes are told.
     """
 
 
@@ -126,6 +128,18 @@ _of_data_sets = together(
 )  # fmt: skip
 
 
+def _every(source: str, *, captures: bool) -> list[Path]:
+    """The logs that one IN of a data set means: of a folder or a glob all runs, and how many they are is told."""
+    from silo.files.naming import find_logs
+
+    if not (Path(source).is_dir() or is_glob(source)):
+        return [find_saved(source)]
+    found = find_logs(source, tell=lambda text: click.echo(text, err=True), captures=captures)
+    if found != [Path(source)]:
+        click.echo(f"{source}: {many(len(found), 'log')}", err=True)
+    return found
+
+
 def _make_data_set(sources: tuple[str, ...], target: Path, force: bool, options: dict[str, Any]) -> None:
     """Write a data set, check what was written, and say what was left out."""
     from silo.datasets.check import check_lerobot
@@ -133,13 +147,13 @@ def _make_data_set(sources: tuple[str, ...], target: Path, force: bool, options:
 
     if not options["fps"] or not options["state"]:
         raise click.UsageError("a data set needs --fps and at least one --state: --fps 30 --state 'joints/*'")
-    runs = [find_saved(source) for source in sources]
     options["how"], options["episodes"] = options["how"] or "last", options["episodes"] or "runs"
+    runs = [run for source in sources for run in _every(source, captures=options["episodes"] == "captures")]
     with progress(f"{target}") as tell:
         made = write_lerobot(runs, target, force=force, progress=tell, **options)
     for name, why in made.left_out:
         click.echo(f"left out: {name}: {why}", err=True)
-    for name, why in (*made.short, *made.held, *made.not_finite):
+    for name, why in (*made.short, *made.held, *made.not_finite, *made.again):
         click.echo(f"warning: {name}: {why}", err=True)
     if made.lost:
         click.echo(
