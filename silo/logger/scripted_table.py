@@ -659,7 +659,7 @@ class ScriptedTable:
             self._take_in()  # with what its own script says, which is not to be lost
         target = self._script_path(path)
         own = target.resolve() == Path(self._options.script).resolve()
-        kept = write_script(target, self._table.infos, self._conditions.now, own=own)
+        kept = write_script(target, self._table.infos, self._conditions.now, own=own, prefix=self._options.prefix)
         if kept:
             log.warning("%s: script saved%s", target, kept)
         return target

@@ -107,8 +107,9 @@ class ScriptServer(Server, does=[requests]):
         script_folder.check_target(target, self._own_script, overwrite=overwrite)
         now = self.replica.now
         kept = write_script(
-            target, now.table.elements, now.robot.conditions, own=target.resolve() == self._own_script.resolve()
-        )
+            target, now.table.elements, now.robot.conditions,
+            own=target.resolve() == self._own_script.resolve(), prefix=now.options.prefix,
+        )  # fmt: skip
         text = f"configuration saved: {target}{kept}"
         self.events.publish(EventKind.SCRIPT_SAVED, text, by=turn.by)
         return text

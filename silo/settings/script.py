@@ -25,7 +25,14 @@ from silo.core.names import grouped, nearest
 from silo.core.quantities.writing import and_more
 from silo.errors import SaveError, ScriptError, reason
 from silo.settings.options import IN_SCRIPT, OptionValue
-from silo.settings.script_conditions import Lines, fitting_conditions, format_conditions, kinds_of, merged
+from silo.settings.script_conditions import (
+    Lines,
+    fitting_conditions,
+    format_conditions,
+    kinds_of,
+    merged,
+    with_left_out,
+)
 from silo.settings.script_reader import Reader, ScriptElement, UnknownKey
 from silo.settings.typed import ElementSettings, rate_words
 from silo.settings.yaml_nodes import Pair, collector_paused, compose, explain, text_of
@@ -279,11 +286,13 @@ def write_script(
     conditions: Conditions | None = None,
     *,
     own: bool = False,
+    prefix: str = "",
 ) -> str:
     """Write `format_script(table)` to `path`, whole or not at all; a script that stands there is replaced.
 
     Keys of that script that silo doesn't know are kept, as far as their elements are in the table. Of the logger's
-    `own` script so are elements that the table lacks: their sensor may be away today, or be added later. Without
+    `own` script so are elements that the table lacks, and conditions that speak of such (with names without `prefix`):
+    their sensor may be away today, or be added later. Without
     `conditions` (None), those of that script are kept too. Returns what a save says of what it kept; empty if there
     was nothing. Raises `ScriptError` when the file can't be written; what stood there is then untouched.
     """
@@ -296,7 +305,9 @@ def write_script(
         there = _read_again(final, names)
         unlisted = there.unlisted if own else {}
         old = there.conditions or NO_CONDITIONS
-        now = old if conditions is None else conditions
+        now, left_out = old if conditions is None else conditions, list[str]()
+        if own and conditions is not None:
+            now, left_out = with_left_out(now, old, table, prefix)
         named: dict[str, list[str]] = {key: [one.name for one in items] for key, items in kinds_of(now)}
         kept = [found for key in there.unknown if (found := _placed(key, names, named)) is not None]
         text = format_script(table, kept, now, unlisted.values()).encode()
@@ -309,9 +320,9 @@ def write_script(
     except SaveError as error:
         raise ScriptError(f"{path}: the script can't be written: {error}") from error
     told = f"; kept what silo doesn't know: {and_more([key.label for key in kept], 5)}" if kept else ""
-    if unlisted:
-        gone = "delete their lines if they are gone for good"
-        told += f"; kept what this program doesn't have: {and_more(list(unlisted), 5)} ({gone})"
+    if unlisted or left_out:
+        what = and_more([*unlisted, *left_out], 5)
+        told += f"; kept what this program doesn't have: {what} (delete their lines if they are gone for good)"
     return told
 
 

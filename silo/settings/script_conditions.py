@@ -289,3 +289,24 @@ def fitting_conditions(
                 if len(unfit) >= most:
                     return made, unfit
     return made, unfit
+
+
+def with_left_out(
+    now: Conditions, script: Conditions, elements: Sequence[ElementInfo], prefix: str
+) -> tuple[Conditions, list[str]]:
+    """Return conditions with those of a script, too, that speak of what a table lacks, and the names of these."""
+    each = sum(len(items) for _, items in kinds_of(script))
+    _, unfit = fitting_conditions(script, elements, prefix, 1.0, script.triggers, most=each + 1)
+    gone = {(one.kind, one.name) for one in unfit if one.is_of_another_table}
+
+    def kept(kind: Kind, items: Sequence[_Item], there: Sequence[_Item]) -> tuple[_Item, ...]:
+        names = {one.name for one in there}
+        return tuple(one for one in items if (kind, one.name) in gone and one.name not in names)
+
+    more = Conditions(
+        kept(DERIVED, script.derived, now.derived),
+        kept(LIMITS, script.limits, now.limits),
+        kept(TRIGGERS, script.triggers, now.triggers),
+    )
+    names = [one.name for _, items in kinds_of(more) for one in items]
+    return Conditions(now.derived + more.derived, now.limits + more.limits, now.triggers + more.triggers), names

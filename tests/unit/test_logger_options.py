@@ -219,6 +219,13 @@ def test_what_a_script_says_of_names_that_are_gone_is_left_out_at_the_start_with
     logger.stop()
     with pytest.raises(ScriptError, match=r"logger\.yaml:5"):  # by who asks for it
         logger.load_script()
+    before = read_script(script).conditions
+    logger.save_script()
+    assert "kept what this program doesn't have: /log/err, err, far (delete" in caplog.messages[-1]
+    after = read_script(script).conditions
+    assert (after.derived, after.triggers) == (before.derived, before.triggers)
+    assert {one.name for one in after.limits} == {"err", "y"}
+    assert [one.name for one in logger._conditions.now.limits] == ["y"]
 
 
 def test_a_start_that_fails_for_its_script_says_how_to_go_on_without_it(new_logger, tmp_path):
