@@ -412,7 +412,7 @@ def _word(state: EntryState, value: float) -> LimitWord:
         return _WORDS[state.level]
     if state.stale:
         return LimitWord.STALE
-    return LimitWord.BLIND if math.isnan(value) and not state.count else LimitWord.OK
+    return LimitWord.BLIND if math.isnan(value) else LimitWord.OK
 
 
 def _no_value(since_ns: int) -> str:

@@ -222,3 +222,12 @@ def test_a_limit_of_what_never_had_a_value_says_that(robot):
     robot.collect(math.nan, math.nan)
     robot.told()
     assert [one.why for one in robot.judge.limits.statuses()] == ["it has no value yet"]
+
+
+def test_a_signal_that_was_over_and_has_no_value_now_is_not_called_well_again(robot):
+    robot.start()
+    robot.collect(30, 0, math.nan)
+    robot.told()
+    (one,) = robot.judge.limits.statuses()
+    assert (one.word.value, one.violated, one.alarm, one.count) == ("~~", True, True, 1)
+    assert one.why.startswith("it has no value (NaN) since")
