@@ -231,3 +231,17 @@ def test_a_signal_that_was_over_and_has_no_value_now_is_not_called_well_again(ro
     (one,) = robot.judge.limits.statuses()
     assert (one.word.value, one.violated, one.alarm, one.count) == ("~~", True, True, 1)
     assert one.why.startswith("it has no value (NaN) since")
+
+
+def test_since_when_there_is_no_value_is_known_when_the_limits_are_changed(robot):
+    robot.start()
+    robot.collect(0, math.nan)
+    robot.told()
+    (before,) = robot.judge.limits.statuses()
+    robot.logger.limit("x", (None, None, 6, 10))
+    robot.judge.adopt(robot.logger._conditions.now)
+    robot.collect(math.nan)
+    robot.told()
+    (after,) = robot.judge.limits.statuses()
+    assert (after.bounds, after.why) == ((None, None, 6, 10), before.why)
+    assert "since" in after.why
