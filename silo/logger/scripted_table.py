@@ -380,7 +380,7 @@ class ScriptedTable:
             self._table.adopt()
             if read_script and Path(self._options.script).exists():
                 try:
-                    self.load_script()
+                    self._load(Path(self._options.script), by_update=True)
                 except ScriptError as error:
                     raise ScriptError(
                         f"{error} (the logger's own script, read at its start: mend or remove it, name another by "
@@ -587,10 +587,13 @@ class ScriptedTable:
             SegmentError: there is no room for another stretch; nothing is changed.
             ScriptError: the script has problems, one per line; nothing is changed then.
         """
+        return self._load(self._script_path(path), cut=switch("cut", cut))
+
+    def _load(self, file: Path, *, cut: bool = False, by_update: bool = False) -> list[str]:
+        """Do what `load_script` does; by an update, or as the first of a logger, what is gone of it is left out."""
         from silo.settings.script import apply_script, read_script, script_conditions
 
-        file = self._script_path(path)
-        with self._changing(cut=switch("cut", cut), what="load a script"):
+        with self._changing(cut=cut, what="load a script"):
             if self.is_updated or file != Path(self._options.script):
                 self._take_in()
             else:
@@ -601,7 +604,7 @@ class ScriptedTable:
             at_start, left_out = not self.is_updated and file == Path(self._options.script), list[str]()
             conditions = script_conditions(
                 script, self._conditions.now, self._table.infos, plan, prefix, frequency_hz,
-                left_out=left_out if at_start else None,
+                left_out=left_out if at_start or by_update else None,
             )  # fmt: skip
             if at_start:
                 self._tell_applied(file, plan.options, conditions)

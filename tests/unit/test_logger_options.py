@@ -219,6 +219,7 @@ def test_what_a_script_says_of_names_that_are_gone_is_left_out_at_the_start_with
     logger.stop()
     with pytest.raises(ScriptError, match=r"logger\.yaml:5"):  # by who asks for it
         logger.load_script()
+    logger.update()  # as a start does
     before = read_script(script).conditions
     logger.save_script()
     assert "kept what this program doesn't have: /log/err, err, far (delete" in caplog.messages[-1]
