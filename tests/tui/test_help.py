@@ -67,7 +67,7 @@ def test_the_words_of_options_and_filter_are_those_of_their_tables():
 
 
 def test_no_group_is_divided_where_that_makes_no_column_much_longer():
-    assert "(more)" not in page(entries("table", everywhere=False), 80).plain
+    assert "(more)" not in page(entries("recordings", everywhere=False), 80).plain
     assert "(more)" in page(entries("events", everywhere=False), 160).plain  # half as long again
 
 
