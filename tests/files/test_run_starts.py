@@ -11,7 +11,7 @@ from silo.analysis.compare import differences
 from silo.analysis.log import Log, run_begins
 from silo.analysis.reports import format_report, report
 from silo.core.conditions import CaptureFacts, Conditions
-from silo.core.elements import LoggedEvent
+from silo.core.elements import LoggedEvent, Stretch
 from silo.core.recording import Recording
 from silo.guards.guard import guard
 from silo.guards.rules import read_rules
@@ -114,6 +114,15 @@ def test_a_run_begins_at_its_first_tick_counted_back_from_the_earliest_whose_sta
     assert Log(held(time_ns, 0)).run_start_ns is None
     assert Log(held(time_ns[:1], 500)).run_start_ns is None, "nothing tells how far ticks were from each other"
     assert Log(held(time_ns[:1], 401, frequency_hz=100.0)).run_start_ns == BEGAN_NS
+
+
+def test_the_parts_of_a_run_that_was_cut_meet_by_the_starts_of_each(runs):
+    first = replace(runs[0].recording, offset=1000, stretch=Stretch("cut", part=1, parts=2))
+    second = replace(first, time_ns=first.time_ns + 10**10, stretch=Stretch("cut", part=2, parts=2))
+    assert not silo.compare(Log(first), Log(second))
+    unknown = [replace(one, stretch=None) for one in (first, second)]
+    with pytest.raises(silo.ElementError, match="no time in common"):
+        Log(unknown[0])["q"] - Log(unknown[1])["q"]  # of one run all stamps are of one clock
 
 
 def test_two_captures_meet_by_their_first_samples(runs):

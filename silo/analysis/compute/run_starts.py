@@ -26,10 +26,12 @@ class RunStart(NamedTuple):
 def run_start(recording: Recording) -> RunStart | None:
     """Return where the run of a recording began; None where its file doesn't tell, as those of others don't."""
     time_ns, before = recording.time_ns, recording.offset - len(recording.time_ns)
-    if not len(time_ns) or recording.started_ns <= 0 or before < 0:
+    if recording.started_ns <= 0 or not len(time_ns) or before < 0:
         return None
     captured = recording.conditions.capture is not None
-    run = recording.likely_run or f"{recording.logger} {recording.started_ns}"
+    run, stretch = recording.likely_run or f"{recording.logger} {recording.started_ns}", recording.stretch
+    if stretch is not None and stretch.part > 1:  # ticks of a run that was cut count anew
+        run = f"{run} {stretch.part}"
     told = [(event.tick, event.stamp_ns) for event in recording.events if 0 <= event.tick < before and event.stamp_ns]
     tick, stamp_ns = min(told, default=(before, int(time_ns[0])))
     if not tick:
