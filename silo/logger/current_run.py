@@ -367,8 +367,8 @@ class CurrentRun:
         held += f", and {many(self.unsaved_before, 'tick')} before that" if self.unsaved_before else ""
         raise UnsavedError(
             f"logger '{options.name}' holds {held}, and what is new of it is in no file; a start clears it: save it "
-            "first, or say what is to become of it (in the shell --save or --discard; unsaved='save' or, of a client, "
-            "'discard', of the program itself 'clear'); nothing was changed"
+            "first, or say what is to become of it (the program by unsaved='save' or 'clear', a client by 'save' or "
+            "'discard', in the shell --save or --discard); nothing was changed"
         )
 
 
