@@ -76,6 +76,7 @@ class Commit(msgspec.Struct, frozen=True):
     saved_ticks: int = 0
     ended: bool = False
     unheld: dict[str, int] = {}
+    cut_texts: dict[str, int] = {}
 
 
 class Head(msgspec.Struct, frozen=True):

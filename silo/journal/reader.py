@@ -214,6 +214,10 @@ class JournalReader:
         """At which ticks an element could not be read."""
         return self._commit.failures.get(element.info.name, NO_FAILURES)
 
+    def cut_texts(self) -> dict[str, int]:
+        """Elements of which texts were cut to their room, with the length of the longest."""
+        return self._commit.cut_texts
+
     def unheld(self) -> dict[str, int]:
         """Elements whose array nobody but silo held any more, with the tick at which that was seen."""
         return self._commit.unheld

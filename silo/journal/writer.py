@@ -194,6 +194,7 @@ class JournalWriter:
             saved_ticks=saved,
             ended=ended,
             unheld=source.unheld(),
+            cut_texts=source.cut_texts(),
         )
 
     def _write_batch(self, stream: _Stream, source: SegmentReader, commit: Commit) -> _Batch:

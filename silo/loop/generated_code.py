@@ -9,6 +9,7 @@ Facts that decide its form, beside those in `silo.loop.pieces`:
 """
 
 import functools
+import itertools
 import marshal
 import sys
 from collections import Counter, defaultdict
@@ -67,6 +68,9 @@ class SlowReads:
         """`chunks` are those of the growing rings, by ring; they may come later."""
         self._plan, self._segment, self._chunks = plan, segment, chunks
         self._blocks = {element.info.name: element.failures for element in segment.schema.elements}
+        for slot in itertools.chain(*plan.scratch.by_divider().values()):
+            if isinstance(slot.source, ValuePath) and slot.source.cuts is not None:
+                slot.source.cuts.begin_run(functools.partial(segment.note_cut, self._blocks[slot.name]))
         self._columns: dict[int, tuple[RingPlan | None, list[tuple[int, int]]]] = {}
 
     def read(self, slots: Sequence[Slot], tick: int) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.names import grouped
-from silo.loop.sources import Reference, Source, ValuePath, read_steps, tell_cut
+from silo.loop.sources import Reference, Source, ValuePath, read_steps
 from silo.segment.layout import STAMP_WORDS
 
 logger = logging.getLogger("silo")
@@ -52,7 +52,6 @@ class Slot:
     view: NDArray[Any]
     offset: int = 0  # bytes from the start of the scratch
     said: bool = False
-    said_cut: bool = False
     first: bytes = b""  # what stands there before the first tick
 
     def try_store(self) -> bool:
@@ -68,15 +67,14 @@ class Slot:
         return True
 
     def _look_for_cut(self, given: NDArray[Any]) -> None:
-        """Tell once that one of several texts is longer than their room; of one alone `silo.loop.sources` does."""
-        letters = {"S": 1, "U": 4}
-        room = self.view.dtype.itemsize // letters[self.view.dtype.kind]
-        if self.said_cut or not self.view.shape or given.dtype.itemsize // letters[given.dtype.kind] <= room:
+        """Tell that one of several texts is longer than their room; of one alone `silo.loop.sources` does."""
+        cuts = self.source.cuts if isinstance(self.source, ValuePath) else None
+        if cuts is None or not self.view.shape or given.dtype.kind not in "SU":
             return
-        longest = int(np.char.str_len(given).max())
-        if longest > room:
-            self.said_cut = True
-            tell_cut(self.name, longest, room, "letters" if self.view.dtype.kind == "U" else "bytes")
+        if given.dtype.itemsize // (4 if given.dtype.kind == "U" else 1) > cuts.room:
+            longest = int(np.char.str_len(given).max())
+            if longest > cuts.room:
+                cuts.tell(longest)
 
     @property
     def needs_last(self) -> bool:

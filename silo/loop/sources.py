@@ -17,7 +17,7 @@ import weakref
 from array import array
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -87,6 +87,7 @@ class ValuePath:
     shape: tuple[int, ...] = ()
     convert: Callable[[Any], Any] | None = None
     labels: Mapping[int, str] | None = None
+    cuts: "CutTexts | None" = field(default=None, compare=False)
 
     @property
     def nbytes(self) -> int:
@@ -283,11 +284,14 @@ def express(
         )
     _check_fits(value, made, name, string_bytes)
     dtype, shape, convert, labels = made
+    cuts = CutTexts(
+        name, dtype.itemsize // (4 if dtype.kind == "U" else 1), "letters" if dtype.kind == "U" else "bytes"
+    )
     if convert is encode_text:
-        convert = _fitting(name, dtype.itemsize, is_text=True)
+        convert = _fitting(cuts, is_text=True)
     elif isinstance(value, bytes):
-        convert = _fitting(name, dtype.itemsize, is_text=False)
-    return ValuePath(root, steps, dtype, shape, convert, labels)
+        convert = _fitting(cuts, is_text=False)
+    return ValuePath(root, steps, dtype, shape, convert, labels, cuts if dtype.kind in "SU" else None)
 
 
 def _check_fits(value: object, made: "_Stored", name: str, string_bytes: int | None) -> None:
@@ -354,27 +358,41 @@ def encode_text(value: str) -> bytes:
     return value.encode("utf-8", "replace")
 
 
-def _fitting(name: str, size_bytes: int, *, is_text: bool) -> Callable[[Any], bytes]:
-    """`encode_text`, or bytes as they are; says once that one is cut, as its first value told how long it may be."""
-    told = False
+class CutTexts:
+    """Tells of texts that are longer than their room: once so that people read it, and each run, for its files."""
+
+    def __init__(self, name: str, room: int, unit: str) -> None:
+        self.room, self._name, self._unit = room, name, unit
+        self._told = False
+        self._note: Callable[[int], None] | None = None
+
+    def begin_run(self, note: Callable[[int], None]) -> None:
+        """From now on `note` takes how long a text is that is cut."""
+        self._note = note
+
+    def tell(self, length: int) -> None:
+        """One of so many bytes, or letters, was cut."""
+        if not self._told:
+            self._told = True
+            log.warning(
+                "%s: a text of %d %s is cut to %d: give string_bytes=%d or more where it is added",
+                self._name, length, self._unit, self.room, length,
+            )  # fmt: skip
+        if self._note is not None:
+            self._note(length)
+
+
+def _fitting(cuts: CutTexts, *, is_text: bool) -> Callable[[Any], bytes]:
+    """`encode_text`, or bytes as they are; tells of those that are cut, as its first value told how long it may be."""
+    size_bytes = cuts.room
 
     def fitting(value: Any) -> bytes:
-        nonlocal told
         text: bytes = value.encode("utf-8", "replace") if is_text else value
-        if len(text) > size_bytes and not told:
-            told = True
-            tell_cut(name, len(text), size_bytes)
+        if len(text) > size_bytes:
+            cuts.tell(len(text))
         return text
 
     return fitting
-
-
-def tell_cut(name: str, length: int, room: int, unit: str = "bytes") -> None:
-    """Tell of a text that is longer than its room."""
-    log.warning(
-        "%s: a text of %d %s is cut to %d: give string_bytes=%d or more where it is added",
-        name, length, unit, room, length,
-    )  # fmt: skip
 
 
 def as_utc(value: datetime.datetime | datetime.date) -> np.datetime64:

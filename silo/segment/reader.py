@@ -21,7 +21,7 @@ from silo.core.elements import BufferType, LoggedEvent
 from silo.core.recording import NO_FAILURES, Failures, Recording
 from silo.core.runtime import boot_id, has_writer, open_into, pid_namespace, process_start, unopened
 from silo.errors import SegmentError, reason
-from silo.segment.failures import BLOCK_WORDS, read_failures
+from silo.segment.failures import BLOCK_WORDS, read_cut, read_failures
 from silo.segment.layout import (
     LINE_WORDS,
     MAGIC,
@@ -317,6 +317,13 @@ class SegmentReader:
             return NO_FAILURES
         self._check_size()
         return read_failures(self._words[element.failures : element.failures + BLOCK_WORDS].tolist())
+
+    def cut_texts(self) -> dict[str, int]:
+        """Elements of which texts were cut to their room, with the length of the longest."""
+        self._check_size()
+        able = [element for element in self.schema.elements if element.failures >= 0]
+        blocks = {one.info.name: self._words[one.failures : one.failures + BLOCK_WORDS] for one in able}
+        return {name: cut for name, block in blocks.items() if (cut := read_cut(block[:2].tolist()))}
 
     @functools.cached_property
     def _failing(self) -> tuple[list[str], NDArray[np.intp]]:

@@ -119,6 +119,9 @@ class RowSource(Protocol):
     def failures(self, element: ElementSchema) -> Failures:
         """At which ticks an element could not be read."""
 
+    def cut_texts(self) -> dict[str, int]:
+        """Elements of which texts were cut to their room, with the length of the longest."""
+
     def unheld(self) -> dict[str, int]:
         """Elements whose array nobody but silo holds any more, with the tick at which that was seen."""
 

@@ -96,6 +96,14 @@ def _recorded(source: RowSource, element: ElementSchema, rows: Rows, due: int, f
     )
 
 
+def cut_text(name: str, length: int, element: RecordedElement) -> str:
+    """That texts of an element were cut to their room, and how long one of them was."""
+    dtype = next((one.values.dtype for one in element.entries if one.values.dtype.kind in "SU"), np.dtype("S"))
+    room, unit = (dtype.itemsize // 4, "letters") if dtype.kind == "U" else (dtype.itemsize, "bytes")
+    cut = f"texts of up to {length} {unit} were cut to {room}"
+    return f"{name}: {cut}: give string_bytes={length} or more where it is added"
+
+
 def _same(element: RecordedElement, ticks: int) -> str:
     """That all samples are the same, bit for bit, in words; empty where they are not, or one alone."""
     if element.count < 2:
@@ -113,6 +121,8 @@ def _warnings(source: RowSource, elements: list[RecordedElement], ticks: int) ->
         warnings.append(lost_text(lost, source.lost_whys()))
     failed = [element for element in elements if element.failures.count]
     warnings += [f"{element.name}: {failures_text(element.failures)}" for element in failed]
+    cuts = source.cut_texts()
+    warnings += [cut_text(element.name, cuts[element.name], element) for element in elements if element.name in cuts]
     unheld = source.unheld()
     warnings += [
         f"{element.name}: {unheld_text(unheld[element.name], _same(element, ticks))}"

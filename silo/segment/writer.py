@@ -30,7 +30,7 @@ from silo.core.runtime import (
     unopened,
 )
 from silo.errors import NoRoomError, SegmentError, reason
-from silo.segment.failures import BLOCK_WORDS
+from silo.segment.failures import BLOCK_WORDS, record_cut
 from silo.segment.held_runs import hold
 from silo.segment.layout import (
     LAYOUT_VERSION,
@@ -261,6 +261,11 @@ class Segment:
             return self._failed
         blocks = {element.info.name: element.failures for element in self.schema.elements if element.failures >= 0}
         return {name: self.words[block] for name, block in blocks.items() if self.words[block]}
+
+    def note_cut(self, block: int, length: int) -> None:
+        """Remember in the block of failures of an element that a text of so many bytes or letters was cut."""
+        if not self._counted and not self._file.closed:
+            record_cut(self.words, block, length)
 
     def note_unheld(self, place: int, tick: int) -> None:
         """Remember that nobody but silo held the array of the element at this place of the schema, seen at a tick."""

@@ -6,7 +6,10 @@ import enum
 import numpy as np
 import pytest
 
+import silo
+from silo.core.recording import Failures
 from silo.errors import SourceError
+from silo.segment.failures import BLOCK_WORDS, read_cut, read_failures, record_cut, record_failure
 from tests.stand_ins.ticking import Robot, warnings_of
 
 
@@ -244,3 +247,34 @@ def test_a_value_without_a_type_is_refused(new_logger):
 def test_a_function_that_fails_is_refused_with_its_reason(new_logger):
     with pytest.raises(SourceError, match=r"reading \(\) failed \(ZeroDivisionError"):
         new_logger().add(lambda: 1 / 0, "x")
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "words"),
+    [("", "walking", "7 bytes were cut to 4"), (["ab", "c"], ["ab", "walking"], "7 letters were cut to 4")],
+)
+def test_the_file_of_each_run_tells_of_its_texts_that_were_cut(tmp_path, first, second, words):
+    robot = Robot(x=first)
+    log = silo.Logger("bot", folder=tmp_path)
+    log.add(robot, attr="x", string_bytes=4)
+    told = []
+    for values in ([first, second, first], [first, first], [second]):
+        log.start()
+        for robot.x in values:
+            log.collect()
+        log.stop()
+        told.append(silo.open_log(log.save().path).warnings)
+    log.close()
+    cut = f"/log/x: texts of up to {words}: give string_bytes=7 or more where it is added"
+    assert told == [(cut,), (), (cut,)]
+
+
+def test_failures_and_cut_texts_are_counted_side_by_side():
+    words = memoryview(bytearray(8 * BLOCK_WORDS)).cast("q")
+    record_failure(words, 0, 5, 1)
+    for length in (70, 3_000_000, 9):
+        record_cut(words, 0, length)
+    for tick in (6, 9):
+        record_failure(words, 0, tick, 1)
+    assert read_failures(words.tolist()) == Failures(3, ((5, 6), (9, 9)))
+    assert read_cut(words.tolist()) == 2**20 - 1

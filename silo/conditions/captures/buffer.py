@@ -39,6 +39,7 @@ class CaptureBuffer:
         self.capture = capture
         self._reader = reader
         self.ring_lost, self.lost_whys, self.failures = reader.ring_lost, reader.lost_whys, reader.failures
+        self.cut_texts = reader.cut_texts
         elements = [element for element in reader.schema.elements if element.info.options.action.saves]
         self._rings = {TIME_RING, *(element.ring for element in elements)}
         self._parts: dict[int, list[Rows]] = {ring: [] for ring in self._rings}
