@@ -386,6 +386,8 @@ class SiloApp(Guarded, App[None]):
             self.context.leave_file()  # from the table of a file to that of the logger behind it
         while (screen := self.context.upper_screen) is not None and screen.scope not in HOMES:
             self.context.leave_screen()
+        if screen is not upper and screen is not None and screen.scope == "loggers":
+            self.context.back_to_table()
         behind = self.context.logger_session
         if screen is not upper and self.context.file_over_logger and behind is not None:
             self.context.say(f"the table of the file; {key_of('go_home')} again: {behind.name}")

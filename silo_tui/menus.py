@@ -90,7 +90,10 @@ class MenuReader:
         if entries is None and back is not None and back.id in MENUS:
             screen.action_command(back.id)
             return
-        if entries is None and back is not None and self._menu == "menu_plots" and back.id in (*ZOOM, *PAN):
+        lines = ("filter", "list_filter", "command")
+        to_line = back is not None and back.id in lines  # who types one may not know that a refusal left the menu open
+        in_plots = back is not None and self._menu == "menu_plots" and back.id in (*ZOOM, *PAN)
+        if entries is None and back is not None and (to_line or in_plots):
             self.close()
             screen.action_command(back.id)
             return

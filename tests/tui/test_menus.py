@@ -6,7 +6,7 @@ import pytest
 from textual import events
 
 from silo_tui.actions import BY_ID
-from silo_tui.keymap import OPENERS, in_menu
+from silo_tui.keymap import OPENERS, in_menu, use_keys
 from silo_tui.menus import DRAWN_AFTER_S, DRAWN_AFTER_THIN_S, MenuReader
 from silo_tui.widgets.inputs import Fleeting
 from tests.stand_ins.desk import Plain, Sheet
@@ -283,3 +283,15 @@ def test_the_menu_of_edits_and_the_words_typed_call_what_is_saved_a_configuratio
     _, entries = menu(reading, "e")
     assert {"w  Save configuration", "l  Load configuration"} <= {each.strip() for each in entries}
     assert BY_ID["save_script"].typed.help == "save the configuration"
+
+
+@pytest.mark.slow
+async def test_a_filter_that_is_typed_behind_a_refused_entry_is_a_filter(fake, opened):
+    use_keys("two-layer", {})
+    async with opened(fake.run()) as screen:
+        await screen.press("v")
+        await screen.shows("Esc Leaves the menu")
+        await screen.press("u")
+        await screen.shows("none marked")
+        await screen.press("slash", *"torque", "enter")
+        await screen.until(lambda: screen.session.rows.filter.text == "torque", "what was typed as a filter")

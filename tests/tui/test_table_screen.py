@@ -398,3 +398,26 @@ async def test_what_was_said_long_before_is_gone_where_one_comes_back(fake, open
             await screen.press("escape")
             await screen.until(lambda: screen.app.screen.scope == "table", "the table")
             await screen.until(lambda stays=stays: ("limits of x are set" in screen.text) is stays)
+
+
+async def test_a_filter_is_typed_while_a_vector_is_unfolded(fake, opened):
+    async with opened(fake.run()) as screen:
+        await screen.enter(":goto base/position")
+        await screen.do("fold")
+        await screen.until(lambda: screen.session.rows.unfolded, "its entries")
+        await screen.press("slash", *"base")
+        await screen.until(lambda: all("base" in screen.session.table.names[row] for row in screen.session.rows.shown))
+        await screen.press("enter")
+        await screen.until(lambda: screen.session.rows.filter.text == "base")
+        assert screen.app.unforeseen.errors == []
+        assert screen.session.short_name(screen.session.table.names[screen.session.rows.row]).startswith("/base")
+
+
+async def test_what_failed_is_read_before_a_filter_takes_its_place(fake, opened):
+    async with opened(fake.run()) as screen:
+        screen.app.context.fail("the disk of the robot is full")
+        await screen.press("slash", "b", "enter")
+        await screen.until(lambda: screen.session.rows.filter.text == "b")
+        assert "the disk of the robot is full" in screen.text
+        await screen.press("slash", "escape")
+        assert "the disk of the robot is full" in screen.text

@@ -455,7 +455,14 @@ async def test_the_bar_has_one_order_on_every_screen_and_no_menu_without_an_entr
 
 async def test_home_is_the_table_from_wherever_one_is(fake, opened):
     async with opened(fake.run()) as screen:
-        for steps in (("monitor", "detail"), ("events",), ("triggers",), ("monitor", "alarms"), ("loggers",)):
+        for steps in (
+            ("monitor", "detail"),
+            ("events",),
+            ("triggers",),
+            ("monitor", "alarms"),
+            ("loggers",),
+            ("loggers", "settings"),
+        ):
             await screen.do(*steps)
             await screen.until(lambda: screen.app.screen.scope not in ("table", ""))
             await screen.do("go_home")

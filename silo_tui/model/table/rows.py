@@ -13,7 +13,7 @@ from silo_tui.model.samples.live import has_norm
 from silo_tui.model.table import filter as filters
 from silo_tui.model.table.columns import LIVE_COLUMNS, NAME, TREE, TableColumn, orders_of
 from silo_tui.model.table.state import Mask, Rows, TableState
-from silo_tui.model.table.tree import Branch, Tree, entry_of, list_of, parts_of, row_of, tree_of
+from silo_tui.model.table.tree import ENTRY, Branch, Tree, entry_of, list_of, parts_of, row_of, tree_of
 from silo_tui.model.words.names import below
 
 LEAVES_S = 2.0  # how long a row stays, dim, that a measured filter lets go
@@ -120,7 +120,8 @@ class RowList:
         self.filter = filters.parse(text)
         self.refresh()
         if row is None or self.row != row or (text and text != before):
-            places = np.flatnonzero(self.tree.lines >= 0).tolist() if text else []
+            is_row = (self.tree.lines >= 0) & (self.tree.lines < ENTRY)  # no name space, no entry of an unfolded vector
+            places = np.flatnonzero(is_row).tolist() if text else []
             passing = self.tree.lines[places].tolist()
             by_component = set(self.filter.by_component(self.table, self.marked, passing))
             by_name = [at for at, each in zip(places, passing, strict=True) if each not in by_component]
