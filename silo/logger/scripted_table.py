@@ -382,8 +382,10 @@ class ScriptedTable:
                 try:
                     self._load(Path(self._options.script), by_update=True)
                 except ScriptError as error:
+                    if Path(self._options.script).name != DEFAULT_SCRIPT:
+                        raise
                     raise ScriptError(
-                        f"{error} (the logger's own script, read at its start: mend or remove it, name another by "
+                        f"{error} (the script of who names none, read at the start: mend or remove it, name another by "
                         "silo.Logger(script=...), or leave it out by log.update(read_script=False))"
                     ) from None
             elif read_script and not self.is_updated and Path(self._options.script).name != DEFAULT_SCRIPT:
