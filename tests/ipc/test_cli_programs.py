@@ -82,8 +82,7 @@ def test_a_wrong_script_is_told_before_anything_runs(start: Start, tmp_path: Pat
     process = start("demo", "--script", str(script))
     _, err = process.communicate(timeout=DEADLINE_S)
     reason = "element '/log/base/pose': divider must be a whole number from 1 to 2147483647, got 0; nothing was changed"
-    assert (process.returncode, err.partition(" (")[0]) == (1, f"silo: {script}:3: {reason}")
-    assert "mend or remove it" in err
+    assert (process.returncode, err) == (1, f"silo: {script}:3: {reason}\n")
 
 
 def test_ctrl_c_saves_what_the_demo_logged_and_says_where(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
