@@ -11,6 +11,8 @@ from silo.conditions.standing import CapturedSpan, LimitStatus, LimitWord, Trigg
 from silo.core.conditions import SignalLimits, TriggerOptions, TriggerWord, new_trigger
 from silo.core.elements import Entry, Table
 from silo.errors import ConnectionLostError, ElementError, RefusedError
+from silo.expressions.binding import bind
+from silo.judging.checks import table_catalogue
 from silo_tui.model.lists.conditions import (
     alarms_words,
     beyond_all,
@@ -413,16 +415,16 @@ class TestScreens:
             assert had == ["form-LL", "form-L", "form-H"]
 
     async def test_limits_are_edited_from_what_they_are_and_keep_it(self, fake, opened):
-        given = SignalLimits("/log/LF/HAA/torque", (None, None, 60.0, 80.0), 3, 1.0, 0.5, "x > 1")
-        fake.limit_statuses = [HOT.given(given)]
+        given = SignalLimits("/log/legs/LF/HAA/torque", (None, None, 60.0, 80.0), 3, 1.0, 0.5, "imu/temperature > 1")
+        fake.limit_statuses = [replace(HOT, name=given.name, limits=given.name).given(given)]
         async with opened(fake) as screen:
             await screen.press("A")
             await screen.shows("86.31")
             await screen.press("e")
-            await screen.shows("Limits of /LF/HAA/torque")
+            await screen.shows("Limits of /legs/LF/HAA/torque")
             assert screen.app.screen.fields == {
-                "signal": "LF/HAA/torque", "LL": "", "L": "", "H": "60", "HH": "80", "persist": "3",
-                "hyst": "1", "stale": "0.5s", "when": "x > 1",
+                "signal": "legs/LF/HAA/torque", "LL": "", "L": "", "H": "60", "HH": "80", "persist": "3",
+                "hyst": "1", "stale": "0.5s", "when": "imu/temperature > 1",
             }  # fmt: skip
             await screen.shows("would have been violated")
             await screen.press("enter")
@@ -768,6 +770,38 @@ class TestLists:
             assert fake.calls[-1][1].bounds == (None, None, 3.0, 4.0)
             await screen.shows("are set (A Alarms)")
             assert screen.app.screen.scope == "table"
+
+
+@pytest.mark.parametrize(
+    ("name", "many"), [("legs/*/HAA/torque", True), ("imu/acceleration", True), ("imu/temperature", False)]
+)
+async def test_limits_of_several_values_are_looked_at_as_they_are_set(name, many, fake, opened, monkeypatch):
+    fake.run(20)
+    catalogue, tried, answer = table_catalogue(fake.elements, "/log"), [], fake.try_trigger
+
+    def try_trigger(one):
+        assert not bind(one.when, catalogue).width, "a condition is one truth"
+        tried.append(one.when)
+        return answer(one)
+
+    monkeypatch.setattr(fake, "try_trigger", try_trigger)
+    async with opened(fake) as screen:
+        await screen.press("N", "l")
+        await screen.shows("Limits of ")
+        form = screen.app.screen
+        form.field("signal").value = name
+        form.field("L").value, form.field("H").value = "-1", "900"
+        await screen.shows("would have been violated 3 ×")
+        assert tried[-1] == (
+            f"any(`{name}` < -1.0) or any(`{name}` > 900.0)" if many else f"`{name}` < -1.0 or `{name}` > 900.0"
+        )
+        form.field("signal").value = "legs/*/gone"
+        await screen.shows("limits of 'legs/*/gone': no signal matches")
+        form.field("signal").value = name
+        await screen.shows("would have been violated 3 ×")
+        await screen.press("enter")
+        await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
+        assert fake.calls[-1][1].name == name
 
 
 def test_limits_that_were_known_before_the_table_have_the_sign_of_their_element_once_it_is_there(fake):

@@ -8,7 +8,7 @@ from silo.conditions.requests import TriggerTried
 from silo.core.arrays.columns import ColumnStore
 from silo.core.conditions import SignalLimits, TriggerOptions
 from silo.errors import SiloError
-from silo.judging.checks import rule_of
+from silo.judging.checks import bind_limits, rule_of, table_catalogue
 from silo_tui.model.drawing.dots import BLANK
 from silo_tui.model.drawing.plots import draw, plots_of
 from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
@@ -16,6 +16,7 @@ from silo_tui.model.lists.conditions import NOW, held_axis, tried_lines
 from silo_tui.model.plots.limit_line import BOUNDS, fields_of, limits_of_fields
 from silo_tui.model.plots.limits import between, lines_of
 from silo_tui.model.plots.picture import LIMIT
+from silo_tui.model.table.derived import present
 from silo_tui.screens.dialogs.form import Form, taken
 from silo_tui.sessions.live import Session
 
@@ -113,10 +114,12 @@ class LimitsDialog(Form[LimitsWish]):
         limits = self.made().limits
         if limits is None:
             return TAKES_AWAY
-        low, high = between(limits.bounds)
-        shown = self.fields["signal"]
-        tests = [f"{shown} < {low!r}"] if low is not None else []
-        tests += [f"{shown} > {high!r}"] if high is not None else []
+        (low, high), shown, table = between(limits.bounds), self.fields["signal"], self._session.table
+        catalogue = table_catalogue(table.elements[: table.own], table.prefix, present(table))
+        signal = bind_limits(limits, catalogue)[1][0]  # as Enter has it: a name, which may mean several values
+        beyond = f"any({signal.expression.text} {{}})" if signal.width else f"{signal.expression.text} {{}}"
+        tests = [beyond.format(f"< {low!r}")] if low is not None else []
+        tests += [beyond.format(f"> {high!r}")] if high is not None else []
         if not tests:
             return STALE
         when = " or ".join(tests)
