@@ -171,7 +171,7 @@ class ConditionRequests(Caller):
         expression, which a recording has from the next run on.
 
         Args:
-            name: with or without the prefix of the logger.
+            name: with or without the prefix of the logger; of letters, digits, blanks and / _ - . +.
             expression: may use elements and other derived signals; None forgets the signal, on which nothing may stand.
             unit: instead of the one that follows from its signals.
 

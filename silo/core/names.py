@@ -22,6 +22,8 @@ from functools import cached_property
 from glob import escape
 from typing import TypeVar
 
+GIVEN = "letters, digits, blanks and / _ - . +"  # of which a name is that is given while a logger runs
+_GIVEN = re.compile(r"[\w /.+-]*[\w.+-][\w /.+-]*")
 MOST_ALIKE = 20_000  # names that are looked through for what was meant: 0.2 s
 
 Key = TypeVar("Key")
@@ -201,6 +203,11 @@ def component_name(suffix: str) -> str:
 def is_word(component: str) -> bool:
     """Return whether a component has a name that says which one it is; a number or an axis is that of many others."""
     return len(component) > 1 and not component.startswith("[")
+
+
+def is_given(name: str) -> bool:
+    """Return whether a name is one that may be given (`GIVEN`): no pattern, and no part of an expression."""
+    return _GIVEN.fullmatch(name) is not None
 
 
 def is_glob(text: str) -> bool:

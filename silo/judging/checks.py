@@ -9,6 +9,7 @@ import numpy as np
 from silo.core.arguments import check_name, real, shown, whole, word
 from silo.core.conditions import Conditions, Derived, SignalLimits, TriggerOptions
 from silo.core.elements import BufferType, ElementInfo, FileType
+from silo.core.names import GIVEN, is_given
 from silo.core.quantities.reading import both_meanings, seconds_of
 from silo.errors import ElementError, ExpressionError, SaveError
 from silo.expressions.binding import BoundExpression, Catalogue, Known, bind
@@ -70,10 +71,13 @@ def with_derived(conditions: Conditions, one: Derived, catalogue: Catalogue) -> 
 
     `catalogue` is of the table (`table_catalogue`), here and below.
 
-    Raises ElementError for a name that an element has, or for one that would be computed from itself, ExpressionError
-    for what can't be computed.
+    Raises ElementError for a name that an element has or that may not be given (`GIVEN`), or for one that would be
+    computed from itself, ExpressionError for what can't be computed.
     """
     _check_words(one.name, one.unit)
+    below = one.name.removeprefix(catalogue.prefix)
+    if not is_given(below):
+        raise ElementError(f"signal name {shown(below.strip('/'))}: write a name of {GIVEN}; nothing was changed")
     if catalogue.has(one.name):
         raise ElementError(f"'{one.name}' is an element already: derive it under another name; nothing was changed")
     made = msgspec.structs.replace(conditions, derived=placed(one, catalogue.having(conditions.derived)))

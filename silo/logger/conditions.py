@@ -60,7 +60,7 @@ class LoggerConditions(TakesConditions[None]):
         on, in a new part; one that gets a new expression, or is removed, is recorded as before until the run ends.
 
         Args:
-            name: its name after prefix and group, or whole with the prefix.
+            name: its name after prefix and group, or whole with the prefix: letters, digits, blanks and / _ - . +.
             expression: may use elements that were added before, and other derived signals; None forgets the signal,
                 which nothing else may use.
             group: the namespace between prefix and name.
@@ -68,7 +68,7 @@ class LoggerConditions(TakesConditions[None]):
 
         Raises:
             ExpressionError: it makes no sense; the message shows the place.
-            ElementError: the name is taken, or it would be computed from itself.
+            ElementError: the name is taken or is none, or it would be computed from itself.
             StateError: the logger is closed.
         """
         from silo.judging.checks import table_catalogue, with_derived
@@ -82,8 +82,6 @@ class LoggerConditions(TakesConditions[None]):
         prefix = self.options.prefix
         if not name.strip("/"):
             raise ElementError("a derived signal needs a name; nothing was changed")
-        if not name.isprintable():
-            raise ElementError(f"signal name {name!r}: write a name of printable characters; nothing was changed")
         whole_name = join_name(prefix, group, name)
         with self._life.lock:
             self._life.check_open()

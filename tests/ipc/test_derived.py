@@ -83,7 +83,8 @@ class TestTable:
             ("c", "of + 1", "no signal is named 'of'"),
             ("x", "q", "is an element already"),
             ("/", "x", "a derived signal needs a name; nothing was changed$"),
-            ("a\n", "x", r"signal name 'a\\n': write a name of printable characters; nothing was changed$"),
+            ("a\n", "x", r"signal name 'a\\n': write a name of letters, digits, blanks and / _ - \. \+; nothing was"),
+            ("hypot(base/euler", "x", r"signal name 'hypot\(base/euler': write a name of letters, digits, blanks"),
         ):
             with pytest.raises(RefusedError, match=words):
                 client.derive(name, expression)

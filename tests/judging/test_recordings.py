@@ -296,6 +296,23 @@ class TestLogger:
             log.limit("joints/q", (0, math.nan, 2, 3))
         assert log._conditions.now == Conditions()
 
+    @pytest.mark.parametrize("name", ["hypot(base/euler", "a*b", "x > 3", "`q`", "a,b", "q[0]", "a\nb", " ", "/", ""])
+    def test_the_name_of_a_derived_signal_is_no_part_of_an_expression(self, log, name):
+        with pytest.raises(silo.ElementError, match=r"letters, digits, blanks and / _ - \. \+|needs a name"):
+            log.derive(name, "2 * mode")
+        assert log._conditions.now == Conditions()
+
+    @pytest.mark.parametrize("name", ["base/tilt_2", "left-right", "a.b+c", "größe", "mean speed", "/log/whole"])
+    def test_the_name_of_a_derived_signal_is_words_as_of_an_element(self, log, name):
+        log.derive(name, "2 * mode")
+        assert [one.name for one in log._conditions.now.derived] == [f"/log/{name.removeprefix('/log/')}"]
+
+    def test_a_prefix_of_any_letters_is_no_fault_of_what_is_derived_below_it(self, tmp_path):
+        with silo.Logger("odd", prefix="/robot(1)", folder=tmp_path, script=tmp_path / "none.yaml") as log:
+            log.add(lambda: 3, "mode")
+            log.derive("twice", "2 * mode")
+            assert [one.name for one in log._conditions.now.derived] == ["/robot(1)/twice"]
+
     def test_a_new_expression_replaces_the_old_one_and_must_fit_what_stands_on_it(self, log):
         log.derive("a", "joints/q_0")
         log.derive("b", "a + 1")

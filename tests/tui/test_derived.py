@@ -90,6 +90,8 @@ def test_what_is_typed_is_told_as_it_would_be(table):
     assert derived.words_of(Derived("double", "2 * imu/acceleration"), table) == ["3 numbers, in m/s2, every tick"]
     with pytest.raises(ElementError, match="name it before Enter"):
         derived.words_of(Derived("", "imu/temperature"), table)
+    with pytest.raises(ElementError, match=r"'hypot\(base': write a name of letters, digits"):
+        derived.words_of(Derived("hypot(base", "imu/temperature"), table)
     with pytest.raises(ElementError, match="is an element already"):
         derived.words_of(Derived("imu/temperature", "base/position_x"), table)
 
