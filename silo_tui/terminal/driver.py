@@ -29,7 +29,7 @@ from silo_tui.terminal.pacing import Pacer, waited_s
 from silo_tui.terminal.parser import QUERY, SYNC_BEGIN, SYNC_END, Follower, Through
 from silo_tui.terminal.signals import over_ssh
 from silo_tui.terminal.styles import Styles
-from silo_tui.terminal.thinness import FAT_BYTES_PER_S, HERE_S, LAG_S, Busyness, Painted, Thinness
+from silo_tui.terminal.thinness import FAT_BYTES_PER_S, HERE_S, LAG_S, START_S, Busyness, Painted, Thinness
 
 ESCAPE_S = 0.1  # as long as Textual waits for the rest of an escape sequence
 URGENT_S = 1.0  # what is painted so soon after a key is its echo
@@ -86,6 +86,7 @@ class CellDriver(LinuxDriver):
         self._answers: deque[tuple[bytes, float]] = deque()  # from the input thread, with the time they came
         self._answer_came = threading.Event()
         self._painted_s = 0.0
+        self._began_s: float | None = None  # when it was first asked whether to paint
         self._hung_up = False
         self._screens = 0  # begun
         self._suspended = False
@@ -128,7 +129,8 @@ class CellDriver(LinuxDriver):
         here = bool(self.pacer.answers) and self.pacer.fastest_s < HERE_S and not over_ssh()
         fat = self.pacer.paced and (here or self.pacer.bytes_per_s > FAT_BYTES_PER_S)
         self.busyness.note(waited_s(), now_s)
-        starts = self.pacer.paced and not self.pacer.answers  # the first frame is on its way
+        self._began_s = now_s if self._began_s is None else self._began_s
+        starts = now_s < self._began_s + START_S or (self.pacer.paced and not self.pacer.answers)  # none is back yet
         if fat or not (self.busyness.is_busy or starts):  # else nobody knows what the link carries
             self.thinness.note(late=(self.behind or lags) and not fat, now_s=now_s)
         # a timer that comes a little early is still in time

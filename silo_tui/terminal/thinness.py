@@ -12,6 +12,7 @@ from silo_tui.model.words import text
 LAG_S = 0.15  # what a key may wait behind live values
 FAT_BYTES_PER_S = 250_000  # what carries that much is not thin: late frames are those of a busy computer
 HERE_S = 0.005  # a terminal that ever answered so soon, without SSH, is on this computer: what is late is no link
+START_S = 5.0  # for so long all is drawn for the first time, and loaded: what is late then is this computer
 JUDGED_S = 1.0
 GOOD_S = 5.0
 LONGEST_GOOD_S = 60.0

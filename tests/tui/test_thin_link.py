@@ -16,7 +16,7 @@ from silo_tui.terminal.pacing import (
     link_words,
     waited_s,
 )
-from silo_tui.terminal.thinness import STEPS, Busyness, Painted, Thinness, head_words
+from silo_tui.terminal.thinness import START_S, STEPS, Busyness, Painted, Thinness, head_words
 
 ANSWER = b"\x1b[?2026;2$y"
 
@@ -467,6 +467,13 @@ def test_late_answers_are_those_of_the_link_unless_processors_are_busy_or_none_c
     assert bool(driven(monkeypatch, waits, answers).thinness.step) is thin
 
 
+@pytest.mark.parametrize(("lasts_s", "thin"), [(START_S, False), (START_S + 2.0, True)])
+def test_no_link_is_blamed_while_all_is_drawn_for_the_first_time(monkeypatch, lasts_s, thin):
+    driver = driven(monkeypatch, 0.0, 1, lasts_s=lasts_s)
+    assert head_words(driver.thinness, Painted(), ["64 kbit/s"], 60).startswith("THIN") is thin
+    assert driven(monkeypatch, 0.0, 1, driver, 100.0, 3.0).thinness.step  # it starts once
+
+
 @pytest.mark.parametrize("waits", [0.0, 0.5])
 def test_a_link_that_is_seen_to_carry_much_is_thin_no_more(monkeypatch, waits):
     driver = driven(monkeypatch, 0.0, 1)
@@ -503,7 +510,7 @@ def lagging(answers):
     """The parts of a driver whose terminal lags by a second."""
     return SimpleNamespace(
         pacer=SimpleNamespace(paced=True, answers=answers, lag_s=lambda now_s: 1.0, fastest_s=0.01, bytes_per_s=8_000),
-        thinness=Thinness(), busyness=Busyness(), painted=Painted(), behind=False, _painted_s=0.0,
+        thinness=Thinness(), busyness=Busyness(), painted=Painted(), behind=False, _painted_s=0.0, _began_s=None,
         _take_answers=lambda: None,
     )  # fmt: skip
 
