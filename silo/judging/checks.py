@@ -136,10 +136,7 @@ def _with(one: _Named, others: tuple[_Named, ...]) -> tuple[_Named, ...]:
 
 def with_trigger(conditions: Conditions, one: TriggerOptions, catalogue: Catalogue) -> Conditions:
     """Return the conditions with one more trigger, or with a new one of that name. Raises ElementError."""
-    try:
-        check_name(one.name)
-    except SaveError as error:
-        raise ElementError(f"the trigger's name stands in names of files: {error}; nothing was changed") from None
+    check_trigger_name(one.name)
     catalogue = catalogue.having(conditions.derived)
     trigger_rule(one, 1.0)  # its words and times make sense
     for text in filter(None, (one.when, one.rearm)):
@@ -151,6 +148,14 @@ def with_trigger(conditions: Conditions, one: TriggerOptions, catalogue: Catalog
     made = msgspec.structs.replace(conditions, triggers=_with(one, conditions.triggers))
     _check_count(made)
     return made
+
+
+def check_trigger_name(name: str) -> None:
+    """Raise ElementError for a name of a trigger that no file can have."""
+    try:
+        check_name(name)
+    except SaveError as error:
+        raise ElementError(f"the trigger's name stands in names of files: {error}; nothing was changed") from None
 
 
 def trigger_rule(options: TriggerOptions, frequency_hz: float) -> TriggerRule:

@@ -265,6 +265,19 @@ class TestScreens:
             await screen.shows("ARMED")
             assert fake.trigger_statuses[0].options.when == "x > 3"
 
+    @pytest.mark.parametrize("when", ["", "x > 3"])
+    async def test_a_name_that_no_file_can_have_is_told_before_enter(self, when, fake, opened):
+        async with opened(fake) as screen:
+            await screen.press("T", "N")
+            await screen.shows("the condition: signals")
+            form = screen.app.screen
+            form.field("when").value = when
+            form.field("name").value = "legs/high"
+            await screen.shows("names of files: 'legs/high' can't be")
+            await screen.press("tab")
+            form.field("name").value = "high"
+            await screen.shows("would have fired 3 ×" if when else "the condition: signals")
+
     async def test_what_buffers_are_too_short_for_is_told_before_enter(self, fake, opened):
         async with opened(fake, size=(160, 50)) as screen:
             await screen.press("T", "N")

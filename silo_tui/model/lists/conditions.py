@@ -194,7 +194,7 @@ def fields_of(one: TriggerOptions) -> dict[str, str]:
 
 def options_of_fields(fields: dict[str, str], before: TriggerOptions) -> TriggerOptions:
     """Return the trigger that lines say. Raises ElementError or ValueError, in words fit to show."""
-    from silo.judging.checks import MOST_TRIGGER_S, seconds
+    from silo.judging.checks import MOST_TRIGGER_S, check_trigger_name, seconds
 
     def given(name: str) -> float:
         word = fields[name].strip().replace(" ", "") or "0"
@@ -215,6 +215,7 @@ def options_of_fields(fields: dict[str, str], before: TriggerOptions) -> Trigger
         raise ValueError(f"keep is how many captures stay, 0 for all, got {fields['keep']!r}")
     if not fields["name"].strip():
         raise ValueError(f"name it: {UNNAMED}")
+    check_trigger_name(fields["name"].strip())
     save = tuple(kind for kind in kinds if kind is not None) or (FileType.SILO,)
     return TriggerOptions(
         fields["name"].strip(), fields["when"].strip(), given("pre"), given("post"), slopes[0], fields["rearm"].strip(),

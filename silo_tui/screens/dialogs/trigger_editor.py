@@ -78,10 +78,10 @@ class TriggerEditor(Form[TriggerOptions]):
 
     async def look(self) -> str:
         fields = self.fields
-        if not fields["when"]:
-            return CONDITION
         unnamed = not fields["name"]  # the condition counts while there is no name yet
         made = options_of_fields({**fields, "name": "new"} if unnamed else fields, self._options)
+        if not made.when:
+            return CONDITION
         tried = await self._session.tried(made)
         loop = self._session
         slow = slow_words(made, loop.measured_hz, loop.status.frequency_hz) if loop.loop_slow else ""
