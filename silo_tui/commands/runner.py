@@ -380,6 +380,7 @@ async def view_shown(context: Context, name: str) -> str:
         if preset is not None and name == NEAR:
             await context.session.refresh_conditions()
             layout, words = near_limit(context.session.limits)
+            context.session.near = layout.filter
             missing = await views.show(context, layout)
             return "; ".join(filter(None, [words, missing]))
         if preset is not None:

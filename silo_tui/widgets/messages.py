@@ -161,7 +161,9 @@ class InfoLine(MessageLine):
         if rows.filter.text:
             unknown = rows.filter.measured and not rows.is_measured
             passing = "being measured" if unknown else f"{len(rows.shown)} of {len(session.table)}"
-            parts.append(LinePart(6 * alone, f"/{rows.filter.text.removeprefix('/')}: {passing}"))
+            is_near = rows.filter.text == session.near and session.near.startswith("~")  # a pattern of many names
+            told = "near a limit" if is_near else f"/{rows.filter.text.removeprefix('/')}"
+            parts.append(LinePart(6 * alone, f"{told}: {passing}"))
             parts += [LinePart(5, f"? {problem}") for problem in rows.filter.problems[:1]]
         if rows.sort not in STEADY or rows.turned:
             since_ns = session.table.facts.since_ns  # 0 of a file: its statistics are of all

@@ -33,6 +33,21 @@ def test_what_is_near_a_limit_is_a_filter_for_just_that():
     assert near_limit([cold])[0].filter == "alarm -nan"  # a table without rows says why in words that people know
 
 
+async def test_the_line_below_tells_of_what_is_near_a_limit_in_words(fake, opened):
+    names = [one.name for one in fake.elements if one.name.endswith("/torque")]
+    fake.limit_statuses = [
+        LimitStatus(name, name, LimitWord.OK, value=79.0, bounds=(None, None, None, 80.0)) for name in names
+    ]
+    async with opened(fake.run()) as screen:
+        await screen.do("view")
+        await screen.press("l")
+        await screen.shows(f"near a limit: {len(names)} of {len(fake.elements)}")
+        assert "torque$" not in screen.text
+        await screen.enter("/*torque")  # another filter is told as it is typed
+        await screen.shows(f"/*torque: {len(names)} of")
+        assert "near a limit:" not in screen.text
+
+
 @pytest.mark.parametrize("letter", ["h", "n", "s", "p"])
 async def test_a_view_that_is_there_without_being_kept(fake, opened, letter):
     async with opened(fake.run()) as screen:
