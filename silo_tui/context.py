@@ -459,7 +459,8 @@ class SiloScreen(Leaving[None]):
             self._as_typed(command)
             return
         self.context.read_news()
-        self.read_answers()
+        for line in self.walk_children(MessageLine):
+            line.read()
         if not self.context.allows(command):
             return
         places = (self, *self.parts, self.context.runner, self.app)
@@ -469,11 +470,6 @@ class SiloScreen(Leaving[None]):
             reads = command.typed is not None and command.typed.reads
             handler(*([command.given] if command.does else []), *([typed] if reads else []))
         self.update_keys()
-
-    def read_answers(self) -> None:
-        """Take away the answer that was there long enough to be read."""
-        for line in self.walk_children(MessageLine):
-            line.read()
 
     def _as_typed(self, command: Command) -> None:
         """Do by a menu what has no key here, as if its word were typed; go on in the line where it needs more.

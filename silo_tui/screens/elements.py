@@ -472,12 +472,12 @@ class ElementsScreen(SiloScreen):
         self._back_to_table()
         if event.line.id == "filter-line":  # typed and entered at once, the line is gone before it says that it changed
             self._filter_by(event.value)
-            self.read_answers()  # what was said may be of what the filter before hid
+            self.info.give_way()  # what was said may be of what the filter before hid
 
     def on_fleeting_left(self, event: Fleeting.Left) -> None:
         """Leave a line; the filter is cleared too."""
         self._back_to_table()
-        self.read_answers()
+        self.info.give_way()
         if event.line.id == "filter-line":
             self._filter_by("")
 

@@ -60,6 +60,13 @@ class MessageLine(FittingLine):
         if self.said and time.monotonic() - self._said_s >= READ_S:
             self.say("")
 
+    def give_way(self) -> None:
+        """Take an answer away as its ground changes; a failure is read first."""
+        if self._failed:
+            self.read()
+        else:
+            self.say("")
+
     def cover(self, covered: bool) -> None:
         """Show the beginning of what is longer than a row, while a menu covers the others."""
         self._most_rows = 1 if covered else MOST_ROWS

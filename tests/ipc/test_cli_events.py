@@ -57,10 +57,11 @@ def test_a_folder_tells_what_happened_when_nobody_runs_any_more(tmp_path, runtim
 
 
 def test_what_came_after_the_clock_was_set_back_stands_behind_what_came_before(tmp_path, runtime, capsys):
-    for number, (time_ns, text) in enumerate(((50, "first"), (20, "second"), (60, "fifth")), 1):
-        append_events(tmp_path, "bot", [LoggedEvent("marker", text, time_ns, 5, number=number)])
-    for number, (time_ns, text) in enumerate(((10, "before"), (55, "fourth")), 1):
-        append_events(tmp_path, "arm", [LoggedEvent("marker", text, time_ns, 5, number=number)])
+    minute_ns = 60 * 10**9
+    for number, (minutes, text) in enumerate(((50, "first"), (20, "second"), (60, "fifth")), 1):
+        append_events(tmp_path, "bot", [LoggedEvent("marker", text, minutes * minute_ns, 5, number=number)])
+    for number, (minutes, text) in enumerate(((10, "before"), (55, "fourth")), 1):
+        append_events(tmp_path, "arm", [LoggedEvent("marker", text, minutes * minute_ns, 5, number=number)])
     assert run(["events", str(tmp_path)]) == 0
     told = [line.rpartition(" ")[2] for line in capsys.readouterr().out.splitlines()]
     assert told == ["before", "first", "second", "fourth", "fifth"]

@@ -85,7 +85,7 @@ def test_a_start_over_unsaved_data_is_refused_with_what_is_held(bench, client) -
     with pytest.raises(RefusedError, match=r"holds \d+ samples of 8 elements over 0\.19 s, of 20 ticks") as refused:
         client.start()
     assert refused.value.why is RefusedWhy.UNSAVED
-    assert "save or discard" in str(refused.value)
+    assert "a client by 'save' or 'discard'" in str(refused.value)
     with pytest.raises(RefusedError, match="unsaved must be one of 'refuse', 'save', 'discard', got 'keep'"):
         client.start("keep")
     assert (client.status().state, client.status().ticks) == (State.STOPPED, 20)
