@@ -416,7 +416,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         return (
             row, int(self.field) if is_cursor else -1, bool(rows.marked[row]), bool(self._range[row]),
             rows.tree.depth(position), rows.sort == TREE, row in rows.leaving,
-            self.session.table.names[row] in rows.unfolded, self._settings_of(row),
+            self.session.table.names[row] in rows.unfolded, self._alone(row), self._settings_of(row),
         )  # fmt: skip
 
     def _content(self, y: int, laid: Layout, height: int) -> Content:
@@ -516,7 +516,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         several = len(element.entries) > 1
         sign = ("▼ " if element.name in self.rows.unfolded else "► ") if several else "  "
         space, _, label = self.session.short_name(element.name).rpartition("/")
-        begin, end = "  " * depth + sign, f" |{len(element.entries)}|" if several else ""
+        begin, end = "  " * depth + sign, self._alone(row) or (f" |{len(element.entries)}|" if several else "")
         room = width - cell_len(begin + end)
         if room < MIN_WIDTH:
             return self._name_in(row, width, "")
@@ -545,7 +545,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         yield Segment(_sign(is_cursor=is_cursor, marked=bool(marked)), self._style(*base, marked))
         width = laid.names
         in_tree = self.rows.sort == TREE
-        name = self._tree_name(row, depth, width) if in_tree else self._name_in(row, width, laid.space)
+        name = self._tree_name(row, depth, width) if in_tree else self._name_alone(row, width, laid.space)
         yield Segment(fitted(name, width), self._style(*base, marked))
         for column, cell_width in laid.steady:
             words, style = column.draw(self.sight, row, cell_width)
@@ -571,6 +571,15 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
             return ""  # branches tell it
         names, short = self.session.table.names, self.session.short_name
         return shared_space([short(names[row]) for row in self.rows.shown.tolist()], width, width - len(IN_SPACE))
+
+    def _alone(self, row: int) -> str:
+        """Return what stands behind the name of a vector of which one entry is shown alone, `_x`; else nothing."""
+        return self.sight.shown_name(row).removeprefix(self.session.table.names[row])
+
+    def _name_alone(self, row: int, width: int, space: str) -> str:
+        """Return a name as `_name_in` does, with the entry that is shown alone: its cell may have no room to say it."""
+        room = width - cell_len(suffix := self._alone(row))
+        return self._name_in(row, room, space) + suffix if room >= MIN_WIDTH else self._name_in(row, width, space)
 
     def _name_in(self, row: int, width: int, space: str) -> str:
         """Return a name as this table has it below a namespace, at this width.
