@@ -32,6 +32,11 @@ One = TypeVar("One")
 Found = tuple[int, int | None]  # the place of an element, and of one of its scalars where that is meant
 
 
+def in_order(found: Iterable[Found]) -> list[Found]:
+    """Return what is meant in the order of the table, an element before its scalars."""
+    return sorted(found, key=lambda one: (one[0], -1 if one[1] is None else one[1]))
+
+
 class Names:
     """The names of elements; `scalars` gives those of the scalars of each, when they are first asked for."""
 
@@ -65,7 +70,7 @@ class Names:
             return [*whole, *inside] or self.find(text, scalars=scalars) or self.find(text.lstrip("/"), scalars=scalars)
         steps = self._steps(text, scalars, namespaces=True, spellings=False)
         found = {one for some in steps for one in some} or self.find(text, scalars=scalars)
-        return sorted(found, key=lambda one: (one[0], -1 if one[1] is None else one[1]))
+        return in_order(found)
 
     def whole(self, glob: str) -> list[Found]:
         """Return the elements whose whole names match, with or without the prefix: so programs meant globs so far."""

@@ -19,7 +19,7 @@ from silo.core.arrays.columns import MAX_COLUMNS, ColumnStore, HistoryColumns
 from silo.core.conditions import TriggerOptions, new_trigger
 from silo.core.elements import ElementInfo, LoggedEvent, SavedFile, State, Status
 from silo.core.episodes.words import next_marks
-from silo.core.names import Found, Names
+from silo.core.names import Found, Names, in_order
 from silo.errors import RefusedError, SiloError
 from silo.live.quantities import SLOW, SLOW_SHARE
 from silo.recorder.requests import RecorderInfo
@@ -461,17 +461,13 @@ class Session:
         Raises ValueError for what there isn't.
         """
         table = self.table
-        known = Names(
-            table.names,
-            table.prefix,
-            lambda: [[one.name + each.suffix for each in one.entries] for one in table.elements],
-        )
-        places: dict[Found, None] = {}
+        known = Names(table.names, table.prefix, lambda: map(table.entry_names, range(len(table))))
+        places: set[Found] = set()
         for name in named:
             if not (found := known.find(name, scalars=scalars)):
                 raise ValueError(f"no element is called {name!r}{known.hint(name, '')}")
-            places |= dict.fromkeys(found)
-        return sorted(places, key=lambda found: (found[0], -1 if found[1] is None else found[1]))
+            places.update(found)
+        return in_order(places)
 
     def why_fixed(self, rows: NDArray[np.int64] | None = None) -> str:
         """Return why none of the rows, else of the targets, can be edited; empty where some can."""
