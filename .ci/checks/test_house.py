@@ -1,5 +1,6 @@
 """Who may import whom stands in `pyproject.toml`; `.ci/run` checks it, and here damaged copies are refused."""
 
+import ast
 import os
 import shutil
 import subprocess
@@ -127,3 +128,14 @@ def test_each_import_that_a_contract_forbids_is_told(house: Path) -> None:
     assert not kept
     told = " ".join(said.split())
     assert [case for case, (_, _, word) in IMPORTS.items() if word not in told] == []
+
+
+def test_a_public_class_has_a_name_of_its_own() -> None:
+    where: dict[str, list[str]] = {}
+    for package in ("silo", "silo_tui"):
+        for path in (ROOT / package).rglob("*.py"):
+            for node in ast.parse(path.read_text()).body:
+                if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                    where.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
+    assert len(where) > 500
+    assert {name: files for name, files in where.items() if len(files) > 1} == {}

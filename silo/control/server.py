@@ -31,14 +31,14 @@ CONTROL = "control"
 GIVEN_S = 60.0  # in which whom it is given to must renew it
 
 
-class Left(msgspec.Struct, frozen=True):
+class LeftControl(msgspec.Struct, frozen=True):
     """Control as it is left to the next helper process: until when by the clock of all processes of this computer."""
 
     control: Control
     ends_s: float
 
 
-_decoder = msgpack_decoder(Left)
+_decoder = msgpack_decoder(LeftControl)
 
 
 class ControlLock:
@@ -162,7 +162,7 @@ class ControlLock:
         since_ns = mine.value.since_ns if mine is not None else now_ns
         control = Control(who, identity, since_ns, now_ns + round(lease_s * 1e9))
         self._leases.set(CONTROL, control, lease_s, identity)
-        self._leave(msgspec.msgpack.encode(Left(control, time.monotonic() + lease_s)))
+        self._leave(msgspec.msgpack.encode(LeftControl(control, time.monotonic() + lease_s)))
 
     def _tell(self, text: str, by: str) -> None:
         self._events.publish(EventKind.CONTROL, text, by=by)

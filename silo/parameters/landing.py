@@ -36,7 +36,7 @@ OVERTAKEN = "the program changed what belongs to it meanwhile: look at it and as
 
 log = logging.getLogger("silo")
 
-Part: TypeAlias = tuple[ParameterInfo, slice]  # with the place of its words among those of a change
+ChangedPart: TypeAlias = tuple[ParameterInfo, slice]  # with the place of its words among those of a change
 
 
 class Course(NamedTuple):
@@ -76,7 +76,7 @@ class WaitingChange:
     excited: Excited | None = None  # it moves around what it is
 
     @functools.cached_property
-    def parts(self) -> "list[Part]":
+    def parts(self) -> "list[ChangedPart]":
         """What it changes."""
         ends = list(itertools.accumulate(info.words for info in self.infos))
         return [(info, slice(end - info.words, end)) for info, end in zip(self.infos, ends, strict=True)]
@@ -177,7 +177,7 @@ class Landing:
             values |= {info.name: decoded(info, change.new[part].tobytes()) for info, part in self.going(change)}
         return values
 
-    def going(self, change: WaitingChange) -> list[Part]:
+    def going(self, change: WaitingChange) -> list[ChangedPart]:
         """What a change goes on changing: not what another one has set since it landed."""
         return [one for one in change.parts if not change.landed or self.last.get(one[0].name) == change.token]
 

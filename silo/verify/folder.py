@@ -33,7 +33,7 @@ from silo.rpc.published import EventKind
 from silo.segment.layout import ElementSchema, RingSchema
 from silo.segment.reader import SegmentReader
 from silo.verify.gone import captures_that_lack, parts_that_lack, saves, saves_that_lack
-from silo.verify.runs import Part, Run
+from silo.verify.runs import KnownRun, ScannedPart
 from silo.verify.verdicts import MOST_SHOWN, RunCovered, Verdict, Verified
 
 _TOTALS = re.compile(
@@ -54,7 +54,7 @@ class _Folder:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.runs: dict[str, Run] = {}
+        self.runs: dict[str, KnownRun] = {}
         self.verdicts: list[Verdict] = []
         self.captures: dict[str, list[CaptureEntry]] = {}
         self.events: dict[str, Sequence[LoggedEvent]] = {}
@@ -87,12 +87,12 @@ class _Folder:
         if not self.runs and not self.loggers:
             raise LogNotFoundError(f"{folder}: there are no logs, no recordings and no event log in it")
 
-    def run_of(self, logger: str, run: str, started_ns: int = 0) -> Run:
+    def run_of(self, logger: str, run: str, started_ns: int = 0) -> KnownRun:
         """The run of that id, or of that start where the file has no id of it."""
         if not run:
             known = (one for one in self.runs.values() if started_ns and one.started_ns == started_ns)
             run = next((one.run for one in known if one.logger == logger), f"started {started_ns}")
-        found = self.runs.setdefault(run, Run(logger, run))
+        found = self.runs.setdefault(run, KnownRun(logger, run))
         found.started_ns = found.started_ns or started_ns
         return found
 
@@ -146,7 +146,7 @@ class _Folder:
             damaged = [*scan.damaged, *([] if scan.finished or path.name.endswith(PART_ENDING) else [CUT_SHORT])]
             self.verdicts += [Verdict("damaged", f"{name}: {one}", about.logger, scan.facts.run) for one in damaged]
             run = self.run_of(about.logger, scan.facts.run, about.started_ns)
-            run.parts.append(Part(path, scan))
+            run.parts.append(ScannedPart(path, scan))
             run.ticks = max([run.ticks, *(last + 1 for _, last in run.parts[-1].ticks())])
 
     def _take_logs(self) -> None:
@@ -283,7 +283,7 @@ def verify(folder: Path) -> Verified:
     )
 
 
-def _not_kept(run: Run, lacks_files: bool, newest: bool) -> Iterator[Verdict]:
+def _not_kept(run: KnownRun, lacks_files: bool, newest: bool) -> Iterator[Verdict]:
     """The ticks of a run that stand nowhere, as no recording was to have them, and no save had them, or it is gone."""
     kept = [*(span for part in run.parts for span in part.covered()), *(span for _, span, _ in run.saved), *run.held]
     lacks = without([(0, run.ticks - 1)], kept) if run.ticks else []
@@ -327,7 +327,7 @@ def _not_kept(run: Run, lacks_files: bool, newest: bool) -> Iterator[Verdict]:
             yield Verdict("not kept", f"{where}: {why}{gone}{held}", run.logger, run.run, tuple(spans))
 
 
-def _newest(run: Run) -> Iterator[Verdict]:
+def _newest(run: KnownRun) -> Iterator[Verdict]:
     """The looping elements of which less of a run is there than of others."""
     there = merged([*(span for _, span, _ in run.saved), *run.held])
     recorded = [span for part in run.parts for span in part.covered()]
@@ -345,7 +345,7 @@ def _newest(run: Run) -> Iterator[Verdict]:
         yield Verdict("newest", text, run.logger, run.run, ticks)
 
 
-def _covered(run: Run) -> RunCovered:
+def _covered(run: KnownRun) -> RunCovered:
     recorded = (span for part in run.parts for span in part.ticks())
     saved = (span for _, span, _ in run.saved)
     captured = ((one.offset - len(one.time_ns), one.offset - 1) for _, one in run.captured if len(one.time_ns))
@@ -356,7 +356,7 @@ def _covered(run: Run) -> RunCovered:
 # ---------------------------------------------------------------------------------------------------------- recordings
 
 
-def _recorded_around(run: Run, runs: Iterable[Run]) -> set[str]:
+def _recorded_around(run: KnownRun, runs: Iterable[KnownRun]) -> set[str]:
     """The recorders that recorded runs both before and after this one: they were to record it, too."""
     others = [(part.recorder, one.started_ns) for one in runs if one.logger == run.logger for part in one.parts]
     before = {recorder for recorder, started_ns in others if started_ns < run.started_ns}
@@ -364,7 +364,7 @@ def _recorded_around(run: Run, runs: Iterable[Run]) -> set[str]:
     return before & after if run.started_ns else set()
 
 
-def _recordings(run: Run, around: set[str], there: _Folder) -> Iterator[Verdict]:
+def _recordings(run: KnownRun, around: set[str], there: _Folder) -> Iterator[Verdict]:
     own = {part.recorder for part in run.parts}
     under_way = {name for logger, name in there.orders if logger == run.logger and _was_to_have(run, name, there)}
     over = {name for name in around if _is_under_way(run, name, there) is False}
@@ -377,7 +377,7 @@ def _recordings(run: Run, around: set[str], there: _Folder) -> Iterator[Verdict]
         yield from _recording(run, name, parts, there)
 
 
-def _was_to_have(run: Run, name: str, there: _Folder) -> bool:
+def _was_to_have(run: KnownRun, name: str, there: _Folder) -> bool:
     """Whether a recording was to have all of a run of which it has no part, nor ever made room of one.
 
     It was under way when the run began, and was not ended in it by somebody who may have come before its first tick.
@@ -390,7 +390,7 @@ def _was_to_have(run: Run, name: str, there: _Folder) -> bool:
     return not numbers or min(numbers) == 1
 
 
-def _is_under_way(run: Run, name: str, there: _Folder) -> bool | None:
+def _is_under_way(run: KnownRun, name: str, there: _Folder) -> bool | None:
     """Whether a recording was under way when a run began; None where the event log doesn't tell.
 
     One ends with its program, though that may be told after the start of the next one, which finds what it left.
@@ -409,7 +409,7 @@ def _is_end(event: LoggedEvent) -> bool:
     return CLOSED not in event.text and event.kind != EventKind.RECORDING_FAILED.value
 
 
-def _stops(run: Run, name: str, there: _Folder) -> list[tuple[LoggedEvent, LoggedEvent | None]]:
+def _stops(run: KnownRun, name: str, there: _Folder) -> list[tuple[LoggedEvent, LoggedEvent | None]]:
     """The events by which somebody ended a recording in a run, each with the one that tells of its next begin there."""
     orders = [(event, begun) for event, begun in there.orders.get((run.logger, name), ()) if event.run == run.run]
     following = [*(event if begun else None for event, begun in orders[1:]), None]
@@ -418,14 +418,14 @@ def _stops(run: Run, name: str, there: _Folder) -> list[tuple[LoggedEvent, Logge
     ]
 
 
-def _is_from_begin(run: Run, name: str, parts: list[Part], there: _Folder) -> bool:
+def _is_from_begin(run: KnownRun, name: str, parts: list[ScannedPart], there: _Folder) -> bool:
     """Whether a recording was under way when the run began, and none of its parts went for newer ones since."""
     numbers = {part.number for one in there.runs.values() for part in one.parts if part.recorder == name}
     first = min(part.number for part in parts)
     return bool(_is_under_way(run, name, there)) and (first == 1 or first - 1 in numbers)
 
 
-def _recording(run: Run, name: str, parts: list[Part], there: _Folder) -> Iterator[Verdict]:
+def _recording(run: KnownRun, name: str, parts: list[ScannedPart], there: _Folder) -> Iterator[Verdict]:
     missing: list[Span] = []
     paused: list[Span] = []
     again: list[Span] = []
@@ -481,7 +481,7 @@ def _meets(rows: Span, pauses: Iterable[Span], ring: RingFacts) -> bool:
     return any(first * ring.divider <= stop <= last * ring.divider <= begun + ring.divider for stop, begun in pauses)
 
 
-def _missing(run: Run, name: str, spans: list[Span]) -> Verdict:
+def _missing(run: KnownRun, name: str, spans: list[Span]) -> Verdict:
     text = f"recording '{name}': {spans_text(spans)} of run {run.run}, of {many(run.ticks, 'tick')}, are in no part"
     return Verdict("missing", text, run.logger, run.run, tuple(spans), run.told([f"'{name}'", "recording", "recorder"]))
 
@@ -496,7 +496,7 @@ class _Total:
     lost: int
 
 
-def _totals(runs: Iterable[Run]) -> Iterator[Verdict]:
+def _totals(runs: Iterable[KnownRun]) -> Iterator[Verdict]:
     """What the event log told last of each recording, and what its parts have, where these are all there."""
     told: dict[tuple[str, str], _Total] = {}
     where: Counter[tuple[str, str]] = Counter()
@@ -539,7 +539,7 @@ def _totals(runs: Iterable[Run]) -> Iterator[Verdict]:
 # ------------------------------------------------------------------------------------------------------------ captures
 
 
-def _captures(run: Run, listed: list[CaptureEntry]) -> Iterator[Verdict]:
+def _captures(run: KnownRun, listed: list[CaptureEntry]) -> Iterator[Verdict]:
     fires = Counter(
         (recording.conditions.capture.trigger, fire)
         for _, recording in run.captured
@@ -568,7 +568,7 @@ def _captures(run: Run, listed: list[CaptureEntry]) -> Iterator[Verdict]:
         yield Verdict("missing", text, run.logger, run.run, told=run.told([f"'{trigger}'"]))
 
 
-def _fires(run: Run, fires: Mapping[tuple[str, int], int]) -> Iterator[Verdict]:
+def _fires(run: KnownRun, fires: Mapping[tuple[str, int], int]) -> Iterator[Verdict]:
     """The fires that were told, and that no capture has, and those that were told twice."""
     written = [(found["name"], int(found["first"]), int(found["last"])) for event in run.events
                if event.kind == EventKind.CAPTURED.value and (found := _CAPTURED.match(event.text))]  # fmt: skip
@@ -604,14 +604,14 @@ def _fires(run: Run, fires: Mapping[tuple[str, int], int]) -> Iterator[Verdict]:
 # --------------------------------------------------------------------------------------------------- logs, event log
 
 
-def _saved(run: Run) -> Iterator[Verdict]:
+def _saved(run: KnownRun) -> Iterator[Verdict]:
     again = [path.name for path, _, why in run.saved if why in _DIED]
     if len(again) > 1:
         text = f"what the program of run {run.run} left was saved {len(again)} times: {', '.join(again)}"
         yield Verdict("twice", text, run.logger, run.run)
 
 
-def _lost(run: Run) -> Iterator[Verdict]:
+def _lost(run: KnownRun) -> Iterator[Verdict]:
     """What buffers had no room for."""
     counts: Counter[str] = Counter()
     for (_, name), samples in run.lost.items():
@@ -623,7 +623,7 @@ def _lost(run: Run) -> Iterator[Verdict]:
         yield Verdict("missing", text, run.logger, run.run, told=run.told(["samples could not be kept"]))
 
 
-def _events(run: Run, there: _Folder) -> Iterator[Verdict]:
+def _events(run: KnownRun, there: _Folder) -> Iterator[Verdict]:
     kinds = Counter(event.kind for event in run.events)
     # of what comes from a helper process, which tells of starts; what is older than the log is in none
     oldest_ns = min((event.time_ns for one in there.runs.values() for event in one.events if one.logger == run.logger),

@@ -26,7 +26,7 @@ _TELL_LOSS = frozenset(
 
 
 @dataclass
-class Part:
+class ScannedPart:
     """A part of an endless recording; `rows` of each ring are stretches of (first, one after the last)."""
 
     path: Path
@@ -59,7 +59,7 @@ class Part:
 
 
 @dataclass
-class Run:
+class KnownRun:
     """All that is known of a run."""
 
     logger: str
@@ -67,7 +67,7 @@ class Run:
     started_ns: int = 0
     ticks: int = 0
     events: list[LoggedEvent] = field(default_factory=list)
-    parts: list[Part] = field(default_factory=list)
+    parts: list[ScannedPart] = field(default_factory=list)
     saved: list[tuple[Path, Span, str]] = field(default_factory=list)  # and why
     captured: list[tuple[Path, Recording]] = field(default_factory=list)
     memory: list[Span] = field(default_factory=list)  # of which any ring has a row

@@ -357,7 +357,7 @@ async def open_view(context: Context, name: str) -> None:
     context.say(told)
 
 
-async def view_left(context: Context, left: files.Left) -> str:
+async def view_left(context: Context, left: files.LeftLayout) -> str:
     """Put on the screen what was left; return what is to be said of it, as nobody typed its filter today."""
     missing = await views.show(context, left.layout)
     return "; ".join(filter(None, [f"this is what was on the screen {left.since}", missing, *left.problems[:1]]))

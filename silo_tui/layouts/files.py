@@ -33,7 +33,7 @@ def place(name: str) -> Path:
     return _folder() / (name + ENDING)
 
 
-class Left(msgspec.Struct, frozen=True):
+class LeftLayout(msgspec.Struct, frozen=True):
     """What was on the screen of a logger when a process ended, and what of its file was left out."""
 
     path: Path
@@ -52,7 +52,7 @@ def left_by_us(logger: str) -> Path:
     return _folder() / f".left-{_plain(logger)}.{_terminal()}.{os.getpid()}{ENDING}"
 
 
-def left_last(logger: str) -> Left | None:
+def left_last(logger: str) -> LeftLayout | None:
     """Return what this terminal showed of a logger at last, else what processes that are no more did; None for nothing.
 
     Older ones of this terminal are removed. ValueError for one that can't be read.
@@ -65,7 +65,7 @@ def left_last(logger: str) -> Left | None:
     for _, changed_ns, path in ours[-1:] or sorted(found, key=lambda each: each[1], reverse=True):
         layout, problems = load_file(path)
         if layout != KeptLayout() or problems:
-            return Left(path, changed_ns, layout, problems)
+            return LeftLayout(path, changed_ns, layout, problems)
     return None
 
 

@@ -104,7 +104,7 @@ def test_what_was_left_is_opened_by_its_name_unless_a_view_has_that(fake, shown)
     desk = Desk(fake)
     with pytest.raises(RefusedError, match="there is no view 'last'"):
         typed(desk, "view last")
-    desk.left_view = files.Left(files.left_by_us("robot"), time.time_ns(), ONE, [])
+    desk.left_view = files.LeftLayout(files.left_by_us("robot"), time.time_ns(), ONE, [])
     assert typed(desk, "view last").startswith("this is what was on the screen ")
     files.save(files.place("last"), PLOTS)
     typed(desk, "view last")

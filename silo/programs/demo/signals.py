@@ -82,7 +82,7 @@ class LoggedSignal(NamedTuple):
     attr: str | None = None
 
 
-class Part:
+class RobotPart:
     """A part of the robot: its variables as attributes, arrays but for texts and enumerations."""
 
     def __init__(self, rows: Iterable[DemoSignal], count: int | None = None) -> None:
@@ -250,9 +250,9 @@ class Variables:
     """All variables of the robot, as they are at the start; `channels` further ones are for trying large tables."""
 
     def __init__(self, channels: int = 0) -> None:
-        self.joints, self.legs = Part(_JOINT, 12), Part(_LEG, 4)
+        self.joints, self.legs = RobotPart(_JOINT, 12), RobotPart(_LEG, 4)
         self.base, self.sensors, self.battery, self.controller, self.estimator = (
-            Part(row for row in (*_BODY, *_SOFTWARE) if row.name.startswith(f"{name}."))
+            RobotPart(row for row in (*_BODY, *_SOFTWARE) if row.name.startswith(f"{name}."))
             for name in ("base", "sensors", "battery", "controller", "estimator")
         )
         self.channels = np.zeros(channels)
@@ -284,7 +284,7 @@ def _single(robot: Variables, row: DemoSignal) -> LoggedSignal:
     return LoggedSignal(group, name, found if is_array else whole, row, None if is_array else variable)
 
 
-def _each(of: Part, rows: Sequence[DemoSignal], groups: Mapping[str, str]) -> Iterator[LoggedSignal]:
+def _each(of: RobotPart, rows: Sequence[DemoSignal], groups: Mapping[str, str]) -> Iterator[LoggedSignal]:
     """Elements of each group, which say of what they are: nobody has to know what its letters stand for."""
     for place, (group, of_what) in enumerate(groups.items()):
         for row in rows:
