@@ -485,7 +485,7 @@ async def test_applying_starting_and_stopping_ask_the_same_on_every_screen_of_a_
             for command in ("start_stop", "restart", "apply"):
                 await screen.do(command)
                 await screen.until(lambda: isinstance(screen.app.screen, Question), command)
-                await screen.until(lambda: screen.app.screen.query("Choices"), "what it asks")
+                await screen.until(lambda: screen.app.screen.is_mounted, "all that it asks")
                 question = screen.app.screen.query("Static")
                 asked[scope].append("\n".join(str(each.render()) for each in question))
                 await screen.press("escape")
