@@ -108,6 +108,12 @@ def discovered() -> "Discovery":
     return found
 
 
+def _forget_discovered() -> None:
+    """Have the next one who asks look again."""
+    if ctx := click.get_current_context(silent=True):
+        ctx.find_root().meta.pop(f"silo discovery {configuration()}", None)
+
+
 def patiently(make: Callable[[], _Made]) -> _Made:
     """Return what `make` does; while a remote can't be reached, say why and do it again.
 
@@ -121,8 +127,7 @@ def patiently(make: Callable[[], _Made]) -> _Made:
         if problem != told:
             told = problem
             click.echo(f"{told}\ntrying again every {TRY_AGAIN_S:g} s, until Ctrl-C", err=True)
-        if ctx := click.get_current_context(silent=True):
-            ctx.find_root().meta.pop(f"silo discovery {configuration()}", None)
+        _forget_discovered()
         _pause()
 
 
@@ -189,15 +194,20 @@ def find_logger(name: str | None) -> "LoggerAddress":
 
     Raises ConnectionLostError where there is none, UsageError where several could be meant.
     """
-    from silo.fleet.resolving import SeveralError
+    from silo.fleet.resolving import SeveralError, awaited
+    from silo.rpc.declaring import Ask
 
-    discovery = discovered()
+    def look() -> "Discovery":
+        if discovered().comes_back(name or ""):
+            _forget_discovered()
+        return discovered()
+
     try:
-        found = discovery.one(name or "")
+        found = awaited(name or "", look, Ask.timeout_s)
     except SeveralError as error:
         raise click.UsageError(str(error)) from None
     if "/" not in (name or ""):  # it might be there, too
-        tell_unreachable(discovery.unreachable)
+        tell_unreachable(discovered().unreachable)
     return found
 
 

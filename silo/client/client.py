@@ -25,7 +25,7 @@ from silo.core.elements import SavedFile
 from silo.core.quantities.writing import html_table
 from silo.errors import ArgumentError, ConnectionLostError, ElementError, RefusedError, SiloError
 from silo.fleet.exchange import NoAnswerError, client_name
-from silo.fleet.resolving import discover
+from silo.fleet.resolving import awaited, discover
 from silo.history.find import SearchRequests
 from silo.history.requests import By, GetHistory, GetSamples, KeepPin, OpenPin, OpenStream
 from silo.live.requests import GetSurvey, OpenView, Survey
@@ -120,7 +120,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         Args:
             logger: what `discover` found, an address (`robot3/anymal`; a bare name, where only one has it, `name.pid`
                 of several on this computer, `host~id/name` of several hosts of one name), or empty for the only one.
-            timeout_s: how long to wait for an answer, at least.
+            timeout_s: how long to wait for an answer, or for a helper process that is being replaced, at least.
             config: a remote or a Zenoh configuration, to look there alone; `local` for this computer alone.
             read_only: send nothing that changes something, whatever the role; calls that would raise RefusedError.
 
@@ -137,7 +137,8 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         text("logger", logger, 'Client.connect("robot")')
         text("config", config, 'Client.connect("robot", config="client.json5")')
         with ExitStack() as holding:
-            return cls(discover(timeout_s, config, holding).one(logger), timeout_s, read_only=read_only)
+            found = awaited(logger, lambda: discover(timeout_s, config, holding), timeout_s)
+            return cls(found, timeout_s, read_only=read_only)
 
     @property
     def parameters(self) -> ClientParameters:

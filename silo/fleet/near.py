@@ -2,12 +2,13 @@
 
 import re
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 from msgspec.structs import replace
 
-from silo.core.runtime import DOWN_SUFFIX, down_marks, user_name
+from silo.core.runtime import DOWN_SUFFIX, down_marks, process_start, user_name
 from silo.net import keys
 from silo.net.folders import ForbiddenFolder, forbidden_folders, usable_folders
 from silo.net.found import LoggerAddress
@@ -19,11 +20,15 @@ HERE = ""  # in place of a remote: the loggers of this computer can't be looked 
 
 
 class Near(msgspec.Struct, frozen=True):
-    """The loggers of this computer, the folders that are closed to us, and those that nobody can reach now."""
+    """The loggers of this computer, the folders that are closed to us, and those that nobody can reach now.
+
+    Of the `left` the helper process has just died, and the program, which lives, has not said yet that it is `down`.
+    """
 
     loggers: tuple[LoggerAddress, ...] = ()
     forbidden: tuple[ForbiddenFolder, ...] = ()
     down: tuple[LoggerAddress, ...] = ()
+    left: tuple[LoggerAddress, ...] = ()
 
 
 def near_loggers() -> Near:
@@ -35,7 +40,8 @@ def near_loggers() -> Near:
     loggers = [found for found in all_found if not (found.dead and _has_successor(found, all_found))]
     reached = {(found.name, found.pid) for found in loggers}
     down = (found for found in _down() if (found.name, found.pid) not in reached)
-    return Near(tuple(loggers), tuple(forbidden_folders()), tuple(down))
+    left = [found for folder in usable_folders() for found in _left(folder)]
+    return Near(tuple(loggers), tuple(forbidden_folders()), tuple(down), tuple(left))
 
 
 def _down() -> list[LoggerAddress]:
@@ -73,11 +79,22 @@ def _has_successor(gone: LoggerAddress, others: list[LoggerAddress]) -> bool:
     return any(found.since >= gone.since for found in same)
 
 
+def _left(folder: Path) -> Iterator[LoggerAddress]:
+    for path, match in _sockets(folder):
+        if owner_is_gone(path) and process_start(int(match["pid"])) != 0:
+            yield LoggerAddress(match["name"], int(match["pid"]), "", "")
+
+
+def _sockets(folder: Path) -> Iterator[tuple[Path, re.Match[str]]]:
+    for path in folder.glob(f"*{SOCKET_SUFFIX}"):
+        if (match := _SOCKET.fullmatch(path.name)) is not None:
+            yield path, match
+
+
 def _scan(folder: Path) -> list[LoggerAddress]:
     loggers = []
-    for path in folder.glob(f"*{SOCKET_SUFFIX}"):
-        match = _SOCKET.fullmatch(path.name)
-        if match is None or owner_is_gone(path):
+    for path, match in _sockets(folder):
+        if owner_is_gone(path):
             continue
         mark = Beside.DEAD.of(path)
         dead = mark.exists()

@@ -2,6 +2,8 @@
 refused with the address of each.
 """
 
+import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -9,7 +11,7 @@ import msgspec
 
 from silo.core.names import is_glob
 from silo.errors import ConnectionLostError
-from silo.fleet.fleet import FleetNow, FleetQuestion, looked, who_is_there
+from silo.fleet.fleet import POLL_S, FleetNow, FleetQuestion, looked, who_is_there
 from silo.fleet.near import down_text, near_loggers
 from silo.net import keys
 from silo.net.configuration import remotes
@@ -21,19 +23,20 @@ from silo.net.sessions import borrowed
 class Discovery(msgspec.Struct, frozen=True):
     """What was found, by name, and which folders are closed to us. `down` log, but nobody can reach them now.
 
-    `unreachable` says of remotes that don't answer why.
+    The helper process of those who are `left` died a moment ago. `unreachable` says of remotes that don't answer why.
     """
 
     loggers: list[LoggerAddress]
     forbidden: list[ForbiddenFolder]
     down: list[LoggerAddress] = msgspec.field(default_factory=list)
     unreachable: dict[str, str] = msgspec.field(default_factory=dict)
+    left: list[LoggerAddress] = msgspec.field(default_factory=list)
 
     @classmethod
     def of(cls, seen: FleetNow) -> "Discovery":
         """Return who is there of what was seen."""
         loggers = sorted((one.found for one in seen.members if one.here), key=by_name)
-        return cls(loggers, list(seen.near.forbidden), list(seen.near.down), seen.unreachable)
+        return cls(loggers, list(seen.near.forbidden), list(seen.near.down), seen.unreachable, list(seen.near.left))
 
     def named(self, wanted: str) -> list[LoggerAddress]:
         """Return who can be meant by a name or an address, all by an empty one; the dead only where none of them
@@ -41,6 +44,11 @@ class Discovery(msgspec.Struct, frozen=True):
         """
         named = [found for found in self.loggers if found.is_meant_by(wanted)]
         return [found for found in named if not found.dead] or named
+
+    def comes_back(self, wanted: str) -> bool:
+        """Whether nobody can be meant now, but one whose program starts another helper process."""
+        wanted = logger_of(wanted)
+        return not self.named(wanted) and any(found.is_meant_by(wanted) for found in (*self.down, *self.left))
 
     def matching(self, pattern: str) -> list[LoggerAddress]:
         """Return all that a glob means, or a name or address."""
@@ -89,6 +97,17 @@ def discover(timeout_s: float = 1.0, config: str = "", holding: ExitStack | None
     link to open one is most of the time. Raises ConnectionLostError where `config` can't be reached.
     """
     return Discovery.of(looked(config, FleetQuestion(question=None, answer_s=timeout_s, holding=holding)))
+
+
+def awaited(wanted: str, look: Callable[[], Discovery], timeout_s: float) -> LoggerAddress:
+    """Return the only logger that is meant; one that gets another helper process just now is waited for, so long.
+
+    `look` looks around anew at each call. Raises as `Discovery.one`.
+    """
+    until_s = time.monotonic() + timeout_s
+    while (discovery := look()).comes_back(wanted) and time.monotonic() < until_s:
+        time.sleep(POLL_S)
+    return discovery.one(wanted)
 
 
 def namesakes(found: LoggerAddress, timeout_s: float) -> list[LoggerAddress]:

@@ -4,6 +4,7 @@ import os
 import resource
 import signal
 import subprocess
+import threading
 import weakref
 from pathlib import Path
 
@@ -60,6 +61,20 @@ def test_who_asks_for_a_logger_that_is_down_is_told_so(down, capsys) -> None:
     assert "nobody can reach it" in capsys.readouterr().err
     with pytest.raises(ConnectionLostError, match="its helper process is down"):
         Client.connect("bot")
+
+
+@pytest.mark.parametrize("told", [True, False], ids=["said to be down", "not said yet"])
+def test_who_connects_meanwhile_waits_for_the_next_helper_process(bench, monkeypatch, told) -> None:
+    with monkeypatch.context() as broken:
+        broken.setattr(serving, "HelperProcess", no_process)
+        if not told:
+            broken.setattr(DownMark, "set", lambda _: None)
+        killed = bench.serving.helper_pid
+        os.kill(killed, signal.SIGKILL)
+        wait_until(lambda: not discover().loggers and (discover().down or not told))
+        threading.Timer(0.3, broken.undo).start()
+        with Client.connect("bot", timeout_s=DEADLINE_S) as client:
+            assert client.status().helper_pid != killed
 
 
 def test_the_row_is_gone_when_a_helper_is_there_again(bench, monkeypatch, runtime) -> None:
