@@ -82,7 +82,9 @@ class Topics:
         self._undeclared: list[ElementSchema] = []  # those of what is published that have no topic yet, the last first
         self._cursors: dict[int, int] = {}
         self._check_s = 0.0
+        # whose subscribers were there before the run began that is read now: they get its first sample
         self._read_before: set[str] = set()
+        self._seen: str | None = None  # the run that was read last, None before the first look, empty for none so far
 
     def adopt(self, reader: SegmentReader | None, now_s: float) -> None:
         """Go over to another segment, once what somebody reads of the one before is sent to its end."""
@@ -103,6 +105,10 @@ class Topics:
             self._published = published
             self._keep(published)
         self._cursors = {topic.element.live_ring: 0 for topic in self._topics if topic.active}
+        # not of the run that was there first, which may have begun long ago
+        if reader is not None and self._seen not in (None, reader.schema.run) and self.wanted():
+            self._read_before = {element.info.name for element in published}
+            self._check_s = 0.0
 
     def _keep(self, published: list[ElementSchema]) -> None:
         """Have who subscribes to what is as it was do so still: to another publisher it comes a moment later."""
@@ -124,6 +130,7 @@ class Topics:
         undeclare(*(topic.publisher for topic in self._topics))
         self._topics, self._undeclared = [], self._published[::-1]
         self._cursors = {}
+        self._read_before.clear()
 
     def wanted(self) -> bool:
         """Return whether anybody subscribes to any topic."""
@@ -132,6 +139,7 @@ class Topics:
     def publish(self, now_s: float) -> bool:
         """Send what came since the last call; True if there is more than fits in one round."""
         present = self._present
+        self._seen = self._reader.schema.run if self._reader is not None else self._seen or ""
         if self._reader is not present and self._reader is not None and present is not None and self.wanted():
             if self._following is None or not is_next(self._reader, self._following):
                 self._following = self._between(self.reading, present)

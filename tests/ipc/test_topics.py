@@ -2,6 +2,7 @@
 
 import asyncio
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +10,12 @@ import pytest
 import silo
 from silo.bridges.messages import entry_values
 from silo.client.client import Client
+from silo.core.elements import State
 from silo.errors import ElementError
+from silo.live import topics
 from silo.live.topics import encoding_of
+from silo.net.keys import Root
+from silo.segment.reader import SegmentReader
 from tests.stand_ins.ticking import turning
 from tests.waiting import DEADLINE_S, wait_until
 
@@ -169,6 +174,54 @@ def test_a_stream_has_every_run_of_a_burst_from_its_opening_on(bench, client):
         while len(found) < 200 and (batch := stream.read(DEADLINE_S)) is not None:
             found += batch["x"].values.tolist()
     assert found == list(range(2, 202))
+
+
+@pytest.mark.parametrize("again", [False, True], ids=["first start", "start after a stop"])
+def test_a_topic_that_is_open_before_the_start_has_the_first_sample(bench, client, again):
+    if again:
+        bench.logger.start()
+        bench.ticks(3)
+        bench.logger.stop()
+        wait_until(lambda: client.status().state is State.STOPPED)
+    opened = [client.topic("x"), client.topic("slow")]
+    client.status()  # behind the subscriptions
+    bench.logger.start()
+    with turning(lambda: bench.ticks(1), 0.002):
+        for topic in opened:
+            assert topic.read(timeout_s=DEADLINE_S)[0].first == 0
+
+
+def test_who_comes_in_the_midst_of_a_run_gets_what_comes_from_then_on(bench, client):
+    early = client.topic("x")
+    client.status()
+    bench.logger.start()
+    with turning(lambda: bench.ticks(1), 0.002):
+        assert early.read(timeout_s=DEADLINE_S)[0].first == 0
+        wait_until(lambda: bench.x > 50 and early.read())
+        assert client.topic("slow").read(timeout_s=DEADLINE_S)[0].first >= 10
+
+
+@pytest.mark.parametrize(("rounds", "first"), [(0, []), (1, [0])], ids=["new helper", "there before"])
+def test_whoever_is_there_before_a_run_begins_has_it_whole_and_a_new_helper_process_sends_nothing_again(
+    tmp_path, monkeypatch, rounds, first
+):
+    sent: list[int] = []
+    publisher = SimpleNamespace(put=lambda _, attachment: sent.append(int.from_bytes(attachment[:8], "little")))
+    session = SimpleNamespace(declare_publisher=lambda *_, **__: publisher)
+    monkeypatch.setattr(topics, "matching", lambda _: True)
+    with silo.Logger("solo", folder=tmp_path, frequency=100) as log:
+        log.array("x", 3, action="publish")
+        served = topics.Topics(session, Root("here", "solo"), lambda _, present: present)
+        for _ in range(rounds):
+            served.publish(0.0)
+        log.start()
+        log.collect()
+        served.adopt(SegmentReader(log._present.path), 0.0)
+        served.publish(0.0)
+        assert sent == first
+        log.collect()
+        served.publish(0.1)
+        assert sent == [*first, 1]
 
 
 def test_a_loop_ends_when_its_topic_is_closed(bench, client):
