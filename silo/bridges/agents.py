@@ -167,18 +167,19 @@ class Shelf:
         from silo.client.client import Client
 
         with Client.connect(logger, read_only=True) as client:
-            table = {info.name: info for info in client.table().elements if info.options.enabled}
+            known = client.table()
+            table = {info.name: info for info in (*known.elements, *known.derived) if info.options.enabled}
             names = matching(list(table), [signals])
             if not names:
                 raise ElementError(f"'{logger}' has no element '{signals}' that is on")
-            some = names[:MOST_ROWS]
-            frame = _newest(client, some)
-        entries = [(table[name], entry) for name in some for entry in table[name].entries]
+            entries = [(table[name], entry) for name in names for entry in table[name].entries]
+            some = entries[:MOST_ROWS]
+            frame = _newest(client, list(dict.fromkeys(info.name for info, _ in some)))
         rows = [
             {"name": info.name + entry.suffix, "unit": info.unit, **_value(frame, place, entry)}
-            for place, (info, entry) in enumerate(entries)
+            for place, (info, entry) in enumerate(some)
         ]
-        return _told({"logger": logger, "values": rows}, len(names) - len(some), "elements", "name fewer")
+        return _told({"logger": logger, "values": rows}, len(entries) - len(some), "values", "name fewer elements")
 
     def _runs(self, where: str = "", since: str = "", until: str = "") -> RunList:
         found = runs(*self.folders, where=where, since=since or None, until=until or None)

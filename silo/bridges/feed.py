@@ -27,7 +27,10 @@ MOST_PENDING = 4  # batches that were handed over and are not taken yet
 
 @dataclass(frozen=True)
 class Listener:
-    """Who is told, each from the feed's thread. `taken` of the samples is to be called when they were dealt with."""
+    """Who is told, each from the feed's thread: of elements and derived signals.
+
+    `taken` of the samples is to be called when they were dealt with.
+    """
 
     table: Callable[[str, Sequence[ElementInfo]], None]  # the logger's label and its elements; none: it is gone
     samples: Callable[[Mapping[str, SampleArrays], Callable[[], None]], None]
@@ -102,7 +105,7 @@ class LoggerFollower:
             if status.revision != revision:
                 table = client.table()
                 revision = table.revision
-                self._announce(client.found.label, table.elements)
+                self._announce(client.found.label, [*table.elements, *table.derived])
                 self._outdated = True
             self._read(client)
 

@@ -289,3 +289,17 @@ def test_newest_values_are_told_as_they_are(shelf, new_logger):
     }  # fmt: skip
     assert told["gait"]["word"] == "WALK"
     assert "word" not in told["count"]
+
+
+@pytest.mark.slow
+def test_newest_values_of_derived_signals_are_told_and_those_of_a_large_array_are_bounded(shelf, new_logger):
+    log = new_logger("live")
+    log.array("picture", (40, 30))[:] = 3
+    log.derive("twice", "2 * picture_0_0")
+    log.serve()
+    log.start()
+    log.collect()
+    assert shelf.newest_values("live", "twice")["values"] == [{"name": "/log/twice", "unit": "-", "value": 6.0}]
+    told = shelf.newest_values("live")
+    assert [one["value"] for one in told["values"]] == [3.0] * 200
+    assert told["left_out"] == "1001 more values: name fewer elements"

@@ -210,6 +210,20 @@ class TestSamples:
             got[topic] = value.tolist() if hasattr(value, "tolist") else value
         assert got == expected
 
+    def test_a_derived_signal_is_one_of_them_from_when_it_is_derived(self, bench, client, bridge, look):
+        one = bridge()
+        viewer = look("/log/x", to=one)
+        client.start()
+        client.derive("twice", "2 * x")
+        viewer.wait_for("/log/twice")
+        viewer.subscribe(_1="/log/twice")
+        one.reads("/log/twice")
+        bench.ticks(3)
+        assert [viewer.message()[2].value for _ in range(3)] == [2, 4, 6]
+        client.derive("twice", None)
+        viewer.json("unadvertise")
+        assert "/log/twice" not in viewer.channels
+
     def test_a_subscription_more_or_less_costs_the_others_no_sample(self, bench, client, bridge, look):
         one = bridge()
         viewer = look("/log/x", "/log/q", "/log/kept", to=one)

@@ -276,6 +276,15 @@ class TestGraph:
             ("rows", 2, 4), ("cols", 2, 2)
         ]  # fmt: skip
 
+    def test_a_derived_signal_is_a_topic(self, bench, client, join, other):
+        bridge = join()
+        client.derive("twice", "2 * x")
+        echo = Echo(other, "/bot/log/twice")
+        bridge.reads("/log/twice")
+        client.start()
+        bench.ticks(3)
+        assert [echo.next()[1].data for _ in range(3)] == [2, 4, 6]
+
     def test_what_nobody_subscribes_to_is_not_read_and_without_control_there_is_no_service(self, join, other):
         bridge = join()
         echo = Echo(other, "/bot/log/x")
