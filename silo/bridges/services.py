@@ -5,6 +5,7 @@ import secrets
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from silo.control.denials import Denials
 from silo.core.tuning.parameters import ParameterInfo, ParameterValue
 from silo.errors import ConnectionLostError
 from silo.files.bags.ros_types import ENCAPSULATION, add_text
@@ -57,6 +58,24 @@ def audit(what: str, how: str, caller: str, text: str) -> str:
     what = what if len(what) <= MOST_TOLD else f"{what[:MOST_TOLD]}... ({len(what)} letters)"
     text = text if len(text) <= MOST_TOLD else f"{text[:MOST_TOLD]}..."
     return printable(f"{what}, {how} by {caller}: {text}")
+
+
+class Audit:
+    """Tells what came of each call; of a flood that was refused a few lines, which `watch` tells now and then."""
+
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        self._tell = tell
+        self._refused = Denials()
+        self._refused.tell = lambda text, who: tell(f"{text} by {who}" if who else text)
+        self.watch = self._refused.watch
+
+    def note(self, what: str, how: str, caller: str, text: str, *, done: bool) -> None:
+        """Tell what came of a call, or that it was refused."""
+        told = audit(what, how, caller, text)
+        if done:
+            self._tell(told)
+        else:
+            self._refused.note(told, "")
 
 
 def pinned(connect: "Callable[[str], Client]", wanted: str) -> tuple[str, Connect]:

@@ -356,6 +356,15 @@ class TestStrangers:
         assert b"stopped" in viewer.call(2, 45)
         assert bench.logger._life.state is State.STOPPED
 
+    def test_a_flood_of_what_is_refused_is_told_once(self, bench, bridge, look):
+        one = bridge()
+        viewer = look(to=one)
+        for number in range(100):
+            viewer.socket.send(json.dumps({"op": "setParameters", "parameters": [{"name": "kp", "value": number}]}))
+        for _ in range(100):
+            assert "read-only" in viewer.json("status")["message"]
+        assert len(one.said) == 1
+
     def test_who_asks_and_does_not_read_fills_no_memory(self, bench, bridge, look, monkeypatch):
         waited: list[int] = []
         monkeypatch.setattr(viewers, "QUEUE_BYTES", 20_000)

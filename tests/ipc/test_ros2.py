@@ -20,7 +20,7 @@ from rosbags.typesys import Stores, get_typestore
 
 import silo
 from silo.bridges.feed import LoggerFollower
-from silo.bridges.services import services, setting
+from silo.bridges.services import Audit, services, setting
 from silo.client.client import Client
 from silo.core.elements import Edit, ElementOptions, State
 from silo.core.tuning.parameters import ParameterInfo, ParameterKind
@@ -480,7 +480,7 @@ class TestParameters:
         }  # fmt: skip
 
     def test_without_control_they_are_read_alone(self, bench):
-        node = parameters.NodeParameters("/bot", None, "somebody", lambda _: None)
+        node = parameters.NodeParameters("/bot", None, "somebody", Audit(lambda _: None))
         bench.logger.parameter("kp", 40.0, writable="anywhere")
         known = ros(Stores.ROS2_JAZZY)
         event = known.deserialize_cdr(node.turn(bench.logger.parameters.landing.described()), parameters.EVENT)
@@ -510,7 +510,7 @@ class TestParameters:
             came.append((wanted, caller, elsewhere))
             return f"{len(wanted)} set", list(infos)
 
-        node = parameters.NodeParameters("/bot", tune, "somebody", told.append)
+        node = parameters.NodeParameters("/bot", tune, "somebody", Audit(told.append))
         node.turn(infos)
         kinds = {float: (3, "double_value"), int: (2, "integer_value")}
         empty = [0, False, 0, 0.0, "", *(np.array([], code) for code in ("u1", "?", "i8", "f8")), []]
@@ -529,7 +529,7 @@ class TestParameters:
         assert told == [f"{', '.join(values)}, set by somebody: {result.reason}"]
 
     def test_what_is_no_request_is_told_in_words(self):
-        node = parameters.NodeParameters("/bot", None, "somebody", lambda _: None)
+        node = parameters.NodeParameters("/bot", None, "somebody", Audit(lambda _: None))
         whole = b"\0\1\0\0" + struct.pack("<I", 2) + struct.pack("<I", 3) + b"ab\0\0" + struct.pack("<I", 1)
         for answer in (one[2] for one in node.services().values()):
             for data in [whole[:size] for size in range(16)] + [whole[:4] + b"\xff" * 40, b"\0\0" + whole]:

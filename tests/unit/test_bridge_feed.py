@@ -6,8 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from silo.bridges import services
 from silo.bridges.feed import PERIOD_S, LoggerFollower
-from silo.bridges.services import audit
+from silo.bridges.services import Audit, audit
+from silo.control.denials import Denials
 from silo.core.elements import State
 from silo.errors import ConnectionLostError, RefusedError
 from silo.history.arrays import SampleArrays
@@ -54,7 +56,7 @@ class Robot:
     def table(self):
         on, off = SimpleNamespace(enabled=True), SimpleNamespace(enabled=False)
         infos = [SimpleNamespace(name="/log/off", options=off), SimpleNamespace(name="/log/x", options=on)]
-        return SimpleNamespace(revision=1, elements=infos)
+        return SimpleNamespace(revision=1, elements=infos, derived=[])
 
     def stream(self, names, period_s):
         self.asked.append(names)
@@ -138,3 +140,25 @@ def test_once_a_robot_is_gone_nothing_of_it_is_left_and_why_is_told_once_until_i
 )
 def test_who_calls_a_bridge_has_one_line_in_what_it_tells(what, text, told):
     assert audit(what, "set", "somebody", text) == told
+
+
+def test_a_flood_of_what_is_refused_is_a_few_lines_and_all_that_is_done_is_told(monkeypatch):
+    now_s = 0.0
+    monkeypatch.setattr(services, "Denials", lambda: Denials(lambda: now_s))
+    told: list[str] = []
+    audited = Audit(told.append)
+    for _ in range(1000):
+        audited.note("/bot/kp", "set", "somebody", "read-only", done=False)
+    for number in range(3):
+        audited.note("/bot/save", "called", "somebody", f"saved {number}", done=True)
+    first = "/bot/kp, set by somebody: read-only"
+    assert told == [first, *(f"/bot/save, called by somebody: saved {number}" for number in range(3))]
+    told.clear()
+    audited.watch()
+    now_s = 61.0
+    audited.watch()
+    assert told == [f"{first}, 999 more in 61 s"]
+    told.clear()
+    for number in range(1000):  # each another one
+        audited.note(f"/bot/{number}", "set", "somebody", "read-only", done=False)
+    assert len(told) == 32  # those of its kind, and one line of several others

@@ -21,7 +21,7 @@ from silo.bridges.foxglove import guard, protocol
 from silo.bridges.foxglove.protocol import Frames, Offer, ServiceCall, StatusLevel, status, text_frame
 from silo.bridges.listening import LOOPBACK
 from silo.bridges.messages import live_topics
-from silo.bridges.services import Call, Connect, Tune, audit
+from silo.bridges.services import Audit, Call, Connect, Tune
 from silo.core.elements import ElementInfo
 from silo.core.names import grouped
 from silo.core.quantities.writing import many
@@ -33,6 +33,7 @@ MOST_VIEWERS = 16
 QUEUE_BYTES = 8 << 20  # that a viewer may be behind before frames of data are dropped
 MOST_REQUEST_BYTES = 4 << 20  # a viewer subscribes to 65,535 topics in 2 MB
 ROOM_S = 0.05
+WATCH_S = 1.0
 ALIVE_S = 20.0  # a viewer that doesn't answer within this is let go
 
 log = logging.getLogger("silo.foxglove")
@@ -112,7 +113,7 @@ class ViewerServer:
         self, terms: Terms, make_feed: Callable[[Listener], LoggerFollower], tell: Callable[[str], None]
     ) -> None:
         self._terms = terms
-        self._tell = tell
+        self._tell, self._audit = tell, Audit(tell)
         self._viewers: set[Viewer] = set()
         self._offers: dict[int, Offer] = {}
         self._of_element: dict[str, list[Offer]] = {}
@@ -134,6 +135,7 @@ class ViewerServer:
     async def serve(self, listening: socket.socket, ended: asyncio.Event) -> None:
         """Serve viewers on a socket that is bound already, until `ended`."""
         self._feed.start()
+        watching = asyncio.create_task(self._watch())
         try:
             async with serve(
                 self._meet, sock=listening, process_request=self._admit, compression=None,
@@ -142,7 +144,13 @@ class ViewerServer:
             ):  # fmt: skip
                 await ended.wait()
         finally:
+            watching.cancel()
             await asyncio.to_thread(self._feed.close)
+
+    async def _watch(self) -> None:
+        while True:
+            await asyncio.sleep(WATCH_S)
+            self._audit.watch()
 
     # ------------------------------------------------------------------------------------------------------- viewers
 
@@ -244,7 +252,7 @@ class ViewerServer:
             text, success = await asyncio.to_thread(self._terms.services[name], caller), True
         except SiloError as error:
             text, success = str(error), False
-        self._tell(audit(name, "called", caller, text))
+        self._audit.note(name, "called", caller, text, done=success)
         viewer.write(protocol.binary_frame(protocol.service_response(call, success=success, message=text)))
 
     async def _tune(self, viewer: Viewer, request: Mapping[str, Any]) -> None:
@@ -261,7 +269,7 @@ class ViewerServer:
                 self._turn(known)
         except SiloError as error:
             text = str(error)
-        self._tell(audit(", ".join(values), "set", caller, text))
+        self._audit.note(", ".join(values), "set", caller, text, done=level is StatusLevel.INFO)
         if level is StatusLevel.ERROR:
             viewer.tell(level, text)
         if "id" in request:

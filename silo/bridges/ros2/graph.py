@@ -19,7 +19,7 @@ from silo.bridges.ros2.names import TRIGGER, TRIGGER_HASH, Attachment, Distribut
 from silo.bridges.ros2.pairing import Pairing
 from silo.bridges.ros2.parameters import EVENT, EVENT_HASH, EVENTS, NodeParameters
 from silo.bridges.ros2.standard import Outlet, outlets_of
-from silo.bridges.services import Call, Tune, audit, trigger_response
+from silo.bridges.services import Audit, Call, Tune, trigger_response
 from silo.core.elements import ElementInfo
 from silo.core.quantities.writing import many
 from silo.core.tuning.parameters import ParameterInfo
@@ -119,7 +119,7 @@ class Graph:
         """Be a node of this session; `tune` sets parameters, without it they are read-only."""
         self._session, self._node, self._distribution = session, node, distribution
         self._prefix = node.name
-        self._tell = tell
+        self._tell, self._audit = tell, Audit(tell)
         self._numbers: dict[tuple[str, str], int] = {}  # of a topic and its type: it keeps its number
         self._unused = itertools.count(1)
         self._topics: dict[tuple[str, str], GraphTopic] = {}
@@ -127,7 +127,7 @@ class Graph:
         self._tokens = [session.liveliness().declare_token(node.token)]
         self._services: list[Service] = []
         self._calls: list[threading.Thread] = []
-        self._parameters = NodeParameters(f"/{node.name}", tune, CALLER, tell)
+        self._parameters = NodeParameters(f"/{node.name}", tune, CALLER, self._audit)
         self._events: Publication | None = None  # of parameters, once there are any
         self._feed = make_feed(Listener(self._renew, self._deliver, tell, self._turn))
 
@@ -202,6 +202,7 @@ class Graph:
         aborts the process.
         """
         while not self._ended.wait(LOOK_S):
+            self._audit.watch()
             for topic in list(self._topics.values()):
                 with contextlib.suppress(zenoh.ZError):  # it was taken back just now
                     topic.is_watched = matching(topic.publisher)
@@ -254,5 +255,5 @@ class Graph:
             text, success = call(CALLER), True
         except SiloError as error:
             text, success = str(error), False
-        self._tell(audit(name, "called", CALLER, text))
+        self._audit.note(name, "called", CALLER, text, done=success)
         return trigger_response(text, success=success)

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from silo.bridges.services import Tune, audit
+from silo.bridges.services import Audit, Tune
 from silo.core.tuning.parameters import ParameterInfo, ParameterKind, ParameterValue, Writable, range_text
 from silo.errors import SiloError
 from silo.files.bags.ros_types import ENCAPSULATION, CdrReader, add_numbers, add_text
@@ -46,7 +46,7 @@ class NodeParameters:
     node: str
     tune: Tune | None
     caller: str
-    tell: Callable[[str], None]
+    audit: Audit
     known: dict[str, ParameterInfo] = field(default_factory=dict)
     _told: dict[str, ParameterInfo] = field(default_factory=dict)  # by `/parameter_events`
 
@@ -160,7 +160,7 @@ class NodeParameters:
                 self.known, done = _by_name(known), True
             except SiloError as error:
                 text = str(error)
-        self.tell(audit(", ".join(values), "set", self.caller, text))
+        self.audit.note(", ".join(values), "set", self.caller, text, done=done)
         return done, text
 
 
