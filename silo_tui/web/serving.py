@@ -68,7 +68,11 @@ class PageServer(Server):  # type: ignore[misc]  # textual-serve is an extra
         return web.FileResponse(Path(__file__).parent / "page.js")
 
     async def handle_websocket(self, request: web.Request) -> web.StreamResponse:
-        """Start a silo-tui for a page, unless there are too many."""
+        """Start a silo-tui for a page, unless there are too many, or it is gone already."""
+        if not web.WebSocketResponse().can_prepare(request):
+            return web.Response(status=400, text="silo-tui: a page comes here by a WebSocket\n")
+        if request.transport is None or request.transport.is_closing():
+            return web.Response(status=400)
         if self._pages >= MOST_PAGES:
             return web.Response(status=503, text=f"silo-tui: {MOST_PAGES} pages are open already; close one\n")
         self._pages += 1

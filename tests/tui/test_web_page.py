@@ -4,6 +4,7 @@ import asyncio
 import importlib.util
 import re
 import socket
+import struct
 import subprocess
 import sys
 import time
@@ -43,6 +44,7 @@ def served(tmp_path, monkeypatch):
         assert accepts(host, int(port)), "it says where once it is there"
         return url
 
+    serve.running = running
     yield serve
     for program in running:
         program.terminate()
@@ -149,6 +151,33 @@ async def test_a_fifth_page_is_refused_and_processes_end_with_their_pages(served
             return True
 
         await until(again, "a place is free again")
+
+
+async def test_pages_that_go_while_they_come_and_what_is_no_page_are_passed_over_in_silence(served):
+    import aiohttp
+
+    url = served()
+    host, port = url.split("/")[2].split(":")
+    asked = (
+        f"GET /{url.split('/')[3]}/ws HTTP/1.1\r\nHost: {host}:{port}\r\nOrigin: http://{host}:{port}\r\n"
+        "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+        "Sec-WebSocket-Key: MDAwMDAwMDAwMDAwMDAwMA==\r\n\r\n"
+    )
+    async with aiohttp.ClientSession() as web:
+        for _ in range(20):
+            page = socket.create_connection((host, int(port)))
+            page.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # goes without good-bye
+            page.sendall(asked.encode())
+            page.close()
+        async with web.get(f"{url}ws") as answer:
+            assert answer.status == 400
+        async with web.get(url) as answer:
+            assert answer.status == 200
+    (program,) = served.running
+    program.terminate()
+    said = program.stdout.read()
+    assert "Ctrl-C ends it" in said
+    assert "Traceback" not in said
 
 
 async def test_sizes_that_no_screen_has_are_cut_and_what_no_page_of_ours_sends_ends_it(served):
