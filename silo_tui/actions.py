@@ -39,7 +39,8 @@ class Command(msgspec.Struct, frozen=True):
     `scopes` are the screens where its keys count (`any`: all of them; none: it can only be typed). `footer` is its
     place in the key bar, 0: none. `writes` commands change the logger or its table: they are refused with
     `--read-only`. Those that `asks` need a logger that answers; where the link is lost, those that
-    `retries` look for it at once instead. `hidden` ones are left out of the palette. Several may share a method, that
+    `retries` look for it at once instead. What `robot` does is of no use once the robot program is gone; the rest its
+    helper process does. `hidden` ones are left out of the palette. Several may share a method, that
     of what they do, which is told what is `given`.
     """
 
@@ -53,6 +54,7 @@ class Command(msgspec.Struct, frozen=True):
     writes: bool = False
     asks: bool = False
     retries: bool = False
+    robot: bool = False
     hidden: bool = False
     shown_key: str = ""
     typed: Typed | None = None
@@ -145,7 +147,9 @@ FILE_SCOPES = _FILE + _FILE_MONITOR + _FILE_DETAIL + _FILE_EVENTS
 FAR = 10  # steps
 
 _read = partial(Typed, reads=True)
-_acts = partial(Command, writes=True, asks=True)  # what changes a logger that answers
+_helped = partial(Command, writes=True, asks=True)  # what changes a logger that answers, or what it left
+_acts = partial(_helped, robot=True)
+_edits = partial(Command, writes=True, robot=True)
 
 
 def _typed(option: str) -> str:
@@ -185,18 +189,17 @@ COMMANDS: tuple[Command, ...] = (
     Command("zero", "Z", "Zero", "reset min, max, mean: from now on (of the last seconds: derive max(x, 10s))", "Look",
             _TABLE + _MONITOR),
     # ------------------------------------------------------------------------------------------------- editing
-    Command("edit", "e,enter", "Edit", "edit the field that ← → chose, else ask which", "Edit", _TABLE, 5, writes=True),
-    Command("toggle", "t", "On/Off", "switch logging on or off", "Edit", _TABLE, 13, writes=True, does="edit_field",
+    _edits("edit", "e,enter", "Edit", "edit the field that ← → chose, else ask which", "Edit", _TABLE, 5),
+    _edits("toggle", "t", "On/Off", "switch logging on or off", "Edit", _TABLE, 13, does="edit_field",
             given="ENABLED"),
-    Command("edit_divider", "d", "Divider", _typed("divider"), "Edit", _TABLE, writes=True, does="edit_field",
+    _edits("edit_divider", "d", "Divider", _typed("divider"), "Edit", _TABLE, does="edit_field",
             given="DIVIDER"),
-    Command("edit_size", "s", "Size", _typed("size"), "Edit", _TABLE, writes=True, does="edit_field", given="SIZE"),
-    Command("next_buffer", "b", "Buffer", _words("buffer"), "Edit", _TABLE, writes=True, does="edit_field",
+    _edits("edit_size", "s", "Size", _typed("size"), "Edit", _TABLE, does="edit_field", given="SIZE"),
+    _edits("next_buffer", "b", "Buffer", _words("buffer"), "Edit", _TABLE, does="edit_field",
             given="BUFFER"),
-    Command("next_action", "p", "Action", _words("action"), "Edit", _TABLE, writes=True, does="edit_field",
+    _edits("next_action", "p", "Action", _words("action"), "Edit", _TABLE, does="edit_field",
             given="ACTION"),
-    Command("edit_all", "equals_sign", "Set to", "type a value, or words: div=5 size=10s buf=loop", "Edit",
-            _TABLE, writes=True),
+    _edits("edit_all", "equals_sign", "Set to", "type a value, or words: div=5 size=10s buf=loop", "Edit", _TABLE),
     Command("undo", "u", "Undo", "take the last edit back", "Edit", _TABLE + _PARAMETERS, 14, typed=Typed(("undo",))),
     Command("redo", "ctrl+r", "Redo", "do it again", "Edit", _TABLE + _PARAMETERS, typed=Typed(("redo",))),
     _acts("apply", "a", "Apply", "show what would change, and apply it", "Edit", _OF_LOGGER, 6,
@@ -208,11 +211,11 @@ COMMANDS: tuple[Command, ...] = (
     _acts("start_stop", "S", "Start/Stop", "start or stop logging", "Logger", _OF_LOGGER, 8,
           typed=_read(("start", "stop"))),
     _acts("restart", "R", "Restart", "stop and start again", "Logger", _OF_LOGGER, typed=Typed(("restart",))),
-    _acts("save_data", "w", "Save", "write the logged data to files", "Logger", _TABLE, 9,
+    _helped("save_data", "w", "Save", "write the logged data to files", "Logger", _TABLE, 9,
             typed=_read(("data",), "types", ":data silo csv bag NAME", "save data", 4)),
     _acts("load_script", "L", "Load configuration", "see what one on the robot differs in; load it", "Logger", _TABLE,
             typed=_read(("load",), "scripts", ":load x.yaml", "load a configuration", 1)),
-    _acts("save_script", "W", "Save configuration", "store it as a file on the robot", "Logger", _TABLE,
+    _helped("save_script", "W", "Save configuration", "store it as a file on the robot", "Logger", _TABLE,
             typed=_read(("save",), "scripts", ":save x.yaml", "save the configuration", 2)),
     Command("refresh", "r", "Refresh", "read the table again", "Logger", _TABLE, asks=True,
             retries=True, typed=Typed(("refresh",))),
@@ -238,7 +241,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("cursor_far_right", "shift+right", "Far right", "cursor ten to the right", "Plots", _PLOTS + _SCOPE,
             does="move_cursor", given=FAR),
     Command("scale", "y", "Y scale", "hold the y scale, or let it follow", "Plots", _PLOTS, 5),
-    Command("catch", "c", "Catch", "the scope: crossings of a level stand still", "Plots", _LIVE_PLOTS, asks=True),
+    Command("catch", "c", "Catch", "the scope: crossings of a level stand still", "Plots", _LIVE_PLOTS, asks=True,
+            robot=True),
     Command("scope_mode", "c", "Mode", "normal, single, auto", "Scope", _SCOPE, 1),
     Command("level_down", "less_than_sign", "Level", "level down", "Scope", _SCOPE, 2, shown_key="< >",
             does="move_level", given=-1),
@@ -319,15 +323,15 @@ COMMANDS: tuple[Command, ...] = (
     Command("list_read", "r", "Read again", "ask for the list again, and order it anew", "Lists", _ASIDE + _RUNS,
             asks=True, retries=True),
     # -------------------------------------------------------------------------------------------------- events
-    _acts("set_marker", "M", "Marker", "mark the tick on the screen (paused: at cursor A) with some words", "Events",
+    _helped("set_marker", "M", "Marker", "mark the tick on the screen (paused: at cursor A) with some words", "Events",
             _MARKING, typed=Typed(("marker",))),
-    _acts("episode_good", "f5", "Episode good", "the newest episode went well; it ends one begun by hand", "Events",
+    _helped("episode_good", "f5", "Episode good", "the newest episode went well; it ends one begun by hand", "Events",
             _MARKING, does="say_of_episode", given="good"),
-    _acts("episode_bad", "f6", "Episode bad", "the newest went badly", "Events", _MARKING, does="say_of_episode",
+    _helped("episode_bad", "f6", "Episode bad", "the newest went badly", "Events", _MARKING, does="say_of_episode",
             given="bad"),
-    _acts("episode_redo", "f7", "Episode redo", "the newest episode went badly and is to be done again", "Events",
+    _helped("episode_redo", "f7", "Episode redo", "the newest episode went badly and is to be done again", "Events",
             _MARKING, does="say_of_episode", given="redo"),
-    _acts("episode", "f8", "Episode", "begin an episode by hand; its name is asked for", "Events", _MARKING,
+    _helped("episode", "f8", "Episode", "begin an episode by hand; its name is asked for", "Events", _MARKING,
             typed=_read(("episode",), "", ":episode begin NAME", "an episode: begin, end, good, bad, redo", 9)),
     Command("events", "E", "Events", "what happened, and who did it", "Go",
             _TABLES + _PLOTS + _CONDITIONS + _PARAMETERS + _RECORDINGS,
@@ -358,7 +362,8 @@ COMMANDS: tuple[Command, ...] = (
             _RECORDINGS, 2, asks=True),
     Command("overlay_recording", "O", "Overlay", "lay it over the live plots, by time since start; again: lift it",
             "Recordings", _RECORDINGS, 3),
-    _acts("delete_recording", "x", "Delete", "delete it on the robot, after a question", "Recordings", _RECORDINGS, 4),
+    _helped("delete_recording", "x", "Delete", "delete it on the robot, after a question", "Recordings", _RECORDINGS,
+            4),
     _acts("record", "N", "Record", "a new recording of all, marked or named signals, for days", "Recordings",
             _RECORDINGS, 5, typed=_read(("record",))),
     _acts("stop_recording", "t", "Stop rec", "end a recording that runs; its parts stay", "Recordings", _RECORDINGS, 6,
@@ -393,7 +398,7 @@ COMMANDS: tuple[Command, ...] = (
     _acts("new_of_row", "N", "New", "a trigger, or limits, of the element under the cursor", "Look", _TABLE),
     Command("last_capture", "", "Last capture", "plot what was captured last, of whichever trigger", "Look", _TABLE),
     _acts("limits_of_row", "", "Limits", "limits of the element under the cursor", "Edit", _TABLE),
-    _acts("acknowledge", "K", "Acknowledge", "say that you have seen the alarm", "Alarms", _ALARMS, 1),
+    _helped("acknowledge", "K", "Acknowledge", "say that you have seen the alarm", "Alarms", _ALARMS, 1),
     Command("alarm_worst", "enter", "To its worst", "plot it, the worst sample under the cursor", "Alarms", _ALARMS, 2),
     _acts("alarm_limits", "e", "Limits", "other limits for the signal", "Alarms", _ALARMS, 3),
     _acts("alarm_new", "N", "New", "give a signal limits", "Alarms", _ALARMS, 4),
@@ -466,7 +471,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("quit_now", "ctrl+q", "Quit", "end silo-tui at once, without a question", "Go", ("any",),
             hidden=True, typed=Typed(("q!",))),
     # ----------------------------------------------------------------------------------------------- only typed
-    Command("set", "", "Edit", "edit what is marked", "Edit", (), writes=True,
+    _edits("set", "", "Edit", "edit what is marked", "Edit", (),
             typed=_read(("set",), "settings", ":set NAME div=5 size=10s", "edit what is named, or marked:", 3)),
     Command("control", "", "Control", "who is connected; take, release or give away control", "Logger",
             _BOTH + _DETAIL + _ASIDE, asks=True,

@@ -39,7 +39,7 @@ from silo_tui.widgets.bars import OPEN_FILE, OPENS, Banner, KeyBar, StatusBar, l
 from silo_tui.widgets.inputs import Fleeting
 from silo_tui.widgets.messages import MessageLine
 
-RELABELLED = {"again", "apply", "back", "save_data", "start_stop", *(first for first, *_ in OPENS.values())}
+RELABELLED = {"again", "apply", "back", "start_stop"}
 MOST_TOLD = 500
 
 
@@ -164,10 +164,13 @@ class Context:
         session = self.session
         if command.writes and not session.may_edit:
             return session.why_not.partition(";")[0].partition(",")[0].removeprefix("this is "), session.why_not
-        if not command.asks or session.connected:
-            return None
-        retries = key_that_retries(screen.scope) if (screen := self.upper_screen) is not None else ""
-        return "no link", f"no link to {session.name}{f'; {retries} tries now' if retries else ''}"
+        if command.asks and not session.connected:
+            retries = key_that_retries(screen.scope) if (screen := self.upper_screen) is not None else ""
+            return "no link", f"no link to {session.name}{f'; {retries} tries now' if retries else ''}"
+        if command.robot and session.dead:
+            kept = "the edits stay pending; " if session.table.pending_count[0] else ""
+            return "program gone", f"{kept}{gone_words()}"
+        return None
 
     def try_link(self) -> None:
         """Look for the logger at once, where the link is lost."""
@@ -529,17 +532,17 @@ class SiloScreen(Leaving[None]):
 
     def label_now(self, command: Command) -> str:
         """Return what a key of the bar is called now; empty where it has no use now."""
+        session = self.context.session if self.context.has_session else None
+        if session is not None and command.id in OPENS.get(self.scope, ())[:1] and left_a_file(session):
+            return OPEN_FILE
+        if session is not None and session.dead and (command.robot or command.id == "save_data"):
+            return ""
         if command.id not in RELABELLED:
             return command.label
         if command.id == "again":
             return f"again: {BY_ID[self.repeated].label}" if self.repeated else ""
         if command.id == "back" and self in self.app.screen_stack[:2]:
             return ""  # nothing is behind it
-        session = self.context.session if self.context.has_session else None
-        if session is not None and session.dead and command.id in ("start_stop", "save_data"):
-            return ""
-        if session is not None and command.id in OPENS.get(self.scope, ())[:1] and left_a_file(session):
-            return OPEN_FILE
         if session is not None and command.id == "start_stop":
             return "Stop" if session.running else "Start"
         if session is not None and command.id == "apply":

@@ -19,7 +19,7 @@ from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.state.requests import Unsaved
 from silo_tui.actions import key_of
-from silo_tui.context import Context, gone_words
+from silo_tui.context import Context
 from silo_tui.model.table.changes import cost_of
 from silo_tui.model.table.fields import Field, phrase_for
 from silo_tui.model.table.state import PendingChange
@@ -36,9 +36,6 @@ SPLIT = "Stopping ends this recording."
 async def start_stop(context: Context) -> None:
     """Start a stopped logger; stops a running one after asking."""
     session = context.session
-    if session.dead:
-        context.say(gone_words())
-        return
     if not session.running:
         unsaved = await _start_over(context) if _is_unsaved(context.session) else Unsaved.REFUSE
         if unsaved is None:
@@ -72,9 +69,6 @@ async def start_stop(context: Context) -> None:
 async def restart(context: Context) -> None:
     """Stop and starts after asking."""
     session = context.session
-    if session.dead:
-        context.say(gone_words())
-        return
     unsaved: Unsaved | None = Unsaved.REFUSE
     if session.running:
         answer = await _ask_around(
@@ -163,9 +157,6 @@ async def _save_all(context: Context) -> bool:
 async def apply(context: Context) -> None:
     """Show what would change and applies it as one transaction; offers to stop and start again around it."""
     session = context.session
-    if session.dead:
-        context.say(f"the edits stay pending; {gone_words()}")
-        return
     while True:
         changes = session.table.changes()
         if not changes:

@@ -142,7 +142,7 @@ class StatusBar(FittingLine):
             parts += [LinePart(0, "  "), LinePart(11, f" {self.mode} ", "reverse", shorter)]
         if lost := session.lost_total:
             add(0, f"  lost {text.count(lost)}", bold(variables, "alarm"))
-        elif session.connected:
+        elif session.fresh:  # of a dead program nobody knows what it would have logged
             add(10, "  lost 0")
         if session.connected:
             parts += self._pace(wide=wide)

@@ -101,7 +101,7 @@ def at_end(line: str, words: str, width: int) -> str:
     ("change", "width", "line"),
     [
         ({"state": State.STOPPED}, 80, "silo anymal/robot  ■ STOPPED 00:12  lost 0  72/72 on"),
-        ({"state": State.DEAD}, 80, "silo anymal/robot  ✖ DEAD 00:12  lost 0"),
+        ({"state": State.DEAD}, 80, "silo anymal/robot  ✖ DEAD 00:12"),
         ({"started_ns": 0}, 80, f"silo anymal/robot  ● RUNNING  lost 0{RATE}       72/72 on"),
         ({"host": ""}, 80, f"silo robot  ● RUNNING 00:12  lost 0{RATE}       72/72 on"),
         ({"helper_pid": 0}, 80, "silo anymal/robot  connecting …"),

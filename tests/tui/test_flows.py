@@ -94,17 +94,6 @@ def test_a_start_and_a_stop_ask_what_becomes_of_the_data_and_do_no_more_than_tha
     assert (desk.does(flow(desk)), desk.done) == (said, done)
 
 
-@pytest.mark.parametrize("flow", [flows.start_stop, flows.restart, flows.apply])
-def test_of_a_robot_program_that_is_gone_nothing_is_asked(flow, running):
-    running.state = State.DEAD
-    desk = Desk(running)
-    edits = "the edits stay pending; " if flow is flows.apply else ""
-    assert desk.does(flow(desk)) == (
-        f"{edits}the robot program is gone: start it again, silo-tui follows; g l lists other loggers, g d there "
-        "starts a demo"
-    )
-
-
 def test_what_runs_and_is_saved_is_restarted_by_a_yes(running):
     running.saved = True
     desk = Desk(running, "y")

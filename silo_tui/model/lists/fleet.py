@@ -123,10 +123,11 @@ def row(
         worst = counted
     ran = told.state is State.RUNNING and not member.stalled and told.measured_hz
     rate = f"{told.measured_hz:.1f}" if ran else member.rate if member.running else ""
+    lost = "" if member.dead and not told.lost else text.count(told.lost)
     tail = _tail(
         duration_text(run_s) if run_s is not None else was,
         rate,
-        text.count(told.lost), disk, worst, "now" if member.here else text.ago(member.unseen_s(now_s)), width,
+        lost, disk, worst, "now" if member.here else text.ago(member.unseen_s(now_s)), width,
     )  # fmt: skip
     recorded = [f"REC {told.recorders}"] if told.recorders else []
     denied = [f"DENIED {told.denied}"] if told.denied else []
