@@ -108,9 +108,11 @@ def test_a_scale_holds_its_values_and_its_ticks_are_even_and_round(low, extent, 
     ticks = axes.ticks_of(scale, lines)
     assert all(0 <= line < lines for line, _ in ticks)
     assert [value for _, value in ticks] == sorted((value for _, value in ticks), reverse=True)
-    gaps = {second[0] - first[0] for first, second in pairwise(ticks)}
-    assert len(gaps) <= 1, ticks
+    gaps = [second[0] - first[0] for first, second in pairwise(ticks)]
+    assert len(set(gaps[1:])) <= 1, ticks
+    assert gaps[0] <= gaps[-1], ticks  # what lies above the last of them is no whole step
     words, _ = axes.tick_words(ticks, 0, 9)
+    assert {0, lines - 1} <= set(words)
     assert max(map(len, words.values())) <= 10
     assert len(set(words.values())) == len(words)
 
@@ -124,6 +126,8 @@ def test_a_scale_holds_its_values_and_its_ticks_are_even_and_round(low, extent, 
         (0, 0, 8, ["1", "-1"]),
         (0, 0, 9, ["1.0", "0.5", "0.0", "-0.5", "-1.0"]),
         (0, 3.5e6, 8, None),
+        (0, 3.5, 8, ["3.5", "3", "2", "1", "0"]),  # the top has a number, be it between two steps
+        (0, 1, 8, ["1.05", "0.9", "0.6", "0.3", "0.0"]),
         (-1e-300, 1e-300, 9, None),
         (1e300, 2e300, 9, None),
     ],
@@ -134,6 +138,20 @@ def test_ticks_read_well(low, high, lines, words):
     assert found
     if words:
         assert [found[line] for line in sorted(found)] == words
+
+
+@settings(deadline=None)
+@given(st.floats(-1e12, 1e12), st.floats(0, 1e12), st.integers(4, 50))
+def test_an_axis_by_powers_of_ten_has_a_number_at_its_top_and_at_its_bottom(low, extent, lines):
+    values = np.array([low, low + extent])
+    axis = axes.axis_of([values])
+    places = axis.place(values)
+    scale = (
+        axes.scale_of(axis, *values[np.isfinite(places)][[0, -1]].tolist()) if np.isfinite(places).any() else (0.0, 1.0)
+    )
+    words = axes.words_of(axis, scale, lines)
+    assert {0, lines - 1} <= set(words)
+    assert len(set(words.values())) == len(words)
 
 
 def test_a_scale_stays_while_its_values_do():

@@ -61,15 +61,16 @@ def _range_of(smallest: float, largest: float, lines: int, apart: int) -> Scale 
 
 
 def ticks_of(scale: Scale, lines: int) -> list[tuple[int, float]]:
-    """Return the lines (0 on top) of a plot that have a number, and which: round ones, else top and bottom."""
+    """Return the lines (0 on top) of a plot that have a number, and which: round ones, top and bottom always."""
     bottom, top = scale
     if not (math.isfinite(bottom) and math.isfinite(top)) or lines < 2:
         return []
     per_line = top / (lines - 1) - bottom / (lines - 1)
-    for apart in _distances(lines):
+    for apart in sorted(_distances(lines), key=lambda apart: (lines - 1) % apart > 0):  # first those that reach the top
         values = [bottom + place * per_line for place in range(0, lines, apart)]
         if _is_round(apart * per_line, values):
-            return [(lines - 1 - place * apart, value) for place, value in enumerate(values)][::-1]
+            ticks = [(lines - 1 - place * apart, value) for place, value in enumerate(values)][::-1]
+            return ticks if ticks[0][0] == 0 else [(0, top), *ticks]
     return [(0, top), (lines - 1, bottom)]
 
 
@@ -87,8 +88,12 @@ def tick_words(ticks: list[tuple[int, float]], base: int, width: int) -> tuple[d
         return {}, ""
     (first, top), (last, bottom) = ticks[0], ticks[-1]
     if not base and len(ticks) > 1:
-        words = _same_decimals([value for _, value in ticks], width)
-        if words:
+        even = ticks[1:] if len(ticks) > 2 and ticks[1][0] - first < last - ticks[-2][0] else ticks
+        words = _same_decimals([value for _, value in even], width)
+        if words and even is not ticks:
+            over = _between_steps(top, even[0][1] - even[1][1], words[0], width)
+            words = [over, *words] if over else []
+        if len(words) == len(ticks):
             return {line: word for (line, _), word in zip(ticks, words, strict=True)}, ""
     low, high, origin = text.axis_ends(bottom, top, base, width)
     return {first: high, last: low}, origin
@@ -107,6 +112,15 @@ def _same_decimals(values: list[float], width: int) -> list[str]:
         words = [text.engineering(value if abs(value) > 1e-9 * step else 0.0, 3) for value in values]
     exact = all(abs(_number(word) - value) <= 2e-3 * step for word, value in zip(words, values, strict=True))
     return words if exact and len(set(words)) == len(words) and max(map(len, words)) <= width else []
+
+
+def _between_steps(value: float, step: float, below: str, width: int) -> str:
+    """Return the number on top of an axis, which is no whole step above that `below`; empty where none has room."""
+    words = (text.engineering(value, digits) for digits in range(1, 9))
+    return next(
+        (word for word in words if abs(_number(word) - value) <= 1e-2 * step and len(word) <= width and word != below),
+        "",
+    )
 
 
 def _number(word: str) -> float:
@@ -170,6 +184,7 @@ def words_of(axis: LogAxis, scale: Scale, lines: int) -> dict[int, str]:
     first, last = round(scale[0]), round(scale[1])
     apart = max(1, -(-(last - first) // max(1, lines // 2)))
     places = np.arange(-(-first // apart) * apart, last + 1, apart, dtype=np.float64)  # zero is one of them
+    places = np.array([*places, first, last], np.float64)  # the ends last: they have a number wherever others lie
     rows = braille.row_of(places, scale, 4 * lines).tolist()
     words = [_word(axis.value(place)) for place in places.tolist()]
     return {int((4 * lines - 1 - row) // 4): word for row, word in zip(rows, words, strict=True)}
