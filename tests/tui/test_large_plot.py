@@ -342,3 +342,31 @@ async def test_a_cursor_is_offered_only_where_one_is_and_the_key_that_led_here_s
             await screen.until(lambda: "←→ Cursor" not in screen.text)
             await screen.press("left")
             await screen.shows("the cursor is over time and in spectra: Tab leads there")
+
+
+async def test_a_view_that_was_chosen_in_a_large_plot_is_left_by_one_esc_and_the_plot_by_the_next(fake, opened):
+    async with opened(fake.run(20)) as screen:
+        below = await open_large(screen)
+        large(screen).action_command("mode_spectrum")
+        await screen.shows("Esc No spectrum")
+        await screen.press("escape")
+        await screen.until(lambda: large(screen).mode == "time", "the signals over time")
+        await screen.press("tab", "tab", "tab")
+        assert large(screen).mode == "histogram"
+        await screen.press("escape")
+        assert (large(screen).scope, large(screen).mode) == ("detail", "time")
+        await screen.press("escape")
+        assert large(screen) is below
+
+
+async def test_a_large_plot_that_was_opened_as_a_spectrum_is_left_by_one_esc(fake, opened):
+    async with opened(fake.run(20)) as screen:
+        await screen.enter("/LF/HAA/torque", "m")
+        await screen.curves()
+        below = screen.app.screen
+        below.action_command("mode_spectrum")
+        await screen.until(lambda: large(screen).scope == "detail", "the spectrum")
+        await screen.press("tab", "escape")
+        assert large(screen).mode == "spectrum"
+        await screen.press("escape")
+        assert large(screen) is below

@@ -87,7 +87,7 @@ class DetailScreen(MonitorScreen):
         self.below = monitor
         self.plots = list(plots[:MAX_SERIES])
         self.count = min(count, MAX_SERIES)
-        self.mode = mode
+        self.mode = self._entered_as = mode
         self.level = LEVELS[0]
         self._found = NOTHING
         self._peak: int | None = None  # of those found
@@ -313,9 +313,9 @@ class DetailScreen(MonitorScreen):
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
         """Return what a pause or a cursor asks for, and what moves in a spectrum."""
-        found = super().mode_keys()
+        found = [each for each in super().mode_keys() if self.mode in CURSOR_MODES or each[0] != "cursor_left"]
         if self.mode == "spectrum":  # most of what moves lies in the first cells
-            found = (*found, ("closer", OF_SPECTRA["closer"]), ("wider", OF_SPECTRA["wider"]))
+            found += (("closer", OF_SPECTRA["closer"]), ("wider", OF_SPECTRA["wider"]))
         return found
 
     def why_not_now(self, command_id: str) -> str:
@@ -503,14 +503,19 @@ class DetailScreen(MonitorScreen):
         self.request_view()
 
     def way_back(self) -> tuple[str, Callable[[], None]]:
-        """Return what Esc leaves: cursor B, the cursor, the screen; the pause stays with the monitor."""
+        """Return what Esc leaves: cursor B, the cursor, a view chosen here, the screen; the monitor keeps the pause."""
         if self.mode != MODES[0] and self.plot.cursor is not None:
             return "No cursor", self._lift_own_cursor
         with_cursor = self.window.other_ns is not None or self.window.cursor is not None
         if self.file is None and self.mode == MODES[0] and with_cursor:
             self.paused_alone = True  # the pause stays with the monitor
             return super().way_back()
+        if self.mode != self._entered_as:
+            return f"No {self.mode}" if self.mode != MODES[0] else "Back", self._as_entered
         return "", self._leave
+
+    def _as_entered(self) -> None:
+        self.command_show_as(self._entered_as)
 
     def _lift_own_cursor(self) -> None:
         self.plot.cursor = None
