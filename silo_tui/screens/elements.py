@@ -467,6 +467,10 @@ class ElementsScreen(SiloScreen):
         if event.input.id == "filter-line" and event.input.display:
             self._filter_by(event.input.value)  # of keys that came at once, what they made
 
+    def on_line_touched(self) -> None:
+        """Name the keys of the filter alone."""
+        self.query_one(KeyBar).show_instead(FILTER_KEYS)
+
     def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
         """Take what was entered in one of the lines; a cell was taken when it was checked."""
         self._back_to_table()

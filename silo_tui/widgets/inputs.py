@@ -148,8 +148,13 @@ class Line(Fleeting):
             ends = [one.rpartition(" ")[2] for one in self.found]
             return f"Tab again: {and_more(ends[1:], 6)}" if len(ends) > 1 else "" if ends else "nothing completes it"
 
+    @dataclass
+    class Touched(Message):
+        """The words from before, all of them chosen, are so no more: something was typed, or added to."""
+
     def __init__(self, complete: Callable[[str], list[str]], placeholder: str, id: str) -> None:  # noqa: A002
         super().__init__(id, placeholder=placeholder, suggester=LineSuggester(complete), select_on_focus=False)
+        self._over = False  # whether the first letter takes the place of what stands there
         self._complete_line = complete
         self._turn: list[str] = []
         self._inside: list[str] = []  # what is in the folder that Tab took last
@@ -159,9 +164,17 @@ class Line(Fleeting):
 
     def begin_over(self, old: str) -> str:
         """Begin over what was typed last: the first letter takes its place. Return what the keys do."""
+        self._over = False
         self.begin(old)
         self.select_all()
+        self._over = bool(old)
         return "Type anew, → adds to it  " if old else ""
+
+    def watch_selection(self) -> None:
+        """Tell the first change of what `begin_over` began with."""
+        if self._over:
+            self._over = False
+            self.post_message(self.Touched())
 
     def complete(self) -> None:
         """Take the next completion; Tab again takes the one after, or what is in the folder that was taken."""

@@ -72,3 +72,14 @@ async def test_a_row_that_is_found_by_a_component_is_told_while_one_types(new_fa
         await screen.type("/legs")
         await screen.shows("1 of 2")
         assert "by a component" not in screen.text
+
+
+async def test_what_the_first_letter_does_to_the_filter_before_is_told_until_it_is_typed(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("f2")
+        await filtered(screen, "mouse")
+        await screen.press("/")
+        await screen.shows("Type anew, → adds to it")
+        await screen.press("b")
+        assert "Type anew" not in screen.text
+        assert "Enter keeps the filter" in screen.text

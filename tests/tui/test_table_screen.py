@@ -60,9 +60,12 @@ async def test_the_filter_works_while_it_is_typed_says_what_its_terms_may_be_and
         await screen.press("slash")
         await screen.shows("Type anew, → adds to it")
         await screen.type("LH")
+        assert "Type anew" not in screen.text, "which was done"
+        assert "Enter keeps the filter" in screen.text
         await screen.press("enter")
         assert screen.session.rows.filter.text == "LH"
         await screen.press("slash", "right")
+        assert "Type anew" not in screen.text
         await screen.type(" torque")
         await screen.press("enter")
         assert screen.session.rows.filter.text == "LH torque"

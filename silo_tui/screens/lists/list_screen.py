@@ -337,6 +337,10 @@ class ListScreen(SiloScreen, Generic[LineT]):
         if event.input.id == "list-filter" and event.input.display:
             self.filter_by(event.input.value)
 
+    def on_line_touched(self) -> None:
+        """Name the keys of the filter alone."""
+        self.query_one(KeyBar).show_instead(FILTER_KEYS)
+
     def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
         self._back_to_list()
         if event.line.id == "list-filter":
