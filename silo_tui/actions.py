@@ -602,16 +602,6 @@ def typed_on_file(command: Command) -> bool:
     return command.id in TYPED_ON_FILES or any(scope == "any" or scope in FILE_SCOPES for scope in command.scopes)
 
 
-def edits_by(key: str, scope: str) -> bool:
-    """Return whether a key edits, or commands the logger, on the screen of a logger that is like that of a file, or,
-    where it has no use there, on any.
-    """
-    like = scope.replace("file_", "").replace("file", "table")
-    there = [command for command in commands_for(like) if key in command.keys.split(",")]
-    there = there or [command for command in map(with_keys, COMMANDS) if key in command.keys.split(",")]
-    return scope in FILE_SCOPES and any(command.writes or command.group == "Edit" for command in there)
-
-
 def places_of(commands: Sequence[Command], *, on_file: bool = False) -> str:
     """Return the screens where the keys of commands count, some of many; those of files where they count there alone.
 
@@ -621,22 +611,6 @@ def places_of(commands: Sequence[Command], *, on_file: bool = False) -> str:
     near = [each for each in scopes if (each in FILE_SCOPES) == on_file] or list(scopes)
     places = [PLACES.get(each, each) for each in near]
     return f"{', '.join(places[:3])}{' and others' * (len(places) > 3)}"
-
-
-def why_no_use(key: str, scope: str) -> str:
-    """Return why a key does nothing on a screen, and where it does something."""
-    there = [command for command in commands_like(scope) if key in command.keys.split(",")]
-    where = f"it is a key of {places_of(there, on_file=scope in FILE_SCOPES)}"
-    if edits_by(key, scope):
-        return f"{NOT_EDITED}; {key_text(key)} ({there[0].label}): {where}" if there else NOT_EDITED
-    if not there:
-        were = [each for each in COMMANDS if key in each.keys.split(",")]
-        if were:
-            here = [each for each in were if {scope, "any"} & set(each.scopes)]
-            where = "" if here else f", a key of {places_of(were[:1])}"
-            return f"{key_text(key)} is no key here; {(here or were)[0].label} is {key_of((here or were)[0].id)}{where}"
-        return f"{key_text(key)} is no key of silo-tui; {key_of('help')} shows those that are"
-    return f"{key_text(key)} ({there[0].label}) has no use here: {where}"
 
 
 def footer_for(scope: str, *, read_only: bool = False) -> list[Command]:

@@ -22,9 +22,9 @@ from silo.core.quantities.writing import wall_clock
 from silo.errors import RefusedError, SiloError
 from silo.net.access.senders import READ_ONLY_WORDS
 from silo.rpc.frames import Frame
-from silo_tui.actions import BY_ID, Command, key_of, key_that_retries, typed_on, why_no_use, with_keys
+from silo_tui.actions import BY_ID, Command, key_of, key_that_retries, typed_on, with_keys
 from silo_tui.gate import Holding
-from silo_tui.keymap import where
+from silo_tui.keymap import where, why_no_use
 from silo_tui.modal import Dialog, Given, Leaving, Work, run_alone, settled
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.model.words.text import saved_words

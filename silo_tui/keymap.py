@@ -14,11 +14,15 @@ from silo_tui.actions import (
     COMMANDS,
     FILE_SCOPES,
     IN_BAR_BY_MENU,
+    NOT_EDITED,
     PLACES,
     Command,
     commands_for,
+    commands_like,
     footer_for,
     key_of,
+    key_text,
+    places_of,
     typed_on,
     with_keys,
 )
@@ -244,9 +248,10 @@ def where(commands: Sequence[Command], scope: str) -> tuple[str, str]:
     The sentence has the keys that lead there.
     """
     scopes = dict.fromkeys(each for command in commands for each in command.scopes)
-    if scope in FILE_SCOPES and not scopes.keys() & set(FILE_SCOPES):
+    on_file = scope in FILE_SCOPES
+    if on_file and not scopes.keys() & set(FILE_SCOPES):
         return "live only", "a saved file has no logger; Esc leaves the file"
-    places = [each for each in scopes if each not in FILE_SCOPES]
+    places = [each for each in scopes if each != "any" and (each in FILE_SCOPES) == on_file]
     told = [PLACES.get(each, each) + (f" ({way})" if (way := _way_to(each, scope)) else "") for each in places]
     more = " and others" if len(told) > 3 else ""
     short = PLACES.get(places[0], places[0]) if places else ""
@@ -261,6 +266,31 @@ def _way_to(place: str, scope: str) -> str:
         return f"{key_of('go_home')}, then {key_of('monitor')}"
     way = "go_home" if place == "table" else place
     return key_of(way) if way in BY_ID and {scope, "any"} & set(BY_ID[way].scopes) else ""
+
+
+def edits_by(key: str, scope: str) -> bool:
+    """Return whether a key edits, or commands the logger, on the screen of a logger that is like that of a file, or,
+    where it has no use there, on any.
+    """
+    like = scope.replace("file_", "").replace("file", "table")
+    there = [command for command in commands_for(like) if key in command.keys.split(",")]
+    there = there or [command for command in map(with_keys, COMMANDS) if key in command.keys.split(",")]
+    return scope in FILE_SCOPES and any(command.writes or command.group == "Edit" for command in there)
+
+
+def why_no_use(key: str, scope: str) -> str:
+    """Return why a key does nothing on a screen, and where it does something, with the keys that lead there."""
+    there = [command for command in commands_like(scope) if key in command.keys.split(",")]
+    if edits_by(key, scope):
+        return f"{NOT_EDITED}; {key_text(key)} ({there[0].label}): {where(there, scope)[1]}" if there else NOT_EDITED
+    if not there:
+        were = [each for each in COMMANDS if key in each.keys.split(",")]
+        if were:
+            here = [each for each in were if {scope, "any"} & set(each.scopes)]
+            at = "" if here else f", a key of {places_of(were[:1])}"
+            return f"{key_text(key)} is no key here; {(here or were)[0].label} is {key_of((here or were)[0].id)}{at}"
+        return f"{key_text(key)} is no key of silo-tui; {key_of('help')} shows those that are"
+    return f"{key_text(key)} ({there[0].label}) has no use here: {where(there, scope)[1]}"
 
 
 def clashes(keymap: str, keys: Mapping[str, str]) -> Iterator[tuple[str, str, str, str]]:

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import silo_tui
-from silo_tui.actions import BY_ID, COMMANDS, commands_for, key_of, key_that_retries, use_keys, why_no_use
-from silo_tui.keymap import where
+from silo_tui.actions import BY_ID, COMMANDS, commands_for, key_of, key_that_retries, use_keys
+from silo_tui.keymap import where, why_no_use
 
 # T table, P plots, D large plot, G triggers, A alarms, R recordings, E events, L loggers, H settings, K parameters,
 # U runs, V their comparison, B Bode plot; each on a logger, and, where there is one, on a file
@@ -186,7 +186,12 @@ def test_every_screen_is_held_against_the_law():
 
 
 def test_a_key_without_a_use_says_where_it_has_one():
-    assert why_no_use("V", "monitor") == "V (Range) has no use here: it is a key of table, triggers, alarms and others"
+    assert why_no_use("V", "monitor") == (
+        "V (Range) has no use here: it is a key of table, triggers (T), alarms (A) and others"
+    )
+    use_keys({"zero": "f9"})
+    assert why_no_use("f9", "settings").startswith("F9 (Zero) has no use here: it is a key of table")
+    use_keys({})
     assert why_no_use("w", "file") == (
         "a saved file: nothing to edit; w (Write): it is a key of plots of a file, large plot of a file, "
         "events of a file"

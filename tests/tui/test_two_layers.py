@@ -8,8 +8,8 @@ from msgspec.structs import replace
 from textual import events
 
 from silo_tui import keymap
-from silo_tui.actions import BY_ID, COMMANDS, commands_for, key_of, key_text, why_no_use
-from silo_tui.keymap import BASES, OPENERS, TWO_LAYERS, clashes, in_menu, use_keys, where
+from silo_tui.actions import BY_ID, COMMANDS, commands_for, key_of, key_text
+from silo_tui.keymap import BASES, OPENERS, TWO_LAYERS, clashes, in_menu, use_keys, where, why_no_use
 from silo_tui.menus import MenuLines
 from silo_tui.model.table.columns import NAME, TREE
 from silo_tui.model.table.fields import Field
@@ -154,6 +154,10 @@ def test_sentences_and_keys_of_before_name_the_new_place():
     use_keys("two-layer", {"recordings": "F"})
     assert (key_of("toggle"), key_of("recordings"), BY_ID["toggle"].key_text) == ("e t", "F", "t")
     assert why_no_use("t", "table") == "t is no key here; On/Off is e t"
+    use_keys("two-layer", {"zero": "f9"})
+    assert why_no_use("f9", "settings") == (
+        "F9 (Zero) has no use here: it is a key of table (g h), plots (g h, then m)"
+    )
 
 
 def test_own_keys_may_be_paths_and_conflicts_cost_their_line():
