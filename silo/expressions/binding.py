@@ -19,7 +19,7 @@ from silo.core.conditions import Derived
 from silo.core.elements import ElementInfo, Entry
 from silo.core.kinds import in_parts
 from silo.core.names import Found, Names, did_you_mean, is_glob, nearest
-from silo.core.quantities.writing import and_more
+from silo.core.quantities.writing import and_more, there_are
 from silo.errors import ElementError
 from silo.expressions.operations import FUNCTIONS
 from silo.expressions.parsing import (
@@ -422,7 +422,7 @@ class _Binder:
         if "/" in text.strip("/") and all(self._catalogue.find(part) for part in text.split("/", 1)):
             return f"no signal '{text}'; a division has blanks on both sides: {text.replace('/', ' / ', 1)}"
         hint = did_you_mean(
-            map(written, self._catalogue.near(text)), f"there are {len(self._catalogue.elements)} elements"
+            map(written, self._catalogue.near(text)), there_are(len(self._catalogue.elements), "element")
         )
         matches = "matches" if is_glob(text) else "is named"
         return f"no signal {matches} '{text}'{hint}"

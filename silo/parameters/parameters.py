@@ -17,6 +17,7 @@ import numpy as np
 from silo.core.arguments import shown
 from silo.core.calls import told_class, told_names
 from silo.core.names import did_you_mean, nearest
+from silo.core.quantities.writing import there_are
 from silo.core.tuning.excitation import check_rate, ends_of, number_at
 from silo.core.tuning.parameters import (
     WORD_BYTES,
@@ -188,7 +189,8 @@ class Parameters(Mapping[str, Parameter]):
         if found:
             raise ElementError(f"'{name}' may be {', '.join(found)}: write more of the name; nothing was changed")
         near = nearest(name, [*self._known, *(one.rpartition("/")[2] for one in self._known)])
-        hint = did_you_mean(near, f"there are {len(self._known)}: {', '.join(list(self._known)[:5])}")
+        some = ", ".join(list(self._known)[:5])
+        hint = did_you_mean(near, ": ".join(filter(None, [there_are(len(self._known)), some])))
         raise ElementError(f"no parameter '{name}'{hint}")
 
     @property

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import yaml
 
+from silo.core.quantities.writing import there_are
 from silo.core.tuning.parameters import ParameterInfo, ParameterKind, ParameterValue, fitting, meant
 from silo.errors import ElementError, ScriptError
 from silo.files.atomic import atomic_file
@@ -47,9 +48,7 @@ def find_parameter(name: str, infos: Sequence[ParameterInfo]) -> ParameterInfo:
     if found:
         raise ElementError(f"'{name}' may be {', '.join(found)}: write more of the name")
     names = ", ".join(list(known)[:5])
-    raise ElementError(
-        f"no parameter '{name}'" + (f"; there are {len(infos)}: {names}" if infos else "; there are none")
-    )
+    raise ElementError(f"no parameter '{name}'; {': '.join(filter(None, [there_are(len(infos)), names]))}")
 
 
 def read_preset(path: str | os.PathLike[str], infos: Sequence[ParameterInfo]) -> dict[str, ParameterValue]:

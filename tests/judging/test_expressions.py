@@ -198,6 +198,12 @@ def test_a_name_of_other_letters_stands_in_backticks():
         assert refusal(text).reason == "a name in backticks ends with a backtick"
 
 
+def test_where_there_is_one_element_it_is_told_as_one():
+    with pytest.raises(ExpressionError) as caught:
+        bind("zzz > 3", Catalogue([known("/log/a/x")]))
+    assert caught.value.reason == "no signal is named 'zzz'; there is 1 element"
+
+
 def test_a_name_of_other_letters_is_meant_in_backticks():
     assert refusal("odd-name > 3").reason == "no signal is named 'odd'; did you mean '`odd-name`'?"
 

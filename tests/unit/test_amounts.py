@@ -3,7 +3,7 @@
 import pytest
 
 from silo.core.quantities.reading import read_keep, read_seconds, read_split
-from silo.core.quantities.writing import duration, share_words, whole_duration
+from silo.core.quantities.writing import duration, share_words, there_are, whole_duration
 from silo.errors import ElementError
 from silo.journal.holdings import Holdings
 from silo.judging.checks import seconds
@@ -78,6 +78,13 @@ def test_a_large_m_is_a_million_and_nothing_is_told(caplog):
     assert read_settings(["size=10M"])["size"] == 10_000_000
     assert read_split("10M") == (10_000_000, 0.0)
     assert not caplog.records
+
+
+@pytest.mark.parametrize(
+    ("value", "words"), [(0, "there are none"), (1, "there is 1 element"), (12345, "there are 12 345 elements")]
+)
+def test_how_many_there_are_is_told_as_one_would(value, words):
+    assert there_are(value, "element") == words
 
 
 @pytest.mark.parametrize(

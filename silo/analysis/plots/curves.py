@@ -16,6 +16,7 @@ from silo.analysis.lookup import names_of
 from silo.core.arrays.values import as_floats
 from silo.core.arrays.values import text_of as value_text
 from silo.core.names import Names, is_glob
+from silo.core.quantities.writing import there_are
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, read_ahead, stamps_of
 from silo.errors import ElementError
 from silo.expressions.over_recordings import RecordingJudge, is_expression, labels_of, narrowed
@@ -130,7 +131,7 @@ def _hint(names: Names, pattern: str) -> str:
     if not names.names:
         return ": the log holds no signals"
     near = names.near(pattern, scalars=True) or names.names[:3]
-    return f"; there are {len(names.names)} elements, such as {', '.join(near)}"
+    return f"; {there_are(len(names.names), 'element')}, such as {', '.join(near)}"
 
 
 def _seconds(values: NDArray[Any]) -> Floats:

@@ -66,6 +66,12 @@ def many(value: int, noun: str) -> str:
     return f"{count(value)} {noun}{'' if value == 1 else 's'}"
 
 
+def there_are(value: int, noun: str = "") -> str:
+    """Return `there is 1 tick`, `there are 3 ticks`, `there are none`; without a noun the number alone."""
+    told = many(value, noun) if noun else count(value)
+    return f"there {'is' if value == 1 else 'are'} {told if value else 'none'}"
+
+
 def and_more(words: Sequence[str], most: int, sign: str = ", ") -> str:
     """Return the first of several, and how many more there are: `q, dq and 3 more`."""
     return sign.join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")
