@@ -158,3 +158,53 @@ def test_where_no_name_has_all_words_each_may_be_in_name_or_description(robot):
     ]  # fmt: skip
     state.facts = Facts({"value": np.array([5.0 * ("left" not in name) for name in state.names])})
     assert passing(state, "left value>1") == [], "what is measured takes rows away, and brings none"
+
+
+class Names(list):
+    """Names that count how often they are looked through."""
+
+    looks = 0
+
+    def __iter__(self):
+        self.looks += 1
+        return super().__iter__()
+
+
+@pytest.mark.parametrize(
+    ("text", "looks"),
+    [("torque LF", 2), ("~LF_H -RF", 2), ("LF|RF div>1", 2), ("*/LF/*", 2)],  # a pattern at names, then at entries
+)
+def test_names_are_looked_through_once_by_each_word_be_there_edits_or_not(table, text, looks):
+    table.edit(np.array([2]), Field.DIVIDER, 7)
+    table.searched = Names(table.searched)
+    found = filters.parse(text)
+    marked = np.zeros(len(table), bool)
+    first = found.mask(table, marked)
+    assert (table.searched.looks, len(first)) == (looks, len(table))
+    assert (found.mask(table, marked) == first).all()
+    assert table.searched.looks == looks
+
+
+def test_only_what_asks_of_settings_is_asked_of_those_wanted_and_of_those_in_force(table):
+    rows, asked = np.array([2]), []
+
+    def test(table, marked, settings):
+        asked.append(int(settings[Field.DIVIDER, 2]))
+        return np.zeros(len(table), bool)
+
+    was = int(table.server[Field.DIVIDER, 2])
+    table.edit(rows, Field.DIVIDER, 7)
+    marked = np.zeros(len(table), bool)
+    filters.Condition("a", test).passes(table, marked)
+    assert asked == [7]
+    filters.Condition("a", test, of_settings=True).passes(table, marked)
+    assert asked == [7, 7, was]
+
+
+@pytest.mark.parametrize("text", ["div=7", "-div=7", "div!=7", "on:no", "off", "act:save", "size>9999", "buf:fix"])
+def test_an_edit_hides_no_row_from_a_filter_of_what_it_edits(table, text):
+    before = set(passing(table, text))
+    table.edit(np.array([2]), Field.DIVIDER, 7)
+    table.edit(np.array([2]), Field.ENABLED, 0)
+    assert before <= set(passing(table, text))
+    assert text not in {"div=7", "off", "on:no"} or table.names[2] in passing(table, text)

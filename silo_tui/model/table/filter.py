@@ -27,7 +27,7 @@ import numpy as np
 from silo.core.names import Names
 from silo_tui.model.table.columns import LIVE_COLUMNS
 from silo_tui.model.table.facts import BITS
-from silo_tui.model.table.fields import Field
+from silo_tui.model.table.fields import Field, Ints
 from silo_tui.model.table.state import Mask, TableState
 from silo_tui.model.table.terms import OTHER_TERMS, Test, negate
 
@@ -46,15 +46,14 @@ class Condition(msgspec.Struct, frozen=True):
     text: str
     test: Test
     quantities: frozenset[str] = frozenset()
+    of_settings: bool = False
 
     def passes(self, table: TableState, marked: Mask) -> Mask:
         """Return shape `(n,)`: what passes it, by the settings wanted or by those in force: no edit hides its row."""
-        found = self.test(table, marked)
-        if not table.pending.any():
+        found = self.test(table, marked, table.values)
+        if not self.of_settings or not table.pending.any():
             return found
-        as_is = copy(table)
-        as_is.in_force = True
-        return found | self.test(as_is, marked)
+        return found | self.test(table, marked, table.server)
 
 
 class Filter(msgspec.Struct, frozen=True):
@@ -140,17 +139,21 @@ def _condition(token: str) -> Condition | str | None:
     parts = [body] if body.startswith("~") else _PART.findall(body)
     tests: list[Test] = []
     quantities: frozenset[str] = frozenset()
+    of_settings = False
     key = sign = ""
     for part in parts:
         if (term := _TERM.fullmatch(part)) is not None:
             key, sign, value = term[1].lower(), term[2], term[3].strip('"')
             test = _term(key, sign, value, part) if value else None
-            quantities = quantities.union(*(each.quantities for each in TERMS if key in each.names))
+            asked = [each for each in TERMS if key in each.names]
+            quantities = quantities.union(*(each.quantities for each in asked))
+            of_settings |= any(each.of_settings for each in asked)
         elif key and sign in {":", "=", "!="} and not part.startswith("~"):  # unit:Nm|rad
             test = _term(key, sign, part.strip('"'), part)
         else:
             test = _word(part)
             quantities |= {"signs"} if part.lower() in _MEASURED_WORDS else set()
+            of_settings |= part.lower() == "off"
         if isinstance(test, str):
             return test
         if test is not None:
@@ -158,11 +161,11 @@ def _condition(token: str) -> Condition | str | None:
     if not tests:
         return None
     both = _joined(tests, np.logical_and if sign == "!=" else np.logical_or)
-    return Condition(token, negate(both) if negated else both, quantities)
+    return Condition(token, negate(both) if negated else both, quantities, of_settings)
 
 
 def _joined(tests: list[Test], join: np.ufunc) -> Test:
-    return lambda table, marked: join.reduce([test(table, marked) for test in tests])
+    return lambda table, marked, settings: join.reduce([test(table, marked, settings) for test in tests])
 
 
 def _word(word: str) -> Test | str | None:
@@ -184,8 +187,8 @@ def _word(word: str) -> Test | str | None:
     else:
         by_name = _by_name(lambda name: folded in name)
 
-    def test(table: TableState, marked: Mask) -> Mask:
-        found = by_name(table, marked)
+    def test(table: TableState, marked: Mask, settings: Ints) -> Mask:
+        found = by_name(table, marked, settings)
         if found.any() and not table.said_too:
             return found
         return found | np.fromiter((folded in one for one in table.described), np.bool_, len(table))
@@ -196,14 +199,14 @@ def _word(word: str) -> Test | str | None:
 def _by_glob(pattern: str) -> Test:
     """Return a test of names by a pattern, as commands mean it."""
 
-    def test(table: TableState, marked: Mask) -> Mask:
+    def find(table: TableState) -> Mask:
         names = Names([found[0] for found in table.searched], table.prefix.casefold(), lambda: table.searched)
         found = np.zeros(len(table), np.bool_)
         anywhere = [] if pattern.startswith("/") else names.part_of(pattern)
         found[[place for place, _ in names.find(pattern, scalars=True) or anywhere]] = True
         return found
 
-    return test
+    return _of_names(find)
 
 
 def _regex(pattern: str) -> Test | str | None:
@@ -218,28 +221,40 @@ def _regex(pattern: str) -> Test | str | None:
 
 def _by_name(passes: Callable[[str], bool]) -> Test:
     """Return a test of names in small letters, of elements and of their components."""
-    return lambda table, marked: np.fromiter(
-        (any(map(passes, names)) for names in table.searched), np.bool_, len(table)
+    return _of_names(
+        lambda table: np.fromiter((any(map(passes, names)) for names in table.searched), np.bool_, len(table))
     )
+
+
+def _of_names(find: Callable[[TableState], Mask]) -> Test:
+    """Return a test of names that looks at each once, as long as the table has those."""
+    looked: list[tuple[list[list[str]], Mask]] = []
+
+    def test(table: TableState, marked: Mask, settings: Ints) -> Mask:
+        if not looked or looked[0][0] is not table.searched:
+            looked[:] = [(table.searched, find(table))]
+        return looked[0][1]
+
+    return test
 
 
 def _flag(word: str) -> Test:
     if word == "marked":
-        return lambda table, marked: marked.copy()
+        return lambda table, marked, settings: marked.copy()
     if word == "conflict":
-        return lambda table, marked: np.asarray(table.conflicts.any(axis=0))
+        return lambda table, marked, settings: np.asarray(table.conflicts.any(axis=0))
     if word == "edited":
-        return lambda table, marked: table.edited
+        return lambda table, marked, settings: table.edited
     if word == "derived":
-        return lambda table, marked: table.derived
+        return lambda table, marked, settings: table.derived
     if word == "live":
-        return lambda table, marked: table.live
+        return lambda table, marked, settings: table.live
     if word == "off":
-        return lambda table, marked: np.asarray(table.settings[Field.ENABLED] == 0)
+        return lambda table, marked, settings: np.asarray(settings[Field.ENABLED] == 0)
     if word in _MEASURED_WORDS:
         bits = BITS.get(word, -1)
-        return lambda table, marked: np.asarray((table.signs & bits) != 0)
-    return lambda table, marked: np.asarray(table.pending.any(axis=0))
+        return lambda table, marked, settings: np.asarray((table.signs & bits) != 0)
+    return lambda table, marked, settings: np.asarray(table.pending.any(axis=0))
 
 
 def _term(key: str, sign: str, value: str, raw: str) -> Test | str:

@@ -86,7 +86,6 @@ class TableState:
         self.searched: list[list[str]] = []  # what each row is found by, in small letters: its name, its components
         self.described: list[str] = []  # what the program says of each, in small letters
         self.said_too = False  # whether words of a filter are looked for in that and names alike
-        self.in_force = False  # whether a filter judges by what the logger has, not by what is wanted
         self._levels: tuple[list[str], str, frozenset[str]] = ([], "", frozenset())  # of which names and prefix
         self.prefix = ""  # that all names share, without a slash at its end; not shown
         self.facts = NOTHING  # the newest survey
@@ -121,11 +120,6 @@ class TableState:
         """Return what the screen shows of one cell: to paint one looks at no other."""
         layer = self._wanted if self._edited[field, row] else self.server
         return int(layer[field, row])
-
-    @property
-    def settings(self) -> Ints:
-        """What a filter judges by, shape `(5, n)`: the values wanted, or `in_force` the logger's."""
-        return self.server if self.in_force else self.values
 
     @property
     def pending(self) -> Mask:

@@ -14,7 +14,7 @@ from silo.core.arrays.columns import Floats
 from silo.core.elements import BufferType, ElementInfo
 from silo.core.quantities.reading import seconds_of
 from silo_tui.model.table.facts import BITS, RED_HIGH, RED_LOW
-from silo_tui.model.table.fields import Field, synonym
+from silo_tui.model.table.fields import Field, Ints, synonym
 from silo_tui.model.table.state import Mask, TableState
 from silo_tui.model.words.states import FULL
 
@@ -25,7 +25,7 @@ COMPARE: dict[str, Callable[[Any, Any], Any]] = {
 
 _SCALES = {"k": 1e3, "M": 1e6, "G": 1e9}
 
-Test = Callable[[TableState, Mask], Mask]
+Test = Callable[[TableState, Mask, Ints], Mask]  # of a table, of what is marked, of settings: wanted, or in force
 
 
 class Term(msgspec.Struct, frozen=True):
@@ -33,7 +33,8 @@ class Term(msgspec.Struct, frozen=True):
 
     `read` takes sign and value and returns a test, or the words that say why it can't be read. `compares` ones take
     every sign, the others `:`, `=` and `!=`. `completions` are whole terms that Tab offers before the bare names.
-    `quantities` have to be surveyed for it; until they are everything passes, so that rows don't flicker away.
+    `quantities` have to be surveyed for it; until they are everything passes, so that rows don't flicker away. What is
+    `of_settings` is asked of those wanted and of those in force.
     """
 
     names: tuple[str, ...]
@@ -41,6 +42,7 @@ class Term(msgspec.Struct, frozen=True):
     compares: bool = False
     completions: tuple[str, ...] = ()
     quantities: frozenset[str] = frozenset()
+    of_settings: bool = False
 
     @property
     def bare(self) -> str:
@@ -76,7 +78,7 @@ def read_share(text: str) -> float | None:
 
 def negate(test: Test) -> Test:
     """Return the test that passes what `test` doesn't."""
-    return lambda table, marked: ~test(table, marked)
+    return lambda table, marked, settings: ~test(table, marked, settings)
 
 
 def number_term(names: tuple[str, ...], field: Field) -> Term:
@@ -87,9 +89,9 @@ def number_term(names: tuple[str, ...], field: Field) -> Term:
         if number is None:
             return f"{names[0]}{sign}{value}: {value!r} is no number"
         compare = COMPARE[sign]
-        return lambda table, marked: np.asarray(compare(table.settings[field], number), np.bool_)
+        return lambda table, marked, settings: np.asarray(compare(settings[field], number), np.bool_)
 
-    return Term(names, read, compares=True)
+    return Term(names, read, compares=True, of_settings=True)
 
 
 def choice_term(names: tuple[str, ...], field: Field) -> Term:
@@ -100,9 +102,9 @@ def choice_term(names: tuple[str, ...], field: Field) -> Term:
         wanted = synonym(field, value)
         if wanted is None:
             return f"{value!r}: write {' or '.join(offered)}"
-        return _signed(sign, lambda table, marked: np.equal(table.settings[field], wanted))
+        return _signed(sign, lambda table, marked, settings: np.equal(settings[field], wanted))
 
-    return Term(names, read, completions=offered)
+    return Term(names, read, completions=offered, of_settings=True)
 
 
 def action_term(names: tuple[str, ...]) -> Term:
@@ -114,9 +116,9 @@ def action_term(names: tuple[str, ...]) -> Term:
             return f"{value!r}: write act:save, act:publish or act:save+pub"
         exact = value.lower() in {"both", "pub"} or "+" in value or "_" in value
         passing = (wanted,) if exact else (wanted, 0)
-        return _signed(sign, lambda table, marked: np.isin(table.settings[Field.ACTION], passing))
+        return _signed(sign, lambda table, marked, settings: np.isin(settings[Field.ACTION], passing))
 
-    return Term(names, read, completions=("act:save", "act:publish", "act:save+pub"))
+    return Term(names, read, completions=("act:save", "act:publish", "act:save+pub"), of_settings=True)
 
 
 def state_term() -> Term:
@@ -130,7 +132,7 @@ def state_term() -> Term:
             return f"{value!r}: write {' or '.join(offered)}"
         bits = BITS.get(word, 0) | also.get(word, 0)
 
-        def test(table: TableState, marked: Mask) -> Mask:
+        def test(table: TableState, marked: Mask, settings: Ints) -> Mask:
             fill = table.facts.of("fill", len(table))
             if word == FULL:
                 keeps = table.server[Field.BUFFER] != BufferType.LOOPING
@@ -148,7 +150,7 @@ def text_term(name: str, passes: Callable[[ElementInfo, str], bool]) -> Term:
     def read(sign: str, value: str) -> Test | str:
         folded = value.casefold()
 
-        def test(table: TableState, marked: Mask) -> Mask:
+        def test(table: TableState, marked: Mask, settings: Ints) -> Mask:
             return np.fromiter((passes(element, folded) for element in table.elements), np.bool_, len(table))
 
         return _signed(sign, test)
@@ -189,7 +191,7 @@ def rate_term() -> Term:
 def _compared(quantity: str, sign: str, wanted: float, of: Callable[[Floats], Floats] | None = None) -> Test:
     compare = COMPARE[sign]
 
-    def test(table: TableState, marked: Mask) -> Mask:
+    def test(table: TableState, marked: Mask, settings: Ints) -> Mask:
         known = table.facts.of(quantity, len(table))
         if known is None:
             return np.ones(len(table), np.bool_)
