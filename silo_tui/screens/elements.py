@@ -25,7 +25,7 @@ from silo_tui.model.words.names import next_levels
 from silo_tui.model.words.text import cut
 from silo_tui.screens.dialogs.questions import Choice, OrderDialog, Question
 from silo_tui.sessions.live import Session
-from silo_tui.widgets.bars import KeyBar
+from silo_tui.widgets.bars import OPEN_FILE, KeyBar
 from silo_tui.widgets.element_table import ElementTable, TableHead
 from silo_tui.widgets.inputs import Fleeting, Line
 from silo_tui.widgets.inspector import Inspector
@@ -42,6 +42,8 @@ unit:Nm on:no div>1 size>=1k kind:vector   value>60 |value|>60 std>1 rate<95%
 changed<1s   marked pending edited problem nan frozen slow off"""
 BEFORE_ROOM = 12  # cells of a filter in the key bar
 AWAY = {"loggers": "the loggers", "quit": "quits"}  # where Esc has nothing to leave
+OF_ROWS = ("mark", "mark_shown", "range", "fold", "component", "into", "new_of_row", "limits_of_row")
+OF_MARKED = ("monitor", "plot", "edit", "edit_all")  # which may stand elsewhere
 FILTER_KEYS = "Enter keeps the filter  Tab completes  Esc clears it"
 
 
@@ -249,9 +251,10 @@ class ElementsScreen(SiloScreen):
         self.info.refresh()
 
     def why_not_now(self, command_id: str) -> str:
-        """Return why nothing can be unmarked."""
-        no_marks = command_id == "unmark" and not self.session.rows.marked_count
-        return "none marked" if no_marks else super().why_not_now(command_id)
+        """Return why nothing can be unmarked, or that no row is there."""
+        if command_id == "unmark":
+            return "" if self.session.rows.marked_count else "none marked"
+        return "no element is here" if self._lacks_rows(command_id) else super().why_not_now(command_id)
 
     def command_unmark(self) -> None:
         self.session.rows.clear_marks()
@@ -412,13 +415,26 @@ class ElementsScreen(SiloScreen):
         self._lay_out(self.app.size.width)
 
     def label_now(self, command: Command) -> str:
-        """Return it; what is folded is a vector into one line, or a name space, of which only a tree has lines."""
-        rows = self.session.rows
+        """Return it; nothing of what is about rows where there are none.
+
+        What is folded is a vector into one line, or a name space, of which only a tree has lines.
+        """
+        rows, label = self.session.rows, super().label_now(command)
+        if label != OPEN_FILE and self._lacks_rows(command.id):
+            return ""
         if command.id != "fold":
-            return super().label_now(command)
+            return label
         if rows.vector:
             return "Fold" if rows.vector in rows.unfolded else "Entries"
         return command.label if rows.sort == TREE else ""
+
+    def _lacks_rows(self, command_id: str) -> bool:
+        """Whether a command is about rows, or marks, and there are none."""
+        rows = self.session.rows
+        return not len(rows.shown) and (
+            command_id in OF_ROWS
+            or ((command_id in OF_MARKED or BY_ID[command_id].does == "edit_field") and not len(rows.targets()))
+        )
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
         """Return what a range or a filter asks for, or a name space under the cursor."""
@@ -435,9 +451,10 @@ class ElementsScreen(SiloScreen):
         if not rows.filter.text:
             return into
         plot = next(BY_ID[each] for each in ("monitor", "plot") if self.scope in BY_ID[each].scopes)
-        then = (plot.id, self.label_now(plot)) if rows.marked_count else ("mark_shown", "Mark all")
+        all_shown = [("mark_shown", "Mark all")] if len(rows.shown) else []
+        then = [(plot.id, self.label_now(plot))] if rows.marked_count else all_shown
         back = f"Back to {cut(before, BEFORE_ROOM)}" if (before := self.filter_before) else "No filter"
-        return (*into, ("filter", "Filter"), ("back", back), then)
+        return (*into, ("filter", "Filter"), ("back", back), *then)
 
     def command_back(self) -> None:
         """Leave the inspector that was asked for, the range, the filter, the marks, the tour; never pending edits."""

@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 
 Opener: TypeAlias = "tuple[str, Callable[[], Log]]"  # a log by its name, and what opens it
 
-OF_A_LINE = ("enter", "space", "o", "m", "r k", "r t", DESTROYS)
+# keys that are about lines; and commands, by keys that elsewhere are about other things
+OF_A_LINE = ("enter", "space", "asterisk", "V", "h", "shift+left", "o", "m", "r k", "r t", "r o", DESTROYS)
+OF_LINES = ("fetch_recording", "write_events", "compare_runs")
 READ_AGAIN = ("list_read", "look_again")
 FILTER_KEYS = "Enter keeps the filter  Esc clears it"
 
@@ -153,7 +155,7 @@ class ListScreen(SiloScreen, Generic[LineT]):
     def subject(self) -> str:
         if self.marks.keys or self.scope not in BY_ID["list_mark"].scopes:
             return f"{len(self.marks.keys)} marked" * bool(self.marks.keys)
-        return self.named(self.chosen_key)
+        return self.named(self.chosen_key) if self.chosen is not None else ""
 
     def enter(self) -> None:
         """Do what a click on the line under the cursor does."""
@@ -200,12 +202,19 @@ class ListScreen(SiloScreen, Generic[LineT]):
         """Return it, and what Esc takes away first; nothing of what is about a line where there is none."""
         if command.id == "back" and (first := "No filter" if self.asked else "Unmark" if self.marks.keys else ""):
             return first
-        about_a_line = TWO_LAYERS.get(command.id, "").split(",")[0] in OF_A_LINE
-        return "" if about_a_line and not self.shown else super().label_now(command)
+        nothing_there = command.id == "list_filter" and not self.all
+        return "" if nothing_there or self._lacks_a_line(command) else super().label_now(command)
 
     def why_not_now(self, command_id: str) -> str:
-        """Return why nothing can be unmarked; marks of the table are taken back there."""
-        return "none marked" if command_id == "unmark" and not self.marks.keys else super().why_not_now(command_id)
+        """Return why nothing can be unmarked; marks of the table are taken back there. Or that there is no line."""
+        if command_id == "unmark":
+            return "" if self.marks.keys else "none marked"
+        return "no line is here" if self._lacks_a_line(BY_ID[command_id]) else super().why_not_now(command_id)
+
+    def _lacks_a_line(self, command: Command) -> bool:
+        """Whether a command is about lines, and there is none."""
+        about = TWO_LAYERS.get(command.id, "").split(",")[0] in OF_A_LINE or command.id in OF_LINES
+        return not self.shown and (about or command.does == "many") and self.scope in command.scopes
 
     def _row(self, place: int) -> Text:
         line, key = self.row_of(self.shown[place], self.size.width), self.shown_keys[place]

@@ -13,7 +13,7 @@ from textual.app import ComposeResult
 from textual.widgets import Static
 
 from silo.rpc.published import Summary
-from silo_tui.actions import key_of
+from silo_tui.actions import Command, key_of
 from silo_tui.model.lists import fleet
 from silo_tui.model.lists.fleet import FoundLogger
 from silo_tui.screens.lists.list_screen import ListScreen
@@ -92,6 +92,10 @@ class LoggersScreen(ListScreen[FoundLogger]):
     @property
     def all(self) -> Sequence[FoundLogger]:
         return self._all
+
+    def label_now(self, command: Command) -> str:
+        """Return it; all of the menu of edits is about loggers."""
+        return "" if command.id == "menu_edit" and not self.shown else super().label_now(command)
 
     def key_of(self, one: FoundLogger) -> str:
         return one.key
