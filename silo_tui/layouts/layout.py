@@ -22,3 +22,4 @@ class KeptLayout(msgspec.Struct, frozen=True):
     span_s: float = 10.0
     scales: Mapping[str, tuple[float, float]] = msgspec.field(default_factory=dict)  # held, by plot: its signals with |
     logs: tuple[str, ...] = ()  # signals whose axis has powers of ten
+    most: int = 0  # only so many rows, the first of the order as it was measured then; 0: all

@@ -10,6 +10,7 @@ from silo_tui.layouts.layout import KeptLayout
 from silo_tui.model.plots.limits import between
 
 NEAR = "near-limit"
+TEN = 10  # rows: a vector is one, by its norm, which the column shows then
 NEAR_SHARE = 0.1  # of the range between two bounds, or of the only one
 
 
@@ -23,12 +24,17 @@ class Preset(msgspec.Struct, frozen=True):
 
 
 PRESETS = (
-    Preset("hottest", "h", "Hottest: temperatures, the highest on top", KeptLayout(sort="value", filter="unit:degC")),
+    Preset(
+        "hottest",
+        "h",
+        "Hottest ten: temperatures, the highest on top, as they stand now",
+        KeptLayout(sort="value", filter="unit:degC", most=TEN),
+    ),
     Preset(
         "noisiest",
         "n",
-        "Noisiest: the largest deviation on top, whole numbers left out",
-        KeptLayout(sort="std", filter="type:f", set="statistics"),
+        "Noisiest ten: the largest deviation on top, whole numbers left out",
+        KeptLayout(sort="std", filter="type:f", set="statistics", most=TEN),
     ),
     Preset("problems", "p", "Problems: what the column state says something of", KeptLayout(filter="problem")),
     Preset(

@@ -63,6 +63,13 @@ def _number(node: yaml.Node) -> float:
     return number
 
 
+def _rows(node: yaml.Node) -> int:
+    most = _number(node)
+    if most < 0 or most != int(most):
+        raise ValueError(f"a number of rows, 0 for all, not {describe(node)}")
+    return int(most)
+
+
 def _span(node: yaml.Node) -> float:
     span = _number(node)
     if span <= 0:
@@ -85,7 +92,7 @@ def _scales(node: yaml.Node) -> dict[str, tuple[float, float]]:
 FIELDS: dict[str, Callable[[yaml.Node], Any]] = {
     "sort": _text, "turned": _truth, "filter": _text, "columns": _texts, "set": _text, "folded": _texts,
     "unfolded": _texts, "components": _components, "inspector": _truth, "plots": _panels, "chosen": _text,
-    "span_s": _span, "scales": _scales, "logs": _texts,
+    "span_s": _span, "scales": _scales, "logs": _texts, "most": _rows,
 }  # fmt: skip
 
 

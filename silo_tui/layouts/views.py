@@ -39,6 +39,7 @@ def capture(context: Context) -> KeptLayout | None:
         tuple(sorted(short(name) for name in rows.unfolded)),
         _components_of(context.session),
         table.inspector_wanted,
+        most=rows.most,
     )
     if monitor is None:
         return layout
@@ -100,6 +101,9 @@ def show_table(table: "TableScreen", layout: KeptLayout) -> list[str]:
         missing.append(f"order {layout.sort}")
     _show_rows(table.session, layout)
     rows.set_filter(layout.filter)
+    if layout.most:
+        rows.show_first(layout.most)
+        rows.refresh()
     missing += [f"column {title}" for title in table.table.choose_columns(layout.columns)]
     table.inspector_wanted = layout.inspector
     if not table.show_set(layout.set):

@@ -202,6 +202,7 @@ class TableScreen(ElementsScreen):
         is_known = self._order_wanted and rows.is_measured
         if is_known:
             rows.refresh()
+            rows.stand_still(time.time_ns())
             if self._top_wanted:
                 rows.move_to(0)
             self._order_wanted = self._top_wanted = False

@@ -167,7 +167,9 @@ class InfoLine(MessageLine):
             parts.append(LinePart(0, session.reading))
         if rows.filter.text:
             unknown = rows.filter.measured and not rows.is_measured
-            passing = "being measured" if unknown else f"{len(rows.shown)} of {len(session.table)}"
+            shown = f"{len(rows.shown)} of {rows.passing if rows.most else len(session.table)}"
+            stood = f" at {wall_clock(rows.stood_ns)}" if rows.stood_ns else ""
+            passing = "being measured" if unknown else f"the first {shown}{stood}" if rows.most else shown
             is_near = rows.filter.text == session.near and session.near.startswith("~")  # a pattern of many names
             told = "near a limit" if is_near else f"/{rows.filter.text.removeprefix('/')}"
             parts.append(LinePart(6 * alone, f"{told}: {passing}"))

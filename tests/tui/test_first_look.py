@@ -1,11 +1,13 @@
 """What helps somebody who has never seen it: the tour, and what one looks for first."""
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
 from silo.conditions.standing import LimitStatus, LimitWord
-from silo.live.quantities import FROZEN
+from silo.live.quantities import FROZEN, NOT_FINITE
 from silo_tui.layouts.presets import BY_NAME, is_near, near_limit
+from silo_tui.model.table.facts import Facts
 
 
 @pytest.mark.parametrize(
@@ -204,3 +206,56 @@ async def test_the_tour_is_left_as_everything_is(fake, opened):
         await screen.press("escape")
         await screen.shows("the tour ends; :tour begins it again")
         await screen.until(lambda: "tour 2" not in screen.text)
+
+
+@pytest.mark.parametrize(("letter", "quantity", "most"), [("h", "value", 10), ("n", "std", 10)])
+async def test_the_first_ten_of_a_view_are_ten_and_stand_still_while_one_looks(letter, quantity, most, fake, opened):
+    async with opened(fake.run(20)) as screen:
+        rows, table = screen.session.rows, screen.session.table
+        await screen.do("view")
+        await screen.press(letter)
+        await screen.until(lambda: rows.stood_ns, "what was measured")
+        keys = (
+            np.abs(table.facts.of(quantity, len(table))) if quantity == "std" else table.facts.of("value", len(table))
+        )
+        assert len(rows.shown) == most < rows.passing
+        assert (np.diff(keys[rows.shown]) <= 0).all()
+        stood = rows.shown.tolist()
+        await screen.shows(f"the first 10 of {rows.passing}")
+        await screen.shows(" at ")
+        screen.app.screen._typed_s = -100.0  # nobody has been at the keys for long
+        fake.advance(3.0)
+        facts = table.facts
+        await screen.until(lambda: table.facts is not facts, "another survey")
+        table.facts = Facts({name: -np.arange(len(table)) for name in (*facts.quantities, quantity)})
+        rows.refresh()
+        assert rows.shown.tolist() == stood
+        await screen.do("sort")
+        await screen.press("n")
+        assert len(rows.shown) == rows.passing > most
+
+
+async def test_the_first_ten_of_a_view_are_chosen_anew_where_it_is_asked_for_again(fake, opened):
+    async with opened(fake.run(20)) as screen:
+        rows = screen.session.rows
+        for _ in range(2):
+            before = rows.stood_ns
+            await screen.do("view")
+            await screen.press("h")
+            await screen.until(lambda before=before: rows.stood_ns > before, "the ten of now")
+        await screen.press("escape")
+        await screen.until(lambda: len(rows.shown) == 72, "all of them")
+        assert rows.most == 0
+
+
+async def test_of_what_nothing_is_known_is_no_hottest(fake, opened):
+    async with opened(fake.run(20)) as screen:
+        rows, table = screen.session.rows, screen.session.table
+        rows.sort = "value"
+        rows.set_filter("unit:degC")
+        values = np.full(len(table), np.nan)
+        values[rows.shown[:3]] = 3.0, 5.0, 4.0
+        table.facts = Facts({"value": values, "signs": np.where(np.isnan(values), NOT_FINITE, 0)})
+        rows.show_first(10)
+        rows.refresh()
+        assert values[rows.shown].tolist() == [5.0, 4.0, 3.0]

@@ -34,6 +34,7 @@ layouts = st.builds(
     span_s=st.floats(1e-3, 1e6),
     scales=st.dictionaries(names, st.tuples(numbers, numbers).filter(lambda ends: ends[0] < ends[1]), max_size=2),
     logs=st.lists(names, unique=True, max_size=3).map(tuple),
+    most=st.integers(0, 100),
 )  # fmt: skip
 
 

@@ -48,7 +48,11 @@ class RowList:
         self.sort = NAME
         self.turned = False  # the order the other way round
         self.held = False  # an order by what is measured stands still, as somebody is at the keys
+        self.most = 0  # only so many of what passes, the first of the order; 0: all
+        self.stood_ns = 0  # when these were chosen; 0 while the order moves them
+        self._stood: list[str] = []  # their names
         self.shown: Rows = np.zeros(0, np.intp)
+        self.passing = 0  # elements that pass the filter, be only the first of them shown
         self.tree = Tree(np.zeros(0, np.int64))
         self.folded: frozenset[str] = frozenset()  # paths of branches
         self.unfolded: dict[str, int] = {}  # vectors that show their entries, and how many these are
@@ -85,9 +89,30 @@ class RowList:
         else:
             mask = self._with_leaving(mask, now_s)
         self._was_measured = self.is_measured
-        self.shown = self._order[mask[self._order]]
+        passing = self._order[mask[self._order]]
+        self.passing = len(passing)
+        self.shown = self._first_of(passing) if self.most else passing
         self._lay_lines()
         self._place(line, row, path)
+
+    def _first_of(self, passing: Rows) -> Rows:
+        """Return the first of those that pass, of which something is known; once they stand still, those."""
+        if self.stood_ns:
+            return np.array([row for name in self._stood if (row := self.table.row(name)) is not None], np.intp)
+        order = self.orders[self.sort]
+        known = passing[~np.isnan(order.keys(self.table)[passing])] if order.quantity and self.is_measured else passing
+        return known[: self.most]
+
+    def stand_still(self, now_ns: int) -> None:
+        """Let those that are shown stay and stand as they do, whatever is measured from now on, if they are the first
+        of an order; a filter or an order lets them go.
+        """
+        if self.most:
+            self.stood_ns, self._stood = now_ns, [self.table.names[row] for row in self.shown]
+
+    def show_first(self, most: int) -> None:
+        """Show only so many, as the order has them, till they are to stand still; 0: all."""
+        self.most, self.stood_ns = most, 0
 
     def _with_leaving(self, mask: Mask, now_s: float) -> Mask:
         gone = [int(row) for row in self.shown if not mask[row]]
@@ -117,6 +142,7 @@ class RowList:
         With one it is on the first element whose name passes: one that passes by a component alone may stand before it.
         """
         row, before = self.row, self.filter.text
+        self.show_first(0)
         self.filter = filters.parse(text)
         self.refresh()
         if row is None or self.row != row or (text and text != before):
@@ -131,12 +157,13 @@ class RowList:
         """Take an order; the same once more turns it round."""
         self.turned = not self.turned if sort == self.sort and sort != TREE else False
         self.sort = sort
+        self.show_first(0)
         self.refresh()
 
     @property
     def live(self) -> bool:
-        """Whether the order is by what is measured."""
-        return bool(self.orders[self.sort].quantity)
+        """Whether the order is by what is measured, and moves."""
+        return bool(self.orders[self.sort].quantity) and not self.stood_ns
 
     @property
     def place(self) -> int:
