@@ -84,7 +84,9 @@ class CommandRunner:
             "settings": lambda: completions(begun),
             "sorts": lambda: list(context.session.rows.orders),
             "names": lambda: [
-                *map(context.session.short_name, context.session.table.names),
+                *command_line.neighbours_first(
+                    [*map(context.session.short_name, context.session.table.names)], self._here
+                ),
                 *context.session.table.names,
             ],
             "derived": lambda: [
@@ -101,6 +103,11 @@ class CommandRunner:
             sources.get(command.typed.completes) if command.typed and command.typed.completes not in needs else None
         )
         return source() if source is not None else ()
+
+    @property
+    def _here(self) -> str:
+        """What the cursor of the uppermost screen is on."""
+        return screen.subject if (screen := self._context.upper_screen) is not None else ""
 
     def _control_words(self, before: Sequence[str]) -> Sequence[str]:
         if not before:

@@ -345,3 +345,14 @@ async def test_what_is_named_is_plotted_from_the_table_whatever_is_marked(fake, 
         await screen.press("escape")
         await screen.enter(":plot")
         await screen.shows("say what to plot")
+
+
+async def test_tab_offers_the_neighbours_of_the_plot_that_is_chosen_first(fake, opened):
+    async with opened(fake.run(20)) as screen:
+        await screen.enter("/RF/KFE/torque", "m")
+        await screen.curves()
+        await screen.do("add_plot")
+        await screen.press("tab")
+        await screen.shows("plot /legs/RF/KFE/position")
+        await screen.press("tab")
+        await screen.shows("plot /legs/RF/KFE/velocity")

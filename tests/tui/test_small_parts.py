@@ -121,3 +121,20 @@ def test_a_demo_that_ended_tells_how_and_what_it_said(tmp_path):
     demo._process.wait()
     assert demo.ended() == "The demo ended with exit code -9:\none\ntwo\nwhy"
     demo.stop()
+
+
+NAMES = ["/base/q", "/legs/LF/HFE/torque", "/legs/LF/KFE/q", "/legs/LF/KFE/torque", "/legs/RF/HFE/torque", "/legs/yaw"]
+
+
+@pytest.mark.parametrize(
+    ("here", "first"),
+    [
+        ("/legs/LF/KFE/q", ["/legs/LF/KFE/torque", "/legs/LF/KFE/q", "/legs/LF/HFE/torque", "/legs/RF/HFE/torque"]),
+        ("/legs/RF/HFE/torque", ["/legs/RF/HFE/torque", "/legs/LF/HFE/torque", "/legs/LF/KFE/q"]),
+        ("", NAMES), ("3 marked elements", NAMES),
+    ],
+)  # fmt: skip
+def test_names_beside_the_one_that_is_looked_at_come_first(here, first):
+    found = command_line.neighbours_first(NAMES, here)
+    assert found[: len(first)] == first
+    assert sorted(found) == NAMES

@@ -3,6 +3,7 @@
 import os
 import shlex
 from collections.abc import Sequence
+from itertools import takewhile
 from pathlib import Path
 
 import msgspec
@@ -89,6 +90,19 @@ def _newest_first(path: Path) -> tuple[float, str]:
     """Return what logs are ordered by, and folders by their names."""
     is_log = path.name.endswith(LOG_ENDINGS)
     return (-path.lstat().st_mtime if is_log else 0.0, path.name)
+
+
+def neighbours_first(names: Sequence[str], here: str) -> list[str]:
+    """Return names in the order in which somebody who looks at one of them may want them: first those that share most
+    levels with it, itself behind these; else as they are.
+    """
+    levels = here.split("/")
+
+    def far(name: str) -> tuple[int, bool]:
+        shared = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(name.split("/"), levels, strict=False)))
+        return -min(shared, len(levels) - 1), name == here
+
+    return sorted(names, key=far) if here else list(names)
 
 
 def complete(line: str, words: Sequence[str], choices: Sequence[str]) -> list[str]:
