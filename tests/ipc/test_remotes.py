@@ -21,6 +21,7 @@ from silo.client.client import Client
 from silo.errors import RefusedError, SiloError
 from silo.fleet.examining import examine
 from silo.helper.helper import Helper, ServingOptions
+from silo.net.access.admission import admission_of
 from silo.net.access.certificates import not_valid_today
 from silo.net.access.probing import Layer, LayerError, endpoint_of, reach
 from silo.net.access.rights import access_control
@@ -144,6 +145,27 @@ def test_a_router_takes_its_time_looks_for_nobody_and_lets_nobody_change_anythin
         "transport/shared_memory/enabled": False, "access_control/enabled": is_closed,
     }  # fmt: skip
     assert {key: json.loads(opened[0].get_json(key)) for key in wanted} == wanted
+
+
+@pytest.mark.parametrize("kind", ["tcp", "udp"])
+@pytest.mark.parametrize(
+    ("host", "is_open"),
+    [("127.0.0.1", False), ("127.8.0.1", False), ("0.0.0.0", True),
+     ("::1", False), ("::ffff:127.0.0.1", False), ("::ffff:0.0.0.0", True), ("::", True)],
+)  # fmt: skip
+def test_from_a_router_of_this_computer_changes_are_taken_while_no_other_reaches_it(
+    kind, host, is_open, tmp_path
+) -> None:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_DGRAM if kind == "udp" else socket.SOCK_STREAM) as router:
+        router.bind((host, 0))
+        if kind == "tcp":
+            router.listen()
+        endpoint = f"{kind}/127.0.0.1:{router.getsockname()[1]}"
+        config = config_of(tmp_path / "c.json5", endpoint, mode="peer")
+        found = admission_of(from_file(config), config)
+        assert (found.changes, found.routers, bool(found.why_now)) == (True, (endpoint,), is_open)
+    assert not found.why_now, "it listens no more"
 
 
 @pytest.mark.parametrize(

@@ -108,3 +108,19 @@ def test_an_init_that_came_first_is_told_nothing(init, caplog):
 def test_the_functions_have_the_arguments_of_the_methods():
     assert str(inspect.signature(silo.add)) == str(inspect.signature(Logger.add)).replace("(self, ", "(")
     assert "frequency" in inspect.signature(silo.init).parameters
+
+
+def test_each_function_hands_on_what_it_is_given_to_the_method_of_its_name(monkeypatch):
+    names = sorted(set(default.__all__) & set(dir(Logger)))
+    calls = {name: () if name == "collect" else ("a", "b") for name in names}
+    heard = {}
+
+    class Hearing:
+        def __getattr__(self, name):
+            return lambda *args: heard.update({name: args})
+
+    monkeypatch.setattr(default, "_default", Hearing())
+    for name, args in calls.items():
+        getattr(silo, name)(*args)
+    assert heard == calls
+    assert {"collect", "mark", "record", "stop_recording"} <= set(names)

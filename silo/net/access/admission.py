@@ -48,7 +48,8 @@ class Admission(NamedTuple):
         return self.why or next((_why_unknown(one) for one in self.routers if _is_open_now(one)), "")
 
 
-_LISTENS = "0A"  # in /proc/net/tcp; addresses stand there in words of the processor's byte order
+# the state of what listens in /proc/net/; addresses stand there in words of the processor's byte order
+_LISTENS = {"tcp": "0A", "udp": "07"}
 _LOOPBACK_6 = ("00000000000000000000000001000000", "00000000000000000000000000000001")
 _MAPPED = "0000000000000000FFFF0000"
 
@@ -107,18 +108,19 @@ def is_loopback(host: str) -> bool:
 def _is_open_now(endpoint: str) -> bool:
     """Whether others than this computer's users reach what listens at an endpoint of this computer."""
     found = endpoint_of(endpoint)
-    return found is not None and any(not near for near in _listeners(found.port))
+    return found is not None and any(not near for near in _listeners(found.kind, found.port))
 
 
-def _listeners(port: int) -> list[bool]:
-    """Return of each socket that listens on a TCP port whether it does so for this computer alone, as the kernel
-    lists them.
+def _listeners(kind: str, port: int) -> list[bool]:
+    """Return of each socket that listens on a port whether it does so for this computer alone, as the kernel lists
+    them.
     """
+    family = "udp" if kind == "udp" else "tcp"
     lines = []
-    for family in ("tcp", "tcp6"):
+    for name in (family, f"{family}6"):
         with contextlib.suppress(OSError):
-            lines += Path(f"/proc/net/{family}").read_text().splitlines()[1:]
-    rows = [line.split()[1].split(":") for line in lines if line.split()[3] == _LISTENS]
+            lines += Path(f"/proc/net/{name}").read_text().splitlines()[1:]
+    rows = [line.split()[1].split(":") for line in lines if line.split()[3] == _LISTENS[family]]
     return [address in _LOOPBACK_6 or ((len(address) == 8 or address.startswith(_MAPPED)) and address.endswith("7F"))
             for address, at in rows if int(at, 16) == port]  # fmt: skip
 
