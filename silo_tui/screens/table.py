@@ -125,7 +125,7 @@ class TableScreen(ElementsScreen):
     def lay_out_table(self, width: int, rest: int) -> None:
         """Give values more room on a wide screen; a trend where names keep theirs."""
         narrow = width < WIDE and self.table.column_set == "settings"
-        value_width = 10 if narrow else 7 if rest < WIDE else 10 if rest < 140 else 13 if rest < 170 else 20
+        value_width = 10 if narrow else 8 if rest < WIDE else 10 if rest < 140 else 13 if rest < 170 else 20
         wide = rest >= WIDE_SET
         self.table.lay_out(value_width, wide=wide, fill=not narrow)
         chosen = [each for each in LIVE_COLUMNS if in_set(each, self.table.column_set, wide=wide)]

@@ -54,7 +54,10 @@ def words_of(found: Between, column: int) -> list[str]:
     values = (
         found.at_a, found.difference, found.slope, found.mean, found.std, found.rms, found.smallest, found.largest
     )  # fmt: skip
-    words = ["" if math.isnan(value) else text.number(value, column - 1) for value in values]
+    digits = text.digits_for((found.at_a, found.smallest, found.largest), column - 1)
+    words = ["" if math.isnan(value) else digits.write(value, column - 1) for value in values]
+    if math.isfinite(found.slope):  # in another unit
+        words[2] = text.row(found.slope, width=column - 1)[0]
     if not any(words):
         words[0] = f"{found.samples} rows"
     return words

@@ -35,6 +35,7 @@ from silo_tui.model.table.columns import (
     in_set,
     shown_columns,
 )  # fmt: skip
+from silo_tui.model.table.facts import STATISTICS
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.rows import RowList
 from silo_tui.model.table.tree import entry_of, row_of
@@ -187,13 +188,16 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
                 steady = [(each, cells + more * (each.title == "unit")) for each, cells in steady]
                 names -= more
             if (spare := names - longest) > 0:
-                wide = [max(cells, each.wide) for each, cells in measured]
-                if (more := sum(wide) - sum(cells for _, cells in measured)) <= spare:
-                    measured = [(each, cells) for (each, _), cells in zip(measured, wide, strict=True)]
-                    spare, names, rest = spare - more, names - more, rest - more
+                step = spare // max(1, sum(each.wide > cells for each, cells in measured))
+                wide = [max(cells, min(each.wide, cells + step)) for each, cells in measured]
+                more = sum(wide) - sum(cells for _, cells in measured)
+                measured = [(each, cells) for (each, _), cells in zip(measured, wide, strict=True)]
+                spare, names, rest = spare - more, names - more, rest - more
                 given = {each.title: max(0, min(spare, widest - cells)) for each, cells in measured}.get("value", 0)
                 measured = [(each, cells + given * (each.title == "value")) for each, cells in measured]
                 names, rest = names - given, rest - given
+            numbers = {each.title: cells for each, cells in measured if each.title in ("value", *STATISTICS)}
+            sight.room, sight.value_room = min(numbers.values(), default=11), numbers.get("value", 11)
             self._laid = Layout(width, names, self._space_of(names) if longest > names else "", steady, rest, measured)
         return self._laid
 

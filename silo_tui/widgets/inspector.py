@@ -22,7 +22,8 @@ from silo_tui.actions import key_of
 from silo_tui.model.drawing import braille
 from silo_tui.model.drawing.plots import hold_piece, signs_of
 from silo_tui.model.samples.live import Reading, entry_text, fill_share
-from silo_tui.model.table.cells import span_words, type_word
+from silo_tui.model.table import cells
+from silo_tui.model.table.cells import Sight, span_words, type_word
 from silo_tui.model.table.fields import Field, phrase_for
 from silo_tui.model.words import text
 from silo_tui.sessions.live import Session
@@ -237,7 +238,7 @@ class Inspector(Guarded, Widget):
         facts = [
             ("kind", element.kind), ("type", type_word(element, report)), ("unit", element.unit),
             ("divider", str(report.divider)), ("samples", text.count(report.samples)),
-            ("span s", span_words(report, wide=True)),
+            ("span s", span_words(report)),
             ("rate", f"{text.short(report.rate_hz, 5)} Hz" if report.rate_hz else "-"),
             ("buffer", report.buffer), ("lost", text.count(report.lost)),
         ]  # fmt: skip
@@ -276,16 +277,19 @@ class Inspector(Guarded, Widget):
         table = self.session.table
         for position, name in enumerate(table.entry_names(row)[:MAX_VALUES]):  # of the moment of its row
             reading = reading.with_value(position, table.facts.detail(name, "value"))
+        sight = Sight(table, self.session.live, lambda _: 0, str, room=30, value_room=30)
         if len(element.entries) == 1:
-            entry = element.entries[0]
-            pane.append(entry_text(entry, float(reading.newest[0]), reading.texts.get(0), 30) + "\n", style=style)
+            entry, digits = element.entries[0], cells.digits(sight, row, 0, reading)
+            word = entry_text(entry, float(reading.newest[0]), reading.texts.get(0), 30, digits)
+            pane.append(word + "\n", style=style)
             return
         entries = element.entries[:MAX_VALUES]
         called = [component_name(entry.suffix) for entry in entries]
         left = min(18, max(map(len, called)) + 1)
-        room = min(16, max(8, self.content_size.width - left))
+        sight.room = sight.value_room = room = min(16, max(8, self.content_size.width - left))
         for position, entry in enumerate(entries):
-            word = entry_text(entry, float(reading.newest[position]), reading.texts.get(position), room)
+            digits = cells.digits(sight, row, position + 2, reading, alone=True)
+            word = entry_text(entry, float(reading.newest[position]), reading.texts.get(position), room, digits)
             pane.append(called[position][: left - 1].ljust(left), style=quiet)
             pane.append(f"{word:>{room}}\n", style=style)
         if len(element.entries) > MAX_VALUES:

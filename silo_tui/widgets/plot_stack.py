@@ -549,13 +549,14 @@ class RecordedStack(PlotStack):
     def _facts(self, at: int, plotted: Plotted) -> str:
         store = self.store
         facts = self._file.source.facts(plotted.name, store.end - self.columns, store.end, store.column_ns)
-        words = f"= {self.facts.now(plotted)}"
+        digits = text.digits_for((facts.smallest, facts.largest), 12) if facts.finite and not facts.base else None
+        words = f"= {self.facts.now(plotted, digits)}"
         report = self._file.rows_of[plotted.element.name]
         if not facts.samples and report.start_s is not None and self._file.seconds < report.start_s:
             return f"{words}  begins at {text.short(report.start_s, 6)} s"
         if not facts.samples or self.size.width < 60:
             return words
-        ends = [offset_text(plotted.entry, end, facts.base, 12) for end in (facts.smallest, facts.largest)]
+        ends = [offset_text(plotted.entry, end, facts.base, 12, digits) for end in (facts.smallest, facts.largest)]
         words += f"  {facts.signs}" if facts.signs else ""
         if not facts.finite:
             return words
@@ -563,11 +564,8 @@ class RecordedStack(PlotStack):
             return words + ("" if ends[0] == ends[1] else f"  ({ends[0]} … {ends[1]})")
         if plotted.entry.dtype[1:2] == "b":
             return f"{words}  true {facts.mean:.1%}"
-        if facts.base:
-            mean = offset_text(plotted.entry, round(facts.mean), facts.base, 12)
-            return f"{words}  min {ends[0]}  max {ends[1]}  mean {mean}"
-        smallest, largest, mean = text.of_range(facts.smallest, facts.largest, facts.mean)
-        return f"{words}  min {smallest}  max {largest}  mean {mean}"
+        mean = digits.write(facts.mean) if digits else offset_text(plotted.entry, round(facts.mean), facts.base, 12)
+        return f"{words}  min {ends[0]}  max {ends[1]}  mean {mean}"
 
     def _axis_word(self, share: float) -> str:
         store, source, width_ns = self.store, self._file.source, self.columns * self.store.column_ns

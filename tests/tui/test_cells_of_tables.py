@@ -102,7 +102,7 @@ def test_what_is_off_is_not_told_to_have_been_switched_on_later():
         ("/t", read(1.5, why=NotLive.FULL), {"running": False}, ("1.5000", "stale")),
         ("/t", read(1.5), {"facts": {"/t": {"value": 2.5}}}, ("2.5000", "value")),  # of the statistics' moment
         ("/t", read(1.5), {"facts": {"/t": {"min": 0.0, "max": 90.0}}}, ("1.50", "value")),
-        ("/t", read(123.4567), {"digits_fewer": 5}, ("123.46", "value")),
+        ("/t", read(123.4567), {"digits_fewer": 5}, ("123.5", "value")),
         ("/v", read(*OF_V), {"width": 17}, ("3.00  0.00  4.00", "value")),
         ("/v", read(*OF_V), {"facts": {"/v_z": {"value": 5.0}}, "width": 17}, ("3.00  0.00  5.00", "value")),
         ("/v", read(*OF_V), {"chosen": 1}, ("norm 5.0000", "value")),
@@ -267,9 +267,9 @@ def report(type_="float64", samples=100, start_s=1.0, end_s=51.14, lost=0):
         (cells.samples, report(samples=9_999_999), 7, ("9999999", "quiet")),
         (cells.samples, report(samples=10_000_000), 7, ("10M", "quiet")),
         (cells.span, report(), 6, ("50.14", "quiet")),
-        (cells.span, report(), 16, ("1 … 51.14", "quiet")),
+        (cells.span, report(), 16, ("1.00 … 51.14", "quiet")),
         (cells.span, report(start_s=None, end_s=None), 6, ("-", "quiet")),
-        (cells.span, report(start_s=1.234567, end_s=1.234589), 20, ("1.23457 … 1.23459", "quiet")),
+        (cells.span, report(start_s=1.234567, end_s=1.234589), 20, ("1.234567 … 1.234589", "quiet")),
         (cells.type_cell, report("float64[7]"), 10, ("f64[7]", "quiet")),
         (cells.type_cell, report("datetime64[ns]"), 10, ("date64[ns]", "quiet")),
         (cells.lost, report(), 5, ("0", "quiet")),
@@ -283,3 +283,51 @@ def test_what_a_file_tells_of_an_element(draw, of, width, cell):
 @pytest.mark.parametrize(("name", "words"), [("/gait", "enum[7]"), ("/n", "i32[7]"), ("/m", "i32[7]")])
 def test_what_has_labels_is_an_enumeration(name, words):
     assert cells.type_cell(sight_of(name, reports={name: report("int32[7]")}), ROW[name], 10) == (words, "quiet")
+
+
+STATISTICS = ("min", "max", "mean", "std")
+
+
+@pytest.mark.parametrize(
+    ("dtype", "facts", "room", "told"),
+    [
+        ("<f8", (1_000_000.4903, 999_999.5, 1_000_000.4999, 1_000_000.0, 0.35), 11,
+         ["1000000.490", "999999.500", "1000000.500", "1000000.000", "0.350"]),
+        ("<f8", (1_000_000.4903, 999_999.5, 1_000_000.4999, 1_000_000.0, 0.35), 8,
+         ["1000000", "1000000", "1000000", "1000000", "0"]),
+        ("<f8", (54.7993e-6, 43e-6, 57e-6, 50e-6, 2e-6), 8,
+         ["54.80e-6", "43.00e-6", "57.00e-6", "50.00e-6", "2.00e-6"]),
+        ("<f8", (0.03, -0.035, 0.0352, -2e-3, 0.021), 8, ["0.03000", "-0.03500", "0.03520", "-0.00200", "0.02100"]),
+        ("<f8", (0.5, -np.inf, 1.0, NAN, NAN), 8, ["0.5000", "-inf", "1.0000", "", ""]),
+        ("<i4", (7.0, -9.0, 9.0, 0.25, 6.5), 8, ["7", "-9", "9", "0.25", "6.50"]),
+        ("<u8", (2.0**63, 0.0, 2.0**63, 2.0**62, 1e18), 8,
+         ["9.223e18", "0.000e18", "9.223e18", "4.612e18", "1.000e18"]),
+    ],
+)  # fmt: skip
+def test_all_numbers_of_a_row_are_written_alike(dtype, facts, room, told):
+    name = "/t" if dtype == "<f8" else "/n"
+    details = dict(zip(("value", *STATISTICS), facts, strict=True))
+    sight = sight_of(name, read(facts[0]), facts={name: details}, room=room)
+    entry = ELEMENTS[ROW[name]].entries[0]
+    assert entry.dtype == dtype or dtype == "<u8"
+    words = [cells.value(sight, ROW[name], 11)[0]]
+    words += [cells.statistic(sight, ROW[name], room, title)[0] for title in STATISTICS]
+    assert words == told
+
+
+def test_the_norm_and_the_lines_of_entries_are_written_alike_too():
+    told = dict(zip(("value", *STATISTICS), (1.5, 0.25, 2.0, 1.0, 0.125), strict=True))
+    sight = sight_of("/v", read(*OF_V), 1, {"/v": told, "/v_x": told}, room=8)
+    row = ROW["/v"]
+    assert cells.value(sight, row, 11)[0] == "norm 1.500"
+    assert [cells.statistic(sight, row, 8, title)[0] for title in STATISTICS] == ["0.250", "2.000", "1.000", "0.125"]
+    assert cells.entry_value(sight, row, 0, 11)[0] == "1.500"
+    assert [cells.entry_statistic(sight, row, 0, 8, title)[0] for title in STATISTICS[:2]] == ["0.250", "2.000"]
+
+
+def test_on_a_thin_link_all_numbers_of_a_row_have_fewer_digits():
+    told = {"/t": {"value": 123.4567, "min": 0.0, "max": 200.0}}
+    sight = sight_of("/t", read(123.4567), facts=told, room=8, digits_fewer=2)
+    assert (cells.value(sight, ROW["/t"], 11)[0], cells.statistic(sight, ROW["/t"], 8, "max")[0]) == ("123.5", "200.0")
+    told["/t"]["max"] = 2.0
+    assert cells.statistic(sight, ROW["/t"], 8, "min")[0] == "0.000"

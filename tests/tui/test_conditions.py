@@ -65,7 +65,7 @@ class TestWords:
 
     def test_an_alarm_is_a_line(self):
         row = limit_row(HOT, "/LF/HAA/torque", 80, NOW_NS)
-        assert row.split() == ["HH", "/LF/HAA/torque", "84.2", "80", "86.31", "00:12", "2", "NEW"]
+        assert row.split() == ["HH", "/LF/HAA/torque", "84.200", "80.000", "86.310", "00:12", "2", "NEW"]
         assert len(row) <= 80
 
     @pytest.mark.parametrize(

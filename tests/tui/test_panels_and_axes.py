@@ -126,8 +126,8 @@ def test_a_scale_holds_its_values_and_its_ticks_are_even_and_round(low, extent, 
         (0, 0, 8, ["1", "-1"]),
         (0, 0, 9, ["1.0", "0.5", "0.0", "-0.5", "-1.0"]),
         (0, 3.5e6, 8, None),
-        (0, 3.5, 8, ["3.5", "3", "2", "1", "0"]),  # the top has a number, be it between two steps
-        (0, 1, 8, ["1.05", "0.9", "0.6", "0.3", "0.0"]),
+        (0, 3.5, 8, ["3.5", "3.0", "2.0", "1.0", "0.0"]),  # the top has a number, be it between two steps
+        (0, 1, 8, ["1.05", "0.90", "0.60", "0.30", "0.00"]),
         (-1e-300, 1e-300, 9, None),
         (1e300, 2e300, 9, None),
     ],

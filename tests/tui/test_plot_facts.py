@@ -11,7 +11,6 @@ from silo_tui.model.drawing.plots import Axis, Picture, Plotted
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.plots.facts import PlotFacts, extremes, missing
 from silo_tui.model.samples.live import Reading
-from silo_tui.model.words import text
 
 NAN = math.nan
 DIGITS = str(2**53 + 1)
@@ -69,16 +68,16 @@ AT = {"paused": True, "cursor": 4}
 @pytest.mark.parametrize(
     ("drawn", "of", "brief", "whole"),
     [
-        (picture(), {}, "1.5000", "min -1  max 2  now 1.5000"),
-        (picture(signs="nan"), {}, "1.5000", "nan  min -1  max 2  now 1.5000"),
-        (picture(NAN, NAN, signs="nan"), {}, "1.5000", "nan  now 1.5000"),
-        (picture(NAN, NAN), {}, "1.5000", ""),
-        (picture(at_cursor=(0.5, 0.5)), AT, "0.5000", "at cursor 0.5000"),
-        (picture(at_cursor=(0.5, 2.0)), AT, "0.5000…2.0000", "at cursor 0.5000 … 2.0000"),
-        (picture(at_cursor=(0.5, 2.0)), {**AT, "at_ns": 50}, "1.5000", "at cursor 1.5000 (0.5000 … 2.0000)"),
-        (picture(at_cursor=(0.5, 2.0)), {**AT, "at_ns": 51}, "0.5000…2.0000", "at cursor 0.5000 … 2.0000"),
-        (picture(at_cursor=(0.5, 2.0)), {"cursor": 4, "at_ns": 50}, "0.5000…2.0000", "at cursor 0.5000 … 2.0000"),
-        (picture(at_cursor=(0.5, 0.5), cursor_signs="inf"), AT, "0.5000", "at cursor 0.5000 inf"),
+        (picture(), {}, "1.500", "min -1.000  max 2.000  now 1.500"),
+        (picture(signs="nan"), {}, "1.500", "nan  min -1.000  max 2.000  now 1.500"),
+        (picture(NAN, NAN, signs="nan"), {}, "1.500", "nan  now 1.500"),
+        (picture(NAN, NAN), {}, "1.500", ""),
+        (picture(at_cursor=(0.5, 0.5)), AT, "0.500", "at cursor 0.500"),
+        (picture(at_cursor=(0.5, 2.0)), AT, "0.500…2.000", "at cursor 0.500 … 2.000"),
+        (picture(at_cursor=(0.5, 2.0)), {**AT, "at_ns": 50}, "1.500", "at cursor 1.500 (0.500 … 2.000)"),
+        (picture(at_cursor=(0.5, 2.0)), {**AT, "at_ns": 51}, "0.500…2.000", "at cursor 0.500 … 2.000"),
+        (picture(at_cursor=(0.5, 2.0)), {"cursor": 4, "at_ns": 50}, "0.500…2.000", "at cursor 0.500 … 2.000"),
+        (picture(at_cursor=(0.5, 0.5), cursor_signs="inf"), AT, "0.500", "at cursor 0.500 inf"),
         (picture(cursor_signs="nan inf"), AT, "nan inf", "at cursor nan inf"),
     ],
 )
@@ -121,7 +120,7 @@ def test_the_words_of_a_lane_are_those_of_the_cell_of_the_cursor():
 @pytest.mark.parametrize(
     ("dtype", "base", "words"),
     [
-        ("<f8", 0, ("-1", "2")),
+        ("<f8", 0, ("-1.000", "2.000")),
         ("<i8", 2**60, (str(2**60 - 1), str(2**60 + 2))),  # with all their digits
         ("<M8[s]", 1_790_000_000, ("14:13:19.00…", "14:13:22.00…")),
     ],
@@ -131,19 +130,10 @@ def test_the_ends_of_a_curve_are_told_apart(dtype, base, words):
     assert extremes(plotted(dtype), drawn) == words
 
 
-@pytest.mark.parametrize(
-    ("smallest", "largest", "words"),
-    [(999_999.5, 1_000_000.5, ("999999.5", "1000000.5")), (5.0, 5.001, ("5.0000", "5.0010")),
-     (26.1, 36.5, ("26.1", "36.5")), (1e-9, 2e-9, ("1e-9", "2e-9")), (-3e6, 12e6, ("-3M", "12M"))],
-)  # fmt: skip
-def test_ends_that_differ_little_have_plain_decimals(smallest, largest, words):
-    drawn = Picture(None, None, Axis((0.0, 1.0), 0), smallest, largest, None)
-    assert extremes(plotted("<f8"), drawn) == words
-    assert text.of_range(smallest, largest, largest)[2] == words[1]
-
-
-def test_ends_that_differ_too_little_for_plain_decimals_are_told_apart():
-    assert text.of_range(17e8, 17e8 + 1e-5) == ("1.7G", "1.70000000000001G")
+def test_the_numbers_beside_a_curve_are_written_for_the_range_of_its_axis():
+    drawn = Picture(None, None, Axis((999_999.0, 1_000_001.0), 0), 999_999.5, 1_000_000.4903, (999_999.5, 1_000_000.0))
+    assert extremes(plotted("<f8"), drawn) == ("999999.500", "1000000.490")
+    assert facts(read(999_999.8)).of_curve(plotted("<f8"), drawn) == "at cursor 999999.500 … 1000000.000"
 
 
 def test_what_a_curve_lacks_is_told_by_its_length_and_why():

@@ -233,9 +233,9 @@ def test_every_value_is_in_the_histogram_once(values, most):
 
 def test_the_middle_of_a_histogram_about_zero_is_called_zero_and_a_small_value_itself():
     spread = np.linspace(-5.2, 5.201, 4000)
-    assert big_plot.of_histogram(histogram_of(spread, 40), SIZE).below == ["-5.2", "-2.6", "0", "2.6", "5.2"]
-    assert big_plot.of_histogram(histogram_of(spread + 5.201, 40), SIZE).below[0] == "0.001"
-    assert big_plot.of_histogram(histogram_of(1e-3 + spread / 1e4, 40), SIZE).below[2] == "0.001"
+    assert big_plot.of_histogram(histogram_of(spread, 40), SIZE).below == ["-5.2", "-2.6", "0.0", "2.6", "5.2"]
+    assert big_plot.of_histogram(histogram_of(spread + 5.201, 40), SIZE).below[0] == "0.0"  # beside 10.4
+    assert big_plot.of_histogram(histogram_of(1e-3 + spread / 1e4, 40), SIZE).below[2] == "0.00100"
 
 
 def test_whole_numbers_have_a_step_each():

@@ -348,7 +348,7 @@ def test_of_what_is_on_the_screen_the_names_are_told(table):
     assert {f"{TURN}_{each}" for each in "xyzw"} <= set(table.names_on_screen())
 
 
-@pytest.mark.parametrize(("name", "cells"), [("/log/a", 9), (f"/log/{'a' * 30}", 8)])
+@pytest.mark.parametrize(("name", "cells"), [("/log/a", 11), (f"/log/{'a' * 10}", 9), (f"/log/{'a' * 30}", 8)])
 def test_statistics_are_wide_where_names_leave_room(name, cells, new_fake):
     table = Table(Desk(new_fake([scalar(name, "Pa")])), width=80)
     table.column_set, table._laid = "statistics", None

@@ -6,7 +6,6 @@ By powers of ten any values have an axis: where there are zeros or negative ones
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 
 import msgspec
 import numpy as np
@@ -87,46 +86,10 @@ def tick_words(ticks: list[tuple[int, float]], base: int, width: int) -> tuple[d
     if not ticks:
         return {}, ""
     (first, top), (last, bottom) = ticks[0], ticks[-1]
-    if not base and len(ticks) > 1:
-        even = ticks[1:] if len(ticks) > 2 and ticks[1][0] - first < last - ticks[-2][0] else ticks
-        words = _same_decimals([value for _, value in even], width)
-        if words and even is not ticks:
-            over = _between_steps(top, even[0][1] - even[1][1], words[0], width)
-            words = [over, *words] if over else []
-        if len(words) == len(ticks):
-            return {line: word for (line, _), word in zip(ticks, words, strict=True)}, ""
+    if not base and len(ticks) > 1 and (words := text.ticks([value for _, value in ticks], width)):
+        return {line: word for (line, _), word in zip(ticks, words, strict=True)}, ""
     low, high, origin = text.axis_ends(bottom, top, base, width)
     return {first: high, last: low}, origin
-
-
-def _same_decimals(values: list[float], width: int) -> list[str]:
-    """Return numbers with as many decimals as their step needs; none where they don't fit or can't be told apart."""
-    step = min((abs(b - a) for a, b in pairwise(values)), default=0.0)
-    size = max(map(abs, values))
-    if not (step > 0 and math.isfinite(size)):
-        return []
-    if 1e-3 <= size < 1e5:
-        decimals = next((some for some in range(7) if abs(step - round(step, some)) <= 1e-6 * step), 7)
-        words = [f"{value + 0.0 if abs(value) > 1e-9 * step else 0.0:.{decimals}f}" for value in values]
-    else:
-        words = [text.engineering(value if abs(value) > 1e-9 * step else 0.0, 3) for value in values]
-    exact = all(abs(_number(word) - value) <= 2e-3 * step for word, value in zip(words, values, strict=True))
-    return words if exact and len(set(words)) == len(words) and max(map(len, words)) <= width else []
-
-
-def _between_steps(value: float, step: float, below: str, width: int) -> str:
-    """Return the number on top of an axis, which is no whole step above that `below`; empty where none has room."""
-    words = (text.engineering(value, digits) for digits in range(1, 9))
-    return next(
-        (word for word in words if abs(_number(word) - value) <= 1e-2 * step and len(word) <= width and word != below),
-        "",
-    )
-
-
-def _number(word: str) -> float:
-    """Read what `text.engineering` writes."""
-    power = text.SUFFIXES.find(word[-1]) + 1
-    return float(word[:-1]) * 10.0 ** (3 * power) if power else float(word)
 
 
 # ---------------------------------------------------------------------------------------------------- powers of ten

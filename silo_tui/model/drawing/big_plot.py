@@ -241,4 +241,4 @@ def _quarters(first: float, last: float) -> list[str]:
     """Return what stands below an axis at its quarters; between its ends what is 0 but for a part of a cell is 0."""
     places = [first + share * (last - first) for share in (0.25, 0.5, 0.75)]
     between = [0.0 if abs(place) < 5e-4 * (last - first) else place for place in places]
-    return [text.compact(place) for place in (first, *between, last)]
+    return list(text.row(first, *between, last, width=9))

@@ -94,12 +94,14 @@ def limit_row(one: LimitStatus, short: str, width: int, now_ns: int | None = Non
     seen = f"{one.since_seen} new" if one.alarm and one.since_seen else one.seen.split("@")[0]
     count = one.count + one.stale_count
     stale = one.word is LimitWord.STALE
-    told = {number for number in (one.value, one.worst, None if stale else one.limit) if number is not None}
-    words: dict[float | None, str] = dict(zip(told, text.told_apart(*told, digits=5, write=text.short), strict=True))
-    limit = text.span(one.limit) if stale and one.limit is not None else words.get(one.limit, "")
+    limit = None if stale else one.limit
+    # the newest value comes and goes: the other two say how all three are written
+    digits = text.digits_for([each for each in (limit, one.worst) if each is not None] or [one.value or 0.0], 7)
+    value, bound, worst = ("" if each is None else digits.write(each, 8) for each in (one.value, limit, one.worst))
+    bound = text.span(one.limit) if stale and one.limit is not None else bound
     return (
-        f"  {limit_word(one.word):<{WIDEST}} {short:<{room}} {words.get(one.value, ''):>8} {limit:>7} "
-        f"{words.get(one.worst, ''):>8} {since:>8} {count or '':>5} {seen}"
+        f"  {limit_word(one.word):<{WIDEST}} {short:<{room}} {value:>8} {bound:>7} {worst:>8} {since:>8} "
+        f"{count or '':>5} {seen}"
     )
 
 

@@ -13,12 +13,16 @@ from silo.core.names import component_name
 from silo.rpc.frames import Frame
 from silo.rpc.published import NotLive
 from silo_tui.model.words import text
+from silo_tui.model.words.text import Digits, digits_of
 
 MIXED = frozenset({"pose", "twist", "angle_axis", "struct"})  # kinds whose entries have units of their own
 
 
 class Reading(msgspec.Struct, frozen=True):
-    """What is known of one element: the newest value per entry, NaN where none; texts where a float can't tell it."""
+    """What is known of one element: the newest value per entry, NaN where none; texts where a float can't tell it.
+
+    `reached` is how large entries were since they came on the screen: numbers are written for that, not for the newest.
+    """
 
     newest: Floats
     texts: dict[int, str]
@@ -28,6 +32,7 @@ class Reading(msgspec.Struct, frozen=True):
     size: int | None = None  # of the recording's buffer, where the table says another by now; 0: it has none
     failed: int = 0  # ticks at which it could not be read
     why: NotLive | None = None  # why the newest value isn't of now, where it isn't
+    reached: Floats | None = None
 
     def with_value(self, position: int, value: float) -> "Reading":
         """Return it with another value of an entry; as it is where that isn't known, or a float can't tell it."""
@@ -36,6 +41,19 @@ class Reading(msgspec.Struct, frozen=True):
         newest = self.newest.copy()
         newest[position] = value
         return msgspec.structs.replace(self, newest=newest)
+
+    def reach(self, entries: slice = slice(None)) -> float:
+        """Return how large some entries have been, of several their norm."""
+        return float(np.hypot.reduce(self.sizes[entries]))
+
+    @property
+    def sizes(self) -> Floats:
+        """How large entries have been."""
+        return _sizes(self.newest) if self.reached is None else np.fmax(_sizes(self.newest), self.reached)
+
+
+def _sizes(values: Floats) -> Floats:
+    return np.where(np.isfinite(values), np.abs(values), 0.0)
 
 
 class LiveValues(msgspec.Struct):
@@ -58,17 +76,20 @@ class LiveValues(msgspec.Struct):
             held, lost, size = int(frame.held[position]), int(frame.lost[position]), frame.sizes.get(position)
             failed = frame.failed.get(position, 0)
             why = frame.not_live.get(position)
-            self.readings[name] = Reading(newest, texts, held, lost, frame.time_ns, size, failed, why)
+            reached, old = _sizes(newest), self.readings.get(name)
+            if old is not None and old.reached is not None and len(old.reached) == entries:
+                reached = np.fmax(reached, old.reached)
+            self.readings[name] = Reading(newest, texts, held, lost, frame.time_ns, size, failed, why, reached)
 
     def forget(self) -> None:
         """Forget what was read: after a new start it belongs to the run before."""
         self.readings.clear()
 
 
-def entry_text(entry: Entry, value: float, word: str | None, width: int, decimals: int | None = None) -> str:
+def entry_text(entry: Entry, value: float, word: str | None, width: int, digits: Digits | None = None) -> str:
     """Return one value as its type wants to be read: labels for enumerations, words for bool, text for strings.
 
-    `word` is its text where a float can't tell it, `decimals` are those of its signal where they are known.
+    `word` is its text where a float can't tell it, `digits` are those of its row where they are known.
     """
     kind = entry.dtype[1:2]
     if kind in "SU":
@@ -83,14 +104,17 @@ def entry_text(entry: Entry, value: float, word: str | None, width: int, decimal
         return "true" if value else "false"
     if kind == "M" and word != "NaT":
         return text.cut(_moment(word or _date(entry.dtype, int(value))), width)
-    if word is not None and (kind not in "iumM" or word == "NaT" or len(word) <= width):
+    if word is not None and (kind not in "ium" or word == "NaT"):
         return text.cut(word, width)
-    if kind in "iu" and abs(value) >= EXACT:  # its last digits are not known
-        return text.number(float(int(word)) if word else value, width)
-    return text.number(value, width, integer=kind in "ium", decimals=decimals)
+    if kind in "ium" and not (digits and digits.power):  # whole, unless its row has no room for that
+        whole = word or (str(int(value)) if abs(value) < EXACT else "")  # beyond, its last digits are not known
+        if 0 < len(whole) <= width:
+            return whole
+    value = float(word) if word else value
+    return (digits or digits_of(abs(value), 0.0, width)).write(value, width)
 
 
-def offset_text(entry: Entry, offset: float, base: int, width: int) -> str:
+def offset_text(entry: Entry, offset: float, base: int, width: int, digits: Digits | None = None) -> str:
     """Return a value of a column, which is an offset from a base; an exact one with all its digits, however wide."""
     value = offset + base
     kind = entry.dtype[1:2]
@@ -99,7 +123,7 @@ def offset_text(entry: Entry, offset: float, base: int, width: int) -> str:
     if base and abs(offset) < EXACT:
         word = str(base + int(offset))
         return entry_text(entry, value, word, max(width, len(word)))
-    return entry_text(entry, value, None, width)
+    return entry_text(entry, value, None, width, digits)
 
 
 def value_words(entry: Entry, value: np.ndarray) -> str:
@@ -122,7 +146,7 @@ def _moment(date: str) -> str:
     return f"{hours} {day}"
 
 
-def value_text(element: ElementInfo, reading: Reading | None, width: int, decimals: int | None = None) -> str:
+def value_text(element: ElementInfo, reading: Reading | None, width: int, digits: Digits | None = None) -> str:
     """Return the newest value of an element in one cell; several entries as a short list.
 
     Each of its numbers has the room of the widest, so that none moves, comes or goes when another gets a sign.
@@ -131,16 +155,19 @@ def value_text(element: ElementInfo, reading: Reading | None, width: int, decima
         return "…"
     entries = element.entries
     if len(entries) == 1:
-        return entry_text(entries[0], float(reading.newest[0]), reading.texts.get(0), width, decimals)
+        return entry_text(entries[0], float(reading.newest[0]), reading.texts.get(0), width, digits)
     pieces: list[str] = []
     room = width
-    sizes = np.abs(reading.newest[np.isfinite(reading.newest)])
-    largest = float(sizes.max(initial=0.0)) if has_norm(element) else 0.0
+    sizes, largest = reading.sizes.tolist(), float(reading.sizes.max()) if has_norm(element) else None
     for position, entry in enumerate(entries):
         value = float(reading.newest[position])
         word = reading.texts.get(position)
         is_number = word is None and entry.dtype[1:2] in "fiu" and not entry.labels
-        piece = text.brief(value, largest).rjust(text.BRIEF) if is_number else entry_text(entry, value, word, 8)
+        if is_number:  # those of one unit are written alike
+            brief = digits_of(sizes[position] if largest is None else largest, 0.0, text.BRIEF)
+            piece = entry_text(entry, value, None, text.BRIEF, brief).rjust(text.BRIEF)
+        else:
+            piece = entry_text(entry, value, word, 8)
         rest = len(entries) - position - 1
         if len(piece) + (2 if rest else 0) > room:
             pieces.append("…")
@@ -150,22 +177,25 @@ def value_text(element: ElementInfo, reading: Reading | None, width: int, decima
     return " ".join(pieces).lstrip()
 
 
-def component_text(
-    element: ElementInfo, reading: Reading, chosen: int, width: int, *, named: bool = True, told: float = math.nan,
-    decimals: int | None = None,
-) -> str:  # fmt: skip
-    """Return the norm (1) or one entry (2, 3 ...) of a vector, with what it is before it.
+def component_label(element: ElementInfo, chosen: int, width: int) -> str:
+    """Return what stands before the norm (1) or one entry (2, 3 ...) of a vector, where that leaves it room."""
+    called = "norm" if chosen == 1 else component_name(element.entries[chosen - 2].suffix)
+    return f"{called} " if chosen == 1 or len(called) + 7 <= width else ""
 
-    `told` is the norm of the moment of what stands beside it, NaN where that isn't known; `decimals` as of its signal.
+
+def component_text(
+    element: ElementInfo, reading: Reading, chosen: int, width: int, *, told: float = math.nan,
+    digits: Digits | None = None,
+) -> str:  # fmt: skip
+    """Return the norm (1) or one entry (2, 3 ...) of a vector.
+
+    `told` is the norm of the moment of what stands beside it, NaN where that isn't known; `digits` as of its row.
     """
     if chosen == 1:
         norm = float(np.sqrt(np.square(reading.newest).sum())) if math.isnan(told) else told
-        return "norm " + text.number(norm, max(6, width - 5), decimals=decimals)
-    entry = element.entries[chosen - 2]
-    called = component_name(entry.suffix)
-    label = f"{called} " if named and len(called) + 7 <= width else ""
-    word = reading.texts.get(chosen - 2)
-    return label + entry_text(entry, float(reading.newest[chosen - 2]), word, max(6, width - len(label)), decimals)
+        return (digits or digits_of(norm, 0.0, width, signed=False)).write(norm, width)
+    at = chosen - 2
+    return entry_text(element.entries[at], float(reading.newest[at]), reading.texts.get(at), width, digits)
 
 
 def cells_of_value(element: ElementInfo) -> int:

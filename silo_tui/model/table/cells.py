@@ -6,10 +6,18 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from silo.core.elements import BufferType, ElementInfo, Entry
+from silo.core.elements import BufferType, ElementInfo
 from silo.live.quantities import FROZEN
 from silo.rpc.published import NotLive
-from silo_tui.model.samples.live import LiveValues, Reading, component_text, entry_text, fill_share, value_text
+from silo_tui.model.samples.live import (
+    LiveValues,
+    Reading,
+    component_label,
+    component_text,
+    entry_text,
+    fill_share,
+    value_text,
+)
 from silo_tui.model.table.facts import BAD, LIMIT_BITS, worst, worst_of
 from silo_tui.model.table.fields import Field, word_for
 from silo_tui.model.table.state import Rows, TableState
@@ -35,7 +43,8 @@ class Sight(msgspec.Struct):
     """What cells are drawn from. `at_s` is the moment of a file that is shown, `reports` what the file tells.
 
     `component` returns what is shown of a vector (`RowList.component`), `trend` the newest columns, drawn; `widths` are
-    of columns that get other room than they ask for, 0 for none.
+    of columns that get other room than they ask for, 0 for none. All numbers of a row are written for the narrowest of
+    their columns, which has `room` cells; that of values has `value_room`.
     """
 
     table: TableState
@@ -47,7 +56,9 @@ class Sight(msgspec.Struct):
     fresh: bool = True
     running: bool = True
     widths: dict[str, int] = msgspec.field(default_factory=dict)
-    digits_fewer: int = 0  # of values, on a thin link
+    room: int = 11
+    value_room: int = 11
+    digits_fewer: int = 0  # on a thin link
 
     def entry_name(self, row: int, entry: int) -> str:
         """Return the full name of an entry."""
@@ -109,15 +120,15 @@ def samples(sight: Sight, row: int, width: int) -> Cell:
 
 def span(sight: Sight, row: int, width: int) -> Cell:
     """Return from when to when, or how long."""
-    return _cut(span_words(sight.report(row), wide=width >= SPAN_WIDE), width)
+    return _cut(span_words(sight.report(row), width), width)
 
 
-def span_words(report: "ElementReport", *, wide: bool) -> str:
+def span_words(report: "ElementReport", width: int = SPAN_WIDE) -> str:
     """Return `40.95 … 51.14`, or how long that is."""
     if report.start_s is None or report.end_s is None:
         return "-"
-    if wide:
-        return " … ".join(text.told_apart(report.start_s, report.end_s, digits=5, write=text.short))
+    if width >= SPAN_WIDE:
+        return " … ".join(text.row(report.start_s, report.end_s, width=(width - 3) // 2))
     return text.short(report.end_s - report.start_s)
 
 
@@ -188,21 +199,22 @@ def value(sight: Sight, row: int, width: int) -> Cell:
     if isinstance(reading, tuple):
         return reading
     element, chosen = sight.table.elements[row], sight.component(row)
-    name = sight.shown_name(row)
-    width, decimals = width - sight.digits_fewer, _decimals(sight, name)
-    told = sight.table.facts.detail(name, "value")
+    told = sight.table.facts.detail(sight.shown_name(row), "value")
     surveyed = sight.table.facts.of("value", len(sight.table)) if len(element.entries) == 1 else None
     if math.isnan(told) and surveyed is not None:  # it came on the screen by this value
         told = float(surveyed[row])
     if len(element.entries) == 1 or chosen >= 2:
         reading = reading.with_value(max(0, chosen - 2), told)
     if chosen:
-        words = component_text(element, reading, chosen, width, told=told, decimals=decimals)
+        label = component_label(element, chosen, width)
+        written = digits(sight, row, chosen, reading)
+        words = label + component_text(element, reading, chosen, width - len(label), told=told, digits=written)
         return words, _value_style(sight, reading)
     if len(element.entries) > 1:
         for entry in range(min(len(element.entries), width // ENTRY + 1)):
             reading = reading.with_value(entry, sight.table.facts.detail(sight.entry_name(row, entry), "value"))
-    return value_text(element, reading, width, decimals), _value_style(sight, reading)
+    alone = digits(sight, row, 0, reading) if len(element.entries) == 1 else None
+    return value_text(element, reading, width, alone), _value_style(sight, reading)
 
 
 def value_head(sight: Sight, width: int) -> str:
@@ -213,10 +225,29 @@ def value_head(sight: Sight, width: int) -> str:
     return next((words for words in told if len(words) <= width), told[-1])
 
 
-def _decimals(sight: Sight, name: str, ends: tuple[str, str] = ("min", "max")) -> int | None:
-    """Return with how many decimals value and statistics of a signal are told; None where no statistics are."""
-    facts = sight.table.facts
-    return text.decimals_between(facts.detail(name, ends[0]), facts.detail(name, ends[1]))
+def digits(sight: Sight, row: int, chosen: int, reading: Reading | None, *, alone: bool = False) -> text.Digits:
+    """Return how value and statistics of a row are written: of all entries of a vector (0), its norm (1), or one entry.
+
+    That is for what these were since statistics began; without such for how large values have been. `alone`: the entry
+    has a line of its own, without its name before the value.
+    """
+    element, facts, name = sight.table.elements[row], sight.table.facts, _told_of(sight, row, chosen)
+    is_vector = len(element.entries) > 1
+    ends = [facts.detail(name, each) for each in (("least", "most") if is_vector and not chosen else ("min", "max"))]
+    label = component_label(element, chosen, sight.value_room) if chosen and is_vector and not alone else ""
+    room = max(6, min(sight.room, sight.value_room - len(label)) - sight.digits_fewer)
+    integer = chosen != 1 and element.entries[max(0, chosen - 2)].dtype[1:2] in "iu"
+    if all(map(math.isfinite, ends)):
+        return text.digits_for(ends, room, integer=integer)
+    sizes = [abs(end) for end in ends if math.isfinite(end)]
+    if reading is not None:
+        sizes.append(reading.reach(slice(chosen - 2, chosen - 1) if chosen >= 2 else slice(None)))
+    return text.digits_of(max(sizes, default=0.0), 0.0, room, signed=chosen != 1, integer=integer)
+
+
+def _told_of(sight: Sight, row: int, chosen: int) -> str:
+    """Return the name by which the measured of an element (0), of its norm (1) or of one of its entries is known."""
+    return sight.entry_name(row, chosen - 2) if chosen >= 2 else sight.table.names[row]
 
 
 def entry_value(sight: Sight, row: int, entry: int, width: int) -> Cell:
@@ -225,8 +256,8 @@ def entry_value(sight: Sight, row: int, entry: int, width: int) -> Cell:
     if isinstance(reading, tuple):
         return reading
     reading = reading.with_value(entry, sight.table.facts.detail(sight.entry_name(row, entry), "value"))
-    decimals = _decimals(sight, sight.entry_name(row, entry))
-    words = component_text(sight.table.elements[row], reading, entry + 2, width, named=False, decimals=decimals)
+    written = digits(sight, row, entry + 2, reading, alone=True)
+    words = component_text(sight.table.elements[row], reading, entry + 2, width, digits=written)
     return words, _value_style(sight, reading)
 
 
@@ -276,20 +307,16 @@ def statistic(sight: Sight, row: int, width: int, title: str) -> Cell:
 
     Beside all its entries stand the smallest and the largest of any of them.
     """
-    table, chosen = sight.table, sight.component(row)
-    entries = table.elements[row].entries
-    if len(entries) == 1 or chosen:
-        told = entries[max(0, chosen - 2)] if len(entries) == 1 or chosen >= 2 else None
-        return _number(sight, sight.shown_name(row), title, told, width)
+    chosen = sight.component(row)
+    if len(sight.table.elements[row].entries) == 1 or chosen:
+        return _number(sight, row, chosen, title, width)
     quantity = {"min": "least", "max": "most"}.get(title)
-    if quantity is None or table.mixed[row]:
-        return "", "quiet"
-    return _number(sight, table.names[row], quantity, entries[0], width)
+    return ("", "quiet") if quantity is None or sight.table.mixed[row] else _number(sight, row, 0, quantity, width)
 
 
 def entry_statistic(sight: Sight, row: int, entry: int, width: int, title: str) -> Cell:
     """Return a statistic of an entry that has a line of its own."""
-    return _number(sight, sight.entry_name(row, entry), title, sight.table.elements[row].entries[entry], width)
+    return _number(sight, row, entry + 2, title, width, alone=True)
 
 
 def statistic_head(sight: Sight, title: str, width: int) -> str:
@@ -301,18 +328,20 @@ def statistic_head(sight: Sight, title: str, width: int) -> str:
     return words if len(words) <= width else title
 
 
-def _number(sight: Sight, name: str, quantity: str, entry: Entry | None, width: int) -> Cell:
-    found = sight.table.facts.detail(name, quantity)
+def _number(sight: Sight, row: int, chosen: int, quantity: str, width: int, *, alone: bool = False) -> Cell:
+    found = sight.table.facts.detail(_told_of(sight, row, chosen), quantity)
     if math.isnan(found):
         return "", "quiet"
+    entry = None if chosen == 1 else sight.table.elements[row].entries[max(0, chosen - 2)]
+    written = digits(sight, row, chosen, sight.live.readings.get(sight.table.names[row]), alone=alone)
     if entry is not None and (entry.labels or entry.dtype[1:2] == "b"):
         if quantity in {"min", "max"} and found == int(found):
             return entry_text(entry, found, None, width), "quiet"
         if entry.labels:
             return "-", "quiet"  # between two labels is nothing
-    whole = entry is not None and entry.dtype[1:2] in "iu" and quantity not in {"mean", "std"}
-    ends = ("least", "most") if quantity in {"least", "most"} else ("min", "max")
-    return text.number(found, width, integer=whole, decimals=_decimals(sight, name, ends)), "quiet"
+    if entry is not None and quantity not in {"mean", "std"} and math.isfinite(found):
+        return entry_text(entry, found, None, width, written), "quiet"
+    return written.write(found, width), "quiet"
 
 
 def rate(sight: Sight, row: int, width: int) -> Cell:

@@ -131,7 +131,7 @@ def _statistic(title: str, letter: str, *, falling: bool = True, example: str = 
     """Of one number, of a vector of the norm or the entry that was asked for."""
     return TableColumn(
         title, 8, lambda sight, row, width: cells.statistic(sight, row, width, title), ("statistics", "wide"),
-        right=True, wide=9, measured=True, orders=(_measured(title, letter, title, falling=falling, of_norm=True),),
+        right=True, wide=11, measured=True, orders=(_measured(title, letter, title, falling=falling, of_norm=True),),
         terms=(fact_term((title,), title, example=example),), quantities=(title,),
         entry=lambda sight, row, entry, width: cells.entry_statistic(sight, row, entry, width, title),
         head=lambda sight, width: cells.statistic_head(sight, title, width) if title == "mean" else title,
@@ -185,7 +185,7 @@ COLUMNS: tuple[TableColumn, ...] = (
         terms=(state_term(),),
     ),
     TableColumn(
-        "value", 11, cells.value, (*_ALL_SETS, "wide"), right=True, measured=True, entry=cells.entry_value,
+        "value", 11, cells.value, (*_ALL_SETS, "wide"), right=True, wide=11, measured=True, entry=cells.entry_value,
         orders=(
             _measured("value", "v", "value", of_norm=True),
             _measured("|value|", "a", "value", of_norm=True, of=np.abs),

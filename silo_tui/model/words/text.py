@@ -1,92 +1,118 @@
 """Numbers, times, sizes and names as short text that fits a column."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+from itertools import pairwise
+from typing import NamedTuple
 
 from silo.core.elements import SavedFile
 from silo.core.quantities import writing
 from silo.core.quantities.writing import size_text
 
 SUFFIXES = "kMGT"
+EXACT_DIGITS = 15  # that a float holds of any number
 BRIEF = 5  # cells of a number among others
 BARS = "▏▎▍▌▋▊▉█"
 count = writing.count
 
 
-def number(value: float, width: int = 11, *, integer: bool = False, decimals: int | None = None) -> str:
-    """Return a number in at most `width` cells (at least 6); its decimals are steady so that digits don't dance.
+class Digits(NamedTuple):
+    """How all numbers of one row are written: counted in a power of ten, to so many decimals."""
 
-    `decimals` are those that its signal needs (`decimals_between`), where that is known.
+    power: int = 0
+    decimals: int = 0
+
+    @property
+    def step(self) -> float:
+        """By how much the last digit counts."""
+        return 10.0 ** (self.power - self.decimals)
+
+    def counted(self, value: float) -> float:
+        """Return a number as a multiple of the power; in two steps, because 1e324 is too much for a float."""
+        return value / 10.0 ** (self.power // 2) / 10.0 ** (self.power - self.power // 2) if self.power else value
+
+    def mantissa(self, value: float) -> str:
+        """Return a number without its power."""
+        return f"{self.counted(value):.{self.decimals}f}"
+
+    def write(self, value: float, width: int = 0) -> str:
+        """Return a number, in at most `width` cells (at least 7; 0: any): where it is none of the row's, by itself."""
+        if not math.isfinite(value):
+            return "nan" if math.isnan(value) else "inf" if value > 0 else "-inf"
+        words = self.mantissa(value)
+        if words[0] == "-" and not words.strip("-0."):
+            words = words[1:]  # no minus before what rounds to 0
+        words += f"e{self.power}" if self.power else ""
+        if 0 < width < len(words) and (alone := digits_of(abs(value), 0.0, width)) != self:
+            return alone.write(value, width)
+        return words
+
+
+@lru_cache(4096)
+def digits_of(size: float, span: float, width: int, *, signed: bool = True, integer: bool = False) -> Digits:
+    """Return how numbers of up to this size are written in at most `width` cells, so that they differ in four digits.
+
+    `span` is how far they lie apart; 0 where that isn't known, or they are all the same. Where so many digits have no
+    room all of them have fewer, and count in the power of ten that leaves room for most. `signed`: one may be negative.
     """
-    if math.isnan(value):
-        return "nan"
-    if math.isinf(value):
-        return "inf" if value > 0 else "-inf"
-    if integer:
-        text = str(int(value))
-        return text if len(text) <= width else _fitting(value, width, 9)
-    size = abs(value)
-    if decimals is None:
-        if value != 0 and size < 1e-4:
-            return _fitting(value, width)
-        decimals = 4 if size < 1000 else 2
-    if size >= 1e6 and len(f"{value:.0f}") > width:
-        return _fitting(value, width, 9)
-    text = f"{round(value, decimals) + 0.0:.{decimals}f}"  # no minus before what rounds to 0
-    while len(text) > width and decimals:
-        decimals -= 1
-        text = f"{value:.{decimals}f}"
-    return text if len(text) <= width else _fitting(value, width)
+    if not 0 < size < math.inf:
+        return Digits(0, max(0, min(4, width - 2 - signed)))
+    top = _top(size)
+    last = math.floor(math.log10(span)) - 3 if 0 < span < math.inf else min(top - 3, -4) if size < 1e3 else -2
+    plain = (0,) if top < EXACT_DIGITS or integer else ()
+    powers = (*plain, top // 3 * 3, top) if size >= 1e-3 else (top // 3 * 3, top, *plain)
+    fitting = [found for power in powers if (found := _fitting(size, power, last, width - signed))]
+    best = min(fitting, key=lambda found: max(found.power - found.decimals, last), default=Digits(top))
+    # where the numbers read the same all the same, more digits than of one that stands still tell nothing
+    return digits_of(size, 0.0, width, signed=signed, integer=integer) if 0 < span < best.step else best
 
 
-def decimals_between(smallest: float, largest: float) -> int | None:
-    """Return with how many decimals numbers between two differ in four digits; None where these don't tell it."""
-    extent = largest - smallest
-    if not (math.isfinite(extent) and extent > 0) or max(abs(smallest), abs(largest)) < 1e-4:
-        return None
-    return max(0, min(9, 3 - math.floor(math.log10(extent))))
+def _fitting(size: float, power: int, last: int, width: int) -> Digits | None:
+    """Return how a number is counted in a power, down to the power `last` or as far as there is room; None for none."""
+    top = _top(size)
+    room = width - (len(f"e{power}") if power else 0) - max(0, top - power) - 1
+    found = Digits(power, max(0, min(power - max(last, top - EXACT_DIGITS), room - 1)))
+    while found.decimals and len(found.write(size)) > width:  # rounding made it longer
+        found = Digits(power, found.decimals - 1)
+    return found if len(found.write(size)) <= width else None
 
 
-def of_range(smallest: float, largest: float, *between: float) -> tuple[str, ...]:
-    """Return both ends of what numbers were, and some between: short, with plain decimals where they differ little."""
-    decimals = decimals_between(smallest, largest)
-    if decimals is not None and largest - smallest <= max(abs(smallest), abs(largest)) / 100:
-        words = tuple(number(value, 14, decimals=max(0, decimals - 2)) for value in (smallest, largest, *between))
-        if words[0] != words[1]:  # else there is no room for what tells them apart
-            return words
-    return (*told_apart(smallest, largest), *map(compact, between))
+def _top(size: float) -> int:
+    """Return which power of ten the first digit of a number counts; 999.99 is 1000."""
+    return int(f"{size:.3e}".partition("e")[2])
 
 
-def _fitting(value: float, width: int, most: int = 4) -> str:
-    """Write in engineering notation, with as many decimals as fit, at most `most`; else in the shortest one."""
-    mantissa, power = _parts(value)
-    texts = [f"{mantissa:.{digits}f}e{power}" for digits in range(most, -1, -1)]
-    return next((text for text in texts if len(text) <= width), _short_power(f"{value:.0e}"))
+def digits_for(values: Iterable[float], width: int, *, integer: bool = False) -> Digits:
+    """Return how these numbers are written beside each other."""
+    finite = [value for value in values if math.isfinite(value)] or [0.0]
+    low, high = min(finite), max(finite)
+    return digits_of(max(abs(low), abs(high)), high - low, width, signed=low < 0, integer=integer)
 
 
-def _parts(value: float) -> tuple[float, int]:
-    """Return mantissa from 1 to below 1000, and a power of ten that is a multiple of three."""
-    power = math.floor(math.log10(abs(value))) // 3 * 3 if value else 0
-    # in two steps: 1e324 is too much for a float
-    mantissa = value / 10.0 ** (power // 2) / 10.0 ** (power - power // 2)
-    if abs(mantissa) >= 999.99995:
-        return mantissa / 1000, power + 3
-    return mantissa, power
+def row(*values: float, width: int = 12) -> tuple[str, ...]:
+    """Return numbers that stand beside each other and stay: without the zeros that all of them would end in."""
+    power, decimals = digits_for(values, width)
+    zeros = [len(word) - len(word.rstrip("0")) for word in map(Digits(power, decimals).mantissa, values)]
+    return tuple(Digits(power, max(0, decimals - min(zeros))).write(value) for value in values)
 
 
 def engineering(value: float, digits: int = 3) -> str:
     """Return `12.5k`, `-3.2M`, `250e-6`, `1e-300`: a number with so many digits, no more than it needs."""
-    if not math.isfinite(value):
-        return number(value)
-    if value == 0:
-        return "0"
     rounded = float(f"{value:.{digits - 1}e}")
     value = rounded if math.isfinite(rounded) else value
-    if 1e-3 <= abs(value) < 1e3:
-        return f"{value:.{max(digits, 3)}g}"
-    mantissa, power = _parts(value)
-    words = f"{mantissa:.{max(digits, 3)}g}"
-    return words + (SUFFIXES[power // 3 - 1] if 3 <= power <= 12 else f"e{power}")
+    if value == 0 or not math.isfinite(value) or 1e-3 <= abs(value) < 1e3:
+        return f"{value + 0.0:.{max(digits, 3)}g}"
+    power = math.floor(math.log10(abs(value))) // 3 * 3
+    counted = f"{Digits(power).counted(value):.{max(digits, 3)}g}"
+    return counted + (SUFFIXES[power // 3 - 1] if 3 <= power <= 12 else f"e{power}")
+
+
+def ticks(values: Sequence[float], width: int) -> tuple[str, ...]:
+    """Return the numbers of an axis, in order; none where there is no room for the digits that they need."""
+    words, slack = row(*values, width=width), 4e-3 * min(abs(b / 2 - a / 2) for a, b in pairwise(values))
+    told = all(abs(float(word) - value) <= slack for word, value in zip(words, values, strict=True))
+    return words if told and len(set(words)) == len(words) else ()
 
 
 def axis_ends(bottom: float, top: float, base: int = 0, width: int = 9) -> tuple[str, str, str]:
@@ -98,17 +124,8 @@ def axis_ends(bottom: float, top: float, base: int = 0, width: int = 9) -> tuple
         return "", "", ""
     extent = top / 2 - bottom / 2
     if not base:
-        for digits in range(1, 10):
-            words = [engineering(end, digits) for end in (bottom, top)]
-            rounded = [float(f"{end:.{digits - 1}e}") for end in (bottom, top)]
-            told = all(abs(a / 2 - b / 2) <= 2e-3 * extent for a, b in zip(rounded, (bottom, top), strict=True))
-            if told and words[0] != words[1] and max(map(len, words)) <= width:
-                return words[0], words[1], ""
-        for decimals in range(4):  # 999999.4 and 1000000.6: each by itself, not one from the other
-            words = [f"{end:.{decimals}f}" for end in (bottom, top)]
-            told = all(abs(float(word) - end) <= 4e-3 * extent for word, end in zip(words, (bottom, top), strict=True))
-            if told and max(map(len, words)) <= width:
-                return words[0], words[1], ""
+        if words := ticks((bottom, top), width):
+            return words[0], words[1], ""
         origins = (f"{bottom:.{digits}g}" for digits in range(6, 18))
         origin = next((word for word in origins if abs(float(word) - bottom) <= 2e-3 * extent), repr(bottom))
         step = top - bottom  # half of the smallest number there is would be none
@@ -138,31 +155,6 @@ def _short_power(words: str) -> str:
 def compact(value: float, digits: int = 3) -> str:
     """Return a number in a few characters, for lists and axes."""
     return f"{value:.0f}" if digits <= 4 and 1e3 <= abs(value) < 1e4 else engineering(value, digits)
-
-
-def told_apart(*values: float, digits: int = 3, write: Callable[[float, int], str] = compact) -> tuple[str, ...]:
-    """Return numbers in so many digits, in more where some would read the same."""
-    words: tuple[str, ...] = ()
-    for more in range(digits, 18):
-        words = tuple(write(value, more) for value in values)
-        if len(set(words)) == len(set(values)):
-            break
-    return words
-
-
-def brief(value: float, beside: float = 0.0) -> str:
-    """Return a number in four or five characters, for the entries of a vector side by side.
-
-    The largest and smallest that there are take more. What is nothing `beside` the largest of them in size is a zero.
-    """
-    size = abs(value)
-    if size < 1e-3 * beside and size < 0.005:
-        return "0.00"
-    if math.isnan(value) or size >= 1e5:
-        return compact(value)
-    if 0 < size < 0.005:
-        return _short_power(f"{value:.0e}")
-    return f"{value + 0.0:.{2 if size < 10 else 1 if size < 100 else 0}f}"
 
 
 def ago(seconds: float) -> str:

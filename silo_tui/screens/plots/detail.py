@@ -178,7 +178,7 @@ class DetailScreen(MonitorScreen):
             begin_ns, end_ns = self.source.begin_ns, self.source.end_ns
             begin = max(0.0, (self.end_ns - begin_ns) / SECOND_NS - self.window.span_s)
             end = min((end_ns - begin_ns) / SECOND_NS, begin + self.window.span_s)
-            ends = text.told_apart(begin, end, digits=6, write=text.short)
+            ends = text.row(begin, end)
             return f"{' … '.join(ends)} s ({text.span(self.window.span_s)})"
         return text.span(self.window.span_s)  # how far back it ends is told below, as time goes on
 
@@ -562,8 +562,9 @@ def _histogram_notes(floats: Floats, finite: Floats) -> list[str]:
     low, middle, high = (float(each) for each in np.percentile(finite, (1, 50, 99)))
     size = float(np.abs(finite).max()) or 1.0
     mean, std = float((finite / size).mean()) * size, float((finite / size).std()) * size
-    least, most, *rest = text.of_range(float(finite.min()), float(finite.max()), mean, low, middle, high)
-    words = (rest[0], text.compact(std), least, *rest[1:], most)
+    least, most = float(finite.min()), float(finite.max())
+    digits = text.digits_for((least, most), 12)
+    words = [digits.write(value) for value in (mean, std, least, low, middle, high, most)]
     titles = ("mean", "std", "min", "1 %", "median", "99 %", "max")
     notes = [f"{title} {word}" for title, word in zip(titles, words, strict=True)]
     notes.insert(0, f"{text.count(len(finite))} samples")
