@@ -154,7 +154,7 @@ def test_how_full_a_buffer_is(name, reading, cell):
         ("/t", "mean", {}, {}, ""),
         ("/t", "mean", {"/t": {"mean": 2.5, "min": 0.0, "max": 90.0}}, {}, "2.50"),
         ("/n", "min", {"/n": {"min": 5.0}}, {}, "5"),
-        ("/n", "mean", {"/n": {"mean": 5.5}}, {}, "5.5000"),
+        ("/n", "mean", {"/n": {"mean": 5.5, "min": 5.0, "max": 6.0}}, {}, "5.500"),
         ("/gait", "max", {"/gait": {"max": 1.0}}, {}, "walk"),
         ("/gait", "max", {"/gait": {"max": 0.5}}, {}, "-"),
         ("/gait", "mean", {"/gait": {"mean": 1.0}}, {}, "-"),  # between two labels is nothing
@@ -313,6 +313,12 @@ def test_all_numbers_of_a_row_are_written_alike(dtype, facts, room, told):
     words = [cells.value(sight, ROW[name], 11)[0]]
     words += [cells.statistic(sight, ROW[name], room, title)[0] for title in STATISTICS]
     assert words == told
+
+
+def test_an_integer_that_nothing_stands_beside_has_the_room_of_its_cell():
+    words = Reading(np.array([2.0**63]), {0: str(2**63)}, 1, 0, 0)
+    shown = [cells.value(sight_of("/n", words, room=17, value_room=17), ROW["/n"], width)[0] for width in (19, 17)]
+    assert shown == [str(2**63), "9.22337203685e18"]
 
 
 def test_the_norm_and_the_lines_of_entries_are_written_alike_too():

@@ -44,12 +44,13 @@ class Reading(msgspec.Struct, frozen=True):
 
     def reach(self, entries: slice = slice(None)) -> float:
         """Return how large some entries have been, of several their norm."""
-        return float(np.hypot.reduce(self.sizes[entries]))
+        sizes = self.sizes[entries]
+        return float(sizes[0] if len(sizes) == 1 else np.hypot.reduce(sizes))
 
     @property
     def sizes(self) -> Floats:
         """How large entries have been."""
-        return _sizes(self.newest) if self.reached is None else np.fmax(_sizes(self.newest), self.reached)
+        return _sizes(self.newest) if self.reached is None else self.reached
 
 
 def _sizes(values: Floats) -> Floats:

@@ -239,10 +239,12 @@ def digits(sight: Sight, row: int, chosen: int, reading: Reading | None, *, alon
     integer = chosen != 1 and element.entries[max(0, chosen - 2)].dtype[1:2] in "iu"
     if all(map(math.isfinite, ends)):
         return text.digits_for(ends, room, integer=integer)
+    if integer:
+        return text.Digits()  # nothing stands beside it: whole, where its own cell has room for that
     sizes = [abs(end) for end in ends if math.isfinite(end)]
     if reading is not None:
         sizes.append(reading.reach(slice(chosen - 2, chosen - 1) if chosen >= 2 else slice(None)))
-    return text.digits_of(max(sizes, default=0.0), 0.0, room, signed=chosen != 1, integer=integer)
+    return text.digits_of(max(sizes, default=0.0), 0.0, room, signed=chosen != 1)
 
 
 def _told_of(sight: Sight, row: int, chosen: int) -> str:
