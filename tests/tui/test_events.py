@@ -443,3 +443,51 @@ async def test_without_an_episode_it_is_said_that_there_is_none(running, opened)
 @pytest.mark.parametrize(("at_s", "scope"), [(None, "events"), (0.0, "file_events")])
 def test_the_keys_of_events_of_a_file_are_those_of_a_file(at_s, scope):
     assert EventsScreen(SimpleNamespace(at_s=at_s)).scope == scope
+
+
+async def test_the_list_shows_which_moments_are_overwritten_and_enter_says_which_file_has_them(fake, opened):
+    async with opened(fake.run(20)) as screen:
+        await screen.do("set_marker")
+        await screen.enter("old")
+        await screen.until(lambda: [each for each in screen.session.happened if each.text == "old"], "the marker")
+        fake.advance(30.0)  # three times what the buffers hold
+        await screen.until(lambda: screen.session.frame_time_ns == fake.now_ns, "what came since")
+        await screen.do("set_marker")
+        await screen.enter("new")
+        await screen.until(lambda: [each for each in screen.session.happened if each.text == "new"], "the marker")
+        await screen.do("events")
+        await screen.shows("× rows gone")
+        listed = screen.app.screen
+        (old,) = [at for at, each in enumerate(listed.shown) if each.text == "old"]
+        (new,) = [at for at, each in enumerate(listed.shown) if each.text == "new"]
+        assert [line for line in screen.text.splitlines() if '"old"' in line and "×" in line[:3]]
+        assert not [line for line in screen.text.splitlines() if '"new"' in line and "×" in line[:3]]
+        listed.move(old)
+        await screen.shows("held no more")
+        assert "Enter Go there" not in screen.text
+        await screen.do("go_to_event")
+        await screen.shows("no plot has it: its rows are held no more")
+        assert screen.app.screen is listed
+        listed.move(new)
+        await screen.shows("Enter Go there")
+        await screen.do("go_to_event")
+        await screen.until(lambda: screen.app.screen is not listed, "the plots")
+
+
+async def test_a_moment_that_a_pause_holds_is_not_gone(fake, opened):
+    async with opened(fake.run(20)) as screen:
+        await screen.enter("/torque", "m")
+        await screen.curves()
+        await screen.do("set_marker")
+        await screen.enter("here")
+        await screen.until(lambda: [each for each in screen.session.happened if each.text == "here"], "the marker")
+        fake.advance(2.0)
+        await screen.do("pause")
+        await screen.until(lambda: screen.app.screen.pause.source is not None, "what is held")
+        await screen.until(lambda: screen.app.screen.pause.settled, "what is held")
+        fake.advance(30.0)
+        await screen.do("events")
+        listed = screen.app.screen
+        await screen.until(lambda: listed.session.status.last_tick_ns == fake.now_ns, "how it stands")
+        (one,) = [each for each in listed.shown if each.text == "here"]
+        assert not listed._is_gone(one)

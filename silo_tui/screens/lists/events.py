@@ -2,16 +2,29 @@
 
 import asyncio
 import re
+import time
 from collections.abc import Sequence
 
 from rich.text import Text
 
 from silo.core.elements import LoggedEvent
 from silo.core.quantities.writing import many
-from silo_tui.actions import key_of
+from silo_tui.actions import Command, key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.lists.conditions import MOST_PLOTS, named_in
-from silo_tui.model.lists.happened import NAMES, ORDERS, csv_text, folded, in_time, letter, line, matches, words
+from silo_tui.model.lists.happened import (
+    NAMES,
+    ORDERS,
+    csv_text,
+    folded,
+    gone_words,
+    in_time,
+    letter,
+    line,
+    matches,
+    of_last_run,
+    words,
+)
 from silo_tui.model.lists.ordering import arranged
 from silo_tui.model.words.paths import typed_file
 from silo_tui.screens.dialogs.exporting import write_whole
@@ -20,6 +33,9 @@ from silo_tui.screens.lists.list_screen import LoggerList
 from silo_tui.screens.plots.monitor import MonitorScreen
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.lines import Lines
+
+HELD_S = 5.0  # so often it is asked what the buffers hold
+GONE = "×"  # of whose moment no rows are held
 
 
 class EventsScreen(LoggerList[LoggedEvent]):
@@ -36,6 +52,53 @@ class EventsScreen(LoggerList[LoggedEvent]):
         self._known: Sequence[LoggedEvent] = ()
         self._all: Sequence[LoggedEvent] = ()  # in the order of time
         self._folded: Sequence[LoggedEvent] = ()
+        self._run = ""  # the present one
+        self._asked_s = 0.0  # when it was asked what the buffers hold
+
+    def begin(self) -> None:
+        """Ask what the buffers still hold."""
+        self._ask_held()
+
+    def second_passed(self) -> None:
+        super().second_passed()
+        if time.monotonic() - self._asked_s >= HELD_S:
+            self._ask_held()
+
+    def _ask_held(self) -> None:
+        self._asked_s = time.monotonic()
+        if self.session.at_s is None and self.session.fresh:
+            run_alone(self, "held", self._read_held)
+
+    async def _read_held(self) -> None:
+        await self.context.quietly(self.session.refresh_status())
+        self.show()
+
+    def _is_gone(self, one: LoggedEvent) -> bool:
+        """Whether the rows of its moment are surely held no more: of another run, or older than all in the buffers.
+
+        What a plot below holds beside them is there.
+        """
+        session = self.session
+        if session.at_s is not None or not session.fresh or not one.at_ns or one.tick < 0:
+            return False
+        if one.run and one.run != self._run:
+            return True
+        held_ns = round(session.status.held_s * 1e9)
+        plots = self._plots_below
+        if plots is not None and plots.window.paused:
+            held_ns = max(held_ns, session.status.last_tick_ns - plots.held_ns[0])
+        return bool(session.status.last_tick_ns) and one.at_ns < session.status.last_tick_ns - held_ns
+
+    @property
+    def _plots_below(self) -> MonitorScreen | None:
+        """The plots of the logger that stand below."""
+        stack = [each for each in self.app.screen_stack if isinstance(each, MonitorScreen)]
+        return next((each for each in reversed(stack) if each.session is self.session), None)
+
+    def label_now(self, command: Command) -> str:
+        """Return it; nowhere to go to where the rows are gone."""
+        gone = command.id == "go_to_event" and (one := self.chosen) is not None and self._is_gone(one)
+        return "" if gone else super().label_now(command)
 
     def status_changed(self) -> None:
         """Follow state and link, and take in what happened since."""
@@ -51,6 +114,7 @@ class EventsScreen(LoggerList[LoggedEvent]):
         self._known = self.session.happened
         self._all = in_time(self._known)
         self._folded = folded(self._all)
+        self._run = next((one.run for one in of_last_run(self._known)), "")
         super().show()
 
     def key_of(self, one: LoggedEvent) -> str:
@@ -60,6 +124,9 @@ class EventsScreen(LoggerList[LoggedEvent]):
         shown = Text(line(one, self.told(one), width - 2, self.session.status.logger))
         if letter(one) in "MTX":
             shown.stylize("bold")
+        if self._is_gone(one):
+            shown = Text.assemble(shown[:1], GONE, shown[2:])
+            shown.stylize("dim")
         return shown
 
     def passes(self, one: LoggedEvent) -> bool:
@@ -69,7 +136,8 @@ class EventsScreen(LoggerList[LoggedEvent]):
         return words(one, self.session.told)
 
     def head(self, width: int) -> str:
-        return "  time                tick kind and what"
+        signs = f"   {GONE} rows gone" if any(map(self._is_gone, self.shown)) else ""
+        return f"  time                tick kind and what{signs}"
 
     def going_on(self) -> Sequence[str]:
         count = many(len(self._all), "event")
@@ -80,6 +148,8 @@ class EventsScreen(LoggerList[LoggedEvent]):
         kind = NAMES.get(letter(one), "") if one is not None else ""
         told = "" if one is None else self.told(one)  # whole: its line may have no room for it
         told = f"{letter(one)} {kind}: {told}" if one is not None and kind else told
+        if one is not None and self._is_gone(one):
+            told = f"{told} │ {GONE} {gone_words(one, self._known)}"
         return [told, f"{count}, {follows}" if self.all else "nothing happened yet"]
 
     def follow(self, known: str, place: int | None) -> int | None:
@@ -137,8 +207,10 @@ class EventsScreen(LoggerList[LoggedEvent]):
         if not event.at_ns or event.tick < 0:
             self.say("this happened before the first tick: no place in the plots")
             return
-        stack = [each for each in self.app.screen_stack if isinstance(each, MonitorScreen)]
-        plots = next((each for each in reversed(stack) if each.session is self.session), None)
+        if self._is_gone(event):
+            self.say(f"no plot has it: {gone_words(event, self._known)}; {key_of('recordings')} lists what is saved")
+            return
+        plots = self._plots_below
         if plots is not None:
             while self.app.screen is not plots:
                 self.app.pop_screen()
