@@ -416,7 +416,14 @@ class TableScreen(ElementsScreen):
 
     def command_limits_of_row(self) -> None:
         if (here := self._entry_here()) is not None:
+            self.say(self._of_this_alone())
             self._ask_limits(here[2])
+
+    def _of_this_alone(self) -> str:
+        """Return that what comes is about the row under the cursor, where others are marked."""
+        rows, count = self.session.rows, len(self.session.rows.targets())
+        chosen = "in the range" if rows.anchor is not None else "that are marked"
+        return f"Of the row under the cursor alone, not of the {many(count, 'element')} {chosen}." if count > 1 else ""
 
     def command_last_capture(self) -> None:
         from silo_tui.screens.files.opened import open_last_capture  # no first screen waits for it
@@ -434,7 +441,7 @@ class TableScreen(ElementsScreen):
             Choice("trigger", "A trigger", "t"), Choice("limits", "Limits", "l"),
             Choice("derived", "A signal derived from it", "d"),
         ]  # fmt: skip
-        question = Question(f"New for {self.session.short_name(name)}?", "", choices)
+        question = Question(f"New for {self.session.short_name(name)}?", self._of_this_alone(), choices)
         ask(self, question, lambda answer: self._make(answer, name))
 
     async def _make_trigger(self, name: str) -> None:
@@ -542,6 +549,8 @@ class TableScreen(ElementsScreen):
     def value_now(self, command_id: str) -> str:
         """Return the value that a command would change, or that those that it is about have several."""
         field = FIELDS_BY_COMMAND.get(command_id)
+        if command_id in ("limits_of_row", "new_of_row") and len(self.session.rows.targets()) > 1:
+            return "of one row"  # whatever is marked
         if field is None:
             return super().value_now(command_id)
         found = self._values_of(field)
