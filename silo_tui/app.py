@@ -380,17 +380,18 @@ class SiloApp(Guarded, App[None]):
 
     def command_go_home(self) -> None:
         upper = self.context.upper_screen
-        if upper is not None and upper.scope == "loggers":
-            self.context.back_to_table()
-        elif upper is not None and upper.scope == "file" and self.context.file_over_logger:
+        if upper is not None and upper.scope == "file" and self.context.file_over_logger:
             self.context.leave_file()  # from the table of a file to that of the logger behind it
-        while (screen := self.context.upper_screen) is not None and screen.scope not in HOMES:
+        while (screen := self.context.upper_screen) is not None and not self._is_home(screen):
             self.context.leave_screen()
-        if screen is not upper and screen is not None and screen.scope == "loggers":
-            self.context.back_to_table()
         behind = self.context.logger_session
         if screen is not upper and self.context.file_over_logger and behind is not None:
             self.context.say(f"the table of the file; {key_of('go_home')} again: {behind.name}")
+
+    def _is_home(self, screen: "SiloScreen") -> bool:
+        """Whether one goes no further back: a table, or the list of loggers where none is open."""
+        over_table = screen.scope == "loggers" and self.context.has_session and len(self.screen_stack) > 2
+        return screen.scope in HOMES and not over_table
 
     def command_settings(self) -> None:
         from silo_tui.screens.lists.settings import SettingsScreen

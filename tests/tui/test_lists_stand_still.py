@@ -141,3 +141,12 @@ async def test_lines_stand_as_they_were_seen_whatever_becomes_of_them(fake, open
         assert shown.shown_keys[0] == "/log/x4"
         shown.filter_by("x")
         assert shown.shown_keys[0] == "/log/x2"
+
+
+async def test_the_key_that_orders_loggers_anew_is_named(fake, opened):
+    async with opened(fake) as screen:
+        await screen.do("loggers")
+        await screen.until(lambda: screen.app.screen.scope == "loggers", "the list")
+        screen.app.screen._stands_otherwise = True
+        screen.app.screen.show_words()
+        await screen.shows("r orders anew")

@@ -432,7 +432,10 @@ async def test_what_failed_is_read_before_a_filter_takes_its_place(fake, opened)
 async def test_where_several_are_marked_it_is_said_that_limits_and_triggers_are_of_one(fake, opened):
     async with opened(fake.run()) as screen:
         await screen.enter("/torque")
-        await screen.press("asterisk")
+        await screen.do("new_of_row")
+        await screen.shows("New for /legs/LF/HAA/torque?")
+        assert "not of the" not in screen.text
+        await screen.press("escape", "asterisk")
         await screen.shows("12 marked")
         await screen.do("new_of_row")
         await screen.shows("New for /legs/LF/HAA/torque?")
@@ -444,7 +447,3 @@ async def test_where_several_are_marked_it_is_said_that_limits_and_triggers_are_
         await screen.until(
             lambda: "Of the row under the cursor alone" in [told.words for told in screen.app.context.told][-1], "it"
         )
-        await screen.press("asterisk")
-        await screen.do("new_of_row")
-        await screen.shows("New for /legs/LF/HAA/torque?")
-        assert "not of the" not in screen.text

@@ -9,7 +9,7 @@ from textual import events
 from textual.app import ComposeResult
 from textual.widgets import Static
 
-from silo_tui.actions import BY_ID, Command, key_of, key_that_retries, unmark_words
+from silo_tui.actions import BY_ID, Command, key_of, unmark_words
 from silo_tui.context import SiloScreen
 from silo_tui.keymap import DESTROYS, TWO_LAYERS
 from silo_tui.modal import ask
@@ -227,7 +227,8 @@ class ListScreen(SiloScreen, Generic[LineT]):
         parts = [f"{len(self.marks.keys)} marked", unmark_words()] if self.marks.keys else []
         parts += [f"/{self.asked}: {len(self.shown)} of {len(self.all)}"] if self.asked else []
         parts += [f"by {self._order.name}"] if self._order is not self.orders[0] or self._turned else []
-        parts += [f"{key_that_retries(self.scope)} orders anew"] if self._stands_otherwise else []
+        reads = next((key_of(each) for each in READ_AGAIN if self.scope in BY_ID[each].scopes), "")
+        parts += [f"{reads} orders anew"] if self._stands_otherwise and reads else []
         going_on = self.going_on()
         told = [*parts, *(going_on if going_on or self.message.said else [self.words()])]
         self.message.told = [self.context.shown(words) for words in told]
