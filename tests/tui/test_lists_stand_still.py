@@ -149,4 +149,4 @@ async def test_the_key_that_orders_loggers_anew_is_named(fake, opened):
         await screen.until(lambda: screen.app.screen.scope == "loggers", "the list")
         screen.app.screen._stands_otherwise = True
         screen.app.screen.show_words()
-        await screen.shows("r orders anew")
+        await screen.shows("^l orders anew")
