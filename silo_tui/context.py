@@ -168,8 +168,8 @@ class Context:
             retries = key_that_retries(screen.scope) if (screen := self.upper_screen) is not None else ""
             return "no link", f"no link to {session.name}{f'; {retries} tries now' if retries else ''}"
         if command.robot and session.dead:
-            kept = "the edits stay pending; " if session.table.pending_count[0] else ""
-            return "program gone", f"{kept}{gone_words()}"
+            kept = "; the edits stay pending" if session.table.pending_count[0] else ""
+            return "program gone", f"{gone_words()}{kept}"
         return None
 
     def try_link(self) -> None:

@@ -107,8 +107,10 @@ class MenuReader:
         if self._lines is None or not why:  # who reads the menu may pick another entry
             self.close()
         if why:
-            told = [f"{path} ({command.label}): {words}" for words in why]  # the menu leaves one row to read
-            screen.context.say(told[self._lines is None or cell_len(told[1]) <= self._app.size.width - 2])
+            # the menu leaves one row to read, for the sentence, its beginning, or a few words
+            few, *told = (f"{path} ({command.label}): {words}" for words in (why[0], why[1], why[1].partition(";")[0]))
+            fits = (words for words in told if self._lines is None or cell_len(words) <= self._app.size.width - 2)
+            screen.context.say(next(fits, few))
             return
         if letter in ("menu_edit", "menu_view", "menu_plots") and command.id not in NOT_AGAIN:
             screen.repeats = partial(screen.action_command, command.id)

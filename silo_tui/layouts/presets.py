@@ -27,13 +27,13 @@ PRESETS = (
     Preset(
         "hottest",
         "h",
-        "Hottest ten: temperatures, the highest on top, as they stand now",
+        "Hottest ten: temperatures, the highest on top; it stands still",
         KeptLayout(sort="value", filter="unit:degC", most=TEN),
     ),
     Preset(
         "noisiest",
         "n",
-        "Noisiest ten: the largest deviation on top, whole numbers left out",
+        "Noisiest ten: largest deviation on top, whole numbers left out",
         KeptLayout(sort="std", filter="type:f", set="statistics", most=TEN),
     ),
     Preset("problems", "p", "Problems: what the column state says something of", KeptLayout(filter="problem")),

@@ -60,10 +60,19 @@ async def test_a_menu_says_of_a_robot_program_that_is_gone_what_nobody_does_any_
         assert screen.app.screen.scope == "table"
 
 
+async def test_where_a_menu_leaves_one_row_the_beginning_of_the_sentence_says_what_to_do(killed):
+    async with killed() as screen:
+        await screen.press("r")
+        await screen.shows("Record: program gone")
+        await screen.press("r")
+        await screen.shows("r r (Record): the robot program is gone: start it again, silo-tui follows")
+
+
 async def test_of_edits_that_wait_it_is_said_that_they_stay(killed):
     async with killed("e", "t", size=(200, 30)) as screen:
         await screen.do("apply")
-        await screen.shows(f"Apply: the edits stay pending; the {NOBODY}")
+        await screen.shows(f"Apply: the {NOBODY}")
+        assert "the edits stay pending" in screen.text
         assert screen.session.table.pending_count[0] == 1
         await screen.do("undo")
         assert screen.session.table.pending_count[0] == 0
