@@ -156,6 +156,26 @@ def test_a_word_is_a_pattern_where_no_logger_can_be_meant_by_it(there, words, or
     assert split_logger(words.split(), or_pattern=or_pattern) == wanted
 
 
+@pytest.mark.parametrize(
+    ("module", "words"),
+    [("edits", "set torque divider=2"), ("loggers.watch", "watch torque"), ("logs.record", "record torque")],
+)
+def test_a_command_that_takes_patterns_is_for_the_only_logger_where_it_begins_with_one(
+    module, words, monkeypatch
+) -> None:
+    asked = []
+
+    def connect(logger):
+        asked.append(logger)
+        raise silo.SiloError("seen")
+
+    found = Discovery([LoggerAddress("demo", 4711, "", "ann", host="robot3")], [])
+    monkeypatch.setattr("silo.cli.common.discovered", lambda: found)
+    monkeypatch.setattr(f"silo.cli.{module}.connect", connect)
+    run(words.split())
+    assert asked == [None]
+
+
 def test_how_long_it_runs_is_told_of_a_logger_that_runs(monkeypatch) -> None:
     monkeypatch.setattr("time.time_ns", lambda: 10**18 + 12 * 10**9)
     for state, text in ((State.RUNNING, "00:12"), (State.STOPPED, "-")):
