@@ -10,6 +10,7 @@ import pytest
 
 import silo
 from silo.conditions.judge import Judge, _how_it_ended
+from silo.conditions.state_file import state_path
 from silo.core.elements import LoggedEvent
 from silo.errors import SegmentError
 from silo.helper import runs
@@ -106,6 +107,43 @@ def test_what_is_judged_is_what_the_program_has_by_now(tmp_path, runtime_folder)
         noted = held.conditions(replica.run)
         assert noted is not None
         assert [one.name for one in noted.triggers] == ["spike", "fall"]
+    finally:
+        replica.let_go()
+        held.let_go(held_alone=False)
+        logger.close()
+
+
+def test_what_clients_changed_is_stored_before_they_hear_of_it_and_rows_alone_once_in_a_while(
+    tmp_path, runtime_folder, monkeypatch
+) -> None:
+    monkeypatch.setattr("silo.conditions.memory.KEEP_S", 1e6)
+    logger, spike = spiked(tmp_path)
+    logger.limit("x", (None, None, 40, 50))
+    spike()
+    for _ in range(20):  # the capture is whole
+        logger.collect()
+    present = logger._present
+    replica = Replica(robot_state(logger, "", -1))
+    held = HeldRuns(replica, lambda: None)
+    replica.take_run(RunOffer(present.run.id, present.path), os.open(present.path, os.O_RDONLY))
+    held.take()
+    judge = Judge(replica, Events(str(tmp_path)), held)
+    stored = state_path("bot", present.run.id)
+    try:
+        judge._step()
+        seen = {stored.read_bytes()}
+        logger.collect()
+        judge._step()
+        assert {stored.read_bytes()} == seen, "nothing happened but rows"
+        judge.arm("spike", armed=False)
+        seen.add(stored.read_bytes())
+        assert judge.acknowledge(["/log/x"], "ann@desk", 1) == 1
+        seen.add(stored.read_bytes())
+        judge.arm("spike", armed=True)
+        seen.add(stored.read_bytes())
+        assert judge.force("spike") == 22
+        seen.add(stored.read_bytes())
+        assert len(seen) == 5
     finally:
         replica.let_go()
         held.let_go(held_alone=False)

@@ -177,8 +177,9 @@ def test_a_closed_logger_still_tells_what_it_did(counting):
 @pytest.mark.parametrize(
     "call", [lambda log: log.snapshot(), lambda log: log.save(), lambda log: log.read_new_values("x")]
 )
-def test_the_data_of_a_closed_logger_is_gone(counting, call):
-    logger = counting()
+@pytest.mark.parametrize("has_run", [True, False])
+def test_the_data_of_a_closed_logger_is_gone(counting, new_logger, has_run, call):
+    logger = counting() if has_run else new_logger()
     logger.collect()
     logger.close()
     with pytest.raises(StateError, match="is closed"):
