@@ -13,7 +13,7 @@ from silo.control.denials import Denials
 from silo.core.elements import State
 from silo.errors import ConnectionLostError, RefusedError
 from silo.history.arrays import SampleArrays
-from tests.waiting import DEADLINE_S
+from tests.waiting import DEADLINE_S, wait_until
 
 
 def samples(first, count):
@@ -128,6 +128,37 @@ def test_once_a_robot_is_gone_nothing_of_it_is_left_and_why_is_told_once_until_i
     there = [("arm", 2), ["gain"], "it died", ("", 0), []]
     assert told == [*there, "gone", "refused", *there]
     assert (robot.asked, robot.closed, feed.missed) == ([["/log/x"]] * 2, 2, 4)
+
+
+class Wishless(Robot):
+    """A client of which nothing is wished for any more once a sample came."""
+
+    def __init__(self):
+        super().__init__()
+        self.looks = 0
+
+    def status(self):
+        self.looks += 1
+        return super().status()
+
+    def read(self, timeout_s):
+        self.feed.wish(frozenset())
+
+
+def test_a_feed_of_which_nothing_is_wished_is_woken_by_the_next_wish_and_by_its_end(monkeypatch):
+    monkeypatch.setattr("silo.bridges.feed.TABLE_PERIOD_S", 1e6)
+    robot = Wishless()
+    ignored = {"table": lambda *_: None, "parameters": lambda _: None}
+    robot.feed = feed = LoggerFollower(lambda: robot, SimpleNamespace(**ignored))
+    feed.start()
+    wait_until(lambda: robot.looks == 1)
+    feed.wish(frozenset({"/log/x"}))
+    wait_until(lambda: robot.looks == 3)  # it waits again
+    assert (robot.asked, robot.closed) == ([["/log/x"]], 1)
+    closing = threading.Thread(target=feed.close, daemon=True)
+    closing.start()
+    closing.join(DEADLINE_S)
+    assert not closing.is_alive()
 
 
 @pytest.mark.parametrize(
