@@ -5,6 +5,7 @@ import inspect
 from pathlib import Path
 from typing import get_args
 
+import msgspec
 import pytest
 
 import silo
@@ -19,6 +20,7 @@ from silo.errors import ArgumentError, ElementError, GoesOnError, NoRoomError, S
 from silo.helper import request_threads
 from silo.logger.serving import answers
 from silo.net.access import rights
+from silo.requests import decode_do
 from silo.rpc.declaring import (
     Ask,
     Do,
@@ -34,6 +36,8 @@ from silo.rpc.declaring import (
 )
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered, checked
 from silo.rpc.serving import Dispatch, Sender, Server, Turn
+from silo.rpc.versions import PROTOCOL
+from silo.settings.options import MAX_PROBLEMS
 
 REQUESTS = leaves(Request)
 ROBOT_CONDITIONS = list(ConditionRobot.handlers.values())
@@ -196,6 +200,31 @@ def test_other_errors_of_silo_are_refusals_in_their_own_words(error, why):
 def test_what_breaks_is_refused_and_logged(caplog):
     assert answered(lambda: fail(KeyError("x"))) == Refused(RefusedWhy.FAILED, "KeyError: 'x'")
     assert "a request failed" in caplog.text
+
+
+FITTING = {"name": "/log/x", "options": {"divider": 2}}
+
+
+@pytest.mark.parametrize(
+    ("edits", "told"),
+    [
+        ([FITTING, {"name": "/log/y", "options": {"divider": 0}}],
+         [("/log/y", "divider", "from 1 to 2147483647, got 0")]),
+        ([{"name": "/log/y", "options": {"divider": "2", "enabled": 3}}],
+         [("/log/y", "enabled", "on or off, got 3"), ("/log/y", "divider", "from 1 to 2147483647, got '2'")]),
+        ([{"name": "/log/y", "options": 5}, FITTING, 7], [("/log/y", "", "got `int`"), ("?", "", "got `int`")]),
+        ([{"name": "/log/y"}], [("/log/y", "", "missing required field `options`")]),
+        ([7] * (MAX_PROBLEMS + 1), [("?", "", "got `int`")] * MAX_PROBLEMS),
+    ],
+    ids=lambda given: str(given)[:30],
+)  # fmt: skip
+def test_of_edits_that_can_not_be_read_each_is_told_with_its_element_and_field(edits, told):
+    edited = {"type": "ApplyEdits", "protocol": PROTOCOL, "revision": -1, "edits": edits}
+    with pytest.raises(RequestRefusedError) as refused:
+        decode_do(msgspec.msgpack.encode(edited))
+    found = refused.value.problems
+    assert [(one.name, one.field) for one in found] == [place[:2] for place in told]
+    assert all(words in one.reason for one, (_, _, words) in zip(found, told, strict=True))
 
 
 def fail(error):
