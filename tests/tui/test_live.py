@@ -233,7 +233,7 @@ def test_numbers_are_written_for_how_large_they_were_and_do_not_change_with_the_
 def test_entries_of_one_unit_are_written_alike(kind, words):
     element = ElementInfo("/v", "m", kind, (3,), tuple(Entry(f"_{c}", "<f8") for c in "xyz"), ElementOptions())
     assert value_text(element, Reading(np.array([5e-5, -1e-3, 2e-3]), {}, 1, 0, 0), 17) == words
-    larger = Reading(np.array([5e-5, -1e-3, 2e-3]), {}, 1, 0, 0, reached=np.array([0.0, 75.0, 0.0]))
+    larger = Reading(np.array([5e-5, -1e-3, 2e-3]), {}, 1, 0, 0, reached=np.array([5e-5, 75.0, 2e-3]))
     assert value_text(element, larger, 17).split() == (["0.0"] * 3 if kind == "vector" else ["5e-5", "0.0", "2e-3"])
 
 

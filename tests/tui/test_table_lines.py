@@ -354,6 +354,7 @@ def test_statistics_are_wide_where_names_leave_room(name, cells, new_fake):
     table.column_set, table._laid = "statistics", None
     widths = {column.title: width for column, width in table.laid.measured}
     assert [widths[title] for title in ("min", "max", "mean", "std")] == [cells] * 4
+    assert (table.sight.room, table.sight.value_room) == (min(cells, widths["value"]), widths["value"])
 
 
 @pytest.mark.parametrize(("name", "cells"), [("/log/a", 8), (f"/log/{'a' * 40}", 5)])
