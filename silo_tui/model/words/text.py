@@ -70,10 +70,8 @@ def digits_of(size: float, span: float, width: int, *, signed: bool = True, inte
 
 def _fitting(size: float, power: int, last: int, width: int) -> Digits | None:
     """Return how a number is counted in a power, down to the power `last` or as far as there is room; None for none."""
-    top = _top(size)
-    room = width - (len(f"e{power}") if power else 0) - max(0, top - power) - 1
-    found = Digits(power, max(0, min(power - max(last, top - EXACT_DIGITS), room - 1)))
-    while found.decimals and len(found.write(size)) > width:  # rounding made it longer
+    found = Digits(power, max(0, min(power - max(last, _top(size) - EXACT_DIGITS), width)))
+    while found.decimals and len(found.write(size)) > width:
         found = Digits(power, found.decimals - 1)
     return found if len(found.write(size)) <= width else None
 
