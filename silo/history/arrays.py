@@ -24,6 +24,7 @@ from silo.history.requests import (
     SampledRows,
     SampleRows,
     StreamFrame,
+    StreamLayout,
     StreamOpened,
 )
 from silo.net.keys import ClientId, Root
@@ -39,7 +40,7 @@ FRAME_BYTES = 256  # what one takes beside its data
 
 _decoder = msgpack_decoder(StreamFrame)
 
-Layouts: TypeAlias = dict[int, list[SampledName]]  # the newest few of a session, by generation
+Layouts: TypeAlias = "dict[int, list[Unpacker]]"  # the newest few of a session, by generation
 
 
 @dataclass(frozen=True)
@@ -66,24 +67,36 @@ class SampleArrays:
 NO_SAMPLES = SampleArrays(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
 
 
-def samples_of(name: SampledName, rows: SampledRows, missed: int = 0) -> SampleArrays:
-    """Return what rows have of a name, in arrays of its own. Raises ConnectionLostError for rows that make no sense."""
-    with understood(f"rows of {name.name}", "the helper process"):
-        _check_rows(rows)
-        return _samples_of(name, rows, missed)
+class Unpacker:
+    """Makes arrays of the rows of a name. How they are read is found out once: a picture has a million entries."""
 
+    def __init__(self, name: SampledName) -> None:
+        self.name = name
 
-def _samples_of(name: SampledName, rows: SampledRows, missed: int) -> SampleArrays:
-    words = len(rows.data) // 8 // rows.count if rows.count else 0
-    if any(entry.offset < STAMP_BYTES or np.dtype(entry.dtype).hasobject for entry in name.entries):
-        raise ValueError("an entry lies where none can be")
-    ends = [entry.offset + np.dtype(entry.dtype).itemsize for entry in name.entries]
-    if rows.count and (words * 8 * rows.count != len(rows.data) or max([STAMP_BYTES, *ends]) > 8 * words):
-        raise ConnectionLostError(f"the helper process sends rows of {name.name} that make no sense")
-    found = np.frombuffer(rows.data, "<i8").reshape(rows.count, words) if rows.count else np.zeros((0, 2), np.int64)
-    fields = [entry.suffix or f"f{at}" for at, entry in enumerate(name.entries)]
-    values = shaped(Packer(name.entries, fields).of(found), name.shape, parts=name.is_complex)
-    return SampleArrays(found[:, 0].copy(), found[:, 1].copy(), values, name.divider, missed)
+    def of(self, rows: SampledRows, missed: int = 0) -> SampleArrays:
+        """Return what rows have of it, in arrays of its own. Raises ConnectionLostError for what makes no sense."""
+        with understood(f"rows of {self.name.name}", "the helper process"):
+            _check_rows(rows)
+            return self._of(rows, missed)
+
+    def _of(self, rows: SampledRows, missed: int) -> SampleArrays:
+        name, (packer, end) = self.name, self._packing
+        words = len(rows.data) // 8 // rows.count if rows.count else 0
+        if rows.count and (words * 8 * rows.count != len(rows.data) or end > 8 * words):
+            raise ConnectionLostError(f"the helper process sends rows of {name.name} that make no sense")
+        found = np.frombuffer(rows.data, "<i8").reshape(rows.count, words) if rows.count else np.zeros((0, 2), np.int64)
+        values = shaped(packer.of(found), name.shape, parts=name.is_complex)
+        return SampleArrays(found[:, 0].copy(), found[:, 1].copy(), values, name.divider, missed)
+
+    @functools.cached_property
+    def _packing(self) -> tuple[Packer, int]:
+        """What packs a row of its entries, and where they end."""
+        entries = self.name.entries
+        if any(entry.offset < STAMP_BYTES or np.dtype(entry.dtype).hasobject for entry in entries):
+            raise ValueError("an entry lies where none can be")
+        fields = [entry.suffix or f"f{at}" for at, entry in enumerate(entries)]
+        ends = [entry.offset + np.dtype(entry.dtype).itemsize for entry in entries]
+        return Packer(entries, fields), max([STAMP_BYTES, *ends])
 
 
 def joined(parts: Sequence[SampleArrays]) -> SampleArrays:
@@ -143,7 +156,7 @@ class Gathering:
         found: dict[str, list[SampleArrays]] = {name: [] for name in self._wished}
         for name in self._names:
             rows = self._rows.get(name.group) or [SampledRows(name.group, 0, 0, b"")]
-            found[name.name] += [samples_of(name, some) for some in rows]
+            found[name.name] += map(Unpacker(name).of, rows)
         return {
             name: joined(some)
             if (some := [one for one in parts if len(one)])
@@ -155,14 +168,14 @@ class Gathering:
 class StreamBatch(Mapping[str, SampleArrays]):
     """What came of a stream at once, by name. Arrays are made of a name when it is looked at."""
 
-    def __init__(self, run: str, parts: dict[str, list[tuple[SampledName, SampledRows, int]]]) -> None:
+    def __init__(self, run: str, parts: dict[str, list[tuple[Unpacker, SampledRows, int]]]) -> None:
         self.run = run  # changes with a new start, from which on ticks are counted anew
         self._parts = parts
         self._made: dict[str, SampleArrays] = {}
 
     def __getitem__(self, name: str) -> SampleArrays:
         if name not in self._made:
-            parts = [samples_of(*part) for part in self._parts[name]]
+            parts = [unpacker.of(rows, missed) for unpacker, rows, missed in self._parts[name]]
             with understood(f"rows of {name}", "the helper process"):
                 self._made[name] = joined(parts)
         return self._made[name]
@@ -223,8 +236,10 @@ class Stream(Subscribed):
     def accept(self, opened: StreamOpened) -> None:
         """How to read the frames from now on."""
         with self._changed:
-            self._opened |= {one.generation: one.names for one in opened.earlier}
-            self._opened[opened.generation] = opened.names
+            for one in (*opened.earlier, StreamLayout(opened.generation, opened.names)):
+                known = self._opened.get(one.generation)
+                if known is None or [unpacker.name for unpacker in known] != one.names:
+                    self._opened[one.generation] = list(map(Unpacker, one.names))
             for old in sorted(self._opened)[:-MAX_LAYOUTS]:
                 del self._opened[old]
             self.missing, self._refused = opened.missing, ""
@@ -303,9 +318,9 @@ class Stream(Subscribed):
                 return batch
         return None
 
-    def _batch(self, frame: StreamFrame, layout: list[SampledName], *, dropped: bool = False) -> StreamBatch:
+    def _batch(self, frame: StreamFrame, layout: list[Unpacker], *, dropped: bool = False) -> StreamBatch:
         by_group = {rows.group: rows for rows in frame.rows}
-        parts: dict[str, list[tuple[SampledName, SampledRows, int]]] = {}
+        parts: dict[str, list[tuple[Unpacker, SampledRows, int]]] = {}
         # counted by name: another generation numbers groups anew
         expected = {key: row for key, row in self._expected.items() if key[0] == frame.run}
         if self._expected and not expected:  # another run is sent from its first row on
@@ -317,7 +332,8 @@ class Stream(Subscribed):
         missed: dict[int, int] = {}
         new: dict[int, int] = {}
         places: Counter[str] = Counter()
-        for name in layout:
+        for unpacker in layout:
+            name = unpacker.name
             key = (frame.run, name.name, places[name.name])
             places[name.name] += 1
             some = by_group.get(name.group)
@@ -335,7 +351,7 @@ class Stream(Subscribed):
             if dropped or not some.count:
                 self._dropped[key[1:]] = more
                 continue
-            parts.setdefault(name.name, []).append((name, some, more))
+            parts.setdefault(name.name, []).append((unpacker, some, more))
         self._expected = expected
         self.missed += sum(missed.values())
         self._came += sum(new.values())

@@ -20,7 +20,7 @@ from silo.core.elements import BufferType, ElementInfo, ElementOptions, Entry
 from silo.core.names import grouped
 from silo.loop.scratch import Scratch
 from silo.loop.sources import Reference, ValuePath
-from silo.loop.types import Component, expand
+from silo.loop.types import Component, expand, offsets_of
 from silo.segment.layout import STAMP_WORDS, TIME_RING, ElementSchema, EntrySchema, RingSchema
 from silo.segment.writer import chunk_bytes_for
 
@@ -321,15 +321,21 @@ def _place_part(element: Element, part: Component, scratch: Scratch) -> _Placed:
 
 def _layout(dtype: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ...], kind: str, begin: int) -> _Layout:
     """How a source lies in words, whose first item is `begin` bytes into a word."""
-    scalars = expand(dtype, shape, strides, kind)
-    addresses = np.array([begin + scalar.offset for scalar in scalars], np.int64)
-    sizes = [scalar.dtype.itemsize for scalar in scalars]
+    if dtype.kind in "Vc":
+        scalars = expand(dtype, shape, strides, kind)
+        addresses = np.array([begin + scalar.offset for scalar in scalars], np.int64)
+        types = [scalar.dtype for scalar in scalars]
+    else:  # its items are its scalars, of which a picture has a million
+        addresses = begin + offsets_of(shape, strides)
+        types = [dtype] * len(addresses)
+    sizes = [one.itemsize for one in types]
     first = addresses // 8
     last = (addresses + np.maximum(sizes, 1) - 1) // 8
     covered = first[:, None] + np.arange(int((last - first).max()) + 1)
     words = np.unique(covered[covered <= last[:, None]])
     offsets = 8 * np.searchsorted(words, first) + addresses % 8
-    swapped = tuple(scalar.dtype.str.startswith(">") and scalar.dtype.itemsize > 1 for scalar in scalars)
+    big_endian = {one for one in set(types) if one.str.startswith(">") and one.itemsize > 1}
+    swapped = tuple(one in big_endian for one in types)
     return _Layout(words, tuple(offsets.tolist()), swapped)
 
 

@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,8 +31,7 @@ MAX_ENTRIES = 1_000_000
 KEPT_BYTES = 512  # of a source whose scalars are remembered: 10,000 elements have few layouts
 
 
-@dataclass(frozen=True)
-class Scalar:
+class Scalar(msgspec.Struct, frozen=True, gc=False):  # of a picture there are a million: nobody looks through them
     """One scalar of a source: `offset` in bytes from the source's first item (negative with negative strides)."""
 
     suffix: str
@@ -56,6 +56,10 @@ class Component:
 
     def entries(self) -> tuple[Entry, ...]:
         """How the part's scalars stand in tables and files, in their order."""
+        return self._entries
+
+    @functools.cached_property
+    def _entries(self) -> tuple[Entry, ...]:
         if self.labels or not self.is_small:
             return tuple(entry_of(scalar, self.labels) for scalar in self.scalars(strides_of(self.source)))
         return _few_entries(self.source.dtype, self.source.shape, self.kind, self.suffix)
@@ -68,8 +72,13 @@ class Component:
 
 def entry_of(scalar: Scalar, labels: Mapping[int, str] | None) -> Entry:
     """How a scalar stands in tables and files."""
-    dtype = scalar.dtype.newbyteorder("<").str
-    return Entry(scalar.suffix, dtype, dict(labels) if labels and scalar.dtype.kind in "iu" else None)
+    return Entry(scalar.suffix, _word_of(scalar.dtype), dict(labels) if labels and scalar.dtype.kind in "iu" else None)
+
+
+@functools.lru_cache(maxsize=1024)
+def _word_of(dtype: np.dtype[Any]) -> str:
+    word: str = dtype.newbyteorder("<").str
+    return word
 
 
 def _scalars(
@@ -100,9 +109,18 @@ def expand(dtype: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ...
         return expand(base, shape + inner, strides + inner_strides, kind)
     if math.prod(shape) > MAX_ENTRIES:
         raise ElementError(f"an array of shape {shape} has more than {MAX_ENTRIES} values; log a part of it")
-    items = _items(dtype, shape, strides, kind)
-    scalars = _item_scalars(dtype) if items else []
+    suffixes = _suffixes(dtype, shape, kind)
+    scalars = _item_scalars(dtype) if suffixes else []
+    items = zip(suffixes, offsets_of(shape, strides).tolist(), strict=True)
     return [Scalar(suffix + one.suffix, one.dtype, offset + one.offset) for suffix, offset in items for one in scalars]
+
+
+def offsets_of(shape: tuple[int, ...], strides: tuple[int, ...]) -> NDArray[np.int64]:
+    """Where the items of an array lie, in C order: bytes from the first."""
+    offsets = np.zeros(1, np.int64)
+    for size, step in zip(shape, strides, strict=True):
+        offsets = (offsets[:, None] + step * np.arange(size)).reshape(-1)
+    return offsets
 
 
 def _item_scalars(dtype: np.dtype[Any]) -> list[Scalar]:
@@ -124,21 +142,15 @@ def _item_scalars(dtype: np.dtype[Any]) -> list[Scalar]:
     return [Scalar("", dtype, 0)]
 
 
-def _items(dtype: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ...], kind: str) -> list[tuple[str, int]]:
-    """Suffix and offset of each item of the array."""
+def _suffixes(dtype: np.dtype[Any], shape: tuple[int, ...], kind: str) -> list[str]:
+    """How the items of an array are called, in C order."""
     given = kinds.kind_given(kind or _kind_of_numbers(dtype, shape))
     if given is None:
-        offsets = [0]
-        for size, step in zip(shape, strides, strict=True):
-            offsets = [base + i * step for base in offsets for i in range(size)]
-        return list(zip(kinds.index_suffixes(shape), offsets, strict=True))
+        return kinds.index_suffixes(shape)
     layout = given[1]
     if not shape or shape[-1] != len(layout):
         raise ElementError(f"kind {kind!r} has {len(layout)} values in its last dimension, the shape is {shape}")
-    leading = _items(dtype, shape[:-1], strides[:-1], kinds.ARRAY.name)
-    return [
-        (f"{head}{suffix}", base + place * strides[-1]) for head, base in leading for place, suffix in enumerate(layout)
-    ]
+    return [f"{head}{suffix}" for head in _suffixes(dtype, shape[:-1], kinds.ARRAY.name) for suffix in layout]
 
 
 def _kind_of_numbers(dtype: np.dtype[Any], shape: tuple[int, ...]) -> str:
@@ -285,7 +297,7 @@ def _check_suffixes(parts: list[Component]) -> None:
     if len(parts) == 1 and parts[0].is_small:
         _check_few_suffixes(parts[0].source.dtype, parts[0].source.shape, parts[0].kind, parts[0].suffix)
     else:
-        _check_distinct([scalar.suffix for one in parts for scalar in one.scalars((0,) * len(one.source.shape))])
+        _check_distinct([entry.suffix for one in parts for entry in one.entries()])
 
 
 @functools.lru_cache(maxsize=1024)

@@ -19,7 +19,6 @@ from websockets.typing import Subprotocol
 from silo.bridges.messages import LiveTopic
 from silo.bridges.services import trigger_response
 from silo.core.tuning.parameters import ParameterInfo, ParameterKind, ParameterValue
-from silo.files.bags.ros_types import message_dtype
 from silo.history.arrays import SampleArrays
 
 SUBPROTOCOLS = (Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
@@ -200,7 +199,7 @@ def _records(topic: LiveTopic, samples: SampleArrays) -> "NDArray[np.void]":
     """One structured array is the frames of all samples: nothing is done per message."""
     start = frame_head(13 + topic.channel.size)
     head = [("frame", f"V{len(start)}"), ("opcode", "u1"), ("subscription", "<u4"), ("time", "<u8")]
-    records = np.zeros(len(samples), message_dtype(topic.channel, head))
+    records = topic.empty(samples, head)
     topic.fill(records, samples)
     records["frame"] = np.void(start)
     records["opcode"] = MESSAGE_DATA

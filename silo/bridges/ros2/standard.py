@@ -11,18 +11,15 @@ from math import prod
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.bridges.messages import SECOND_NS, LiveTopic, entry_values, live_topics
-from silo.core.arrays.wide import to_wire
+from silo.bridges.messages import SECOND_NS, Block, LiveTopic, live_topics
 from silo.core.elements import ElementInfo
 from silo.files.bags.ros_types import (
     ENCAPSULATION,
-    FieldPlace,
     MessageType,
     add_numbers,
     add_text,
     align,
     free_topic,
-    message_dtype,
 )
 from silo.history.arrays import SampleArrays
 
@@ -79,17 +76,15 @@ def _outlets(topic: LiveTopic) -> Iterable[Outlet]:
     elif len({part.wire for part in channel.parts}) == 1 and "/Struct" not in channel.type.name:
         names = [name for _, name in channel.type.fields[1:]]
         sizes = [(name, size) for name, (_, size) in zip(names, channel.fixed, strict=False)]
-        yield _numbers(channel.topic, topic.element, channel.type.fields[-1][0], channel.parts, sizes)
+        yield _numbers(channel.topic, topic.element, channel.type.fields[-1][0], topic.blocks, sizes)
     else:
         for part, (kind, name) in zip(channel.parts, channel.type.fields[1:], strict=True):
-            yield _numbers(f"{channel.topic}/{name}", topic.element, kind, (part,), ())
+            yield _numbers(f"{channel.topic}/{name}", topic.element, kind, (Block(part),), ())
 
 
-def _numbers(
-    topic: str, element: str, kind: str, parts: Sequence[FieldPlace], sizes: Sequence[tuple[str, int]]
-) -> Outlet:
+def _numbers(topic: str, element: str, kind: str, blocks: Sequence[Block], sizes: Sequence[tuple[str, int]]) -> Outlet:
     """A number, or an array of them; `sizes` are its dimensions by name where it has more than one."""
-    count, wire = sum(part.count for part in parts), parts[0].wire
+    count, wire = sum(block.place.count for block in blocks), blocks[0].part.wire
     camel = "Bool" if kind == "bool" else _CAMEL[wire]
     base = kind.partition("[")[0]
     if count == 1:
@@ -102,8 +97,8 @@ def _numbers(
         head = _array_head(sizes or [("", count)], count, np.dtype(wire).itemsize)
 
     def encode(samples: Sequence[SampleArrays]) -> Stamped:
-        columns = [to_wire(entry_values(samples[0], one.entry), one.wire, one.count) for one in parts]
-        rows = np.concatenate([np.asarray(one).reshape(len(samples[0]), -1) for one in columns], axis=1).astype(wire)
+        columns = [one.of(samples[0]).reshape(len(samples[0]), -1) for one in blocks]
+        rows = np.concatenate(columns, axis=1).astype(wire)
         return samples[0].time_ns, [head + row.tobytes() for row in np.ascontiguousarray(rows)]
 
     return Outlet(topic, type_, (element,), encode)
@@ -121,7 +116,7 @@ def _array_head(sizes: Sequence[tuple[str, int]], count: int, item_bytes: int) -
 
 
 def _as_it_is(topic: LiveTopic, samples: SampleArrays) -> Stamped:
-    messages = np.zeros(len(samples), message_dtype(topic.channel))
+    messages = topic.empty(samples)
     topic.fill(messages, samples)
     data, size = messages.tobytes(), topic.channel.size
     return samples.time_ns, [data[at : at + size] for at in range(0, len(data), size)]

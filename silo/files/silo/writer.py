@@ -7,6 +7,7 @@ changes the recording.
 """
 
 import errno
+import functools
 import os
 import zlib
 from collections.abc import Callable, Iterator, Sequence
@@ -128,10 +129,11 @@ def _numbers(values: NDArray[Any], dtype: np.dtype[Any]) -> Callable[[int, int, 
         # the processor would make quiet NaNs of signalling ones
         return lambda start, stop, out: np.copyto(out.view(dtype), to_wire(values[start:stop], dtype.str))
 
-    def fill(start: int, stop: int, out: NDArray[np.uint8]) -> None:
-        out.view(dtype)[:] = values[start:stop]
+    return functools.partial(_fill, values, dtype)
 
-    return fill
+
+def _fill(values: NDArray[Any], dtype: np.dtype[Any], start: int, stop: int, out: NDArray[np.uint8]) -> None:
+    out.view(dtype)[:] = values[start:stop]
 
 
 def _strings(values: NDArray[Any]) -> tuple[int, Callable[[int, int, NDArray[np.uint8]], None]]:
