@@ -377,9 +377,12 @@ class _Writer:
         if kind in "SU":
             return [alone]
         value, shape = self._expression(slot, called), slot.view.shape
-        store = f"copyto({self._names.give('v', slot.view)}, x"
+        is_narrow = size_bytes < {"f": 8, "c": 16}.get(kind, 0)
+        # NumPy takes a `float` of Python for any kind of float, and makes it infinite
+        what = f"{self._names.give('asarray', np.asarray)}(x)" if is_narrow and not shape else "x"
+        store = f"copyto({self._names.give('v', slot.view)}, {what}"
         lines = [f"x = {value}"]
-        if kind in "iub" or (kind in "fc" and size_bytes < 8):
+        if kind in "iub" or is_narrow:
             lines += [f"try: {store}, 'safe')", f"except TypeError: {alone}"]
         else:
             lines += [f"{store})"]

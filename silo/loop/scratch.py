@@ -141,7 +141,7 @@ def fitting(value: Any, dtype: np.dtype[Any], shape: tuple[int, ...] = ()) -> An
         return given.astype(bool)
     elif (dtype.kind in "SU" and given.dtype.kind not in "SU") or not np.can_cast(given.dtype, dtype, "same_kind"):
         raise TypeError(f"{value!r} is no {dtype.name}, which it was when it was added")
-    elif dtype.kind in "fc" and given.dtype.itemsize > dtype.itemsize:
+    elif dtype.kind in "fc" and not np.can_cast(given.dtype, dtype):
         with np.errstate(over="ignore"):
             made = given.astype(dtype)
         if (np.isinf(made) & np.isfinite(given)).any():

@@ -3,6 +3,7 @@
 import datetime
 import decimal
 import enum
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -170,18 +171,25 @@ def test_an_array_of_another_type_is_logged_where_its_values_fit(new_logger, fir
     assert y.entries[0].values.tolist() == [1.0]
 
 
-def test_a_float_that_is_beyond_its_type_is_nan_and_not_infinite(new_logger):
+@pytest.mark.parametrize(
+    "beyond", [1e300, np.float64(1e300), np.array(1e300), 1e300j, np.longdouble("1e300")], ids=repr
+)
+@pytest.mark.parametrize("dtype", ["f2", "f4", ">f4", "c8", ">c8"])
+@pytest.mark.parametrize("shape", [(), (2, 2)])
+def test_a_float_that_is_beyond_its_type_is_nan_and_not_infinite(new_logger, dtype, shape, beyond):
     robot = Robot()
-    robot.x, robot.y = np.float32(1), np.zeros(2, "f4")
+    robot.x = np.zeros(shape, dtype) if shape else np.dtype(dtype).type(0)
     logger = new_logger()
     logger.add(robot, attr="x")
-    logger.add(robot, attr="y")
     logger.start()
-    robot.x, robot.y = 1e300, np.array([0.0, 1e300])
-    logger.collect()
-    for element in logger.snapshot().elements:
-        assert all(np.isnan(entry.values[-1]) for entry in element.entries)
-        assert element.failures.count == 1
+    for value in (0.5, beyond, np.inf, beyond, 0.25):
+        robot.x = np.array([value] * math.prod(shape)).reshape(shape) if shape else value
+        logger.collect()
+    (element,) = logger.snapshot().elements
+    for entry in element.entries[:1]:
+        assert entry.values.tolist()[::2] == [0.5, np.inf, 0.25]
+    assert all(np.isnan(entry.values[1::2]).all() for entry in element.entries)
+    assert element.failures.count == 2
 
 
 @pytest.mark.parametrize("strange", [7, 2.0, True, None, ["a"]])
