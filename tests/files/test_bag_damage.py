@@ -301,6 +301,16 @@ class TestTopics:
         assert log["/t#2/y"].values.tolist() == [0, -1, -2]
         assert log["/t#2/y"].time_ns.tolist() == [START + at * STEP for at in (5, 6, 7)]
 
+    @pytest.mark.parametrize("read", [0, 1])
+    def test_each_type_on_a_topic_that_is_not_read_is_left_out_under_a_name_of_its_own(self, read, tmp_path):
+        unread = [("/t", f"float64 {name}[", f"my_msgs/msg/{name}", b"\0\1\0\0" + bytes(8)) for name in "PQ"]
+        path = bag(tmp_path / "x.mcap", *floats(3, "/t")[: 3 * read], *unread, *floats(1, "/u"))
+        first, second = ("/t#2", "/t#3") if read else ("/t", "/t#2")
+        words = rf"2 topics left out: {first} \(my_msgs/msg/P: .*\), {second} \(my_msgs/msg/Q: "
+        with pytest.warns(silo.LogWarning, match=words):
+            log = silo.open_log(path)
+        assert list(log) == ["/t/data"] * read + ["/u/data"]
+
     def test_a_type_that_changed_under_its_name_is_not_read_by_the_first_definition(self, tmp_path):
         rows = [
             *floats(3, "/t"),
