@@ -9,9 +9,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from silo.conditions.standing import LimitStatus, LimitWord
+from silo.core.arrays.columns import ColumnPiece
 from silo_tui.model.drawing import braille
 from silo_tui.model.drawing.axes import axis_of, scale_of, words_of
-from silo_tui.model.drawing.plots import NOBODY, Axis
+from silo_tui.model.drawing.plots import NOBODY, Axis, _axis_of
+from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.plots.limits import inner, level_line, lines_of
 from silo_tui.model.plots.picture import RED, _draw_limits
 
@@ -91,6 +93,24 @@ def test_zeros_and_negative_values_stand_around_a_zero():
     assert set(words.values()) >= {"-1e2", "-1e1", "0", "1e0"}
     by_line = [words[line] for line in sorted(words)]
     assert by_line.index("0") < by_line.index("-1e1")
+
+
+@pytest.mark.parametrize(("held", "wider"), [((1, 100), (0.01, 1e4)), ((-5, 100), (-1e4, 1e3)), ((-2, 3), (50, 60))])
+def test_a_held_log_axis_keeps_its_ends_whatever_comes_and_one_that_follows_does_not(held, wider):
+    window = PlotWindow()
+
+    def ends(key, span):
+        low, high = (np.array([float(end)]) for end in span)
+        axis = _axis_of(window, key, [ColumnPiece(low, high, np.zeros(1, np.uint8))], 10, 0, log=True)
+        return [axis.log.value(place) for place in axis.scale]
+
+    window.fixed_scale = True
+    first = ends("a", held)
+    assert first[0] <= held[0] < held[1] <= first[1]
+    assert ends("a", wider) == pytest.approx(first)
+    assert ends("b", wider) != pytest.approx(first), "another axis"
+    window.fixed_scale = False
+    assert ends("a", wider) != pytest.approx(first)
 
 
 def test_what_is_no_number_has_no_axis():

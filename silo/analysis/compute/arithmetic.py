@@ -113,7 +113,6 @@ def _both(
         _check_shapes(one, other, mine, theirs, sign)
     else:
         _check_operand(one, other, sign)
-        _unit(one, other, sign, swapped)
         mine = numbers(one)
         if isinstance(theirs, np.uint64) and theirs < 2**63:  # beside int64 NumPy would make both floats
             theirs = np.int64(theirs)

@@ -88,7 +88,6 @@ class Ros1Topic:
         total = len(self.stamps())
         wanted = total if most is None else min(most, total)
         made: list[tuple[int, bytes]] = []
-        place = 0
         try:
             convert = _converter(self.connection.msgtype, self.definition)
             for place, (_, _, data) in enumerate(self.reader.messages([self.connection])):
@@ -98,8 +97,6 @@ class Ros1Topic:
                     made.append((place, convert(data)))
                 except Exception as error:  # noqa: BLE001 - of a library, for whatever a message holds
                     bad.append((np.array([place]), str(error) or type(error).__name__))
-            else:
-                place += 1
         except Exception as error:  # noqa: BLE001 - likewise: what follows can't be found
             seen = {number for number, _ in made} | {int(which[0]) for which, _ in bad}
             gone = [number for number in range(wanted) if number not in seen]
