@@ -1141,6 +1141,28 @@ def test_what_a_dead_program_logged_and_can_not_be_saved_is_told_with_the_way_ou
     assert told == [(text, EventKind.SAVE_FAILED), (text, [])]
 
 
+def test_of_what_earlier_programs_left_nothing_more_is_begun_once_it_is_to_end(monkeypatch):
+    begun, first, goes_on = [], threading.Event(), threading.Event()
+
+    def recover(_, stale):
+        begun.append(stale)
+        first.set()
+        goes_on.wait(DEADLINE_S)
+
+    monkeypatch.setattr(dead_robot, "settle_left", lambda *_: [])
+    monkeypatch.setattr(dead_robot, "sweep", lambda _: None)
+    monkeypatch.setattr(dead_robot, "left_of", lambda _: ["one", "two"])
+    monkeypatch.setattr(dead_robot.OrphanRecovery, "_recover", recover)
+    options = SimpleNamespace(folder="", name="bot")
+    recovery = dead_robot.OrphanRecovery(SimpleNamespace(now=SimpleNamespace(options=options)), None)
+    recovery.start()
+    assert first.wait(DEADLINE_S)
+    recovery.stop(0)
+    goes_on.set()
+    recovery.stop(DEADLINE_S)
+    assert begun == ["one"]
+
+
 def test_the_end_of_a_stretch_that_was_cut_is_in_its_journal_until_it_is_in_a_file(new_logger, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     log = new_logger("bot", storage="disk", max_time=0)
