@@ -22,6 +22,7 @@ from silo_tui.model.samples.live import (
 )
 from silo_tui.model.words import text
 from silo_tui.sessions.link import Link
+from silo_tui.sessions.live import LiveSource
 
 
 @pytest.mark.parametrize(
@@ -240,3 +241,15 @@ def test_entries_of_one_unit_are_written_alike(kind, words):
 def test_entries_that_are_integers_stay_some():
     element = ElementInfo("/n", "-", "vector", (2,), tuple(Entry(f"_{c}", "<i4") for c in "xy"), ElementOptions())
     assert value_text(element, Reading(np.array([120.0, -3.0]), {}, 1, 0, 0), 17) == "120    -3"
+
+
+@pytest.mark.parametrize(
+    ("running", "frame_ns", "last_tick_ns", "end_ns"),
+    [(True, 7, 5, 7), (True, 0, 5, 5), (False, 7, 5, 5), (False, 7, 0, 7), (False, 0, 5, 5), (False, 0, 0, 0)],
+)
+def test_what_is_logged_goes_to_the_newest_frame_or_to_the_last_tick_of_what_is_stopped(
+    running, frame_ns, last_tick_ns, end_ns
+):
+    status = SimpleNamespace(last_tick_ns=last_tick_ns)
+    session = SimpleNamespace(running=running, frame_time_ns=frame_ns, status=status)
+    assert LiveSource(session).end_ns == end_ns

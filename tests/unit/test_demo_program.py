@@ -23,7 +23,7 @@ from silo.programs.demo.program import (
 )
 from silo.programs.demo.signals import divider_at
 from silo.programs.rate import EndSignals, Rate
-from silo.programs.running import end_with, farewell
+from silo.programs.running import ProgramOptions, end_with, farewell, opened
 from silo.settings.script import apply_script, read_script
 from tests.waiting import DEADLINE_S, wait_until
 
@@ -234,3 +234,10 @@ def test_what_lands_in_a_tick_the_robot_does_in_its_next_step(demo: Logger) -> N
         robot.step()
     assert robot.base.pose[2] > 0.5
     assert np.all(robot.joints.gain_p == 3000)
+
+
+def test_a_program_makes_its_folder_or_has_the_one_that_is_there(tmp_path):
+    for _ in range(2):
+        log = opened(ProgramOptions(name="bot", frequency_hz=100.0, folder=tmp_path / "new" / "logs"))
+        assert list((tmp_path / "new").iterdir()) == [tmp_path / "new" / "logs"]
+        log.close()
