@@ -472,6 +472,34 @@ def test_a_cursor_reads_what_there_is_room_for_and_the_rest_next(robot) -> None:
     assert set(cursor.cursors.values()) == {1000, 200}
 
 
+@pytest.mark.parametrize("kind", ["looping", "growing", "fixed"])
+def test_what_a_cursor_reads_or_tells_to_be_lost_is_each_row_once_at_its_tick(kind, tmp_path, truth) -> None:
+    robot = truth.robot(tmp_path, size=50)
+    robot.log.update()
+    robot.log.set("q", buffer=kind, size=600, action="both")
+    robot.start()
+    reader = SegmentReader(robot.log._present.path)
+    cursor, came, lost = RingCursor(reader, layout_of(reader.schema, ()), {}), {}, {}
+    for count in (40, 300, 7, 1500, 1):
+        robot.ticks(count)
+        complete = False
+        while not complete:
+            found = cursor.read(2_000)
+            complete = found.complete
+            for loss in found.losses:
+                lost.setdefault(loss.ring, []).extend(range(loss.begin, loss.end))
+            for rows in found.rows:
+                numbers = np.arange(rows.first, rows.first + len(rows))
+                assert rows.ticks.tolist() == (numbers * rows.ring.divider).tolist()
+                came.setdefault(rows.ring.ring, []).extend(numbers.tolist())
+    reader.close()
+    robot.log.close(discard=True)
+    assert any(lost.values())
+    for ring, end in cursor.cursors.items():
+        assert sorted([*came[ring], *lost.get(ring, [])]) == list(range(end))
+        assert came[ring] == sorted(came[ring])
+
+
 def test_a_hole_in_a_part_that_begins_later_is_counted_at_its_place(tmp_path, truth) -> None:
     robot = truth.robot(tmp_path, size=50)
     robot.start()
