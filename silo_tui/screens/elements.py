@@ -11,7 +11,7 @@ from textual.widgets import Input, Static
 
 from silo.core.arrays.columns import HOLE_TEXTS, Gap
 from silo.core.names import did_you_mean, glob_of_regex, nearest
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import and_more, many
 from silo.rpc.frames import Frame
 from silo_tui.actions import BY_ID, Command, commands_for, key_of
 from silo_tui.context import SiloScreen
@@ -321,7 +321,9 @@ class ElementsScreen(SiloScreen):
                 break
         has_statistics = "mean" in self.table.titles
         beside = " and statistics" if has_statistics and name != "statistics" else ""
-        self.say(f"columns: {name}{beside}" + (self.statistics_words() if has_statistics else ""))
+        told = self.statistics_words() if has_statistics else ""
+        left_out = and_more(self.table.laid.left_out, 3)
+        self.say(f"columns: {name}{beside}{told}" + (f"; {left_out} at a wider terminal" if left_out else ""))
         self.table_changed()
 
     @abstractmethod

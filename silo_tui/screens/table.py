@@ -18,7 +18,7 @@ from silo.settings.typed import ElementSettings, examples, is_setting, read_sett
 from silo_tui.actions import BY_ID, Command, key_of
 from silo_tui.modal import ask, run_alone, run_aside
 from silo_tui.model.table.cells import statistic_head
-from silo_tui.model.table.columns import LIVE_COLUMNS, STEADY, in_set
+from silo_tui.model.table.columns import LIVE_COLUMNS, STEADY
 from silo_tui.model.table.facts import STATISTICS
 from silo_tui.model.table.fields import Field, parse_change, phrase_for
 from silo_tui.model.table.state import APPLIED
@@ -29,7 +29,7 @@ from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import pace_of
 from silo_tui.widgets.bars import KeyBar, left_a_file
-from silo_tui.widgets.element_table import FLAGS, TREND, ElementTable
+from silo_tui.widgets.element_table import ElementTable
 from silo_tui.widgets.inputs import CellEditor
 
 COLUMN_NS = 200_000_000
@@ -127,11 +127,7 @@ class TableScreen(ElementsScreen):
         narrow = width < WIDE and self.table.column_set == "settings"
         value_width = 10 if narrow else 8 if rest < WIDE else 10 if rest < 140 else 13 if rest < 170 else 20
         wide = rest >= WIDE_SET
-        self.table.lay_out(value_width, wide=wide, fill=not narrow)
-        chosen = [each for each in LIVE_COLUMNS if in_set(each, self.table.column_set, wide=wide)]
-        cells = [each.width_in(self.table.sight, rest) if each.measured else each.width for each in chosen]
-        if width >= WIDE and rest - 1 - FLAGS - sum(1 + each for each in cells if each) - TREND - 1 >= NAME_ROOM:
-            self.table.lay_out(value_width, trend=True, wide=wide)
+        self.table.lay_out(value_width, trend=width >= WIDE, wide=wide, fill=not narrow)
 
     # -------------------------------------------------------------------------------------- what is measured
 

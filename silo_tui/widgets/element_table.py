@@ -28,9 +28,11 @@ from silo_tui.model.table.columns import (
     FILE_SETS,
     LIVE_SETS,
     NAME,
+    NAME_ROOM,
     SETTINGS,
     STATE,
     TREE,
+    ColumnShown,
     TableColumn,
     in_set,
     shown_columns,
@@ -40,7 +42,16 @@ from silo_tui.model.table.fields import Field
 from silo_tui.model.table.rows import RowList
 from silo_tui.model.table.tree import entry_of, row_of
 from silo_tui.model.words import text
-from silo_tui.model.words.names import MIN_WIDTH, fitting_names, shared_space
+from silo_tui.model.words.names import (
+    MIN_WIDTH,
+    NamesInTree,
+    NamesShown,
+    among,
+    in_tree,
+    inside,
+    shared_space,
+    space_words,
+)  # fmt: skip
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import pace_of
 from silo_tui.unforeseen import Guarded
@@ -49,27 +60,36 @@ from silo_tui.widgets.styled import Styled
 
 FLAGS = 2
 TREND = 10
-IN_TREE = 8  # cells that a tree draws beside a name at most, which has fewer levels there
-IN_SPACE = f"{NAME} in "  # what stands before the namespace in the head
+MOST_TOLD = 1000  # names that are told apart from those that are shown alone; of more all are looked at, once
 DERIVED = "="  # the sign of what is computed from others
 EDITED = "E"  # and of what is logged otherwise than its program began with, as events tell edits
 MAX_STRIPS = 4000
 
-Shown = list[tuple[TableColumn, int]]  # columns with their widths
+
+class Told(NamedTuple):
+    """Names that are told apart, below the namespace `space` that those that are shown share: it stands in the head."""
+
+    space: str
+    names: NamesShown | NamesInTree
+
+    def fitted(self, name: str, width: int, count: str = "") -> str:
+        """Return a name as it fits, a tree's last level alone; with how many entries it has where that has room."""
+        return self.names.fitted(inside(self.space, name), width, count)
 
 
 class Layout(NamedTuple):
     """What stands where in a table of some width: names, settings up to `rest`, then what is measured, the rail.
 
-    Names are told below `space`, which stands in the head.
+    `left_out` has the columns for which there is no room.
     """
 
     width: int
+    told: Told
     names: int
-    space: str
-    steady: Shown
+    steady: list[ColumnShown]
     rest: int
-    measured: Shown
+    measured: list[ColumnShown]
+    left_out: tuple[str, ...]
 
 
 class Content(NamedTuple):
@@ -119,9 +139,9 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         self._settings: dict[int, bytes] = {}
         self._painted: dict[int, Content] = {}
         self._ready: dict[int, Content] = {}  # found to differ, not painted yet
-        self._names: dict[tuple[int, str], dict[str, str]] = {}  # as they fit, by width and what they are below
-        self._names_of: tuple[object, ...] = ()
-        self._needs: tuple[object, int, int, int] = ((), 0, 0, 0)
+        self._told: Told | None = None
+        self._told_of: tuple[object, ...] = ()
+        self._needs: tuple[object, int, list[int]] = ((), 0, [])
         self._trends: dict[int, str] = {}  # by row; all of them are drawn together, once a second
         self._trends_of: object = None
         self._trends_due_s = 0.0
@@ -169,47 +189,79 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
     @property
     def laid(self) -> Layout:
         """What stands where."""
-        if self._laid is None or self._laid.width != self.size.width:
+        told = self._names_told()
+        if self._laid is None or self._laid.width != self.size.width or self._laid.told != told:
             self._forget()
-            width, sight = self.size.width, self.sight
-            offered, sort = self._offered, self.rows.sort
-            of = [each for each in offered if each.measured]
-            widths = [max(each.width_in(sight, width), (1 + len(each.title)) * each.gives(sort)) for each in of]
-            measured = [(each, cells) for each, cells in zip(of, widths, strict=True) if cells]
-            rest = width - 1 - sum(1 + cells for _, cells in measured)
-            by_measured = any(each.gives(sort) for each, _ in measured)
-            others = [each for each in offered if not each.measured]
-            steady = shown_columns(others, sight, rest - FLAGS, rest, sort, measured=by_measured)
-            names = max(8, rest - FLAGS - sum(1 + cells for _, cells in steady))
-            longest, widest, unit = self._needed()
-            # what names don't need is for whole units, statistics, and the entries of vectors
-            more = sum(max(0, unit - cells) for each, cells in steady if each.title == "unit")
-            if 0 < more < names - longest:
-                steady = [(each, cells + more * (each.title == "unit")) for each, cells in steady]
-                names -= more
-            if (spare := names - longest) > 0:
-                step = spare // max(1, sum(each.wide > cells for each, cells in measured))
-                wide = [max(cells, min(each.wide, cells + step)) for each, cells in measured]
-                more = sum(wide) - sum(cells for _, cells in measured)
-                measured = [(each, cells) for (each, _), cells in zip(measured, wide, strict=True)]
-                spare, names, rest = spare - more, names - more, rest - more
-                given = {each.title: max(0, min(spare, widest - cells)) for each, cells in measured}.get("value", 0)
-                measured = [(each, cells + given * (each.title == "value")) for each, cells in measured]
-                names, rest = names - given, rest - given
-            numbers = {each.title: cells for each, cells in measured if each.title in ("value", *STATISTICS)}
-            sight.room, sight.value_room = min(numbers.values(), default=11), numbers.get("value", 11)
-            self._laid = Layout(width, names, self._space_of(names) if longest > names else "", steady, rest, measured)
+            self._laid = self._laid_out(told)
         return self._laid
 
-    def _needed(self) -> tuple[int, int, int]:
-        """Return how many cells the longest name takes, the widest value, and unit; of all rows, whatever is shown."""
-        table, short = self.session.table, self.session.short_name
+    def _laid_out(self, told: Told) -> Layout:
+        """Lay out: what tells names apart comes first, then columns in their order, whole units, and names whole.
+
+        What names don't need is for statistics, and the entries of vectors.
+        """
+        width, sight, sort = self.size.width, self.sight, self.rows.sort
+        needed = max(NAME_ROOM, min(told.names.readable, width // 2))
+        of = [each for each in self._offered if each.measured]
+        widths = [max(each.width_in(sight, width), (1 + len(each.title)) * each.gives(sort)) for each in of]
+        rest = width - 1 - sum(1 + cells for cells in widths if cells)
+        offered = [(each, each.width_in(sight, rest)) for each in self._offered if not each.measured]
+        offered += zip(of, widths, strict=True)
+        shown = shown_columns(offered, width - 1 - FLAGS, needed, sort)
+        left_out = tuple(each.title for each, cells in offered if cells and (each, cells) not in shown)
+        names = max(MIN_WIDTH, width - 1 - FLAGS - sum(1 + cells for _, cells in shown))
+        value, units = self._needed()
+        longest = told.names.longest
+        for at, (each, cells) in enumerate(shown):
+            if each.title == "unit":
+                most = cells + max(0, names - min(longest, needed))
+                wide = max((unit for unit in units if cells < unit <= most), default=cells)
+                shown[at], names = (each, wide), names - (wide - cells)
+        steady = [(each, cells) for each, cells in shown if not each.measured]
+        measured = [(each, cells) for each, cells in shown if each.measured]
+        if (spare := names - longest) > 0:
+            step = spare // max(1, sum(each.wide > cells for each, cells in measured))
+            wider = [max(cells, min(each.wide, cells + step)) for each, cells in measured]
+            more = sum(wider) - sum(cells for _, cells in measured)
+            measured = [(each, cells) for (each, _), cells in zip(measured, wider, strict=True)]
+            spare, names = spare - more, names - more
+            given = {each.title: max(0, min(spare, value - cells)) for each, cells in measured}.get("value", 0)
+            measured = [(each, cells + given * (each.title == "value")) for each, cells in measured]
+            names -= given
+        numbers = {each.title: cells for each, cells in measured if each.title in ("value", *STATISTICS)}
+        sight.room, sight.value_room = min(numbers.values(), default=11), numbers.get("value", 11)
+        rest = width - 1 - sum(1 + cells for _, cells in measured)
+        return Layout(width, told, names, steady, rest, measured, left_out)
+
+    def _needed(self) -> tuple[int, list[int]]:
+        """Return how many cells the widest value takes, and units; of all rows, whatever is shown."""
+        table = self.session.table
         made_for = (id(table.names), len(table), table.prefix)
         if self._needs[0] != made_for:
-            longest = max((cell_len(short(name)) for name in table.names), default=0)
-            unit = max((cell_len(each.unit) for each in table.elements), default=0)
-            self._needs = made_for, longest, max(map(cells_of_value, table.elements), default=0), unit
-        return self._needs[1] + IN_TREE * (self.rows.sort == TREE), *self._needs[2:]
+            units = sorted({cell_len(each.unit) for each in table.elements})
+            self._needs = made_for, max(map(cells_of_value, table.elements), default=0), units
+        return self._needs[1:]
+
+    def _names_told(self) -> Told:
+        """Return what tells the names that are shown apart; of rows that come and go by themselves, all names."""
+        rows, table = self.rows, self.session.table
+        of = (rows.shown, rows.sort == TREE, table.prefix, dict(rows.components))
+        if self._told is None or self._told_of[0] is not of[0] or self._told_of[1:] != of[1:]:
+            self._told_of = of
+            shown, everything = rows.shown, np.arange(len(table))
+            some = everything if rows.filter.measured else np.sort(shown)  # the same in another order are the same
+            names = tuple(map(self._named, some.tolist()))
+            space = "" if rows.sort == TREE else shared_space(names)  # branches tell it
+            if len(some) > MOST_TOLD:
+                names = tuple(map(self._named, everything.tolist()))
+            names = tuple(inside(space, name) for name in names)
+            self._told = Told(space, in_tree(names) if rows.sort == TREE else among(names))
+        return self._told
+
+    def _named(self, row: int) -> str:
+        """Return the name of a row, with the entry that is shown alone."""
+        named = self.sight.shown_name(row) if self.rows.components else self.session.table.names[row]
+        return self.session.short_name(named)
 
     @property
     def titles(self) -> list[str]:
@@ -501,7 +553,8 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         if row is not None and entry is not None:
             called = component_name(self.session.table.elements[row].entries[entry].suffix)
             yield Segment(f" {_sign(is_cursor=is_cursor, marked=False)}", self._style(*base))
-            yield Segment(fitted(f"{indent or '  '}  {called}", room), self._style(*base, quiet))
+            words = text.cut(f"{indent or '  '}  {called}", room)
+            yield Segment(fitted(words, room), self._style(*base, quiet))
             return
         branch = self.rows.tree.branches[-1 - line]
         pending, conflicts = self._pending[:, branch.rows].any(), self._conflicts[:, branch.rows].any()
@@ -511,20 +564,23 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         yield Segment(_sign(is_cursor=is_cursor, marked=bool(marked)), self._style(*base, "table--marked"))
         sign = "►" if branch.path in self.rows.folded else "▼"
         width = min(laid.names, room)
-        yield Segment(fitted(f"{indent}{sign} {branch.label}", width), self._style(*base, marked))
+        label = self._tree_name(branch.path, self.rows.tree.depth(position), width, f"{sign} ")
+        yield Segment(fitted(label, width), self._style(*base, marked))
         yield Segment(fitted(f" {len(branch.rows)}", room - width), self._style(*base, quiet))
 
-    def _tree_name(self, row: int, depth: int, width: int) -> str:
-        """Return the last level of a name, whole where it fits, behind what shows how deep it lies."""
-        element = self.session.table.elements[row]
-        several = len(element.entries) > 1
-        sign = ("▼ " if element.name in self.rows.unfolded else "► ") if several else "  "
-        space, _, label = self.session.short_name(element.name).rpartition("/")
-        begin, end = "  " * depth + sign, self._alone(row) or (f" |{len(element.entries)}|" if several else "")
-        room = width - cell_len(begin + end)
-        if room < MIN_WIDTH:
-            return self._name_in(row, width, "")
-        return begin + (label if cell_len(label) <= room else self._name_in(row, room, space)) + end
+    def _name_words(self, row: int, depth: int, laid: Layout) -> str:
+        element, name = self.session.table.elements[row], self._named(row)
+        if self.rows.sort != TREE:
+            return laid.told.fitted(name, laid.names)
+        if (count := len(element.entries)) < 2:
+            return self._tree_name(name, depth, laid.names, "  ")
+        sign = "▼ " if element.name in self.rows.unfolded else "► "
+        return self._tree_name(name, depth, laid.names, sign, "" if self._alone(row) else f" |{count}|")
+
+    def _tree_name(self, name: str, depth: int, width: int, sign: str, count: str = "") -> str:
+        """Return the last level of a name as it fits, behind what shows how deep it lies."""
+        begin = "  " * max(0, min(depth, (width - cell_len(sign) - MIN_WIDTH) // 2)) + sign
+        return begin + self.laid.told.fitted(name, width - cell_len(begin), count)
 
     def _segments(self, row: int, depth: int, laid: Layout, *, is_cursor: bool) -> Iterator[Segment]:
         values, pending, conflicts = self._values[:, row], self._pending[:, row], self._conflicts[:, row]
@@ -547,10 +603,8 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         yield Segment(flag, self._style(*base, flag_style))
         marked = "table--marked" if self.rows.marked[row] or self._range[row] else ""
         yield Segment(_sign(is_cursor=is_cursor, marked=bool(marked)), self._style(*base, marked))
-        width = laid.names
-        in_tree = self.rows.sort == TREE
-        name = self._tree_name(row, depth, width) if in_tree else self._name_alone(row, width, laid.space)
-        yield Segment(fitted(name, width), self._style(*base, marked))
+        name = fitted(self._name_words(row, depth, laid), laid.names)
+        yield Segment(name, self._style(*base, marked))
         for column, cell_width in laid.steady:
             words, style = column.draw(self.sight, row, cell_width)
             word = fitted(words, cell_width, right=column.right)
@@ -569,38 +623,9 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
             yield Segment(" ", self._style(*base))
             yield from self._cell(word, styles, bool(pending[column.field]))
 
-    def _space_of(self, width: int) -> str:
-        """Return the namespace of all that is shown, where names don't fit with it and the head has room for it."""
-        if self.rows.sort == TREE:
-            return ""  # branches tell it
-        names, short = self.session.table.names, self.session.short_name
-        return shared_space([short(names[row]) for row in self.rows.shown.tolist()], width, width - len(IN_SPACE))
-
     def _alone(self, row: int) -> str:
         """Return what stands behind the name of a vector of which one entry is shown alone, `_x`; else nothing."""
         return self.sight.shown_name(row).removeprefix(self.session.table.names[row])
-
-    def _name_alone(self, row: int, width: int, space: str) -> str:
-        """Return a name as `_name_in` does, with the entry that is shown alone: its cell may have no room to say it."""
-        room = width - cell_len(suffix := self._alone(row))
-        return self._name_in(row, room, space) + suffix if room >= MIN_WIDTH else self._name_in(row, width, space)
-
-    def _name_in(self, row: int, width: int, space: str) -> str:
-        """Return a name as this table has it below a namespace, at this width.
-
-        Made once for all of them, whatever is shown, so that neither scrolling nor a filter by values changes one.
-        """
-        names, short = self.session.table.names, self.session.short_name
-        made_for = (id(names), len(names), self.session.table.prefix)
-        if self._names_of != made_for:
-            self._names_of = made_for
-            self._names.clear()
-        key = width, space
-        if key not in self._names:
-            below = [name for name in map(short, names) if not space or name.startswith(f"{space}/")]
-            fitted = fitting_names([name[len(space) + bool(space) :] for name in below], width)
-            self._names[key] = dict(zip(below, fitted, strict=True))
-        return self._names[key][short(names[row])]
 
     def _cell(self, word: str, styles: list[str], underlined: bool) -> Iterator[Segment]:
         """Underline the word alone, not the room around it."""
@@ -656,8 +681,9 @@ class TableHead(Guarded, ScrollView):
         plain, chosen = self.get_component_rich_style("head--text"), self.get_component_rich_style("head--field")
         table, rows = self._table, self._table.rows
         laid, sort = table.laid, rows.sort
-        mark = f" ↓{NAME}" if sort == TREE else f" {rows.arrow}{sort}" if sort in (NAME, ADDED) else f" {NAME}"
-        mark += f" in {laid.space}" * bool(laid.space)
+        arrow = "↓" if sort == TREE else rows.arrow * (sort in (NAME, ADDED))
+        title = sort if sort == ADDED else NAME
+        mark = f" {space_words(title, laid.told.space, laid.names, arrow)}"
         steady = [Segment(" " * (FLAGS - 1) + mark.ljust(laid.names + 1), plain)]
         measured: list[Segment] = []
         for column, width in (*laid.steady, *laid.measured):

@@ -233,7 +233,7 @@ def test_a_stretch_of_time_is_of_the_entry_that_is_shown_where_it_is_known():
 @pytest.mark.parametrize(
     ("draw", "name", "width", "shown"),
     [
-        (cells.unit, "/t", 5, "Nm"), (cells.unit, "/n", 5, ""), (cells.unit, "/v", 2, "m…"),
+        (cells.unit, "/t", 5, "Nm"), (cells.unit, "/n", 5, ""), (cells.unit, "/v", 2, "…"),
         (cells.option(Field.ENABLED), "/t", 3, "[x]"), (cells.option(Field.ENABLED), "/derived", 3, "[x]"),
         (cells.option(Field.BUFFER), "/fixed", 4, "fix"), (cells.option(Field.BUFFER), "/derived", 4, "-"),
         (cells.number(Field.SIZE), "/t", 4, "4000"), (cells.number(Field.SIZE), "/t", 3, "4e3"),

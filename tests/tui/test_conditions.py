@@ -59,9 +59,9 @@ def test_a_new_trigger_lies_beyond_all_that_was(dtype, low, high, when):
 
 class TestWords:
     def test_a_trigger_is_a_line(self):
-        row = trigger_row(FALL, 80, NOW_NS)
+        row = trigger_row(FALL, 80, f"{'fall':<10}", FALL.options.when, NOW_NS)
         assert row == "  ARMED      fall       abs(base/roll) > 0.6          5 s    1 s     3  0.4 s"
-        assert "never" in trigger_row(BLIND, 80, NOW_NS)
+        assert "never" in trigger_row(BLIND, 80, " " * 10, "", NOW_NS)
 
     def test_an_alarm_is_a_line(self):
         row = limit_row(HOT, "/LF/HAA/torque", 80, NOW_NS)

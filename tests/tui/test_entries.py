@@ -84,20 +84,35 @@ def test_every_cell_fits_its_column(table, column):
         assert len(words) <= column.width, row
 
 
-@pytest.mark.parametrize("width", range(20, 80))
-def test_whole_columns_are_left_out_in_their_order_until_names_have_room(table, width):
-    shown = [column for column, _ in shown_columns(STEADY, _sight(table), width, width)]
-    left_out = [column.leaves for column in STEADY if column not in shown]
-    assert sorted(left_out) == list(range(1, len(left_out) + 1))
-    room = width - sum(1 + column.width for column in shown)
-    assert room >= NAME_ROOM or not [column for column in shown if column.leaves]
+def _widths(columns, table):
+    return [(column, column.width_in(_sight(table), 80)) for column in columns]
 
 
-@pytest.mark.parametrize("width", [30, 50])
-def test_what_is_measured_keeps_its_unit_where_it_is_ordered_by(table, width):
-    for measured in (False, True):
-        shown = shown_columns(STEADY, _sight(table), width, width, "std", measured=measured)
-        assert ("unit" in [column.title for column, _ in shown]) == measured or width == 50
+@pytest.mark.parametrize("names", [NAME_ROOM, 30])
+@pytest.mark.parametrize("width", range(20, 160, 3))
+def test_whole_columns_are_left_out_in_their_order_until_names_have_room(table, width, names):
+    shown = shown_columns(_widths(LIVE_COLUMNS, table), width, names)
+    titles = [column.title for column, _ in shown]
+    orders = [column.leaves for column in LIVE_COLUMNS if column.leaves]
+    left_out = [column.leaves for column in LIVE_COLUMNS if column.title not in titles]
+    assert len(set(orders)) == len(orders)
+    assert sorted(left_out) == sorted(orders)[: len(left_out)]
+    room = width - sum(1 + cells for _, cells in shown)
+    assert room >= names or not [column for column, _ in shown if column.leaves]
+
+
+def test_statistics_give_way_before_the_unit_and_the_ends_of_the_values_last(table):
+    gone: list[str] = []
+    for names in range(10, 80):
+        shown = shown_columns(_widths([each for each in LIVE_COLUMNS if "statistics" in each.sets], table), 80, names)
+        gone += [each for each in ("min", "max", "mean", "std", "unit") if each not in {c.title for c, _ in shown}]
+    assert list(dict.fromkeys(gone)) == ["std", "mean", "max", "min", "unit"]
+
+
+def test_what_is_measured_keeps_its_unit_where_it_is_ordered_by(table):
+    for columns, kept in ((STEADY, False), (LIVE_COLUMNS, True)):
+        shown = [column.title for column, _ in shown_columns(_widths(columns, table), 30, 16, "std")]
+        assert ("unit" in shown) == ("std" in shown) == kept
 
 
 @pytest.mark.parametrize("column", [column for column in LIVE_COLUMNS if column.terms], ids=lambda column: column.title)

@@ -24,6 +24,7 @@ from silo_tui.model.lists.happened import (
     in_plots,
     in_time,
     line,
+    long_words,
     matches,
     newest,
     of_last_run,
@@ -73,6 +74,16 @@ def test_what_has_no_room_in_its_line_is_cut_at_a_blank_once_who_did_it_has_give
     head = line(event(), "", 80, "bot").index("M") + 2
     shown = line(event(), "ticks 8040 to 12680 held", head + room + 2, "bot")[head:]
     assert shown.rstrip() == told.rstrip()
+
+
+def test_a_long_name_loses_what_does_not_tell_it_apart_before_the_line_is_cut():
+    told = [f"/robot/left_front/{leg}_KFE/winding_temperature over 50: 51.25" for leg in ("LF", "LH")]
+    events = [event("limit", f"/log{each}") for each in told]
+    names = long_words(events, lambda word: word.removeprefix("/log"))
+    shown = [line(each, words, 72, "bot", names) for each, words in zip(events, told, strict=True)]
+    assert [words.split(" H ")[1].rstrip() for words in shown] == [
+        "…/LF…winding_temperature over 50: 51.25", "…/LH…winding_temperature over 50: 51.25",
+    ]  # fmt: skip
 
 
 def test_control_characters_stay_off_the_screen():

@@ -401,10 +401,13 @@ async def test_what_names_don_t_need_shows_entries_of_vectors(size, entries, new
         assert "…" not in row_with(screen, "/base/twist")
 
 
-async def test_a_unit_that_has_no_room_is_seen_to_be_cut(new_fake, opened):
-    async with opened(new_fake([scalar(f"/log/base/{'inertia' * 8}", "kg m^2")])) as screen:
-        await screen.shows("kg m…")
-        assert "kg m^ " not in screen.text
+async def test_a_unit_that_has_no_room_is_never_cut(new_fake, opened):
+    """The inspector tells it: `kg m^` would be another."""
+    async with opened(new_fake([scalar("/log/base/inertia", unit := "kg m^2/s^2 per turn")])) as screen:
+        await screen.shows(" … ")
+        assert "kg" not in screen.text
+        await screen.do("inspector")
+        await screen.shows(f"[{unit}]")
 
 
 @pytest.mark.parametrize(("pace", "spared_s"), [(STEPS[0], 0.0), (STEPS[-1], 8.0)])

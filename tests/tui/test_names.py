@@ -1,5 +1,7 @@
 """Names that are too long for their column."""
 
+import re
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -7,12 +9,16 @@ from hypothesis import strategies as st
 from silo.core.quantities.writing import size_text
 from silo_tui.model.words import text
 from silo_tui.model.words.names import (
-    _around,
+    TAIL,
+    NamesInTree,
+    NamesShown,
     cells,
     first_levels,
     fitted_among,
     fitting_names,
-    fitting_names_below,
+    inside,
+    shared_space,
+    space_words,
     without_prefix,
 )
 
@@ -26,12 +32,19 @@ LEGS = [
     for joint in ("HAA", "HFE", "KFE")
     for signal in ("drive_temperature", "drive_temperature_limit", "torque", "drive_temperatures_of_windings")
 ]
+MOTORS = [
+    f"/legged_robot/{place}/{leg}_{joint}/motor/{part}_temperature"
+    for place, leg in (("left_front", "LF"), ("right_front", "RF"), ("left_hind", "LH"), ("right_hind", "RH"))
+    for joint in ("HAA", "HFE", "KFE")
+    for part in ("housing", "winding")
+]
 
 
-def test_of_levels_that_differ_in_their_first_word_three_letters_of_it_stay():
-    names = [f"/legs/LF/HAA/{part}_temperature" for part in ("drive", "housing", "winding")]
-    assert fitting_names(names, 20) == ["/l…/LF/HAA/dri…ature", "/l…/LF/HAA/hou…ature", "/l…/LF/HAA/win…ature"]
-    assert fitting_names(names, 18) == ["/l…/LF/HAA/dri…ure", "/l…/LF/HAA/hou…ure", "/l…/LF/HAA/win…ure"]
+def test_of_words_that_tell_names_apart_three_letters_stay():
+    names = [f"/legs/{leg}/HAA/{part}_temperature" for leg in ("LF", "RH") for part in ("drive", "housing", "winding")]
+    assert fitting_names(names, 20)[:3] == ["…/LF/…/drive_t…ature", "…/LF/…/housing…ature", "…/LF/…/winding…ature"]
+    assert fitting_names(names, 16)[:3] == ["…/LF/…/dri…ature", "…/LF/…/hou…ature", "…/LF/…/win…ature"]
+    assert fitting_names(names, 12)[:3] == ["…LF…dr…ature", "…LF…ho…ature", "…LF…wi…ature"]
 
 
 @pytest.mark.parametrize("width", WIDTHS)
@@ -54,15 +67,64 @@ def test_a_name_that_fits_stays_whole():
     assert fitting_names(["/base/euler", *LEGS], 52)[0] == "/base/euler"
 
 
-def test_levels_on_the_left_become_their_unique_beginning_and_the_longest_loses_its_middle():
-    fitted = dict(zip(LEGS, fitting_names(LEGS, 26), strict=True))
-    assert fitted["/legs/LF/HAA/torque"] == "/legs/LF/HAA/torque"
-    assert fitted["/legs/LF/HAA/drive_temperature"] == "/l…/LF/HAA/dri…temperature"
+NAME_SETS = st.one_of(
+    NAMES,
+    st.lists(  # as robots have them: the same words again and again
+        st.lists(
+            st.lists(st.sampled_from(["left", "right", "LF", "KFE", "motor", "temp", "temperature"]), min_size=1)
+            .map("_".join), min_size=1, max_size=5,
+        ).map(lambda levels: "/" + "/".join(levels)),
+        unique=True, max_size=40,
+    ),
+)  # fmt: skip
 
 
-def test_a_name_that_has_no_room_for_all_its_levels_keeps_the_end_of_the_last_one_whole():
+@given(NAME_SETS, st.integers(0, 40), st.randoms())
+@settings(max_examples=200)
+def test_in_as_many_cells_as_tell_names_apart_each_is_its_own_pattern_and_keeps_its_tail(names, more, random):
+    width = max(8, NamesShown(names).least + more)
+    fitted = fitting_names(names, width)
+    assert len(set(fitted)) == len(names)
+    for name, fits in zip(names, fitted, strict=True):
+        assert cells(fits) <= width
+        pieces = [re.escape(piece) for piece in fits.split("…")]
+        assert re.fullmatch(".+".join(pieces), name), fits  # letters are left out where a sign stands for them alone
+        assert not fits.endswith("…")
+        *_, word = re.findall(r"[^\W_]+[\W_]*$|[\W_]+$", name)
+        assert fits.endswith(word[-min(len(word), TAIL) :])
+    again = random.sample(names, len(names))
+    assert dict(zip(again, fitting_names(again, width), strict=True)) == dict(zip(names, fitted, strict=True))
+
+
+@given(NAME_SETS)
+def test_names_are_told_apart_wherever_three_letters_of_each_word_have_room(names):
+    shown = NamesShown(names)
+    assert shown.least <= shown.readable <= shown.longest
+
+
+def test_a_word_that_all_names_of_the_same_end_have_goes_first():
+    assert fitting_names(MOTORS, 20)[:2] == ["…/LF_HAA/…/hou…ature", "…/LF_HAA/…/win…ature"]
+    assert fitting_names(MOTORS, 30)[:2] == ["…/LF_HAA/…/housing_temperature", "…/LF_HAA/…/winding_temperature"]
+    assert NamesShown(MOTORS).readable == len("…LF_HAA…hou…ature")
+
+
+def test_a_word_that_is_left_out_elsewhere_stays_where_it_tells():
+    names = [f"/arm/{part}/temperature_of_winding" for part in ("motor", "brake", "gear")] + ["/arm/motor/torque_limit"]
+    assert fitting_names(names, 16) == ["…/motor/…winding", "…/brake/…winding", "…/gear/…winding", "…torque_limit"]
+
+
+def test_a_short_last_word_keeps_what_stands_before_it():
+    conditions = [f"/legged_robot/{leg}_KFE/winding_temperature > 50" for leg in ("LF", "RF")]
+    assert fitting_names(conditions, 20) == ["…/LF…winding… > 50", "…/RF…winding… > 50"]
+
+
+def test_the_first_word_of_the_last_level_stays_as_it_has_room():
+    assert fitting_names(["/a/communication_error_count", "/a/position"], 14)[0] == "…communi…count"
+
+
+def test_a_name_that_ends_as_another_begins_keeps_what_it_has_more():
     assert fitting_names(["/legs/LF/KFE/position", "/legs/LF/KFE/position_command"], 14) == [
-        "…/KFE/position", "…ition_command",
+        "…KFE/position", "…posit…command",
     ]  # fmt: skip
 
 
@@ -72,38 +134,47 @@ def test_a_joint_is_never_hidden(width):
         assert name.split("/")[3] in fits.split("/")
 
 
-def test_a_level_of_few_letters_stays_whole_as_that_saves_one():
-    names = ["/legs/LF/KFE/winding_temperature", "/legs/LF/HAA/winding_temperature", "/legions/LF/HAA/x"]
-    assert fitting_names(names, 24)[0] == "/legs/LF/KFE/windi…ature"
+@pytest.mark.parametrize(("width", "words"), [(24, "name in /legged_robot"), (15, "/legged_robot"), (9, "…robot")])
+def test_the_namespace_that_all_share_stands_once_above(width, words):
+    assert shared_space(MOTORS) == "/legged_robot"
+    assert inside("/legged_robot", MOTORS[0]) == "left_front/LF_HAA/motor/housing_temperature"
+    assert space_words("name", "/legged_robot", width) == words
 
 
-def test_the_namespace_that_all_share_stands_once_above():
-    names = ["/legs/LF/HAA/drive_temperature", "/legs/RH/KFE/winding_temperature"]
-    assert fitting_names_below(names, 27, 20) == (
-        "/legs", ["LF/HAA/drive_temperature", "RH/KFE/winding_temperature"],
-    )  # fmt: skip
-    assert fitting_names_below(names[:1], 27, 8) == ("/legs/LF", ["HAA/drive_temperature"])  # as it has room
-    assert fitting_names_below(names, 40, 20) == ("", names)  # where all fit, they are whole
+def test_what_stands_above_names_is_what_all_have():
+    assert shared_space(["/joints/q", "/joints/dq"]) == "/joints"
+    assert shared_space(["/joints/q", "/joint/dq"]) == shared_space(["/q", "/dq"]) == shared_space(["/joints/q"]) == ""
+    assert (inside("", "/q"), space_words("name", "", 20, "↓")) == ("/q", "↓name")
 
 
-@given(NAMES, st.integers(12, 40))
-def test_below_what_they_share_different_names_never_look_alike(names, width):
-    space, fitted = fitting_names_below(names, width, width - 8)
+@given(NAME_SETS)
+def test_below_what_they_share_names_are_as_different(names):
+    space = shared_space(names)
+    below = [inside(space, name) for name in names]
+    assert len(set(below)) == len(names)
+    assert all(name in (short, f"{space}/{short}") for name, short in zip(names, below, strict=True))
+
+
+@given(NAME_SETS, st.integers(8, 30))
+def test_labels_of_a_branch_are_told_apart(names, width):
+    told = NamesInTree(names)
+    branches = {"/".join(name.split("/")[:depth]) for name in names for depth in range(2, name.count("/") + 2)}
+    found = [(path.rpartition("/")[0], told.fitted(path, width)) for path in branches]
+    assert len(set(found)) == len(found)
+
+
+def test_how_many_entries_a_vector_has_stands_there_where_its_label_has_room():
+    told = NamesInTree(["/base/euler_angles", "/base/position"])
+    assert told.fitted("/base/euler_angles", 16, " |3|") == "euler_angles |3|"
+    assert told.fitted("/base/euler_angles", 14, " |3|") == "eul…angles |3|"
+    assert told.fitted("/base/euler_angles", 11, " |3|") == "eule…angles"
+    assert told.longest == 2 + 2 + len("euler_angles |3|")
+
+
+def test_names_that_have_no_room_at_all_have_their_end_and_a_number():
+    names = [f"motor_of_joint_{leg}{joint}_{side}" for leg in "ABCD" for joint in "ABCD" for side in ("left", "right")]
+    fitted = fitting_names(names, 8)
     assert len(set(fitted)) == len(names)
-    assert all(name.startswith(space) for name in names)
-    assert cells(space) <= max(0, width - 8)
-
-
-def test_levels_that_begin_alike_keep_the_letters_in_which_they_differ():
-    names = ["/controller/a/long_signal_name", "/contactor/a/long_signal_name"]
-    first, second = fitting_names(names, 26)
-    assert (first[:7], second[:7]) == ("/contr…", "/conta…")
-
-
-def test_the_order_of_names_doesn_t_change_how_they_look():
-    assert dict(zip(LEGS, fitting_names(LEGS, 22), strict=True)) == dict(
-        zip(reversed(LEGS), fitting_names(LEGS[::-1], 22), strict=True)
-    )
 
 
 def test_ten_thousand_names_look_different():
@@ -115,13 +186,10 @@ def test_ten_thousand_names_look_different():
 
 def test_a_name_keeps_its_last_word_where_that_has_room():
     names = [f"/legs/LF/HAA/{name}" for name in ("torque", "torque_margin", "torque_command", "friction_torque")]
-    assert [name[13:] for name in fitting_names([*names, "/loop/ticks"], 24)[:4]] == [
-        "torque",
-        "torq…margin",
-        "tor…command",
-        "fric…torque",
-    ]
-    assert fitted_among(names[3], (), 20) == "/l…/LF/HAA/fri…orque"
+    assert fitting_names([*names, "/loop/ticks"], 16)[:4] == [
+        "…LF/HAA/torque", "…torque_margin", "…torque_command", "…friction_torque",
+    ]  # fmt: skip
+    assert fitted_among(names[3], (), 20) == "…HAA/friction_torque"
 
 
 def test_words_have_the_names_of_signals_as_tables_give_them():
@@ -150,11 +218,3 @@ def test_seconds_go_on_to_two_minutes():
 )
 def test_a_text_takes_as_many_cells_as_a_terminal_gives_it(words, width):
     assert cells(words) == width
-
-
-@pytest.mark.parametrize(
-    ("name", "begin", "words"),
-    [("xyLFabcdefghi", 2, "xyLF…defghi"), ("wxyLFabcdefghi", 3, "…xyLF…defghi"), ("LFabcdefghijk", 0, "LF…fghijk")],
-)
-def test_letters_are_left_out_where_a_sign_stands_for_them_alone(name, begin, words):
-    assert _around(name, begin, begin + 2, 12) == words

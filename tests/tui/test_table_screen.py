@@ -382,15 +382,24 @@ async def test_a_term_that_can_t_be_read_is_underlined_and_one_that_leaves_nothi
             await screen.shows(says)
 
 
-async def test_the_namespace_of_what_is_shown_stands_once_in_the_head_where_names_do_not_fit(new_fake, opened):
+async def test_the_namespace_of_what_is_shown_stands_once_in_the_head(new_fake, opened):
     names = [f"/log/legs/{leg}/{joint}/winding_temperature" for leg in ("LF", "RH") for joint in ("HAA", "KFE")]
     async with opened(new_fake([*map(scalar, names), scalar("/log/battery/voltage")])) as screen:
-        await screen.shows("/l…/LF/KFE/winding…ature")  # a joint is never left out
+        await screen.shows("…/LF/KFE/win…temperature")  # a joint is never left out
         assert "name in" not in screen.text
         await screen.press("/", *"winding", "enter")
         await screen.shows("name in /legs ")
         await screen.shows("RH/KFE/windi…temperature")
         assert "/legs/" not in screen.text
+
+
+async def test_what_all_that_is_shown_share_stands_in_the_head_where_names_would_fit_too(new_fake, opened):
+    async with opened(new_fake([scalar(f"/log/{name}") for name in ("joints/q", "joints/dq", "time")])) as screen:
+        await screen.shows("/joints/dq ")
+        await screen.press("/", *"joints", "enter")
+        await screen.shows("name in /joints ")
+        await screen.shows(">dq ")
+        assert "/joints/" not in screen.text
 
 
 async def test_what_was_said_long_before_is_gone_where_one_comes_back(fake, opened, monkeypatch):

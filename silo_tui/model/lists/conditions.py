@@ -13,10 +13,10 @@ from silo.core.names import Names
 from silo.core.quantities.writing import duration_text, many, share_words, size_text
 from silo.errors import ExpressionError
 from silo_tui.model.words import text
+from silo_tui.model.words.names import space_words
 from silo_tui.model.words.states import WIDEST, limit_word
 
 NOW = " now"  # the end of an axis of time
-IN_SPACE = "signal in "
 UNNAMED = "it stands in names of files"  # what a trigger has a name for
 MOST_PLOTS = 6  # of what a condition is about, at once
 NAME, WHEN = 10, 20  # cells of a trigger's name, and those that its condition keeps
@@ -31,24 +31,24 @@ def name_width(names: Sequence[str], width: int) -> int:
 
 def times_head(width: int, name: int = NAME) -> str:
     """Return the head of the list of triggers; `name` cells are of their names."""
-    when = _when_width(width, name)
+    when = when_width(width, name)
     return f"  {'state':<10} {'name':<{name}} {'when':<{when}} {'pre':>6} {'post':>6} {'count':>5}  last"
 
 
-def _when_width(width: int, name: int) -> int:
+def when_width(width: int, name: int) -> int:
+    """Return the cells of the conditions of triggers, whose names have `name`."""
     return max(12, width - 54 + NAME - name)
 
 
-def trigger_row(one: TriggerStatus, width: int, now_ns: int | None = None, name: str = "") -> str:
-    """Return a trigger as a line of so many cells; `name` is its name as long as the names of all are."""
-    name = name or f"{one.options.name[:NAME]:<{NAME}}"
+def trigger_row(one: TriggerStatus, width: int, name: str, when: str, now_ns: int | None = None) -> str:
+    """Return a trigger as a line of so many cells; `name` is as long as the names of all are, `when` as it fits."""
     options = one.options
     state = one.state.value.upper() + (f" {one.holdoff_s:.0f}" if one.holdoff_s else "")
     since = ((time.time_ns() if now_ns is None else now_ns) - one.last_ns) / 1e9
     last = text.ago(since) if one.last_ns else "never"
-    room = _when_width(width, len(name))
+    room = when_width(width, len(name))
     pre, post = (text.span(value) if value else "0 s" for value in (options.pre_s, options.post_s))
-    return f"  {state:<10} {name} {text.cut(options.when, room):<{room}} {pre:>6} {post:>6} {one.fires:>5}  {last}"
+    return f"  {state:<10} {name} {when:<{room}} {pre:>6} {post:>6} {one.fires:>5}  {last}"
 
 
 def named_in(when: str, elements: Sequence[ElementInfo], prefix: str) -> list[str]:
@@ -71,8 +71,8 @@ def named_in(when: str, elements: Sequence[ElementInfo], prefix: str) -> list[st
 
 def limit_head(width: int, space: str = "") -> str:
     """Return the head of the list of alarms, whose signals are told below the namespace `space`."""
-    room, signal = signal_width(width), IN_SPACE + space if space else "signal"
-    begin = f"  {'state':<{WIDEST}} {signal:<{room}}"
+    room = signal_width(width)
+    begin = f"  {'state':<{WIDEST}} {space_words('signal', space, room):<{room}}"
     return f"{begin} {'value':>8} {'limit':>7} {'worst':>8} {'since':>8} {'count':>5} seen by"
 
 

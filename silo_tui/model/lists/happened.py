@@ -16,6 +16,7 @@ from silo.core.quantities.writing import wall_clock
 from silo.net.access.senders import short_words
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
+from silo_tui.model.words.names import fitted_among
 
 LETTERS = {
     "marker": "M", "triggered": "T", "captured": "T", "started": "S", "stopped": "S", "closed": "S", "edited": "E",
@@ -26,6 +27,7 @@ EVENT_LINE = "╎"
 RANK = "XSTMEH"  # of several in one cell that one is shown which comes first
 MOST = 2000  # that a session keeps of limits, and as many of all else: a limit that flickers pushes nothing out
 _LIMITS = {"limit", "limit ended"}
+LONG = 24  # letters of a name that isn't shortened in a line
 FOLDED_FROM = 4  # a limit that is crossed, and left, twice
 
 
@@ -171,14 +173,27 @@ def _place(event: LoggedEvent) -> tuple[str, str]:
     return wall_clock(event.clock_ns, 3), text.count(event.tick) if event.tick >= 0 else "-"
 
 
-def line(event: LoggedEvent, told: str, width: int, logger: str) -> str:
-    """Return a line of the screen: time, tick, letter, what was told, who; `who` goes first where there is no room."""
+def long_words(events: Sequence[LoggedEvent], shown: Callable[[str], str]) -> tuple[str, ...]:
+    """Return the names of signals, triggers and files of all events that may have no room in a line, as `shown`."""
+    found = {word for event in events for word in event.text.split(" ") if len(word) > LONG}
+    return tuple(map(shown, sorted(found)))
+
+
+def line(event: LoggedEvent, told: str, width: int, logger: str, names: tuple[str, ...] = ()) -> str:
+    """Return a line of the screen: time, tick, letter, what was told, who; `who` goes first where there is no room.
+
+    Then a long name among the `names` of all lines loses what doesn't tell it apart.
+    """
     clock, tick = _place(event)
     head = f"  {clock}  {tick:>10} {letter(event)} "
     who = text.clean(short_words(event.who) or logger)[: max(0, min(20, width // 4))]
     room = width - len(head) - len(who) - 4
     if len(told) > room:
         room, who = width - len(head) - 2, ""
+        longest = max(told.split(" "), key=len)
+        if longest in names:
+            fits = fitted_among(longest, names, max(LONG, room - len(told) + len(longest)))
+            told = told.replace(longest, fits, 1)
     if len(told) > room:  # at a blank: half a number reads as another one
         told = f"{told[: max(1, room)].rpartition(' ')[0] or told[: max(1, room - 1)]}…"
     return f"{head}{told:<{max(1, room)}}  {who}"[:width]

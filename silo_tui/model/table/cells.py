@@ -83,9 +83,9 @@ def _cut(words: str, width: int) -> Cell:
 
 
 def unit(sight: Sight, row: int, width: int) -> Cell:
-    """Return the unit; nothing where there is none. One that is cut shows it: `kg m^` is another than `kg m^2`."""
+    """Return the unit; nothing where there is none. One without room is a sign alone: `kg m^` would be another."""
     word = sight.table.elements[row].unit
-    return _cut("" if word == "-" else word, width)
+    return ("" if word == "-" else word if len(word) <= width else "…"), "quiet"
 
 
 def option(field: Field) -> Callable[[Sight, int, int], Cell]:

@@ -32,7 +32,7 @@ from silo_tui.model.table.terms import (
 from silo_tui.model.words.states import WIDEST
 
 WIDE_FROM = 96  # cells of a table from which columns take their wide width
-NAME_ROOM = 16  # columns are left out rather than that names get less
+NAME_ROOM = 16  # columns are left out rather than that names get less, or less than tells them apart
 TREE, NAME, ADDED, STATE = "tree", "name", "added", "state"
 STEADY = (TREE, NAME, ADDED)
 BEFORE = {"!": STATE}  # what an order was called, in views that somebody kept
@@ -60,9 +60,9 @@ class TableColumn(msgspec.Struct, frozen=True):
     """One column behind the names.
 
     `draw` returns words and style of a cell of so many cells, `entry` those of one entry of an element, `branch` what
-    stands for all below a branch. `measured` ones are drawn anew with each frame and always shown whole; of the others
-    `leaves` says when one is left out of a narrow table (1 first, 0 never: a cut number would be a wrong one). `field`
-    is what editing a cell changes. `sets` name when it is shown ("wide": beside settings, on a wide screen).
+    stands for all below a branch. `measured` ones are drawn anew with each frame. `leaves` says when one is left out of
+    a narrow table (1 first, 0 never): it is whole or not there, a cut number would be a wrong one. `field` is what
+    editing a cell changes. `sets` name when it is shown ("wide": beside settings, on a wide screen).
     `quantities` are surveyed of what is on the screen. `head` says more than the title, in so many cells.
     """
 
@@ -99,6 +99,9 @@ class TableColumn(msgspec.Struct, frozen=True):
         return sight.widths.get(self.title, wide)
 
 
+ColumnShown = tuple[TableColumn, int]  # with its cells
+
+
 def _by(name: str, letter: str, field: Field, words: str = "") -> tuple[TableOrder, ...]:
     return (TableOrder(name, letter, lambda table: table.values[field], words),)
 
@@ -127,11 +130,12 @@ def _sign_ranks(table: TableState) -> NDArray[Any]:
     return ranks(table.signs).astype(float) if table.signs_known else np.full(len(table), np.nan)
 
 
-def _statistic(title: str, letter: str, *, falling: bool = True, example: str = "60") -> TableColumn:
+def _statistic(title: str, letter: str, leaves: int, *, falling: bool = True, example: str = "60") -> TableColumn:
     """Of one number, of a vector of the norm or the entry that was asked for."""
     return TableColumn(
         title, 8, lambda sight, row, width: cells.statistic(sight, row, width, title), ("statistics", "wide"),
-        right=True, wide=11, measured=True, orders=(_measured(title, letter, title, falling=falling, of_norm=True),),
+        right=True, wide=11, leaves=leaves, measured=True,
+        orders=(_measured(title, letter, title, falling=falling, of_norm=True),),
         terms=(fact_term((title,), title, example=example),), quantities=(title,),
         entry=lambda sight, row, entry, width: cells.entry_statistic(sight, row, entry, width, title),
         head=lambda sight, width: cells.statistic_head(sight, title, width) if title == "mean" else title,
@@ -143,7 +147,7 @@ _SETTINGS, _IN_FILE = ("settings",), ("values",)
 
 COLUMNS: tuple[TableColumn, ...] = (
     TableColumn(
-        "unit", 5, cells.unit, _ALL_SETS, leaves=1, wide=8,
+        "unit", 5, cells.unit, _ALL_SETS, leaves=10, wide=8,
         orders=(TableOrder("unit", "u", lambda table: np.array([each.unit.casefold() for each in table.elements])),),
         terms=(text_term("unit", lambda element, value: element.unit.casefold() == value),),
     ),
@@ -152,7 +156,7 @@ COLUMNS: tuple[TableColumn, ...] = (
         terms=(choice_term(("on",), Field.ENABLED),),
     ),
     TableColumn(
-        "div", 4, cells.number(Field.DIVIDER), (*_SETTINGS, *_IN_FILE), right=True, leaves=4, field=Field.DIVIDER,
+        "div", 4, cells.number(Field.DIVIDER), (*_SETTINGS, *_IN_FILE), right=True, leaves=13, field=Field.DIVIDER,
         orders=_by_number("div", "d", Field.DIVIDER), terms=(number_term(("div", "divider"), Field.DIVIDER),),
     ),
     TableColumn(
@@ -161,22 +165,22 @@ COLUMNS: tuple[TableColumn, ...] = (
     TableColumn("span s", 6, cells.span, _IN_FILE, live=False, right=True, wide=cells.SPAN_WIDE),
     TableColumn("type", 10, cells.type_cell, _IN_FILE, live=False),
     TableColumn(
-        "act", 8, cells.option(Field.ACTION), _SETTINGS, file=False, leaves=3, field=Field.ACTION,
+        "act", 8, cells.option(Field.ACTION), _SETTINGS, file=False, leaves=12, field=Field.ACTION,
         orders=_by("act", "p", Field.ACTION, "action"), terms=(action_term(("act", "action")),),
         head=lambda sight, width: "action",
     ),
     TableColumn(
-        "buf", 4, cells.option(Field.BUFFER), (*_SETTINGS, *_IN_FILE), leaves=2, field=Field.BUFFER,
+        "buf", 4, cells.option(Field.BUFFER), (*_SETTINGS, *_IN_FILE), leaves=11, field=Field.BUFFER,
         orders=_by("buf", "b", Field.BUFFER), terms=(choice_term(("buf", "buffer"), Field.BUFFER),),
     ),
     TableColumn(
-        "size", 5, cells.number(Field.SIZE), _SETTINGS, file=False, right=True, wide=7, leaves=5,
+        "size", 5, cells.number(Field.SIZE), _SETTINGS, file=False, right=True, wide=7, leaves=14,
         field=Field.SIZE, orders=_by_number("size", "s", Field.SIZE),
         terms=(number_term(("size",), Field.SIZE),),
     ),
     TableColumn("lost", 5, cells.lost, _IN_FILE, live=False, right=True),
     TableColumn(
-        "fill", 4, cells.fill, ("settings", "timing", "wide"), right=True, measured=True, file=False,
+        "fill", 4, cells.fill, ("settings", "timing", "wide"), right=True, leaves=9, measured=True, file=False,
         orders=(_measured("fill", "f", "fill"),), terms=(fact_term(("fill",), "fill", read_share, "50%"),),
     ),
     TableColumn(
@@ -193,25 +197,25 @@ COLUMNS: tuple[TableColumn, ...] = (
         terms=(fact_term(("value",), "value"), fact_term(("|value|", "abs"), "value", of=np.abs)),
         head=cells.value_head,
     ),
-    _statistic("min", "i", falling=False), _statistic("max", "m"), _statistic("mean", "e"),
-    _statistic("std", "t", example="1"),
+    _statistic("min", "i", 5, falling=False), _statistic("max", "m", 4), _statistic("mean", "e", 3),
+    _statistic("std", "t", 2, example="1"),
     TableColumn(
         "rate", 7, cells.rate, ("timing", "wide"), right=True, measured=True, orders=(_measured("rate", "r", "rate"),),
         terms=(rate_term(),), quantities=("rate",),
     ),
-    TableColumn("%", 4, cells.share, ("timing",), right=True, measured=True, quantities=("share",)),
+    TableColumn("%", 4, cells.share, ("timing",), right=True, leaves=8, measured=True, quantities=("share",)),
     TableColumn(
-        "jitter", 7, cells.time("jitter"), ("timing", "wide"), right=True, measured=True,
+        "jitter", 7, cells.time("jitter"), ("timing", "wide"), right=True, leaves=7, measured=True,
         orders=(_measured("jitter", "j", "jitter"),), terms=(fact_term(("jitter",), "jitter", read_seconds, "1ms"),),
         quantities=("jitter",),
     ),
     TableColumn(
-        "changed", 8, cells.time("changed"), ("timing",), right=True, measured=True,
+        "changed", 8, cells.time("changed"), ("timing",), right=True, leaves=6, measured=True,
         orders=(_measured("changed", "c", "changed", falling=False, words="last change"),),
         terms=(fact_term(("changed",), "changed", read_seconds, "1s"),), quantities=("changed",),
     ),
     TableColumn(
-        "trend", 10, cells.trend, ("settings", "values", "wide"), measured=True,
+        "trend", 10, cells.trend, ("settings", "values", "wide"), leaves=1, measured=True,
         head=lambda sight, width: "trend" if sight.at_s is None else "all",
     ),
 )  # fmt: skip
@@ -242,18 +246,17 @@ def in_set(column: TableColumn, name: str, *, wide: bool) -> bool:
     return name in column.sets or (wide and beside and ("wide" in column.sets or not column.measured))
 
 
-def shown_columns(
-    columns: Iterable[TableColumn], sight: Sight, room: int, table_width: int, sort: str = "", *, measured: bool = False
-) -> list[tuple[TableColumn, int]]:
+def shown_columns(shown: Iterable[ColumnShown], room: int, names: int, sort: str = "") -> list[ColumnShown]:
     """Return the columns that a table shows, with their widths, where `room` cells are for names and columns.
 
-    Whole columns are left out where names would have less than `NAME_ROOM`; never that of the order, nor, where that is
-    of what is `measured`, its unit.
+    Whole columns are left out where names would have less than `names` cells; never that of the order, nor, where that
+    is of what is measured, its unit.
     """
-    shown = [(column, width) for column in columns if (width := column.width_in(sight, table_width))]
-    for column, width in sorted(shown, key=lambda pair: pair[0].leaves):
-        if room - sum(1 + each for _, each in shown) >= NAME_ROOM:
+    kept = [(column, width) for column, width in shown if width]
+    by_measured = any(column.measured and column.gives(sort) for column, _ in kept)
+    for column, width in sorted(kept, key=lambda pair: pair[0].leaves):
+        if room - sum(1 + each for _, each in kept) >= names:
             break
-        if column.leaves and not column.gives(sort) and not (measured and column.gives("unit")):
-            shown.remove((column, width))
-    return shown
+        if column.leaves and not column.gives(sort) and not (by_measured and column.gives("unit")):
+            kept.remove((column, width))
+    return kept

@@ -1,25 +1,28 @@
 """Names that have no room, of signals, loggers and files: the one rule that shortens them, so that different ones never
 look alike.
 
-Where they don't fit, the namespace that all of them share stands once above them. A name keeps its end, which tells
-most. Levels on its left become their shortest beginning that no other level beside them has (`/legs/LF` → `/l…/LF`);
-one that would lose a single letter stays, as a joint's `KFE` tells more than `K…`. Then the longest level loses its
-middle, and keeps its last word (`drive_temperature` → `dri…temperature`, `drive…ature`). Made once per table, namespace
-and width, so that scrolling changes nothing.
+The namespace that all of them share stands once above them. A name keeps its end, and what tells it from the others:
+read from its end on, a word that each name with the same rest has tells nothing (`motor` of `LF_KFE/motor/temperature`,
+where no other `temperature` is beside it). These go first, an `…` in their place (`LF_KFE/…/temperature`); then words
+lose what no other has either: `winding_temperature` beside `housing_temperature` becomes `win…ature`. Made of all names
+that are shown together, so that scrolling changes nothing.
 """
 
 import re
 import unicodedata
-from bisect import bisect_left
-from collections.abc import Collection, Container, Iterable, Sequence
-from functools import lru_cache
+from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
+from functools import cached_property, lru_cache
 
 from silo_tui.model.words.text import clean
 
-TAIL = 5  # letters that a level keeps at its end
-LEAST_HEAD = 3  # letters before a last word that is kept whole
+TAIL = 5  # letters that a name keeps at its end
+LEAST_HEAD = 3  # letters of a word that tells names apart, where it isn't whole
 MARK = "…"
 MIN_WIDTH = 8
+COUNTED = 4  # cells behind a label in a tree: how many entries it has
+_PARTS = re.compile(r"[^\W_]+|[\W_]+")  # words, and what stands between them
+
+Kept = tuple[int, int]  # letters that a part keeps of its beginning and of its end
 
 
 def cells(words: str) -> int:
@@ -52,22 +55,27 @@ def without_prefix(words: str, prefix: str, levels: Container[str]) -> str:
     return signal.sub(lambda found: "" if found[1] in levels or set(found[1]) & set("*?") else found[0], words)
 
 
-def shared_space(names: Collection[str], width: int, room: int) -> str:
-    """Return the namespace to tell once above names, in at most `room` cells; none where all fit into `width` cells."""
-    if not names or max(map(cells, names)) <= width:
+def shared_space(names: Collection[str]) -> str:
+    """Return the namespace that all names share, to tell it once above them; one name shares none."""
+    if len(names) < 2:
         return ""
     first, last = min(names).split("/")[:-1], max(names).split("/")[:-1]
     same = next((at for at, (one, other) in enumerate(zip(first, last, strict=False)) if one != other), None)
-    levels = first[: min(len(first), len(last)) if same is None else same]
-    while levels and cells("/".join(levels)) > room:
-        levels.pop()
-    return "/".join(levels)
+    return "/".join(first[: min(len(first), len(last)) if same is None else same])
 
 
-def fitting_names_below(names: Sequence[str], width: int, room: int) -> tuple[str, list[str]]:
-    """Return what stands once above names in at most `room` cells, and the names below it in at most `width` each."""
-    space = shared_space(names, width, room)
-    return space, fitting_names([name[len(space) + bool(space) :] for name in names], width)
+def inside(space: str, name: str) -> str:
+    """Return a name as it stands below the namespace that is told above it."""
+    return below(space, name).removeprefix("/") if space else name
+
+
+def space_words(title: str, space: str, width: int, mark: str = "") -> str:
+    """Return the title above names that are told below a namespace, behind the mark of their order.
+
+    In at most `width` cells: where it has no room, the namespace alone.
+    """
+    words = f"{mark}{title} in {space}" if space else f"{mark}{title}"
+    return words if cells(words) <= width else mark + fitted_among(space, (), width - len(mark))
 
 
 def next_levels(begun: str, names: Sequence[str]) -> list[str]:
@@ -83,134 +91,240 @@ def next_levels(begun: str, names: Sequence[str]) -> list[str]:
 
 def fitted_among(name: str, names: tuple[str, ...], width: int) -> str:
     """Return one of some names in at most `width` cells: as it differs from the others; without others for itself."""
-    return _all_fitted(names or (name,), width)[name]
-
-
-@lru_cache
-def _all_fitted(names: tuple[str, ...], width: int) -> dict[str, str]:
-    different = list(dict.fromkeys(names))
-    return dict(zip(different, fitting_names(different, width), strict=True))
+    return among(names or (name,)).fitted(name, width)
 
 
 def fitting_names(names: Sequence[str], width: int) -> list[str]:
     """Return names of at most `width` (8 or more) cells, in the same order; different names stay different."""
-    width = max(MIN_WIDTH, width)
-    cleaned = [clean(name) for name in names]
-    beginnings = _Beginnings(cleaned) if any(cells(name) > width for name in cleaned) else None
-    fitted = [
-        name if beginnings is None or cells(name) <= width else _shortened(name, width, beginnings) for name in cleaned
-    ]
-    return _told_apart(cleaned, fitted, width)
+    shown = among(tuple(names))
+    return [shown.fitted(name, width) for name in names]
 
 
-class _Beginnings:
-    """The shortest beginnings of levels that are unique among those beside them."""
+class NamesShown:
+    """Names that are shown together; each is made as it is asked for: of 10,000 those that are on the screen."""
 
-    def __init__(self, names: Sequence[str]) -> None:
-        self._children: dict[str, set[str]] = {}
+    def __init__(self, names: Iterable[str]) -> None:
+        self._cleaned = {name: clean(name) for name in names}
+        self._fitted: dict[tuple[str, int], str] = {}
+        self._taken: set[tuple[str, int]] = set()
+        self._numbered: set[int] = set()  # widths in which names were made that are too short to tell them apart
+        self._telling: dict[str, dict[str, Kept]] = {}
+
+    @cached_property
+    def longest(self) -> int:
+        """How many cells the longest takes."""
+        return max(map(cells, self._cleaned.values()), default=0)
+
+    @cached_property
+    def least(self) -> int:
+        """In how many cells all of them can be told apart; in fewer some get a number."""
+        return self._most(lambda parts, kept: kept)
+
+    @cached_property
+    def readable(self) -> int:
+        """In how many cells three letters of each word that tells them apart have room."""
+        return self._most(lambda parts, kept: _together(kept, next(_wishes(parts, kept))))
+
+    def _most(self, of: Callable[[list[str], dict[int, Kept]], dict[int, Kept]]) -> int:
+        found = 0
+        for name in self._cleaned.values():
+            if cells(name) > found:
+                parts, kept = self._least_of(name)
+                found = max(found, min(cells(name), cells(_written(parts, of(parts, kept)))))
+        return found
+
+    def fitted(self, name: str, width: int, count: str = "") -> str:
+        """Return one of the names in at most `width` (8 or more) cells.
+
+        Behind it stands how many entries it has, where that takes no letters that tell it apart.
+        """
+        if count and width - len(count) >= max(MIN_WIDTH, self.readable):
+            return self.fitted(name, width - len(count)) + count
+        width = max(MIN_WIDTH, width)
+        if (name, width) not in self._fitted:
+            if self.longest > width and self.least > width and width not in self._numbered:
+                self._numbered.add(width)  # numbers go by the order of the names
+                few = (each for each, one in self._cleaned.items() if cells(_written(*self._least_of(one))) > width)
+                self._fitted |= {(each, width): self._made(self._cleaned[each], width) for each in few}
+            if (name, width) not in self._fitted:
+                self._fitted[name, width] = self._made(self._cleaned[name], width)
+        return self._fitted[name, width]
+
+    def _made(self, name: str, width: int) -> str:
+        words = name if cells(name) <= width else self._shortened(name, width)
+        number, found = 1, words
+        while (found, width) in self._taken:
+            number += 1
+            suffix = f"~{number}"
+            found = _last(name, width - len(suffix)) + suffix
+        self._taken.add((found, width))
+        return found
+
+    def _shortened(self, name: str, width: int) -> str:
+        """Return a name with what tells it apart, and as much beside it as has room."""
+        parts, kept = self._least_of(name)
+        if cells(words := _written(parts, kept)) > width:
+            return _last(words, width)
+        for wishes in _wishes(parts, kept):
+            if cells(_written(parts, together := _together(kept, wishes))) <= width:
+                kept = together
+                continue
+            for wish in wishes:
+                kept = _as_has_room(parts, kept, wish, width)
+        return _written(parts, kept)
+
+    def _least_of(self, name: str) -> tuple[list[str], dict[int, Kept]]:
+        """Return the parts of a name, and what of each tells it from the other names; of its last word the end too."""
+        parts, kept, end = _PARTS.findall(name), {}, ""
+        last = _last_word(parts)
+        for at in reversed(range(len(parts))):
+            part = parts[at]
+            head, tail = self._telling_before(end)[part] if len(self._before[end]) > 1 else (0, 0)
+            if at == last - 1 and len(parts[last]) < TAIL:
+                kept[at] = 0, len(part)  # `_x`, ` > 50`
+            elif at < last:
+                kept[at] = (head, 0) if head <= tail else (0, tail)
+            else:
+                least = min(TAIL, len(part)) if at == last else len(part)
+                kept[at] = (head, least) if head + len(MARK) + least < tail else (0, max(tail, least))
+            end = part + end
+        return parts, kept
+
+    @cached_property
+    def _before(self) -> dict[str, set[str]]:
+        """What stands before each end of a name."""
+        found: dict[str, set[str]] = {}
+        for name in self._cleaned.values():
+            end = ""
+            for part in reversed(_PARTS.findall(name)):
+                found.setdefault(end, set()).add(part)
+                end = part + end
+            found.setdefault(end, set()).add("")
+        return found
+
+    def _telling_before(self, end: str) -> dict[str, Kept]:
+        """Return of how many letters each part before an end has a beginning, and an end, that no other there has."""
+        if end not in self._telling:
+            beside = self._before[end]
+            heads, tails = _unique(beside), _unique([part[::-1] for part in beside])
+            self._telling[end] = {part: (heads[part], tails[part[::-1]]) for part in beside}
+        return self._telling[end]
+
+
+class NamesInTree:
+    """Names of which a tree shows level by level, each label among those of its branch, two cells further in."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        labels: dict[str, dict[str, None]] = {}
         for name in names:
-            parent = ""
-            for level in name.split("/"):
-                self._children.setdefault(parent, set()).add(level)
-                parent = f"{parent}/{level}"
-        self._found: dict[tuple[str, str], str] = {}
+            above = ""
+            for label in name.lstrip("/").split("/"):
+                labels.setdefault(above, {})[label] = None
+                above = f"{above}/{label}"
+        self._labels = {above: NamesShown(each) for above, each in labels.items()}
 
-    def of(self, parent: str, level: str) -> str:
-        """Return `l…` for `legs` below `parent`, the whole level where that is no longer."""
-        key = parent, level
-        if key not in self._found:
-            others = sorted(self._children[parent])
-            at = bisect_left(others, level)  # only its neighbours begin as long with the same letters
-            beside = others[max(0, at - 1) : at] + others[at + 1 : at + 2]
-            length = 1 + max((_common([level, other]) for other in beside), default=0)
-            self._found[key] = level[:length] + MARK if length + 2 < len(level) else level
-        return self._found[key]
+    @cached_property
+    def longest(self) -> int:
+        """How many cells the longest line takes."""
+        return max((_indent(above) + COUNTED + each.longest for above, each in self._labels.items()), default=0)
 
+    @cached_property
+    def readable(self) -> int:
+        """In how many cells three letters of each word that tells labels apart have room."""
+        return max((_indent(above) + each.readable for above, each in self._labels.items()), default=0)
 
-def _shortened(name: str, width: int, beginnings: _Beginnings) -> str:
-    levels = name.split("/")
-    parent = ""
-    for at, level in enumerate(levels[:-1]):
-        levels[at] = beginnings.of(parent, level)
-        parent = f"{parent}/{level}"
-        if cells("/".join(levels)) <= width:
-            return "/".join(levels)
-    for at in sorted(range(len(levels)), key=lambda at: -len(levels[at])):
-        surplus = cells("/".join(levels)) - width
-        if surplus <= 0:
-            break
-        levels[at] = _without_middle(levels[at], len(levels[at]) - surplus)
-    words = "/".join(levels)
-    return words if cells(words) <= width else _last(name, width)
+    def fitted(self, name: str, width: int, count: str = "") -> str:
+        """Return the label of a name, an element's or a branch's, as `NamesShown` does."""
+        above, _, label = f"/{name.lstrip('/')}".rpartition("/")
+        return self._labels[above].fitted(label, width, count)
 
 
-def _without_middle(level: str, length: int) -> str:
-    """Return the level in `length` letters, seven or more.
+def _indent(above: str) -> int:
+    return 2 * (above.count("/") + 1)
 
-    They are three or more of its beginning, by which most differ, and its last word, else of its end at most five.
-    """
-    if length >= len(level) or len(level) <= TAIL + 2:
-        return level
-    length, word = max(length, TAIL + 2), len(level.rpartition("_")[2])
-    tail = word if TAIL < word <= length - 1 - LEAST_HEAD else min(TAIL, length - 1 - LEAST_HEAD)
-    return level[: length - 1 - tail] + MARK + level[-tail:]
+
+@lru_cache(maxsize=32)
+def among(names: tuple[str, ...]) -> NamesShown:
+    """Return names that are shown together, made once while they are the same."""
+    return NamesShown(names)
+
+
+@lru_cache(maxsize=4)
+def in_tree(names: tuple[str, ...]) -> NamesInTree:
+    """Return names that a tree shows, made once while they are the same."""
+    return NamesInTree(names)
+
+
+def _unique(parts: Collection[str]) -> dict[str, int]:
+    """Return how many letters each begins with that no other has, none where there is no other."""
+    ordered = sorted(parts)  # only its neighbours begin as long with the same letters
+    common = [-1, *map(_common, ordered, ordered[1:]), -1]
+    return {part: min(len(part), 1 + max(common[at : at + 2])) for at, part in enumerate(ordered)}
+
+
+def _common(one: str, other: str) -> int:
+    return next((at for at, pair in enumerate(zip(one, other, strict=False)) if pair[0] != pair[1]), len(one))
+
+
+def _last_word(parts: Sequence[str]) -> int:
+    return next((at for at in reversed(range(len(parts))) if _is_word(parts[at])), len(parts) - 1)
+
+
+def _is_word(part: str) -> bool:
+    return part[0].isalnum()
+
+
+def _wishes(parts: Sequence[str], kept: Mapping[int, Kept]) -> Iterator[list[dict[int, Kept]]]:
+    """Yield what a name has beside what tells it apart, what it needs most first; each together or one by one."""
+    whole = {at: (len(part), 0) for at, part in enumerate(parts)}
+    words = sorted((at for at in kept if any(kept[at]) and _is_word(parts[at])), key=lambda at: len(parts[at]))
+    yield [{at: (LEAST_HEAD, 0)} for at in words if kept[at][1] < TAIL]
+    yield [{at: whole[at]} for at in kept if "/" in parts[at] and {at - 1, at + 1} & set(words)]
+    yield [{at: whole[at]} for at in words]
+    levels: dict[int, list[int]] = {}
+    for at in filter(lambda at: _is_word(parts[at]), reversed(range(len(parts)))):
+        levels.setdefault(sum("/" in part for part in parts[:at]), []).append(at)
+    yield [{at: whole[at]} for at in next(iter(levels.values()), [])[-1:]]  # of the last one the first word tells most
+    for level in sorted(levels.values(), key=lambda level: not set(level) & set(words)):
+        yield from ([{at: whole[at] for at in level[:count]}] for count in range(1, len(level) + 1))
+
+
+def _as_has_room(parts: Sequence[str], kept: dict[int, Kept], wish: dict[int, Kept], width: int) -> dict[int, Kept]:
+    """Return what is kept with a wish, with some of its letters where a part has no room for all of them."""
+    if cells(_written(parts, wished := _together(kept, [wish]))) <= width:
+        return wished
+    at = next(iter(wish))
+    head, tail = kept[at]
+    more = min(len(parts[at]) - head - tail, width - cells(_written(parts, kept)))
+    while more > 0 and cells(_written(parts, kept | {at: (head + more, tail)})) > width:
+        more -= 1
+    last_level = max((slash for slash, part in enumerate(parts) if "/" in part), default=-1) + 1
+    begins = at == last_level and more >= LEAST_HEAD  # letters of another word would be read as all of it
+    return kept | {at: (head + more, tail)} if head + tail or begins else kept
+
+
+def _together(kept: dict[int, Kept], wishes: Iterable[dict[int, Kept]]) -> dict[int, Kept]:
+    wished = [each for wish in wishes for each in wish.items()]
+    return kept | {at: (max(head, kept[at][0]), max(tail, kept[at][1])) for at, (head, tail) in wished}
+
+
+def _written(parts: Sequence[str], kept: Mapping[int, Kept]) -> str:
+    """Return what is kept of a name, a sign for the letters that are left out where they take more than that."""
+    words = left_out = ""
+    for at, part in enumerate(parts):
+        head, tail = kept[at][0], max(kept[at][0], len(part) - kept[at][1])
+        for piece, middle in ((part[:head], part[head:tail]), (part[tail:], "")):
+            if piece:
+                words += (left_out if cells(left_out) <= len(MARK) else MARK) + piece
+                left_out = ""
+            left_out += middle
+    return words + (left_out if cells(left_out) <= len(MARK) else MARK)
 
 
 def _last(words: str, width: int) -> str:
+    """Return the end of words that have no room."""
+    if cells(words) <= width:
+        return words
     while cells(words) >= width:
         words = words[1:]
     return MARK + words
-
-
-def _told_apart(names: Sequence[str], fitted: list[str], width: int) -> list[str]:
-    """Give names that look alike the letters in which they differ, or a number where that isn't enough."""
-    for _ in range(2):
-        alike: dict[str, list[int]] = {}
-        for at, words in enumerate(fitted):
-            alike.setdefault(words, []).append(at)
-        groups = [group for group in alike.values() if len(group) > 1]
-        if not groups:
-            return fitted
-        for group in groups:
-            for at, words in zip(group, _differing([names[at] for at in group], width), strict=True):
-                fitted[at] = words
-    taken: set[str] = set()
-    for at, words in enumerate(fitted):
-        number, found = 1, words
-        while found in taken:
-            number += 1
-            found = _numbered(names[at], number, width)
-        taken.add(found)
-        fitted[at] = found
-    return fitted
-
-
-def _differing(names: list[str], width: int) -> list[str]:
-    """Return what lies between the common beginning and the common end of some names, and what fits around it."""
-    begin = _common(names)
-    end = _common([name[begin:][::-1] for name in names])
-    return [_around(name, begin, len(name) - end, width) for name in names]
-
-
-def _common(names: Sequence[str]) -> int:
-    """Return how many letters all of them begin with alike."""
-    first, last = min(names), max(names)
-    return next((at for at, pair in enumerate(zip(first, last, strict=False)) if pair[0] != pair[1]), len(first))
-
-
-def _around(name: str, begin: int, end: int, width: int) -> str:
-    room = width - 2 - (end - begin)
-    tail = min(len(name) - end, max(0, min(room, TAIL + 1)))
-    head = max(0, room - tail)
-    words = (MARK if begin > head else "") + name[max(0, begin - head) : end]
-    rest = name[end:]
-    words += rest if len(rest) <= tail else MARK + rest[len(rest) - tail :] if tail else MARK
-    return words if cells(words) <= width else _last(words, width)
-
-
-def _numbered(name: str, number: int, width: int) -> str:
-    suffix = f"~{number}"
-    words = name
-    while words and cells(words) > width - len(suffix):
-        words = words[:-1]
-    return words + suffix

@@ -10,9 +10,9 @@ from silo.core.conditions import SignalLimits
 from silo.core.quantities.writing import and_more
 from silo.errors import RefusedError
 from silo_tui.actions import key_of
-from silo_tui.model.lists.conditions import IN_SPACE, alarms_words, limit_head, limit_row, signal_width, waits_for
+from silo_tui.model.lists.conditions import alarms_words, limit_head, limit_row, signal_width, waits_for
 from silo_tui.model.lists.ordering import Order
-from silo_tui.model.words.names import fitting_names_below
+from silo_tui.model.words.names import fitting_names, inside, shared_space
 from silo_tui.model.words.states import MEANINGS, WIDEST, limit_word
 from silo_tui.model.words.text import short, span
 from silo_tui.screens.dialogs.limits import ask_limits
@@ -58,7 +58,8 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
     def prepare(self, found: Sequence[LimitStatus], width: int) -> None:
         """Fit the names of all into the same cells: different ones stay different."""
         names, room = [self.session.short_name(one.name) for one in found], signal_width(width)
-        self._space, fitted = fitting_names_below(names, room, room - len(IN_SPACE))
+        self._space = shared_space(names)
+        fitted = fitting_names([inside(self._space, name) for name in names], room)
         self._names = dict(zip(map(self.key_of, found), fitted, strict=True))
 
     @property

@@ -21,6 +21,7 @@ from silo_tui.model.lists.happened import (
     in_time,
     letter,
     line,
+    long_words,
     matches,
     of_last_run,
     words,
@@ -52,6 +53,7 @@ class EventsScreen(LoggerList[LoggedEvent]):
         self._known: Sequence[LoggedEvent] = ()
         self._all: Sequence[LoggedEvent] = ()  # in the order of time
         self._folded: Sequence[LoggedEvent] = ()
+        self._long: tuple[str, ...] = ()
         self._run = ""  # the present one
         self._asked_s = 0.0  # when it was asked what the buffers hold
 
@@ -115,13 +117,14 @@ class EventsScreen(LoggerList[LoggedEvent]):
         self._all = in_time(self._known)
         self._folded = folded(self._all)
         self._run = next((one.run for one in of_last_run(self._known)), "")
+        self._long = long_words(self._all, self.session.told)
         super().show()
 
     def key_of(self, one: LoggedEvent) -> str:
         return f"{one.run} {one.number} {'folded' if one.times > 1 else f'{one.time_ns} {one.kind} {one.text}'}"
 
     def row_of(self, one: LoggedEvent, width: int) -> Text:
-        shown = Text(line(one, self.told(one), width - 2, self.session.status.logger))
+        shown = Text(line(one, self.told(one), width - 2, self.session.status.logger, self._long))
         if letter(one) in "MTX":
             shown.stylize("bold")
         if self._is_gone(one):

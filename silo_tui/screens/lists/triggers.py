@@ -11,9 +11,10 @@ from silo.core.conditions import TriggerOptions, TriggerWord, new_trigger
 from silo.core.quantities.writing import many
 from silo.judging.checks import long_capture_s
 from silo_tui.actions import Command, key_of
-from silo_tui.model.lists.conditions import CAUTION, LOUD, name_width, named_in, times_head, trigger_row
+from silo_tui.model.lists.conditions import CAUTION, LOUD, name_width, named_in, times_head, trigger_row, when_width
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
+from silo_tui.model.words.names import fitting_names
 from silo_tui.screens.dialogs.form import taken
 from silo_tui.screens.dialogs.questions import confirmed
 from silo_tui.screens.dialogs.trigger_editor import TriggerEditor, ask_trigger
@@ -54,6 +55,8 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
 
     def prepare(self, found: Sequence[TriggerStatus], width: int) -> None:
         self.fit(found, name_width([one.options.name for one in found], width))
+        whens = [one.options.when for one in found]
+        self._whens = dict(zip(whens, fitting_names(whens, when_width(width, self._room)), strict=True))
 
     @property
     def all(self) -> Sequence[TriggerStatus]:
@@ -75,7 +78,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
 
     def row_of(self, one: TriggerStatus, width: int) -> Text:
         name = "alarm" if one.state in LOUD else "warning" if one.state in CAUTION else "success"
-        line = Text(trigger_row(one, width, name=self._names[one.options.name]))
+        line = Text(trigger_row(one, width, self._names[one.options.name], self._whens[one.options.when]))
         quiet = one.state in (TriggerWord.OFF, TriggerWord.WAITING)
         line.stylize(bold(self.app.theme_variables, "" if quiet else name), 2, 12)
         return line
