@@ -113,6 +113,14 @@ def test_a_word_that_is_left_out_elsewhere_stays_where_it_tells():
     assert fitting_names(names, 16) == ["…/motor/…winding", "…/brake/…winding", "…/gear/…winding", "…torque_limit"]
 
 
+def test_what_stands_between_words_tells_names_apart_where_words_do_not():
+    names = ["/battery/temperature", "/legs/RH/winding_temperature", "/legs/LF/winding_temperature"]
+    assert fitting_names(names, 15)[1] == "…/RH/wind…ature"
+    assert fitting_names(["/leg/winding_temperature", "/leg/winding/temperature"], 12) == [
+        "…_temp…ature", "…/temp…ature",
+    ]  # fmt: skip
+
+
 def test_a_short_last_word_keeps_what_stands_before_it():
     conditions = [f"/legged_robot/{leg}_KFE/winding_temperature > 50" for leg in ("LF", "RF")]
     assert fitting_names(conditions, 20) == ["…/LF…winding… > 50", "…/RF…winding… > 50"]
@@ -187,7 +195,7 @@ def test_ten_thousand_names_look_different():
 def test_a_name_keeps_its_last_word_where_that_has_room():
     names = [f"/legs/LF/HAA/{name}" for name in ("torque", "torque_margin", "torque_command", "friction_torque")]
     assert fitting_names([*names, "/loop/ticks"], 16)[:4] == [
-        "…LF/HAA/torque", "…torque_margin", "…torque_command", "…friction_torque",
+        "…LF/HAA/torque", "…torque_margin", "…torque_command", "…/frictio…torque",
     ]  # fmt: skip
     assert fitted_among(names[3], (), 20) == "…HAA/friction_torque"
 

@@ -20,6 +20,7 @@ LEAST_HEAD = 3  # letters of a word that tells names apart, where it isn't whole
 MARK = "…"
 MIN_WIDTH = 8
 COUNTED = 4  # cells behind a label in a tree: how many entries it has
+_BETWEEN = re.compile(r"[\W_]+")
 _PARTS = re.compile(r"[^\W_]+|[\W_]+")  # words, and what stands between them
 
 Kept = tuple[int, int]  # letters that a part keeps of its beginning and of its end
@@ -166,11 +167,15 @@ class NamesShown:
         if cells(words := _written(parts, kept)) > width:
             return _last(words, width)
         for wishes in _wishes(parts, kept):
-            if cells(_written(parts, together := _together(kept, wishes))) <= width:
+            if (together := _together(kept, wishes)) == kept:
+                continue
+            if cells(_written(parts, together)) <= width:
                 kept = together
                 continue
             for wish in wishes:
                 kept = _as_has_room(parts, kept, wish, width)
+            if cells(words := _written(parts, kept)) == width:
+                return words
         return _written(parts, kept)
 
     def _least_of(self, name: str) -> tuple[list[str], dict[int, Kept]]:
@@ -178,8 +183,8 @@ class NamesShown:
         parts, kept, end = _PARTS.findall(name), {}, ""
         last = _last_word(parts)
         for at in reversed(range(len(parts))):
-            part = parts[at]
-            head, tail = self._telling_before(end)[part] if len(self._before[end]) > 1 else (0, 0)
+            part, read = parts[at], self._read(parts[at])
+            head, tail = self._telling_before(end)[read] if len(self._before[end]) > 1 else (0, 0)
             if at == last - 1 and len(parts[last]) < TAIL:
                 kept[at] = 0, len(part)  # `_x`, ` > 50`
             elif at < last:
@@ -187,8 +192,17 @@ class NamesShown:
             else:
                 least = min(TAIL, len(part)) if at == last else len(part)
                 kept[at] = (head, least) if head + len(MARK) + least < tail else (0, max(tail, least))
-            end = part + end
+            end = read + end
         return parts, kept
+
+    def _read(self, part: str) -> str:
+        """Return a part as names are told apart: what stands between words alike, where words alone do it."""
+        return part if _is_word(part) or not self._by_words else " "
+
+    @cached_property
+    def _by_words(self) -> bool:
+        names = set(self._cleaned.values())
+        return len({_BETWEEN.sub(" ", name) for name in names}) == len(names)
 
     @cached_property
     def _before(self) -> dict[str, set[str]]:
@@ -196,7 +210,7 @@ class NamesShown:
         found: dict[str, set[str]] = {}
         for name in self._cleaned.values():
             end = ""
-            for part in reversed(_PARTS.findall(name)):
+            for part in map(self._read, reversed(_PARTS.findall(name))):
                 found.setdefault(end, set()).add(part)
                 end = part + end
             found.setdefault(end, set()).add("")
