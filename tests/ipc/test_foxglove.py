@@ -153,6 +153,17 @@ class TestTopics:
             assert viewer.json("status")["message"], request
         viewer.subscribe(_1="/log/x")
 
+    def test_what_can_be_offered_is_found_out_by_the_feed_and_no_viewer_waits_for_that(self, bench, look, monkeypatch):
+        threads, found_out = set(), viewers.live_topics
+
+        def noted(elements):
+            threads.add(threading.current_thread().name)
+            return found_out(elements)
+
+        monkeypatch.setattr(viewers, "live_topics", noted)
+        look("/log/x")
+        assert threads == {"feed"}
+
     def test_what_is_switched_off_is_taken_back_and_keeps_its_number_until_it_is_on_again(self, client, bridge, look):
         one = bridge()
         viewer = look("/log/q", to=one)

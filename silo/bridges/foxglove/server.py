@@ -20,9 +20,8 @@ from silo.bridges.feed import Listener, LoggerFollower
 from silo.bridges.foxglove import guard, protocol
 from silo.bridges.foxglove.protocol import Frames, Offer, ServiceCall, StatusLevel, status, text_frame
 from silo.bridges.listening import LOOPBACK
-from silo.bridges.messages import live_topics
+from silo.bridges.messages import LiveTopic, live_topics
 from silo.bridges.services import Audit, Call, Connect, Tune
-from silo.core.elements import ElementInfo
 from silo.core.names import grouped
 from silo.core.quantities.writing import many
 from silo.core.tuning.parameters import ParameterInfo
@@ -122,8 +121,9 @@ class ViewerServer:
         self._label = ""
         self._newest_ns = 0
         self._loop = asyncio.get_running_loop()
-        calls = [self._soon(one) for one in (self._renew, self._deliver, self._told, self._turn)]
-        self._feed = make_feed(Listener(*calls))
+        renew, *calls = [self._soon(one) for one in (self._renew, self._deliver, self._told, self._turn)]
+        # in the feed's thread: with a picture it takes seconds, which no viewer waits for
+        self._feed = make_feed(Listener(lambda label, elements: renew(label, *live_topics(elements)), *calls))
 
     def _soon(self, call: Callable[..., None]) -> Callable[..., None]:
         def later(*arguments: Any) -> None:
@@ -293,9 +293,8 @@ class ViewerServer:
         channels = {channel for viewer in self._viewers for channel in viewer.channels}
         self._feed.wish(frozenset(self._offers[one].topic.element for one in channels if one in self._offers))
 
-    def _renew(self, label: str, elements: Sequence[ElementInfo]) -> None:
+    def _renew(self, label: str, topics: Sequence[LiveTopic], left_out: Mapping[str, str]) -> None:
         """The element table changed: offer what is on now. What is offered already keeps its number."""
-        topics, left_out = live_topics(elements)
         for why in left_out.values():
             self._tell(why)
         before, self._label = self._offers, label
