@@ -103,6 +103,25 @@ def test_who_asks_many_patiently_asks_until_the_time_is_up_and_sends_a_change_on
     assert session.asked == 1
 
 
+def test_who_asks_many_patiently_asks_nobody_again_whose_time_would_be_up_by_then(monkeypatch):
+    now_s, asked_s, found = [0.0], [], []
+    monkeypatch.setattr("silo.fleet.many.time", SimpleNamespace(monotonic=lambda: now_s[0]))
+
+    class Noting(Session):
+        def get(self, *_, **__):
+            asked_s.append(now_s[0])
+            return super().get()
+
+    asking = Asking(lease(Noting()), 0.5, patient=True)
+    asking.add("anymal", ROOT, GetSummary())
+    while not found:
+        now_s[0] += 0.001
+        found = asking.poll()
+    assert found == [("anymal", None)]
+    assert len(asked_s) == 1 + len(AGAIN_S)
+    assert asked_s[-1] <= now_s[0] < 0.5 < asked_s[-1] + AGAIN_S[-1]
+
+
 def test_of_many_who_are_asked_one_that_is_gone_comes_to_an_end_and_a_change_is_sent_once():
     for request, times in ((GetSummary(), 1 + len(AGAIN_S)), (Start(), 1)):
         session, found = Session(), []
