@@ -59,6 +59,15 @@ def test_every_column_stands_in_a_set_that_its_table_has(columns, sets):
         assert in_set(next(column for column in columns if column.title == "value"), name, wide=False)
 
 
+@pytest.mark.parametrize("columns", [LIVE_COLUMNS, FILE_COLUMNS])
+def test_a_wide_screen_has_statistics_beside_settings_settings_beside_timing_and_neither_the_other_way(columns):
+    for column in columns:
+        alone, others = ("timing", "settings") if column.measured else ("statistics", "timing")
+        assert in_set(column, alone, wide=True) is (alone in column.sets), column.title
+        comes = ("wide" if column.measured else "settings") in column.sets
+        assert in_set(column, others, wide=True) is (comes or others in column.sets), column.title
+
+
 @pytest.mark.parametrize("order", orders_of(LIVE_COLUMNS))
 def test_every_order_shows_every_element_once(table, order):
     rows = RowList(table)

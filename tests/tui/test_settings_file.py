@@ -351,9 +351,18 @@ def test_no_text_at_all_stops_the_reader(text):
     assert all(typed(getattr(found, option.name)) for option in OPTIONS)
 
 
-def test_a_bracket_that_nothing_closes_is_told_of_with_its_line():
-    _, problems = read("[0:")
-    assert [problem.line for problem in problems] == [1]
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("[0:", 1), ("rate: 7\nkeys: {a: 1\ntheme: dark", 2), ("rate: 7\nx\ntheme: dark", 2),
+        ("rate: 7\n'x\ntheme: dark", 2), ("rate: 7\n  theme: dark", 2), ("rate: 7\ntheme: dark\n- a", 3),
+        ("rate: 7\ncolumns:\n  - unit\n - on", 4),
+    ],
+)  # fmt: skip
+def test_what_is_no_yaml_is_told_of_with_the_line_where_it_begins(text, line):
+    found, problems = read(text)
+    assert problems[0].line == line
+    assert found.rate == (7 if text.startswith("rate") else Settings().rate)
 
 
 @pytest.mark.parametrize(
