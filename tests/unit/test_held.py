@@ -4,6 +4,7 @@ import contextlib
 import fcntl
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -34,6 +35,7 @@ from silo.segment.held_runs import (
     trim,
 )
 from silo.segment.reader import SegmentReader
+from silo.state.held_runs import tell_left
 
 
 @pytest.fixture
@@ -335,3 +337,32 @@ def test_a_start_beside_another_program_of_that_name_and_folder_tells_of_it(new_
     log.close(discard=True)
     look_back(msgspec.structs.replace(log.options, **other), served=True)
     assert len(caplog.messages) == is_told
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 5])
+@pytest.mark.parametrize("is_over", [False, True])
+def test_of_a_run_of_which_nobody_told_begin_and_end_are_told_once_at_their_ticks(new_logger, ticks, is_over):
+    times = iter(range(70, 10**9, 10))
+    logger = new_logger(clock=lambda: next(times))
+    logger.array("x")
+    logger.start()
+    for _ in range(ticks):
+        logger.collect()
+    if is_over:
+        logger.stop()
+    told = {}
+    events = SimpleNamespace(
+        log=SimpleNamespace(texts=lambda kind, run: [kind for _ in range(kind in told)]),
+        publish=lambda kind, text, **more: told.update({kind.value: (text, more["tick"], more["stamp_ns"])}),
+    )
+    with contextlib.closing(SegmentReader(logger._present.path)) as reader:
+        tell_left(reader, events)
+        begun, *ends = told.values()
+        assert begun[1:] == (0, reader.stamp_of(0))
+        assert ends == ([("stopped on request", ticks - 1, reader.last_time_ns)] if is_over else [])
+        if ticks:
+            assert (reader.stamp_of(0), reader.last_time_ns) == (begun[2], begun[2] + 10 * (ticks - 1))
+        before = dict(told)
+        told |= dict.fromkeys(told, "told")
+        tell_left(reader, events)
+    assert told == dict.fromkeys(before, "told")
