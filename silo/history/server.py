@@ -29,7 +29,7 @@ def check_history(request: GetHistory) -> None:
         problem = f"ask for 1 to {MAX_NAMES} names, got {len(request.names)}"
     elif request.column_ns < MIN_COLUMN_NS:
         problem = f"column_ns must be {MIN_COLUMN_NS} or more, got {request.column_ns}"
-    elif request.end_ns <= request.start_ns or not -(2**62) < request.start_ns < request.end_ns < 2**62:
+    elif not -(2**62) < request.start_ns < request.end_ns < 2**62:
         problem = f"the time span {request.start_ns} ... {request.end_ns} ns is empty or out of range"
     elif _count(request) > MAX_COLUMNS:
         problem = f"{_count(request)} columns are too many, at most {MAX_COLUMNS}: ask for wider ones"

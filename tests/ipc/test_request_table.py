@@ -1,7 +1,9 @@
 """Each request is declared once: it has a caller, a server with a method of its name, and a reply that is decoded."""
 
 import ast
+import contextlib
 import inspect
+import math
 from pathlib import Path
 from typing import get_args
 
@@ -14,10 +16,13 @@ from silo.client.client import Client
 from silo.conditions import requests as conditions
 from silo.conditions.requests import ConditionRequests
 from silo.conditions.robot import ConditionRobot
+from silo.core.arrays.columns import MAX_COLUMNS, MIN_COLUMN_NS
 from silo.core.conditions import TriggerOptions
-from silo.core.elements import Problem
+from silo.core.elements import Problem, Sought
 from silo.errors import ArgumentError, ElementError, GoesOnError, NoRoomError, SaveError, StateError, UnsavedError
 from silo.helper import request_threads
+from silo.history import pins, samples, search, server
+from silo.live import streams, views
 from silo.logger.serving import answers
 from silo.net.access import rights
 from silo.requests import decode_do
@@ -200,6 +205,88 @@ def test_other_errors_of_silo_are_refusals_in_their_own_words(error, why):
 def test_what_breaks_is_refused_and_logged(caplog):
     assert answered(lambda: fail(KeyError("x"))) == Refused(RefusedWhy.FAILED, "KeyError: 'x'")
     assert "a request failed" in caplog.text
+
+
+FAR = 2**62
+MANY = [f"/log/x{number}" for number in range(views.MAX_VALUES + 1)]
+CHECKS = {
+    messages.OpenStream: streams._problem, messages.OpenView: views._problem, messages.OpenPin: pins._check,
+    messages.GetSamples: samples.check_samples, messages.GetHistory: server.check_history,
+    messages.FindMoments: search.check_moments, messages.MeasureSpan: search.check_span,
+}  # fmt: skip
+ASKED = {
+    messages.OpenStream: {"stream": "a-1", "names": ["/log/x"]},
+    messages.OpenView: {"view": "a-1", "values": ["/log/x"]},
+    messages.OpenPin: {"pin": "a-1", "names": ["/log/x"], "start_ns": 0, "end_ns": 9},
+    messages.GetSamples: {"names": ["/log/x"]},
+    messages.GetHistory: {"names": ["/log/x"], "start_ns": 0, "end_ns": 10**9, "column_ns": 10**7},
+    messages.FindMoments: {"names": ["/log/x"], "what": Sought.CROSSING},
+    messages.MeasureSpan: {"names": ["/log/x"], "a_ns": 9, "b_ns": 0},
+}
+IDS = ["a-1", "0f-99"], ["", "a", "../x", "a-1/b", "a-*", "a-1 "]
+
+
+def names_to(most):
+    return [MANY[:1], MANY[:most]], [[], MANY[: most + 1]]
+
+
+@pytest.mark.parametrize(
+    ("kind", "field", "fitting", "others"),
+    [
+        (messages.OpenStream, "stream", *IDS), (messages.OpenStream, "names", *names_to(streams.MAX_NAMES)),
+        (messages.OpenStream, "period_s", [streams.MIN_PERIOD_S, streams.MAX_PERIOD_S],
+         [streams.MIN_PERIOD_S * 0.99, streams.MAX_PERIOD_S * 1.01, math.nan, math.inf, -1.0]),
+        (messages.OpenView, "view", *IDS), (messages.OpenView, "values", [[], MANY[:-1]], [MANY, ["/log/x", "/log/x"]]),
+        (messages.OpenView, "plots", [[], MANY[: views.MAX_PLOTS]], [MANY[: views.MAX_PLOTS + 1]]),
+        (messages.OpenView, "rate_hz", [views.MIN_RATE_HZ, 1e6], [0.0, 0.09, 1e7, math.nan, math.inf, -1.0]),
+        (messages.OpenView, "column_ns", [MIN_COLUMN_NS, FAR - 1], [MIN_COLUMN_NS - 1, FAR, 0, -1]),
+        (messages.OpenPin, "pin", *IDS), (messages.OpenPin, "names", *names_to(pins.MAX_NAMES)),
+        (messages.OpenPin, "start_ns", [1 - FAR, 9], [-FAR, 10]), (messages.OpenPin, "end_ns", [0, FAR - 1], [-1, FAR]),
+        (messages.GetSamples, "names", *names_to(samples.MAX_NAMES)),
+        (messages.GetSamples, "reply_bytes", [samples.MIN_BYTES, samples.MAX_BYTES],
+         [samples.MIN_BYTES - 1, samples.MAX_BYTES + 1, 0, -1]),
+        (messages.GetSamples, "start", [-FAR, FAR], [-FAR - 1, FAR + 1]),
+        (messages.GetSamples, "end", [-FAR, FAR], [-FAR - 1, FAR + 1]),
+        (messages.GetSamples, "resume", [[]], [[(0, 1)]]),  # without a run
+        (messages.GetHistory, "names", *names_to(server.MAX_NAMES)),
+        (messages.GetHistory, "column_ns", [MIN_COLUMN_NS * 1000, FAR], [MIN_COLUMN_NS - 1, 0, -1]),
+        (messages.GetHistory, "start_ns", [10**9 - MAX_COLUMNS * 10**7, 10**9 - 1],
+         [10**9 - MAX_COLUMNS * 10**7 - 1, 10**9, -FAR]),
+        (messages.GetHistory, "end_ns", [1, MAX_COLUMNS * 10**7], [0, -1, MAX_COLUMNS * 10**7 + 1, FAR]),
+        (messages.FindMoments, "names", *names_to(search.MAX_NAMES)),
+        (messages.FindMoments, "most", [1, search.MAX_MOMENTS], [0, -1, search.MAX_MOMENTS + 1]),
+        (messages.FindMoments, "start_ns", [-FAR, FAR], [-FAR - 1, FAR + 1]),
+        (messages.FindMoments, "end_ns", [-FAR, FAR], [-FAR - 1, FAR + 1]),
+        (messages.FindMoments, "around_ns", [-FAR, FAR], [-FAR - 1, FAR + 1]),
+        (messages.FindMoments, "bounds", [[], [(None, 1.0)]], [[(None, 1.0)] * 2]),
+        (messages.FindMoments, "pins", [[], MANY[: search.MAX_PINS]], [MANY[: search.MAX_PINS + 1]]),
+        (messages.FindMoments, "level", [0.0, -1e300, math.inf], [math.nan]),
+        (messages.FindMoments, "direction", [-1, 0, 1], [-2, 2]),
+        (messages.MeasureSpan, "names", *names_to(search.MAX_NAMES)),
+        (messages.MeasureSpan, "a_ns", [-FAR, FAR], [-FAR - 1, FAR + 1]),
+        (messages.MeasureSpan, "b_ns", [-FAR, FAR], [-FAR - 1, FAR + 1]),
+        (messages.MeasureSpan, "pins", [[], MANY[: search.MAX_PINS]], [MANY[: search.MAX_PINS + 1]]),
+    ],
+    ids=lambda given: given.__name__ if isinstance(given, type) else given if isinstance(given, str) else "",
+)  # fmt: skip
+def test_what_is_asked_fits_up_to_its_bounds_and_is_refused_beyond(kind, field, fitting, others):
+    def problem(value):
+        try:
+            return CHECKS[kind](kind(**{**ASKED[kind], field: value}))
+        except RequestRefusedError as error:
+            assert error.why is RefusedWhy.INVALID
+            return str(error)
+
+    assert [problem(value) or "" for value in fitting] == [""] * len(fitting)
+    assert all(map(problem, others))
+
+
+@pytest.mark.parametrize("row", [(0, 0), (5, FAR), (-1, 1), (2, 1), (0, FAR + 1)])
+def test_who_goes_on_with_samples_does_so_with_rows_that_can_be(row):
+    asked = messages.GetSamples(**ASKED[messages.GetSamples], run="1f", resume=[(3, 4), row])
+    fits = 0 <= row[0] <= row[1] <= FAR
+    with contextlib.nullcontext() if fits else pytest.raises(RequestRefusedError, match="none of our replies"):
+        samples.check_samples(asked)
 
 
 FITTING = {"name": "/log/x", "options": {"divider": 2}}
