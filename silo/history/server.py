@@ -27,7 +27,7 @@ def check_history(request: GetHistory) -> None:
     problem = None
     if not request.names or len(request.names) > MAX_NAMES:
         problem = f"ask for 1 to {MAX_NAMES} names, got {len(request.names)}"
-    elif request.column_ns < MIN_COLUMN_NS:
+    elif not MIN_COLUMN_NS <= request.column_ns < 2**62:
         problem = f"column_ns must be {MIN_COLUMN_NS} or more, got {request.column_ns}"
     elif not -(2**62) < request.start_ns < request.end_ns < 2**62:
         problem = f"the time span {request.start_ns} ... {request.end_ns} ns is empty or out of range"

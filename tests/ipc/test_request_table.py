@@ -249,7 +249,7 @@ def names_to(most):
         (messages.GetSamples, "end", [-FAR, FAR], [-FAR - 1, FAR + 1]),
         (messages.GetSamples, "resume", [[]], [[(0, 1)]]),  # without a run
         (messages.GetHistory, "names", *names_to(server.MAX_NAMES)),
-        (messages.GetHistory, "column_ns", [MIN_COLUMN_NS * 1000, FAR], [MIN_COLUMN_NS - 1, 0, -1]),
+        (messages.GetHistory, "column_ns", [MIN_COLUMN_NS * 1000, FAR - 1], [MIN_COLUMN_NS - 1, FAR, 0, -1]),
         (messages.GetHistory, "start_ns", [10**9 - MAX_COLUMNS * 10**7, 10**9 - 1],
          [10**9 - MAX_COLUMNS * 10**7 - 1, 10**9, -FAR]),
         (messages.GetHistory, "end_ns", [1, MAX_COLUMNS * 10**7], [0, -1, MAX_COLUMNS * 10**7 + 1, FAR]),
