@@ -1,6 +1,7 @@
 """Small parts of screens, each by itself."""
 
 import os
+import signal
 import subprocess
 import sys
 
@@ -138,3 +139,39 @@ def test_names_beside_the_one_that_is_looked_at_come_first(here, first):
     found = command_line.neighbours_first(NAMES, here)
     assert found[: len(first)] == first
     assert sorted(found) == NAMES
+
+
+class Child:
+    """A child process that ends at an interrupt, or at nothing but a kill."""
+
+    def __init__(self, listens: bool, returncode: int | None = None) -> None:
+        self.listens, self.returncode, self.had = listens, returncode, []
+
+    def poll(self) -> int | None:
+        return self.returncode
+
+    def send_signal(self, number: int) -> None:
+        self.had.append(number)
+        self.returncode = 0 if self.listens else None
+
+    def kill(self) -> None:
+        self.send_signal(signal.SIGKILL)
+        self.returncode = -9
+
+    def wait(self, timeout_s: float) -> None:
+        if self.returncode is None:
+            raise subprocess.TimeoutExpired("demo", timeout_s)
+
+
+@pytest.mark.parametrize(
+    ("child", "had"),
+    [(Child(True), [signal.SIGINT]), (Child(False), [signal.SIGINT, signal.SIGKILL]), (Child(True, returncode=1), [])],
+)
+def test_a_demo_is_ended_as_by_an_interrupt_then_harder_and_one_that_ended_is_left(child, had, tmp_path):
+    demo = Demo()
+    demo.stop()  # of none
+    demo._process, demo._output = child, tmp_path / "said"
+    demo._output.write_text("hello\n\nlogger 'demo' ended after 7 ticks; saved:\n/l/a.silo\n")
+    demo.stop()
+    assert child.had == had
+    assert demo.farewell == ("logger 'demo' ended after 7 ticks; saved:\n/l/a.silo" if had else "")
