@@ -10,6 +10,7 @@ import pytest
 from silo.analysis.compute.spectra import Peak
 from silo.core.elements import BufferType
 from silo_tui.actions import commands_for
+from silo_tui.model.plots.picture import AXIS
 from silo_tui.screens.plots.detail import _hz_words
 from tests.stand_ins.fake_signals import START_NS, scalar, vector
 
@@ -297,6 +298,8 @@ async def test_in_a_spectrum_find_goes_by_height_the_cursor_reads_peaks_and_zoom
         await screen.until(lambda: large(screen)._found.top_hz == whole_hz)
         await screen.press("minus")
         await screen.shows("that is the whole spectrum")
+        await screen.pilot.click("DetailPlot", offset=(AXIS + 1 + 20, 3))
+        await screen.until(lambda: large(screen).plot.cursor == 20)
 
 
 async def test_each_way_of_drawing_is_there_at_once_from_the_plots_also_from_a_pause(fake, opened):
