@@ -1,5 +1,6 @@
 """What a feed of a bridge passes on: each sample once, and what of a robot is there."""
 
+import contextlib
 import threading
 from types import SimpleNamespace
 
@@ -8,6 +9,7 @@ import pytest
 
 from silo.bridges import services
 from silo.bridges.feed import PERIOD_S, LoggerFollower
+from silo.bridges.ros2.graph import Graph
 from silo.bridges.services import Audit, audit
 from silo.control.denials import Denials
 from silo.core.elements import State
@@ -159,6 +161,28 @@ def test_a_feed_of_which_nothing_is_wished_is_woken_by_the_next_wish_and_by_its_
     closing.start()
     closing.join(DEADLINE_S)
     assert not closing.is_alive()
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_what_ros_did_not_get_is_told_once_and_a_batch_is_taken_whatever_fails(fails):
+    def publish(time_ns, message):
+        if fails:
+            raise ConnectionLostError("the session ended")
+
+    pairing = SimpleNamespace(unpaired=2)
+    topic = SimpleNamespace(
+        messages=lambda batch: [(1, b"")], publish=publish, pairing=pairing, outlet=SimpleNamespace(topic="/bot/pose")
+    )
+    told, taken = [], []
+    unpaired = SimpleNamespace(**{**vars(topic), "pairing": None})
+    node = SimpleNamespace(_topics={"pose": topic, "x": unpaired}, _tell=told.append)
+    batch = {"/log/x": SimpleNamespace(missed=3), "/log/y": SimpleNamespace(missed=0)}
+    for _ in range(2):
+        with pytest.raises(ConnectionLostError) if fails else contextlib.nullcontext():
+            Graph._deliver(node, batch, lambda: taken.append(1))
+    left_out = "2 ticks of /bot/pose left out: not all had them"
+    lost = "3 samples of /log/x lost on the way to the bridge"
+    assert (told, taken) == ([] if fails else [left_out, lost, lost], [1, 1])
 
 
 @pytest.mark.parametrize(
