@@ -147,6 +147,15 @@ def test_a_sine_anywhere_between_two_lines_has_its_frequency_and_amplitude(hz, c
     assert (peak.frequency_hz, peak.amplitude) == (pytest.approx(hz, abs=0.01), pytest.approx(3, rel=0.002))
 
 
+@pytest.mark.parametrize("count", [1000, 1001])
+@pytest.mark.parametrize("line", [1.75, 2.25, 2.6, -2.6, -1.4])
+def test_a_sine_near_the_ends_of_a_spectrum_has_its_frequency_and_amplitude(line, count):
+    hz = (line if line > 0 else count / 2 + line) * HZ / count
+    (peak, *_) = peaks_of(spectrum_of(longest_piece(times(count), waves(count, (hz, 3.0)))))
+    assert peak.frequency_hz == pytest.approx(hz, abs=0.1 * HZ / count)
+    assert peak.amplitude == pytest.approx(3, rel=0.03)
+
+
 def test_the_highest_peak_is_the_first():
     piece = longest_piece(times(4000), waves(4000, (8.0, 0.02), (12.5, 1.1), (60.0, 0.3)))
     assert [round(peak.frequency_hz) for peak in peaks_of(spectrum_of(piece))] == [12, 60, 8]
