@@ -1,6 +1,7 @@
 """Who did what: the words of events, roles of a group, one operator at a time, clients that only look."""
 
 import grp
+import itertools
 import json
 import os
 import re
@@ -142,6 +143,35 @@ def test_who_wants_it_open_all_the_same_says_so_in_the_file(tmp_path) -> None:
     for way in ({"connect": {"endpoints": ["tcp/router.local:7447"]}}, {"listen": {"endpoints": ["tcp/0.0.0.0:7447"]}}):
         found = admitted(tmp_path / "c.json5", **way, metadata=said)
         assert (found.changes, found.proven, found.why) == (True, False, "")
+
+
+@pytest.mark.parametrize("joined", ["", "tcp/127.0.0.1:7447", "tcp/router.local:7447", "tls/router.local:7447"])
+@pytest.mark.parametrize("taken", ["", "tcp/127.0.0.1:7447", "tcp/0.0.0.0:7447", "tcp/0.0.0.0:7447 by password"])
+def test_names_hold_where_all_ways_in_ask_for_them_and_whoever_passes_them_on_said_that_it_checks_them(
+    taken, joined, tmp_path
+) -> None:
+    endpoint, _, asks = taken.partition(" by ")
+    ways = {
+        "listen": {"endpoints": [endpoint] if endpoint else []},
+        "connect": {"endpoints": [joined] if joined else []},
+    }
+    auth = {"auth": {"usrpwd": {"dictionary_file": "users.txt"}}} if asks else {}
+    is_open = joined == "tcp/router.local:7447" or taken == "tcp/0.0.0.0:7447"
+    for insecure, checked, key in itertools.product((False, True), (False, True), ("anna", "*")):
+        rule = {"id": "r", "permission": "allow", "messages": ["query"], "key_exprs": [f"silo/*/*/do/{key}"]}
+        control = {
+            "enabled": True, "default_permission": "deny", "rules": [rule],
+            "subjects": [{"id": "s", "usernames": ["anna"]}], "policies": [{"rules": ["r"], "subjects": ["s"]}],
+        }  # fmt: skip
+        said = {"silo": {INSECURE: insecure, "router_checks_names": checked}}
+        found = admitted(
+            tmp_path / "c.json5", mode="peer", **ways, access_control=control, transport=auth, metadata=said
+        )
+        changes = bool(taken or joined) and (insecure or not is_open)
+        at_ways_in = not taken or key == "anna"
+        by_routers = not joined or (joined.startswith("tls/") and checked)
+        assert found[:2] == (changes, changes and at_ways_in and by_routers), (insecure, checked, key)
+        assert bool(found.why) is (is_open and not insecure)
 
 
 def test_names_are_proven_where_each_user_is_admitted_to_its_own_key_alone(tmp_path) -> None:
