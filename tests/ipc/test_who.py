@@ -21,7 +21,7 @@ from silo.control.authentication import Authentication
 from silo.core.elements import Status
 from silo.errors import ArgumentError, ConnectionLostError, ElementError, RefusedError
 from silo.fleet.resolving import discover
-from silo.net.access.admission import INSECURE, Admission, admission_of, rules_hold_names
+from silo.net.access.admission import INSECURE, Admission, admission_of, router_admission, rules_hold_names
 from silo.net.access.senders import (
     PROVEN,
     bracketed,
@@ -172,6 +172,10 @@ def test_names_hold_where_all_ways_in_ask_for_them_and_whoever_passes_them_on_sa
         by_routers = not joined or (joined.startswith("tls/") and checked)
         assert found[:2] == (changes, changes and at_ways_in and by_routers), (insecure, checked, key)
         assert bool(found.why) is (is_open and not insecure)
+        if not joined and taken:
+            config = str(tmp_path / "c.json5")
+            router = router_admission(from_file(config), [endpoint], config)
+            assert router[:2] == (changes, not is_open and at_ways_in), "of a router that listens so"
 
 
 def test_names_are_proven_where_each_user_is_admitted_to_its_own_key_alone(tmp_path) -> None:
