@@ -42,6 +42,7 @@ from tests.waiting import answered as answered_soon
 from tests.waiting import wait_until
 
 ROOT = Root("robot3", "walker", "3fa977b2e0")
+UNIX, SERIAL = "unixsock-stream//run/router.sock", "serial//dev/ttyUSB0#baudrate=115200"  # without host and port
 GROUP = grp.getgrgid(os.getgid()).gr_name
 
 
@@ -145,8 +146,12 @@ def test_who_wants_it_open_all_the_same_says_so_in_the_file(tmp_path) -> None:
         assert (found.changes, found.proven, found.why) == (True, False, "")
 
 
-@pytest.mark.parametrize("joined", ["", "tcp/127.0.0.1:7447", "tcp/router.local:7447", "tls/router.local:7447"])
-@pytest.mark.parametrize("taken", ["", "tcp/127.0.0.1:7447", "tcp/0.0.0.0:7447", "tcp/0.0.0.0:7447 by password"])
+@pytest.mark.parametrize(
+    "joined", ["", "tcp/127.0.0.1:7447", UNIX, "tcp/router.local:7447", SERIAL, "tls/router.local:7447"]
+)
+@pytest.mark.parametrize(
+    "taken", ["", "tcp/127.0.0.1:7447", UNIX, "tcp/0.0.0.0:7447", SERIAL, "tcp/0.0.0.0:7447 by password"]
+)
 def test_names_hold_where_all_ways_in_ask_for_them_and_whoever_passes_them_on_said_that_it_checks_them(
     taken, joined, tmp_path
 ) -> None:
@@ -156,7 +161,7 @@ def test_names_hold_where_all_ways_in_ask_for_them_and_whoever_passes_them_on_sa
         "connect": {"endpoints": [joined] if joined else []},
     }
     auth = {"auth": {"usrpwd": {"dictionary_file": "users.txt"}}} if asks else {}
-    is_open = joined == "tcp/router.local:7447" or taken == "tcp/0.0.0.0:7447"
+    is_open = joined in ("tcp/router.local:7447", SERIAL) or taken in ("tcp/0.0.0.0:7447", SERIAL)
     for insecure, checked, key in itertools.product((False, True), (False, True), ("anna", "*")):
         rule = {"id": "r", "permission": "allow", "messages": ["query"], "key_exprs": [f"silo/*/*/do/{key}"]}
         control = {
@@ -172,6 +177,8 @@ def test_names_hold_where_all_ways_in_ask_for_them_and_whoever_passes_them_on_sa
         by_routers = not joined or (joined.startswith("tls/") and checked)
         assert found[:2] == (changes, changes and at_ways_in and by_routers), (insecure, checked, key)
         assert bool(found.why) is (is_open and not insecure)
+        if joined == UNIX:
+            assert found.why_now == found.why, "what has no port listens for nobody else"
         if not joined and taken:
             config = str(tmp_path / "c.json5")
             router = router_admission(from_file(config), [endpoint], config)
