@@ -9,6 +9,7 @@ import pytest
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo.live.quantities import FROZEN, NOT_FINITE, SLOW
+from silo_tui.sessions.live import LiveSource
 from silo_tui.terminal.thinness import STEPS
 from tests.stand_ins.fake_signals import scalar, vector
 
@@ -433,3 +434,33 @@ async def test_in_a_tree_goto_leads_to_a_name_space_itself_with_what_it_holds_be
         assert screen.session.rows.branch is None, "no name space of the first level"
         await screen.enter(":goto /imu/temperature")
         assert screen.session.rows.row == screen.session.table.row("/log/imu/temperature")
+
+
+async def test_what_was_in_frames_that_got_lost_is_asked_for_once_and_nothing_where_none_did(fake, opened, monkeypatch):
+    asked, history = [], LiveSource.history
+
+    async def noted(source, names, *span):
+        asked.append(list(names))
+        return await history(source, names, *span)
+
+    monkeypatch.setattr(LiveSource, "history", noted)
+    async with opened(fake.run(20), size=(160, 24)) as screen:
+
+        async def frames():
+            for _ in range(3):
+                before_ns = screen.session.frame_time_ns
+                fake.advance(0.2)
+                await screen.until(lambda: screen.session.frame_time_ns > before_ns)  # noqa: B023
+            await screen.settled()
+
+        await screen.until(lambda: screen.session.columns.past_until_ns is not None)
+        await frames()
+        store, before = screen.session.columns, len(asked)
+        assert store.names
+        await frames()
+        assert len(asked) == before
+        store.live_since_ns = store.past_until_ns + 1
+        await frames()
+        assert asked[before:] == [list(store.names)]
+        assert screen.session.columns is store
+        assert not store.gapped
