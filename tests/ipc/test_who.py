@@ -186,13 +186,13 @@ def test_names_hold_where_all_ways_in_ask_for_them_and_whoever_passes_them_on_sa
 
 
 def test_names_are_proven_where_each_user_is_admitted_to_its_own_key_alone(tmp_path) -> None:
-    def rules(*keys: str, users: tuple[str, ...] = ("anna",), default: str = "deny") -> bool:
+    def rules(*keys: str, users: tuple[str, ...] = ("anna",), default: str = "deny", **certified: list[str]) -> bool:
         rule = {"id": "r", "permission": "allow", "messages": ["query"], "key_exprs": list(keys)}
         control = {
             "enabled": True,
             "default_permission": default,
             "rules": [rule],
-            "subjects": [{"id": "s", "usernames": list(users)}],
+            "subjects": [{"id": "s", **({"usernames": list(users)} if users else {}), **certified}],
             "policies": [{"rules": ["r"], "subjects": ["s"]}],
         }
         return rules_hold_names(from_file(file_of(tmp_path / "r.json5", access_control=control)))
@@ -204,6 +204,10 @@ def test_names_are_proven_where_each_user_is_admitted_to_its_own_key_alone(tmp_p
     assert not rules("silo/*/*/do/bob")
     assert not rules("silo/*/*/do/anna", users=("anna", "bob"))
     assert not rules("silo/*/*/do/anna", default="allow")
+    assert rules("silo/*/*/do/anna", users=(), cert_common_names=["anna"])
+    assert not rules("silo/*/*/do/anna", users=(), cert_common_names=["bob"])
+    assert not rules("silo/*/*/do/anna", cert_common_names=["bob"])
+    assert not rules("silo/*/*/do/anna", users=()), "anybody"
     assert not rules_hold_names(from_file(file_of(tmp_path / "none.json5")))
 
 
