@@ -271,6 +271,25 @@ async def test_data_is_saved_in_the_types_that_are_chosen_and_that_takes_the_pla
         assert "w saves the data" not in screen.text
 
 
+async def test_o_opens_what_was_saved_once_it_is_and_nothing_before(fake, opened, monkeypatch):
+    looked_into = []
+
+    async def opening(context, session, files, *_):
+        looked_into.append([file.path for file in files])
+
+    monkeypatch.setattr("silo_tui.screens.files.opened.open_saved", opening)
+    async with opened(fake.run(12)) as screen:
+        await screen.press("w", "o")
+        await screen.shows("what was logged")
+        await screen.press("enter")
+        await screen.shows("saved: ")
+        assert looked_into == []
+        await screen.press("o")
+        await screen.until(lambda: looked_into)
+        assert [len(files) for files in looked_into] == [1]
+        assert looked_into[0][0].endswith(".silo")
+
+
 async def test_a_save_says_that_it_is_of_all_elements_though_some_are_marked_and_what_a_part_is(fake, opened):
     async with opened(fake.run()) as screen:
         await screen.do("mark", "mark", "save_data")
