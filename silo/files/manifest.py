@@ -33,6 +33,7 @@ from silo.files.formats import OPEN_PART_ENDING
 MOST_BYTES = 200_000
 MOST_BEGUN = 20  # captures without files that are remembered: of a process one is under way, others failed
 MOST_RUNS = 100  # of an order that are told one by one; of those before them the sums are kept
+MOST_ORDERS = 100  # before this one that are remembered: a recorder of one of them may still come to go on with it
 WRITTEN_ENDING = ".recorder.json"
 _TAIL = 256  # bytes before what is new that must be as they were: else the file was written anew
 _RETRY_S = 0.02
@@ -307,6 +308,7 @@ class Written(msgspec.Struct):
     runs: list[RunEntry] = []
     before: RecordedTotals = msgspec.field(default_factory=RecordedTotals)  # of the runs before these
     earlier: list[str] = []  # the parts that orders before this one left: they count into its budget, too
+    orders: list[str] = []  # those before this one, oldest first
 
     def entry(self, run: str) -> RunEntry | None:
         """Return what there is of a run."""
@@ -440,8 +442,11 @@ class Ledger:
 
     def begin_order(self, order: str) -> None:
         """Count anew: of the parts of orders before this one is known that they are there."""
-        self.written.order, self.written.runs, self.written.before = order, [], RecordedTotals()
-        self.written.earlier = [entry.name for entry in self.written.parts]
+        written = self.written
+        written.orders = [*written.orders, *filter(None, [written.order])][-MOST_ORDERS:]
+        written.order, written.runs, written.before = order, [], RecordedTotals()
+        written.run, written.next_rows = "", {}
+        written.earlier = [entry.name for entry in written.parts]
 
     def rows_of(self, run: str) -> dict[int, int] | None:
         """Return with which rows to go on in a run; None where nothing is known of it."""
@@ -571,6 +576,14 @@ class Ledger:
         return found.st_size if found is not None else 0
 
 
+def name_in_use(folder: Path) -> SaveError:
+    """Return that another recorder has the name in this folder."""
+    return SaveError(
+        f"another recorder writes to '{folder}' under this name: record under another name "
+        "(--name) or to another folder (--to); nothing is recorded"
+    )
+
+
 def _locked(path: Path, wait_s: float, parent: int) -> int:
     """Open the file, which says who has the lock; one that was frozen, and whose parent died, gives it up."""
     until_s = time.monotonic() + wait_s
@@ -581,10 +594,7 @@ def _locked(path: Path, wait_s: float, parent: int) -> int:
     while not taken(descriptor):
         if time.monotonic() > until_s:
             os.close(descriptor)
-            raise SaveError(
-                f"another recorder writes to '{path.parent}' under this name: record under another name "
-                "(--name) or to another folder (--to); nothing is recorded"
-            )
+            raise name_in_use(path.parent)
         end_abandoned_holder(descriptor)
         time.sleep(_RETRY_S)  # a lock gives no sign to those who want a time limit
     note_holder(descriptor, parent)

@@ -17,7 +17,7 @@ from silo.files.event_log import CRASHED, add_missing, read_events
 from silo.files.naming import is_capture
 from silo.journal.holdings import Holdings
 from silo.journal.reader import JournalReader
-from silo.recorder.left_recordings import complete_recordings
+from silo.recorder.left_recordings import complete_recordings, told
 from silo.recorder.process import RecorderHandover
 from silo.recordings.folder import RecordingFolder
 from silo.recordings.requests import SavedRecording
@@ -146,7 +146,7 @@ def settle_left(
     could not be done: it stays for the next time.
     """
     try:
-        problems = complete_recordings(lambda text: tell(EventKind.RECOVERED, text, []), recordings)
+        problems = complete_recordings(lambda *what: tell(EventKind.RECOVERED, told(*what), []), recordings)
     except (OSError, SiloError) as error:  # captures wait for nobody's recording
         problems = [f"recordings of dead programs are not completed now: {error}"]
     with contextlib.suppress(SegmentError, OSError):  # no runtime folder: then there is nothing in it either

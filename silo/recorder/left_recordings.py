@@ -2,6 +2,11 @@
 
 What was recorded is told by the list of recorders in the runtime folder, how far each was by its ledger and its parts,
 and the rows are in the runs that are held, and in the last one. A recorder goes on with them as one that is replaced.
+
+Who finishes what: a ledger is that of its order as long as a list names that one. Who would begin another order under
+that name has it completed first (`settle_order`), be it that the next helper process or `silo recover` is about to do
+so, is at it, or never comes: the list is claimed by one process at a time. A recorder that comes to go on with an order
+after which another one began has nothing to go on by, and records nothing.
 """
 
 import contextlib
@@ -26,9 +31,9 @@ from silo.core.runtime import (
 )
 from silo.errors import SegmentError, reason
 from silo.files.event_log import add_missing
-from silo.files.manifest import read_written
+from silo.files.manifest import name_in_use, read_written
 from silo.polling import readable
-from silo.recorder.orders import CLOSED
+from silo.recorder.orders import CLOSED, RecordOrder
 from silo.recorder.process import RecorderHandover, RecorderProcess, store, stored
 from silo.recovery.left import claimed_file, log_start
 from silo.rpc.published import EventKind
@@ -37,10 +42,16 @@ from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
 
 MOST_LIVES = 3  # of a recorder that dies again and again
+LOOK_S = 0.05  # how often is looked whether a program that lives is done with an order
 
 log = logging.getLogger("silo")
 
-Tell = Callable[[str], object]
+Tell = Callable[[RecordOrder, str], object]
+
+
+def told(order: RecordOrder, text: str) -> str:
+    """Return what is told of a recording with its name."""
+    return f"recording '{order.name}': {text}"
 
 
 def left_lists() -> list[tuple[Path, list[RecorderHandover]]]:
@@ -86,10 +97,41 @@ def _is_forgotten(path: Path) -> bool:
     return not process_start(int(pid))
 
 
-def complete_recordings(tell: Tell, wanted: Callable[[RecorderHandover], bool] = lambda _: True) -> list[str]:
+def settle_order(order: str, tell: Tell, wait_s: float) -> list[str]:
+    """Have an order be over under whose name another one is to begin: completed if its program is gone.
+
+    Returns in words what could not be completed: that is let go of. One of a program that lives is waited for so long.
+    Raises SaveError if it still goes on then.
+    """
+    problems: list[str] = []
+    until_s = time.monotonic() + wait_s
+    while (one := listed(order)) is not None:
+        problems += complete_recordings(tell, lambda one: one.order.order == order, for_good=True)
+        if listed(order) is None:
+            break
+        if time.monotonic() > until_s:
+            raise name_in_use(Path(one.order.folder))
+        time.sleep(LOOK_S)  # nothing tells of the end of another helper process's order
+    return problems
+
+
+def listed(order: str) -> RecorderHandover | None:
+    """Return what lists of helper processes say of an order that is not over; None where none names it."""
+    with contextlib.suppress(SegmentError):  # no runtime folder: then there is nothing in it either
+        for path in runtime_dir().glob(f"*{RECORDERS_SUFFIX}"):
+            with contextlib.suppress(SegmentError):  # a damaged one is told by who would complete it
+                for one in stored(path):
+                    if one.order.order == order:
+                        return one
+    return None
+
+
+def complete_recordings(
+    tell: Tell, wanted: Callable[[RecorderHandover], bool] = lambda _: True, *, for_good: bool = False
+) -> list[str]:
     """Complete what was recorded of loggers that are gone; `tell` is told of each recording.
 
-    Returns in words what could not be completed: it stays for the next time.
+    Returns in words what could not be completed: it stays for the next time, but is let go of `for_good`.
     """
     problems: list[str] = []
     for path, found in left_lists():
@@ -100,27 +142,43 @@ def complete_recordings(tell: Tell, wanted: Callable[[RecorderHandover], bool] =
                 held.enter_context(claimed_file(path, os.O_RDWR, wait=True))
             except FileNotFoundError:
                 continue  # another process completed them
-            problems += _complete(path, _stored(path), tell)
+            problems += _complete(path, _stored(path), tell, wanted, for_good=for_good)
     return problems
 
 
-def _complete(path: Path, kept: Sequence[RecorderHandover], tell: Tell) -> list[str]:
+def _complete(
+    path: Path,
+    kept: Sequence[RecorderHandover],
+    tell: Tell,
+    wanted: Callable[[RecorderHandover], bool],
+    *,
+    for_good: bool,
+) -> list[str]:
     problems: list[str] = []
     rest = list(kept)
     if not rest:
         return problems
     with contextlib.ExitStack() as closing:
         runs = _runs_of(kept[0].program, closing)
-        for one in kept:
+        for one in filter(wanted, kept):
             problem = _complete_one(one, runs, tell)
             if problem:
-                problems.append(problem)
-            else:
+                over = for_good or _is_over(one.order)
+                more = (
+                    "what of it is in no part is not recorded" if over else "what is there of it stays for the next try"
+                )
+                problems.append(f"recording '{one.order.name}' in {one.order.folder} {problem}; {more}")
+            if not problem or over:
                 rest.remove(one)
         for reader in runs:
             log_start(reader)
     store(path, rest)
     return problems
+
+
+def _is_over(order: RecordOrder) -> bool:
+    written = read_written(Path(order.folder), order.name)
+    return written is not None and order.order in written.orders
 
 
 def _runs_of(program: Program, closing: contextlib.ExitStack) -> list[SegmentReader]:
@@ -142,7 +200,7 @@ def _complete_one(kept: RecorderHandover, runs: Sequence[SegmentReader], tell: T
         try:
             recorder.start(order)
         except OSError as error:
-            return f"recording '{order.name}' can't be completed: {reason(error)}; what there is of it stays"
+            return f"can't be completed: {reason(error)}"
         for reader in runs:
             recorder.follow(reader, None)
         recorder.finish(kept.ending or CLOSED, 0)
@@ -150,13 +208,11 @@ def _complete_one(kept: RecorderHandover, runs: Sequence[SegmentReader], tell: T
         recorder.reap()
         if recorder.report.state.over:
             break
-    text = f"recording '{order.name}' in {order.folder}"
     if recorder.report.state is not RecorderState.ENDED:
-        why = recorder.report.text or "its process died each time"
-        return f"{text} can't be completed: {why}; what is there of it stays for the next try"
+        return f"can't be completed: {recorder.report.text or 'its process died each time'}"
     if runs:
         _log(recorder, runs[-1].schema)
-    tell(f"{text}: completed, {recorder.sums().text}")
+    tell(order, f"completed in {order.folder}, {recorder.sums().text}")
     return ""
 
 
@@ -164,7 +220,9 @@ def _log(recorder: RecorderProcess, schema: SegmentSchema) -> None:
     """Have the event log say of its last run what the helper process would have."""
     name, folder = recorder.order.name, Path(recorder.order.folder)
     written = read_written(folder, name)
-    texts = [f"recording '{name}': finished {folder / part.name}" for part in written.parts] if written else []
+    mine = written is not None and written.order == recorder.order.order
+    parts = [part for part in written.parts if part.name not in written.earlier] if written and mine else []
+    texts = [told(recorder.order, f"finished {folder / part.name}") for part in parts]
     texts.append(f"recording '{name}' ended: {recorder.report.text}; {recorder.sums().text}")
     line = partial(LoggedEvent, EventKind.RECORDING.value, time_ns=time.time_ns(), who=schema.logger, run=schema.run)
     add_missing(schema.folder, schema.logger, schema.run, [line(text) for text in texts])
@@ -182,4 +240,4 @@ def _listen(recorder: RecorderProcess, tell: Tell) -> None:
             return
         recorder.report = report
         if report.told:
-            tell(f"recording '{recorder.order.name}': {report.told}")
+            tell(recorder.order, report.told)

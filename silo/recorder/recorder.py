@@ -21,7 +21,7 @@ from silo.core.elements import RecorderState
 from silo.core.quantities.writing import and_more, many
 from silo.errors import SaveError, SegmentError, SiloError, reason
 from silo.files.event_log import newest_number
-from silo.files.manifest import ClosedPart, Ledger, RunEntry
+from silo.files.manifest import ClosedPart, Ledger, RunEntry, read_written
 from silo.files.parts.metadata import EVENTS_RING
 from silo.journal.derived_rows import with_derived
 from silo.polling import readable
@@ -73,6 +73,7 @@ class Recorder:
         self._why = ""
         self._until = 0  # the event that the log is to have at the end
         self._died = False  # the program, without a word
+        self._told_before: list[str] = []  # of the order that had its ledger
         self._gone = ""  # what is to stand in the next part of runs that are not whole
         self._missed: list[RunEntry] = []  # and in the ledger
         self._left_out: list[str] = []  # derived signals that aren't recorded, as was told
@@ -88,7 +89,7 @@ class Recorder:
         """Record until told to end; returns how it ended."""
         try:
             Path(self._order.folder).mkdir(parents=True, exist_ok=True)
-            ledger = Ledger(Path(self._order.folder), self._order.name, PREDECESSOR_S, self._parent)
+            ledger = self._take_name()
         except (SaveError, OSError) as error:
             text = str(error) if isinstance(error, SaveError) else f"can't record to '{self._order.folder}': "
             text += "" if isinstance(error, SaveError) else f"{reason(error)}; choose another folder"
@@ -98,6 +99,40 @@ class Recorder:
             # who had not begun leaves it to who comes next: the order is listed, and may be done by now
             return RecorderState.ENDED if self._is_left() else self._record(ledger)
 
+    def _take_name(self) -> Ledger:
+        """Have the ledger, once the order is over whose it was: `left_recordings` has the rule. Raises SaveError."""
+        folder, name, mine = Path(self._order.folder), self._order.name, self._order.order
+        while True:
+            # first without it: who completes an order needs it, for as long as that takes
+            written = read_written(folder, name)
+            if written is not None and mine in written.orders:
+                raise SaveError(f"another recording '{name}' began in {folder} since, and has its place")
+            self._settle_before(written.order if written is not None else "")
+            ledger = Ledger(folder, name, PREDECESSOR_S, self._parent)
+            if mine not in ledger.written.orders and not self._is_unsettled(ledger.written.order):
+                return ledger
+            ledger.close()
+
+    def _is_unsettled(self, before: str) -> bool:
+        """Whether another order has the ledger, and is not over."""
+        mine = self._order.order
+        if not before or before == mine or (self._order.resume and not mine):
+            return False
+        from silo.recorder.left_recordings import listed  # only where there was another order
+
+        return listed(before) is not None
+
+    def _settle_before(self, before: str) -> None:
+        if self._is_unsettled(before):
+            from silo.recorder.left_recordings import settle_order
+
+            def tell(_order: RecordOrder, text: str) -> None:
+                self._told_before.append(f"of the recording before this one: {text}")
+
+            self._told_before += settle_order(before, tell, PREDECESSOR_S)
+            # as it could not begin at once it does as one that is replaced: with the tick of its order
+            self._order = msgspec.structs.replace(self._order, resume=True)
+
     def _is_left(self) -> bool:
         """Whether who started it is gone, whatever that said before."""
         poll = select.poll()
@@ -106,12 +141,16 @@ class Recorder:
 
     def _record(self, ledger: Ledger) -> RecorderState:
         self._ledger = ledger
-        if self._order.resume:
+        mine, last = self._order.order, ledger.written.order
+        if self._order.resume and (not mine or last in ("", mine)):
             ledger.go_on(*left_rows(ledger))
-        else:
-            ledger.begin_order(self._order.order)
+            ledger.written.order = mine or last
+        else:  # or it was killed before it began
+            ledger.begin_order(mine)
         self._left = ledger.written.run, ledger.written.next_rows
         self._writing = Writing(self._order, ledger, RecorderDisk())
+        for text in self._told_before:
+            self._tell_clients(text)
         self._look_for_gone()
         self._last_number = max((entry.number for entry in ledger.written.runs), default=0)
         self._writing.start()

@@ -167,6 +167,10 @@ class Process:
             socket.send_fds(self.socket, [encode(Follow(log._present.path))], [file.fileno(), conditions])
         os.close(conditions)
 
+    def follow_run(self, reader: SegmentReader) -> None:
+        """Hand over a run of another program."""
+        socket.send_fds(self.socket, [encode(Follow(str(reader.path)))], [reader.fileno()])
+
     def wait_recording(self) -> None:
         """Until it has begun with the run."""
         wait_until(lambda: self.reports and self.reports[-1].state is RecorderState.RECORDING)
@@ -176,14 +180,17 @@ class Process:
         return self.end()
 
     def end(self) -> Report:
-        self.process.wait()
-        self._thread.join()
-        self.socket.close()
+        self._join()
         return self.reports[-1]
 
     def kill(self) -> None:
         self.process.kill()
-        self.end()
+        self._join()
+
+    def _join(self) -> None:
+        self.process.wait()
+        self._thread.join()
+        self.socket.close()
 
 
 @pytest.fixture
