@@ -25,7 +25,8 @@ from silo.files.atomic import append_all, lock
 MOST_BYTES = 4_000_000
 ENDING = ".events.jsonl"
 OLDER_ENDING = ".events.1.jsonl"
-CRASHED = "crashed"  # the kind of an event
+# kinds of events: nothing of a run but what became of it is told after them; it has one of each, whoever tells it
+CRASHED, STOPPED = "crashed", "stopped"
 _END_BYTES = 64_000  # the newest lines
 
 _BEGIN = b'{"kind":"'
@@ -112,12 +113,17 @@ def add_missing(folder: str | os.PathLike[str], logger: str, run: str, events: S
 
 
 def lacking(events: Iterable[LoggedEvent], known: Iterable[LoggedEvent]) -> list[LoggedEvent]:
-    """Return those of a run that are not known yet: what its program noted by its moment, all else by its words."""
+    """Return those of a run that are not known yet: what its program noted by its moment, all else by its words.
+
+    But for its end, which it has once: who saw it tells more of it than who comes later.
+    """
     there = set(map(_identity, known))
     return [event for event in events if _identity(event) not in there]
 
 
 def _identity(event: LoggedEvent) -> tuple[object, ...]:
+    if event.kind in (CRASHED, STOPPED):
+        return (event.kind,)
     return (event.time_ns, event.tick, event.text) if event.kind in NOTED else (event.kind, event.text)
 
 

@@ -22,6 +22,7 @@ def main() -> int:
     parser.add_argument("--changes-fd", type=int, help="memory with the number of the logger's changes")
     parser.add_argument("--name", required=True, help="name of the logger")
     parser.add_argument("--id", default="", help="what the logger drew to tell it from others of its name")
+    parser.add_argument("--died", default="", help="how, and when (UNIX time in ns), the one before this one died")
     parser.add_argument("--group", help="system group whose members may connect")
     parser.add_argument("--config", help="Zenoh configuration with remote access")
     parser.add_argument("--group-role", default="operator", help="viewer, or operator")
@@ -34,7 +35,7 @@ def main() -> int:
     raise_descriptors()
     robot = open_link(arguments.fd, arguments.runs_fd, arguments.changes_fd)
     serving = ServingOptions(arguments.group, arguments.config, arguments.group_role, arguments.control)
-    return Helper(robot, arguments.name, serving, arguments.id).run()
+    return Helper(robot, arguments.name, serving, arguments.id, arguments.died).run()
 
 
 def end_at_panic(args: threading.ExceptHookArgs) -> None:

@@ -91,8 +91,9 @@ class ServingOptions:
 class Helper:
     """One helper process. `run` returns when it has ended."""
 
-    def __init__(self, robot: RobotLink, name: str, serving: ServingOptions, drawn: str = "") -> None:
-        self._robot = robot
+    def __init__(self, robot: RobotLink, name: str, serving: ServingOptions, drawn: str = "", died: str = "") -> None:
+        """`died` is how, and when, the one before it died, if it did."""
+        self._robot, self._died = robot, died
         self._name = name
         self._serving = serving
         named = robot_named(serving.config) if serving.config is not None else ""
@@ -169,7 +170,7 @@ class Helper:
         journaling = Journaling(replica, events)
         recording = EndlessRecordings(replica, events, held)
         runs = Runs(self._robot, replica, held, events, marks, judge, recording, publisher, early)
-        runs.begin()
+        _begin(runs, events, self._died)
         people = self._authority(path, replica, events)
         servers = Servers(replica, events, publisher, saver, self._robot, judge, recording, people[1])
         control = RequestThreads(session, self._root, servers, *people, publisher.name_client, self._denials)
@@ -321,6 +322,15 @@ class Helper:
         # a service manager sends SIGTERM to robot and helper at once: what the robot logged must be saved before
         self._term_s = time.monotonic()
         self._poke()
+
+
+def _begin(runs: Runs, events: EventNotifier, died: str) -> None:
+    """Take in what went on meanwhile, and tell that the helper process before this one died, if it did."""
+    runs.begin()
+    if died:
+        code, _, time_ns = died.partition(" ")
+        text = f"helper process died (exit code {code}), and another one was started; logging went on"
+        events.publish(EventKind.HELPER, text, time_ns=int(time_ns))
 
 
 def _tell_death(path: Path, publisher: Publisher, marks: MarkReader, replica: Replica, events: EventNotifier) -> None:

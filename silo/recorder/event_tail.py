@@ -19,8 +19,8 @@ from silo.core.elements import MARKER, PARAMETER, SEEN_LATE_NS, LoggedEvent
 from silo.core.runtime import open_own, read_own
 from silo.core.tuning.parameters import ParameterChange, ParameterValue
 from silo.errors import SegmentError
-from silo.files.event_log import CRASHED, decoded, event_log_path, lacking, older_event_log, read_events
-from silo.recovery.left import STOPPED, log_end
+from silo.files.event_log import CRASHED, STOPPED, decoded, event_log_path, lacking, older_event_log, read_events
+from silo.recovery.left import log_end
 from silo.segment.marks import SLOTS
 from silo.segment.reader import SegmentReader
 

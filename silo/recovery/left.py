@@ -29,7 +29,6 @@ from silo.segment.rows import Rows
 from silo.segment.snapshot import cut_events
 
 DIED = "program died"  # why its log was saved
-STOPPED = "stopped"  # a kind of events: as of CRASHED, nothing of a run but what became of it is told after it
 
 RunReader = SegmentReader | JournalReader
 
@@ -92,7 +91,7 @@ def log_end(reader: RunReader, saved: str = "", log: Callable[..., object] | Non
     That it was started, what its program noted, how it ended, and what was `saved` of it by now. Whoever comes first
     says it, be it the helper process, a recorder on its own, the next start, or `silo recover`; `log` is how.
     """
-    from silo.files.event_log import CRASHED, add_missing
+    from silo.files.event_log import CRASHED, STOPPED, add_missing
 
     schema, noted, stopped, stamp_ns = reader.schema, [], "", 0
     if isinstance(reader, SegmentReader):

@@ -152,6 +152,7 @@ class EventKind(Word):
     DAMAGED = "damaged"  # stands in place of lines of the event log that can't be read
     UNHELD = "unheld"  # nobody but silo holds the array of an element any more
     PARAMETER = "parameter"  # a parameter changed, or what all were at a start
+    HELPER = "helper"  # the helper process before this one died, and the program started this one
     OTHER = "other"
 
 

@@ -3,6 +3,9 @@
 import fcntl
 import os
 import signal
+import subprocess
+import sys
+import time
 
 import pytest
 
@@ -10,6 +13,7 @@ from silo.errors import GoesOnError, RefusedError
 from silo.files.event_log import event_log_path, read_events
 from silo.files.formats import read_recording
 from silo.rpc.published import EventKind
+from tests.ipc.conftest import end_helper
 from tests.waiting import answered, wait_until
 
 pytestmark = pytest.mark.slow
@@ -144,6 +148,48 @@ def test_the_log_outlives_a_helper_that_was_killed_and_no_mark_comes_twice(bench
     assert [e.text for e in marks] == ["push 3", "between"]
     assert marks[0] == before
     assert [e.number for e in texts] == sorted({e.number for e in texts})
+
+
+def test_that_a_helper_process_died_is_told_by_the_next_one_each_time(bench, client):
+    bench.logger.start()
+    bench.ticks(3)
+    for times in (1, 2):
+        before_ns = time.time_ns()
+        old = bench.serving.helper_pid
+        os.kill(old, signal.SIGKILL)
+        wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != old)  # noqa: B023 - it waits here
+        told = [event for event in wait_until(lambda: answered(client.events)) if event.kind == "helper"]
+        assert len(told) == times
+        text = "helper process died (exit code -9), and another one was started; logging went on"
+        assert (told[-1].text, told[-1].run) == (text, bench.logger._present.run.id)
+        assert before_ns < told[-1].time_ns < time.time_ns()
+
+
+def test_a_run_that_stopped_by_itself_before_its_program_was_killed_is_told_to_have_stopped_once(runtime, tmp_path):
+    program = """if True:
+        import sys, time, silo
+        log = silo.Logger("full", frequency=100, max_time=0.1, folder=sys.argv[1], script=sys.argv[1] + "/none.yaml")
+        log.array("x", buffer="growing")
+        serving = log.serve()
+        log.start()
+        print(serving.helper_pid, flush=True)
+        sys.stdin.readline()
+        while log.is_running:
+            log.collect()
+        sys.stdin.read()
+    """
+    started = [sys.executable, "-c", program, str(tmp_path)]
+    with subprocess.Popen(started, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as robot:
+        helper = int(robot.stdout.readline())
+        wait_until(lambda: read_events(tmp_path, "full"))
+        print("go on", file=robot.stdin, flush=True)
+        (stopped,) = wait_until(lambda: [one for one in read_events(tmp_path, "full") if one.kind == "stopped"])
+        assert "as not all buffers are looping" in stopped.text
+        robot.terminate()
+    wait_until(lambda: [one for one in read_events(tmp_path, "full") if one.kind == "recovered"])
+    told = [event.kind for event in read_events(tmp_path, "full")]
+    assert told == ["started", "stopped", "crashed", "recovered"]
+    end_helper(helper)
 
 
 def test_a_mark_right_before_a_kill_of_the_robot_is_in_log_and_file(robots, runtime, tmp_path):

@@ -124,6 +124,7 @@ class Serving:
         self._table_sent = -1
         self._by = ""
         self._tries = 0
+        self._died = ""  # how, and when, a helper process did of which no other one told yet
         self._started_s = 0.0
         self._down = DownMark(self._name)
         self.alive = True  # until it is closed
@@ -149,7 +150,8 @@ class Serving:
 
     def _spawn(self) -> None:
         self._started_s = time.monotonic()
-        self._helper = HelperProcess(self._arguments, self._changes.descriptor)
+        died = ["--died", self._died] if self._died else []
+        self._helper = HelperProcess([*self._arguments, *died], self._changes.descriptor)
         self._table_sent = -1
         try:
             self.hand_over()
@@ -157,6 +159,7 @@ class Serving:
         except OSError:
             log.debug("the helper process ended before it read its first message")  # why is asked for next
         self.socket_path = self._helper.wait_until_ready(lambda: self.alive)
+        self._died = ""  # it is told
         self.is_up = True
 
     @property
@@ -361,6 +364,7 @@ class Serving:
         if code == FILES_DELETED:
             log.warning("%s: a new helper process makes the folder and the socket of this logger anew", self._name)
         else:
+            self._died = self._died or f"{code} {time.time_ns()}"
             log.warning(
                 "%s: the helper process died (exit code %s), starting a new one; logging goes on", self._name, code
             )
