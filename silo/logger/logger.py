@@ -20,6 +20,7 @@ from silo.core.quantities.writing import and_more, many
 from silo.errors import ArgumentError, StateError
 from silo.logger.arguments.keywords import AnyStorage, AnyThreads, ControlWord, GroupRoleWord
 from silo.logger.arguments.options import (
+    end_at_start,
     logger_options,
     serving_config,
     serving_group,
@@ -57,7 +58,7 @@ from silo.segment.held_runs import is_due
 from silo.segment.layout import Cut
 from silo.segment.marks import NO_WORDS, marker
 from silo.segment.reasons import STOP_TEXTS, StopReason
-from silo.segment.retention import ending_by_time
+from silo.segment.retention import ending_by_time, kept_how
 from silo.state.robot import UnsavedWord
 
 if TYPE_CHECKING:
@@ -314,7 +315,7 @@ class Logger(LoggerNames):
         self._ignored = 0
         self._life.running = True
         self._present.tell_of_drop(dropped, self.options.name)
-        warn_of_end(self.options, self._table.infos)
+        warn_of_end(self.options, end_at_start(self.options, self._table.infos))
         self._mark_in(run.segment.marks)
         self._set_collect(self._collect_of(run))
         self._life.tell()
@@ -470,7 +471,8 @@ class Logger(LoggerNames):
         self._set_collect(None)
         self._life.running = False
         self._life.reason = STOP_TEXTS[reason]
-        if reason is StopReason.TIME_FULL and (ending := ending_by_time(self._table.infos, self.options.max_time_s)):
+        ending = ending_by_time(kept_how(self._table.infos), self.options.max_time_s)
+        if reason is StopReason.TIME_FULL and ending:
             self._life.reason += f", as not all buffers are looping ({and_more(ending, 3)}); max_time=0 has no end"
         if self._present.run is not None:
             self._present.run.end(reason)

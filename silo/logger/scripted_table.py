@@ -37,7 +37,14 @@ from silo.core.quantities.writing import many, size_text
 from silo.core.runtime import available_memory_bytes
 from silo.errors import ArgumentError, ElementError, ScriptError, SourceError, StateError
 from silo.logger.arguments.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
-from silo.logger.arguments.options import array_layout, edits_given, element_name, new_options, string_room
+from silo.logger.arguments.options import (
+    array_layout,
+    edits_given,
+    element_name,
+    new_options,
+    string_room,
+    warn_of_end,
+)
 from silo.logger.arguments.other_names import tell_of_element
 from silo.logger.conditions import LoggerConditions
 from silo.logger.life_cycle import LifeCycle, WantedStretch
@@ -46,7 +53,7 @@ from silo.loop.plan import Element, time_buffer
 from silo.loop.sources import OwnMemory, VariableSet
 from silo.loop.types import as_numbers, describe, kind_of, label_map
 from silo.segment.layout import STAMP_WORDS
-from silo.segment.retention import buffer_bytes, large_text
+from silo.segment.retention import buffer_bytes, kept_how, large_text, new_end_text
 from silo.settings.options import refusal
 from silo.settings.typed import ElementSettings, apply_settings, diff_options, rate_words, read_options
 
@@ -463,6 +470,8 @@ class ScriptedTable:
                     if cuts:
                         self._state = before
             self._life.cut(wanted)  # without the lock: others look, and stop the logger, while it is prepared
+            after = kept_how(element.info for element in wanted.elements)
+            warn_of_end(self._options, new_end_text(kept_how(infos), after, self._options.max_time_s))
 
     @property
     def _state(self) -> _State:

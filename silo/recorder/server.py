@@ -43,7 +43,7 @@ from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn
 from silo.segment.held_runs import child_of, recorders_path
-from silo.segment.retention import ending_by_time
+from silo.segment.retention import ending_by_time, kept_how
 from silo.state.events import EventNotifier
 from silo.state.held_runs import HeldRuns
 from silo.state.replica import Replica
@@ -202,7 +202,7 @@ class EndlessRecordings:
                 f"{many(len(short), 'element')} {are} recorded only until {full} full ({and_more(short, 5)}), or, "
                 "where it grows, until there is no memory; buffer=looping or action=both has them recorded without end"
             )
-        if ending := ending_by_time(self._replica.now.table.elements, limit_s):
+        if ending := ending_by_time(kept_how(self._replica.now.table.elements), limit_s):
             told.append(
                 f"the logger stops by itself {limit_s:g} s after each start (max_time), and nothing is recorded then, "
                 f"as not all buffers are looping ({and_more(ending, 3)}): make them, or give max_time=0 in its program"

@@ -2,12 +2,13 @@
 
 import functools
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Protocol
 
 import numpy as np
 
 from silo.core.elements import BufferType, ElementInfo
+from silo.core.quantities.writing import and_more
 
 LARGE_BYTES = 1_000_000_000  # of one run: so much takes seconds to allocate and to touch, and not every robot has it
 
@@ -56,15 +57,34 @@ def item_bytes(dtype: str) -> int:
         return -1
 
 
-def ending_by_time(infos: Iterable[ElementInfo], max_time_s: float) -> list[str]:
+def kept_how(infos: Iterable[ElementInfo]) -> dict[str, BufferType]:
+    """Return how each element is kept that is logged."""
+    return {info.name: info.options.buffer for info in infos if info.options.enabled}
+
+
+def ending_by_time(kept: Mapping[str, BufferType], max_time_s: float) -> list[str]:
     """Return the elements for which a run ends after `max_time`, all others with them: none where nothing ends it.
 
     A run whose buffers are all looping has no end, one whose buffers are all fixed ends as these are full.
     """
-    infos = [info for info in infos if info.options.enabled]
-    if not max_time_s or {info.options.buffer for info in infos} in ({BufferType.LOOPING}, {BufferType.FIXED}, set()):
+    if not max_time_s or set(kept.values()) in ({BufferType.LOOPING}, {BufferType.FIXED}, set()):
         return []
-    return [info.name for info in infos if info.options.buffer is not BufferType.LOOPING]
+    return [name for name, buffer in kept.items() if buffer is not BufferType.LOOPING]
+
+
+def end_text(kept: Mapping[str, BufferType], max_time_s: float) -> str:
+    """Return that a run ends by itself after `max_time`, and what to do about it; empty where time doesn't end it."""
+    if not (ending := ending_by_time(kept, max_time_s)):
+        return ""
+    return (
+        f"logging stops by itself after {max_time_s:g} s (max_time), as not all buffers are looping "
+        f"({and_more(ending, 3)}): for a run without end give max_time=0, or make them looping"
+    )
+
+
+def new_end_text(before: Mapping[str, BufferType], after: Mapping[str, BufferType], max_time_s: float) -> str:
+    """Return what is to be told of the end of a run by an edit; empty where it would have ended before, too."""
+    return "" if ending_by_time(before, max_time_s) else end_text(after, max_time_s)
 
 
 def large_text(infos: Iterable[ElementInfo]) -> str:

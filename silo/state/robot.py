@@ -9,7 +9,7 @@ from silo.core.conditions import Conditions
 from silo.core.elements import Edit, ElementInfo, ElementOptions, Problem
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn
-from silo.segment.retention import large_text
+from silo.segment.retention import kept_how, large_text, new_end_text
 from silo.state import requests
 from silo.state.requests import ApplyEdits, EditsApplied, Unsaved, check_none, check_revision, refused_running
 
@@ -65,7 +65,9 @@ class StateRobot(Server, does=[requests], robot=True):
     logger: StateOfLogger
     table: TableOfLogger
     saved_before_start: Callable[[], str]
+    max_time_s: float
     less_captured: Callable[[], list[str]]  # of which triggers buffers hold too little
+    end_at_start: Callable[[], str]  # that a run ends by itself, in words
     check_room: Callable[[], None]  # raises SaveError where what is in no file yet would fill the disk
 
     def apply_edits(self, request: ApplyEdits) -> EditsApplied:
@@ -79,11 +81,12 @@ class StateRobot(Server, does=[requests], robot=True):
 
         if self.logger.is_running and not request.cut:
             raise refused_running()
-        who, known = request.client or "a client", self.less_captured()
+        who, known, before = request.client or "a client", self.less_captured(), kept_how(table.elements)
         changed = table.apply(request.edits, request.conditions, cut=request.cut, who=who, check=check)
         large = large_text(table.elements) if changed else ""
+        end = new_end_text(before, kept_how(table.elements), self.max_time_s)
         less = [words for words in self.less_captured() if words not in known]  # the others were told when they began
-        return EditsApplied(table.revision, changed, warnings=[*filter(None, [large]), *less])
+        return EditsApplied(table.revision, changed, warnings=[*filter(None, [end, large]), *less])
 
     def start(self, turn: Turn, unsaved: Unsaved) -> str:
         with self.table.cutting, self.table.lock:
@@ -105,4 +108,4 @@ class StateRobot(Server, does=[requests], robot=True):
             self.check_room()
         begin(unsaved=_UNSAVED[unsaved])
         self.logger._begun_by(turn.by or "a client")
-        return self.saved_before_start()
+        return "; ".join(filter(None, [self.saved_before_start(), self.end_at_start()]))

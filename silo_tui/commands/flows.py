@@ -17,10 +17,11 @@ from silo.errors import RefusedError
 from silo.net.access.senders import short_words
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
+from silo.segment.retention import end_text, new_end_text
 from silo.state.requests import Unsaved
 from silo_tui.actions import key_of
 from silo_tui.context import Context
-from silo_tui.model.table.changes import cost_of
+from silo_tui.model.table.changes import cost_of, kept_by
 from silo_tui.model.table.fields import Field, phrase_for
 from silo_tui.model.table.state import PendingChange
 from silo_tui.screens.dialogs.questions import Choice, Prompt, Question, confirmed, cost_text, diff_text
@@ -41,7 +42,7 @@ async def start_stop(context: Context) -> None:
         if unsaved is None:
             return
         try:
-            await session.start(unsaved)
+            told = await session.start(unsaved)
         except RefusedError as refused:
             if why(refused) is not RefusedWhy.RUNNING:
                 raise
@@ -51,7 +52,7 @@ async def start_stop(context: Context) -> None:
             by = "".join(f", by {short_words(one.who)} at {wall_clock(one.time_ns)}" for one in starts[-1:])
             context.say(f"somebody was faster: it was started already{by}")
         else:
-            context.say("started")
+            context.say("; ".join(["started", *told]))
     else:
         body = f"What was logged stays in memory; {context.key_in_table('save_data')} saves it."
         choices = [Choice("", "No"), Choice("stop", "Stop", "y"), Choice("save", "Stop and save", "s")]
@@ -81,8 +82,7 @@ async def restart(context: Context) -> None:
         unsaved = await _start_over(context)
     if unsaved is None:
         return
-    await session.restart(unsaved)
-    context.say("restarted")
+    context.say("; ".join(["restarted", *await session.restart(unsaved)]))
 
 
 def _is_unsaved(session: Session) -> bool:
@@ -186,11 +186,13 @@ async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> s
     title = f"Apply {many(len(changes), 'edit')} to {many(elements, 'element')}?"
     keep = Choice("", f"Keep them pending{_drops_one(context) if elements > 1 else ''}")
     discard = Choice("discard", f"Discard all edits; {context.key_in_table('undo')} brings them back", "x")
-    body = _what_changes(context, changes)
+    end = _new_end(context.session)
+    body = _what_changes(context, changes, end)
     if context.session.running:
         told = f"{GOES_ON.format('Apply')}{_watching_again(context.session)} {SPLIT}\n"
         body = Text(told, style="bold").append_text(body)  # first: what all costs may be out of sight
-        go_on = Choice("cut", "Apply and go on: no tick is lost", "a")
+        last = f" until it stops, after {context.session.status.max_time_s:g} s" * bool(end)
+        go_on = Choice("cut", f"Apply and go on: no tick is lost{last}", "a")
         return await _ask_around(context, title, body, [go_on, keep], "stop, apply, start again", "r", [discard])
     return await context.app.push_screen_wait(Question(title, body, [Choice("apply", "Apply", "a"), keep, discard]))
 
@@ -210,17 +212,25 @@ def _watching_again(session: Session) -> str:
     return f" {' and '.join(fired[:3])}{' ...' * (len(fired) > 3)}, fired already, then {verb} again."
 
 
-def _what_changes(context: Context, changes: Sequence[PendingChange]) -> Text:
-    """Return the edits in groups, and what the table takes before and after."""
+def _new_end(session: Session) -> str:
+    """Return that the logger will stop by itself with what is pending, which it would not without; else nothing."""
+    table = session.table
+    before, after = (kept_by(table.elements[: table.own], values) for values in (table.server, table.values))
+    return new_end_text(before, after, session.status.max_time_s)
+
+
+def _what_changes(context: Context, changes: Sequence[PendingChange], end: str) -> Text:
+    """Return the edits in groups, and what the table takes before and after; first that it will `end`, in words."""
     session, table = context.session, context.session.table
     frequency_hz = session.status.frequency_hz
     own = table.elements[: table.own]  # what is derived takes no memory
     edited = {change.name for change in changes}
     now = cost_of(own, table.server[:, : table.own], frequency_hz, edited)
     after = cost_of(own, table.values[:, : table.own], frequency_hz, edited)
-    return diff_text(
-        changes, table.prefix, cost_text(now, after, session.short_name(after.shortest), session.status.room_bytes)
-    )
+    stops = bool(end_text(kept_by(own, table.values), session.status.max_time_s))
+    cost = cost_text(now, after, session.short_name(after.shortest), session.status.room_bytes, stops=stops)
+    first = Text(f"{end[:1].upper()}{end[1:]}.\n" if end else "", style="bold")
+    return first.append_text(diff_text(changes, table.prefix, cost))
 
 
 async def _carry_out(context: Context, *, around: bool, cut: bool, unsaved: Unsaved) -> bool:
@@ -242,12 +252,12 @@ async def _carry_out(context: Context, *, around: bool, cut: bool, unsaved: Unsa
             context.status_changed()
             return False
         raise
-    if around:
-        await session.start(unsaved)
+    told = await session.start(unsaved) if around else []
     went = ", logging again" if around else ", it goes on" if cut else ""
     back = [f"{context.key_in_table('undo')} takes it back, as edits to apply"] * session.table.can_undo
-    # beside it what works and is likely not meant, as the shell tells it: buffers of gigabytes
-    context.say("; ".join([f"applied to {many(applied.changed, 'element')}{went}", *back, *applied.warnings]))
+    # first what works and is likely not meant, as the shell tells it: that it stops by itself, buffers of gigabytes
+    news = dict.fromkeys([*applied.warnings, *told])
+    context.say("; ".join([f"applied to {many(applied.changed, 'element')}{went}", *news, *back]))
     return True
 
 
@@ -321,17 +331,18 @@ async def load_script(context: Context, path: str = "") -> None:
         around = not cut
         if around and session.running:
             await session.stop()
+    told_of_start: list[str] = []
     try:
         loaded = await link.call(lambda client: client.load_script(name, cut=cut))
     finally:
         if around:
-            await session.start(unsaved)
+            told_of_start = await session.start(unsaved)
     await session.reload()
     if conditions:
         await session.refresh_conditions()
     told = f"{many(loaded.changed, 'element')} changed{_conditions_words(conditions)}{_unknown_words(loaded.unknown)}"
     went = ["it goes on" if cut else "logging again"] * (cut or around)
-    context.say("; ".join([f"loaded {name}: {told}", *went, *loaded.warnings]))
+    context.say("; ".join([f"loaded {name}: {told}", *went, *dict.fromkeys([*loaded.warnings, *told_of_start])]))
 
 
 def _conditions_words(conditions: Sequence[FieldChange]) -> str:

@@ -397,17 +397,21 @@ class Session:
         self.connection.watch_again()
         return applied
 
-    async def start(self, unsaved: Unsaved = Unsaved.REFUSE) -> None:
-        """Start the logger; what was read belongs to the run before."""
-        self.take_status(await self.connection.call(lambda client: client.start(unsaved)))
+    async def start(self, unsaved: Unsaved = Unsaved.REFUSE) -> list[str]:
+        """Start the logger; what was read belongs to the run before. Return what it tells of that."""
+        told: list[str] = []
+        self.take_status(await self.connection.call(lambda client: client.start(unsaved, told.append)))
+        return told
 
     async def stop(self) -> None:
         """Stop the logger."""
         self.take_status(await self.connection.call(lambda client: client.stop()))
 
-    async def restart(self, unsaved: Unsaved = Unsaved.REFUSE) -> None:
-        """Stop and starts the logger."""
-        self.take_status(await self.connection.call(lambda client: client.restart(unsaved)))
+    async def restart(self, unsaved: Unsaved = Unsaved.REFUSE) -> list[str]:
+        """Stop and start the logger. Return what it tells of that."""
+        told: list[str] = []
+        self.take_status(await self.connection.call(lambda client: client.restart(unsaved, told.append)))
+        return told
 
     async def survey(self, details: Sequence[str], quantities: Sequence[str], *, reset: bool = False) -> None:
         """Measure anew: what filter and order need of all elements, `quantities` of elements and entries `details`."""

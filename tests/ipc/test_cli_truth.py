@@ -40,6 +40,34 @@ def test_a_stopped_logger_has_no_rate(bench, client, capsys, until):
     until(ticked)
 
 
+@pytest.mark.parametrize("words", [["buffer=growing"], ["buffer=fixed", "size=200s"]], ids=str)
+def test_whatever_has_a_logger_end_by_itself_says_so(bench, client, capsys, until, words):
+    def said(*typed: str) -> str:
+        assert run(list(typed)) == 0
+        bench.ticks(log.is_running)
+        out, err = capsys.readouterr()
+        return out + err
+
+    end = "logging stops by itself after 10 s (max_time), as not all buffers are looping (/log/kept)"
+    log = bench.logger
+    log.start()
+    bench.ticks(1)
+    until(lambda: client.status().state is State.RUNNING)
+    assert "10 s, which ends nothing now: all buffers are looping" in said("info")
+    assert said("set", "kept", *words, "--cut").count(end) == 1
+    assert end not in said("set", "kept", "divider=2", "--cut")
+    assert "which ends nothing" not in said("info")
+    assert end in said("restart", "--discard")
+    said("stop")
+    assert end in said("start", "--discard")
+    said("stop")
+    assert end in said("start", "--all", "--discard")
+    said("stop")
+    said("set", "kept", "buffer=looping")
+    assert end in said("set", "kept", *words)
+    assert end not in said("set", "kept", "divider=3")
+
+
 def test_a_dead_logger_has_no_rate_and_says_where_its_recording_is(robots, capsys, until, tmp_path):
     robot = robots("bot")
     with Client.connect("bot") as client:

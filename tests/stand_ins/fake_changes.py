@@ -18,6 +18,7 @@ from silo.recordings.requests import GetPiece, Recordings
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.scripts.requests import KeptView, KeptViews, ScriptDiff, Scripts, ScriptText
+from silo.segment.retention import end_text, kept_how, new_end_text
 from silo.settings.conditions_diff import diff_conditions
 from silo.settings.options import edit_problems, refusal
 from silo.settings.script import Script, ScriptPlan, apply_script, format_script, parse_script
@@ -98,17 +99,21 @@ class FakeChanges:
         if problems := edit_problems(edits, wanted):
             raise refused(RefusedWhy.INVALID, refusal(problems), problems)
         wanted.update((edit.name, edit.options) for edit in edits)
+        before = kept_how(self.elements)
         changed = self._take([wanted[info.name] for info in self.elements])
+        end = new_end_text(before, kept_how(self.elements), self.status().max_time_s)
         self.publish(EventKind.EDITED, f"{changed} elements edited", by=OWN_NAME)
-        return EditsApplied(revision=self.revision, changed=changed)
+        return EditsApplied(revision=self.revision, changed=changed, warnings=[end] if end else [])
 
-    def start(self, unsaved: str = "refuse") -> Status:
+    def start(self, unsaved: str = "refuse", told: Callable[[str], None] = lambda _: None) -> Status:
         self._ask()
         self.calls.append(("start",))
         if self.state is State.RUNNING:
             raise refused(RefusedWhy.RUNNING, "it runs already: stop it first; nothing was changed")
         self._settle(unsaved)
         self._begin()
+        if end := end_text(kept_how(self.elements), self.status().max_time_s):
+            told(end)
         return self.status()
 
     def _settle(self, unsaved: str) -> None:
@@ -131,11 +136,11 @@ class FakeChanges:
             self.state = State.STOPPED
             self.publish(EventKind.STOPPED, "stopped", by=OWN_NAME)
 
-    def restart(self, unsaved: str = "refuse") -> Status:
+    def restart(self, unsaved: str = "refuse", told: Callable[[str], None] = lambda _: None) -> Status:
         self._ask()
         self._settle(unsaved)
         self.stop()
-        return self.start(Unsaved.DISCARD)
+        return self.start(Unsaved.DISCARD, told)
 
     def load_script(self, path: str = "", revision: int = -1, cut: bool = False) -> EditsApplied:
         self._ask()

@@ -54,6 +54,7 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions, FakeParameters):
     def __init__(self, elements: list[ElementInfo] | None = None, name: str = "robot") -> None:
         self.elements = robot_elements() if elements is None else elements
         self.measured_hz = HZ
+        self.max_time_s = 0.0
         self.name, self.pid, self.program, self.revision = name, 4711, "a1", 1
         self._state, self.now_ns, self.started_ns, self.lost = State.STOPPED, START_NS, 0, 0
         self.saved, self.may_edit, self.connected, self.reason = True, True, True, ""
@@ -245,7 +246,7 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions, FakeParameters):
             measured_hz=self.measured_hz if self.state is State.RUNNING else 0.0,
             ticks=self.ticks, started_ns=self.started_ns, last_tick_ns=self.now_ns if self.started_ns else 0,
             lost=self.lost, elements=len(self.elements), enabled=sum(info.options.enabled for info in self.elements),
-            entries=sum(len(info.entries) for info in self.elements), max_time_s=10.0, prefix="/log",
+            entries=sum(len(info.entries) for info in self.elements), max_time_s=self.max_time_s, prefix="/log",
             folder="/home/ann/logs", script=f"{FOLDER}/robot.yaml", reason=self.reason, saved=self.saved,
             durable_ticks=self.durable_ticks, held_samples=sum(self._kept()), held_s=max(self._kept(), default=0) / HZ,
             recorders=sum(not one.state.over for one in self.recorder_infos), control=self.controlled,

@@ -11,7 +11,7 @@ import pytest
 from silo.client.bulk import Outcome
 from silo.conditions.standing import TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
-from silo.core.elements import Control, FileType, Present, RecorderState, State
+from silo.core.elements import BufferType, Control, FileType, Present, RecorderState, State
 from silo.core.quantities.writing import wall_clock
 from silo.errors import RefusedError
 from silo.fleet.member import Member
@@ -276,7 +276,60 @@ def test_what_is_likely_not_meant_is_told_with_what_was_applied(saved):
         apply(*given, **named), warnings=["large", "trigger 'slip': '/log/imu/temperature' holds less"]
     )
     said = desk.does(flows.apply(desk))
-    assert said.startswith("applied to 1 element; u takes it back, as edits to apply; large; trigger 'slip'")
+    assert said == (
+        "applied to 1 element; large; trigger 'slip': '/log/imu/temperature' holds less; "
+        "u takes it back, as edits to apply"
+    )
+
+
+ENDS = (
+    f"logging stops by itself after 10 s (max_time), as not all buffers are looping ({NAME}): for a run without end "
+    "give max_time=0, or make them looping"
+)
+
+
+def ending(fake: FakeClient, *answers: str) -> Desk:
+    """Nothing ends this logger yet, and `max_time` would."""
+    fake.max_time_s = 10.0
+    replace = msgspec.structs.replace
+    fake.elements = [replace(one, options=replace(one.options, buffer=BufferType.LOOPING)) for one in fake.elements]
+    return Desk(fake, *answers)
+
+
+def test_what_has_a_logger_stop_by_itself_is_told_before_and_after(running):
+    desk = ending(running, "a")
+    desk.session.table.edit([desk.session.table.row(NAME)], Field.BUFFER, int(BufferType.GROWING))
+    said = desk.does(flows.apply(desk))
+    assert said == f"applied to 1 element, it goes on; {ENDS}; u takes it back, as edits to apply"
+    (asked,) = desk.asked
+    assert f"\n{ENDS[0].upper()}{ENDS[1:]}.\n" in asked
+    assert "until it stops by itself" in asked
+    assert "until memory is full" not in asked
+    assert "(a) Apply and go on: no tick is lost until it stops, after 10 s\n" in asked
+
+
+def test_what_ended_by_itself_before_too_is_not_told_of_again(running):
+    desk = ending(running)
+    for buffer, size in ((BufferType.GROWING, 50), (BufferType.GROWING, 60)):
+        desk.session.table.edit([desk.session.table.row(NAME)], Field.BUFFER, int(buffer))
+        desk.session.table.edit([desk.session.table.row(NAME)], Field.SIZE, size)
+        desk.table_changed()
+        desk.answers.append("a")
+        said = desk.does(flows.apply(desk))
+    assert said == "applied to 1 element, it goes on; u takes it back, as edits to apply"
+    assert ENDS[1:] not in desk.asked[1]
+    assert "until it stops by itself" in desk.asked[1]
+
+
+def test_a_start_of_what_stops_by_itself_says_so(saved):
+    desk = ending(saved, "a")
+    desk.session.table.edit([desk.session.table.row(NAME)], Field.BUFFER, int(BufferType.GROWING))
+    assert f"; {ENDS}; u takes" in desk.does(flows.apply(desk))
+    assert desk.does(flows.start_stop(desk)) == f"started; {ENDS}"
+    desk.table_changed()
+    desk.status_changed()
+    desk.answers.append("y")
+    assert desk.does(flows.restart(desk)) == f"restarted; {ENDS}"
 
 
 # ----------------------------------------------------------------------------------------------------------- scripts

@@ -413,6 +413,25 @@ def test_a_run_that_ends_by_itself_for_some_of_its_buffers_says_so_at_its_start(
     )
 
 
+@pytest.mark.parametrize("option", [{"buffer": "growing"}, {"buffer": "fixed", "size": "200s"}], ids=str)
+def test_so_does_a_cut_that_has_one_end_by_itself_and_none_after_it(new_logger, caplog, option):
+    logger = new_logger()
+    kept = [logger.array(name) for name in ("x", "y")]
+    logger.start()
+    logger.collect()
+    logger.set("x", cut=True, **option)
+    assert warnings_of(caplog) == [
+        "test: logging stops by itself after 10 s (max_time), as not all buffers are looping (/log/x): for a run "
+        "without end give max_time=0, or make them looping"
+    ]
+    logger.collect()
+    logger.set("y", cut=True, **option)
+    logger.collect()
+    logger.set("/", buffer="looping", cut=True)
+    assert len(warnings_of(caplog)) == 1
+    assert len(kept) == 2
+
+
 def test_a_start_that_drops_what_is_in_no_file_says_so_once(new_logger, caplog):
     logger = new_logger()
     kept = logger.array("x")

@@ -1,7 +1,7 @@
 """`silo info`: a logger, its elements, or a saved file."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -52,8 +52,9 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
     logger, patterns = split_logger(words)
     with _telling_what_was_left(logger), connect(logger) as client:
         status, label = client.status(), client.found.label
-        table = client.table() if patterns or all_elements or as_json else None
-        elements = [*table.elements, *table.derived] if table is not None else []
+        table = client.table() if patterns or all_elements or as_json or status.max_time_s else None
+        limit = _limit_words(table.elements if table else [], status.max_time_s)
+        elements = [*table.elements, *table.derived] if table and (patterns or all_elements or as_json) else []
     if patterns:
         from silo.cli.edits import of_entries, select
 
@@ -65,7 +66,7 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
         show_json({"status": status, "elements": elements})
         return
     if not patterns:
-        _show_status(status, label)
+        _show_status(status, label, limit)
     if elements:
         _show_elements(elements)
 
@@ -90,7 +91,7 @@ def _telling_what_was_left(logger: str | None) -> Iterator[None]:
         raise ConnectionLostError("\n".join([str(error), *left])) from error
 
 
-def _show_status(status: "Status", label: str) -> None:
+def _show_status(status: "Status", label: str, limit: str) -> None:
     since, most, ticks = logged_for(status), status.held_bytes_most, status.durable_ticks
     failed = ", ".join(f"{name} at {many(count, 'tick')}" for name, count in status.failed_most.items())
     unheld = ", ".join(f"{name} (seen at tick {tick})" for name, tick in status.unheld.items())
@@ -114,7 +115,7 @@ def _show_status(status: "Status", label: str) -> None:
         (True, "elements", elements),
         (status.derived, "derived", f"{many(status.derived, 'signal')}: `silo derive ls`"),
         (status.recorders, "recorded", recorded),
-        (True, "time limit", f"{status.max_time_s:g} s" if status.max_time_s else "none"),
+        (True, "time limit", limit),
         (True, "memory", size_text(status.segment_bytes)),
         (most, "held", held),
         (True, "folder", status.folder),
@@ -123,6 +124,19 @@ def _show_status(status: "Status", label: str) -> None:
         (True, "revision", str(status.revision)),
     ]
     show_rows([words for told, *words in rows if told])
+
+
+def _limit_words(elements: "Sequence[ElementInfo]", limit_s: float) -> str:
+    """What is said of `max_time`: also where it ends nothing, as buffers are."""
+    if not limit_s:
+        return "none"
+    from silo.segment.retention import ending_by_time, kept_how
+
+    kept = kept_how(elements)
+    if ending_by_time(kept, limit_s):
+        return f"{limit_s:g} s"
+    alike = f"all buffers are {min(kept.values()).name.lower()}" if kept else "nothing is logged"
+    return f"{limit_s:g} s, which ends nothing now: {alike}"
 
 
 def _stalled(status: "Status") -> str:

@@ -31,12 +31,11 @@ from silo.core.elements import (
     join_name,
 )
 from silo.core.quantities.reading import HERTZ, SECONDS, read_amount
-from silo.core.quantities.writing import and_more
 from silo.core.runtime import FOLDER_GONE
 from silo.errors import ElementError, SourceError, reason
 from silo.logger.arguments.provenance import about_run
 from silo.loop.types import MAX_ENTRIES
-from silo.segment.retention import ending_by_time
+from silo.segment.retention import end_text, kept_how
 from silo.settings.options import option_problems, refusal
 from silo.settings.typed import ElementSettings, apply_settings, read_options, whole_edits
 
@@ -269,22 +268,17 @@ def warn_of_folder(options: LoggerOptions) -> None:
     log.warning("%s: saves to %s will fail: %s; save(folder=...) saves elsewhere", options.name, folder, why)
 
 
-def warn_of_end(options: LoggerOptions, table: Iterable[ElementInfo]) -> None:
-    """Say when a run ends by itself that would go on, were all its buffers looping or growing, without `max_time`.
+def end_at_start(options: LoggerOptions, table: Iterable[ElementInfo]) -> str:
+    """Return that a run ends by itself that would go on, were all its buffers looping or growing, without `max_time`.
 
     Not where that was given, and none of its buffers would go on.
     """
-    infos, limit_s = list(table), options.max_time_s
-    ending = ending_by_time(infos, limit_s)
-    is_meant = limit_s != DEFAULT_MAX_TIME_S and not any(
-        info.options.enabled and info.options.buffer is BufferType.LOOPING for info in infos
-    )
-    if not ending or is_meant:
-        return
-    log.warning(
-        "%s: logging stops by itself after %g s (max_time), as not all buffers are looping (%s): for a run without "
-        "end give max_time=0, or make them looping",
-        options.name,
-        limit_s,
-        and_more(ending, 3),
-    )
+    kept = kept_how(table)
+    is_meant = options.max_time_s != DEFAULT_MAX_TIME_S and BufferType.LOOPING not in kept.values()
+    return "" if is_meant else end_text(kept, options.max_time_s)
+
+
+def warn_of_end(options: LoggerOptions, words: str) -> None:
+    """Say that, where a run ends by itself."""
+    if words:
+        log.warning("%s: %s", options.name, words)

@@ -13,6 +13,7 @@ import msgspec
 from silo.conditions.robot import ConditionRobot, ConditionsOfLogger
 from silo.core.elements import LoggerOptions, State, Table
 from silo.errors import SaveError, ScriptError, StateError
+from silo.logger.arguments.options import end_at_start
 from silo.logger.current_run import CurrentRun
 from silo.loop.run import Run
 from silo.parameters.parameters import Parameters
@@ -95,7 +96,8 @@ def answer(logger: Served, request: Request[Any]) -> Reply:
     """Do what a client asks; whatever goes wrong becomes words."""
     present, folder = logger._present, logger.options.folder
     state = StateRobot(
-        logger, logger._scripted, lambda: present.saved_before, logger._conditions.less_captured,
+        logger, logger._scripted, lambda: present.saved_before, logger.options.max_time_s,
+        logger._conditions.less_captured, lambda: end_at_start(logger.options, logger._scripted.elements),
         lambda: present.check_room(folder),
     )  # fmt: skip
     parameters = ParameterRobot(logger.parameters, logger.options.frequency_hz)

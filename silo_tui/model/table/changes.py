@@ -77,6 +77,12 @@ class Cost(msgspec.Struct, frozen=True):
     samples_s: float
 
 
+def kept_by(elements: Sequence[ElementInfo], values: Ints) -> dict[str, BufferType]:
+    """Return how elements with the options `values` are kept, those that are logged."""
+    on = np.flatnonzero(values[Field.ENABLED, : len(elements)])
+    return {elements[at].name: BufferType(values[Field.BUFFER, at]) for at in map(int, on)}
+
+
 def cost_of(
     elements: Sequence[ElementInfo], values: Ints, frequency_hz: float, held: Collection[str] | None = None
 ) -> Cost:

@@ -318,10 +318,11 @@ def groups_text(changes: Sequence[FieldChange], prefix: str = "", begin: int = 0
     return lines
 
 
-def cost_text(now: Cost, after: Cost, short_name: str, room_bytes: int = 0) -> Text:
+def cost_text(now: Cost, after: Cost, short_name: str, room_bytes: int = 0, *, stops: bool = False) -> Text:
     """Return what a table takes now and will take, with a sign at what gets worse; `held` is of what is edited.
 
     `room_bytes` are those that its buffers may take, 0 where that isn't known; more than these can't be started.
+    `stops`: the logger will stop by itself before its memory is full.
     """
     lines = Text()
     lines.append(f"{'':<10}{'now':>16}{'after':>16}\n", style="dim")
@@ -335,7 +336,8 @@ def cost_text(now: Cost, after: Cost, short_name: str, room_bytes: int = 0) -> T
     topics = [size_text(each.topic_bytes_s) + "/s" for each in (now, after)]
     _cost(lines, "topics", topics, after.topic_bytes_s > now.topic_bytes_s)
     note = f"of these, shortest: {short_name}" if short_name else ""
-    note = "until memory is full" if math.isinf(after.shortest_s) else note
+    until = "until it stops by itself" if stops else "until memory is full"
+    note = until if math.isinf(after.shortest_s) else note
     _cost(lines, "held", held, after.shortest_s < now.shortest_s, note, sign="▼")
     return lines
 
