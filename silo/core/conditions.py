@@ -40,7 +40,7 @@ CLIENTS_KEEP = (
 class TriggerOptions(msgspec.Struct, frozen=True, omit_defaults=True):
     """A condition, and what is captured around the ticks at which it fires; see `Logger.trigger`.
 
-    `slope` (in programs and the shell: `edge`) and `mode` are words of `silo.judging.triggers`, `keep` is how
+    `slope` (people write `edge`, see `CALLED`) and `mode` are words of `silo.judging.triggers`, `keep` is how
     many captures stay on the disk, 0 for all. Not `armed`, it is kept and fires never. In mode auto it fires by
     itself `patience_s` after the end of a capture.
     """
@@ -58,6 +58,17 @@ class TriggerOptions(msgspec.Struct, frozen=True, omit_defaults=True):
     keep: int = 0
     armed: bool = True
     patience_s: float = 0.0
+
+
+CALLED = {  # where people write them: in programs, the shell and scripts; others are called as they are
+    "pre_s": "pre",
+    "post_s": "post",
+    "persist_s": "persist",
+    "holdoff_s": "holdoff",
+    "patience_s": "patience",
+    "stale_s": "stale",
+    "slope": "edge",
+}
 
 
 def new_trigger(name: str = "", when: str = "", pre_s: float = AROUND_S, post_s: float = AROUND_S) -> TriggerOptions:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from silo.core.conditions import Conditions, Derived, SignalLimits, TriggerOptions
+from silo.core.conditions import CALLED, Conditions, Derived, SignalLimits, TriggerOptions
 from silo.core.elements import FieldChange, FileType
 
 NONE = "none"  # what stands for one that there isn't
@@ -51,7 +51,7 @@ def _whole(one: _Item | None) -> str:
 
 
 def _label(field: str) -> str:
-    return field.removesuffix("_s")
+    return CALLED.get(field, field)
 
 
 def _words(field: str, value: Any) -> str:

@@ -55,6 +55,7 @@ class Script:
     conditions: Conditions | None = None  # None where the script says nothing of them
     kinds: frozenset[str] = frozenset()  # keys of them that it has
     condition_lines: Lines = field(default_factory=dict)
+    lists_elements: bool = True  # without that key they stay as they are
 
     @property
     def warnings(self) -> list[str]:
@@ -138,7 +139,10 @@ def parse_script(text: str, path: str | os.PathLike[str]) -> Script:
             elements = tuple(reader.elements(root))
     if reader.problems:
         raise ScriptError(_message(path, reader.problems + [(key.line, key.text) for key in reader.unknown]))
-    return Script(path, elements, tuple(reader.unknown), reader.conditions, reader.kinds, reader.condition_lines)
+    return Script(
+        path, elements, tuple(reader.unknown), reader.conditions, reader.kinds, reader.condition_lines,
+        reader.lists_elements,
+    )  # fmt: skip
 
 
 def _message(path: Path, problems: Sequence[tuple[int, str]]) -> str:
@@ -158,6 +162,8 @@ def apply_script(script: Script, table: Sequence[ElementInfo], frequency_hz: flo
     element that isn't listed is enabled. Names that the table lacks are returned, not errors. Raises `ScriptError`
     where a time or a rate gives a number out of range.
     """
+    if not script.lists_elements:
+        return ScriptPlan(tuple(info.options for info in table), ())
     listed = {element.name: element for element in script.elements}
     options: list[ElementOptions] = []
     problems: list[tuple[int, str]] = []

@@ -11,23 +11,26 @@ signal_limits:
 triggers:
   - name: fall
     when: "abs(base/roll) > 0.6"
-    pre_s: 5
-    post_s: 1
+    pre: 5s
+    post: 1s
 
-A key that is there stands for all of its kind, `triggers: []` for none; of a kind without a key everything stays as it
-was, such as what the program has set.
+Keys and values are those of programs and the shell; the names of fields, which scripts had before (`pre_s`, `slope`),
+are read as well. A key that is there stands for all of its kind, `triggers: []` for none; of a kind without a key
+everything stays as it was, such as what the program has set.
 """
 
 import json
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, Final, Literal, NamedTuple, TypeAlias, TypeVar
 
 import msgspec
 import yaml
 
-from silo.core.conditions import NO_CONDITIONS, Conditions, Derived, SignalLimits, TriggerOptions
+from silo.core.conditions import CALLED, NO_CONDITIONS, Conditions, Derived, SignalLimits, TriggerOptions
 from silo.core.elements import ElementInfo, FileType
 from silo.core.names import did_you_mean, nearest
+from silo.core.quantities.reading import both_meanings, seconds_of
 from silo.core.quantities.writing import many
 from silo.errors import ElementError, ExpressionError
 from silo.settings.options import MAX_PROBLEMS, OPTION, shorten
@@ -114,7 +117,9 @@ def _item(
     report: Callable[[int, str], None],
     note: Callable[[Kind, str, Pair, str], None],
 ) -> _Item | None:
-    fields = {one.name: one for one in msgspec.structs.fields(kind)}
+    fields = {CALLED.get(one.name, one.name): one for one in msgspec.structs.fields(kind)}
+    of_before = {one.name: called for called, one in fields.items() if one.name != called}
+    stands: dict[str, str] = {}  # as what
     named = [value for each, value in item.value if key_name(each) == "name" and isinstance(value, yaml.ScalarNode)]
     name = str(named[0].value) if named else ""
     where = f"{key} '{shorten(name)}'" if name else key
@@ -122,18 +127,22 @@ def _item(
     unknown: list[Pair] = []
     well = True
     for each, value in item.value:
-        field = fields.get(key_name(each))
+        word = key_name(each)
+        field = fields.get(of_before.get(word, word))
         if field is None:
             unknown.append((each, value))
         elif field.name in values:
-            report(line_of(each), f"{where}: key '{field.name}' stands twice")
+            other = stands[field.name]
+            both = f"as '{other}', too: keep '{of_before.get(word, word)}' alone, which is what it is called now"
+            report(line_of(each), f"{where}: key '{word}' stands twice{'' if other == word else f', {both}'}")
             well = False
         else:
+            stands[field.name] = word
             try:
-                values[field.name] = _value(value, field.type)
+                values[field.name] = _value(value, field.type, field.name)
             except _UnfitError as unfit:
                 values[field.name] = None
-                report(line_of(value), f"{where}: {field.name} must be {unfit}, got {describe(value)}")
+                report(line_of(value), f"{where}: {word} must be {unfit}, got {describe(value)}")
                 well = False
     missing = [field.name for field in fields.values() if field.required and values.get(field.name, "") == ""]
     if missing and unknown:  # then one of the unknown keys is meant for it
@@ -152,8 +161,8 @@ class _UnfitError(Exception):
     """A value is none of its field; the text says what it must be."""
 
 
-def _value(node: yaml.Node, wanted: Any) -> Any:
-    """The value of a field of this type. Raises `_UnfitError`."""
+def _value(node: yaml.Node, wanted: Any, field: str = "") -> Any:
+    """The value of a field of this type, of that name. Raises `_UnfitError`."""
     if wanted is bool:
         found = read_word(OPTION["enabled"], node.value) if is_plain(node) else None
         if found is None:
@@ -164,10 +173,14 @@ def _value(node: yaml.Node, wanted: Any) -> Any:
             raise _UnfitError("a text")
         return str(node.value)
     if wanted in (int, float):
+        is_time, given = field.endswith("_s"), node.value if isinstance(node, yaml.ScalarNode) else None
+        if is_time and (time_s := seconds_of(given)) is not None:
+            return time_s
         try:
             return wanted(node.value if isinstance(node, yaml.ScalarNode) else "")
         except (ValueError, OverflowError):
-            raise _UnfitError("a whole number" if wanted is int else "a number") from None
+            time = f"a time such as 0.5s or 20ms, or a number of seconds{both_meanings(given)}"
+            raise _UnfitError(time if is_time else "a whole number" if wanted is int else "a number") from None
     if wanted == tuple[FileType, ...]:
         return tuple(map(_file_type, node.value if isinstance(node, yaml.SequenceNode) else [node]))
     return _bounds(node)
@@ -178,7 +191,7 @@ def _file_type(node: yaml.Node) -> FileType:
     for one in FileType:
         if word in (one.name.casefold(), str(int(one))):
             return one
-    raise _UnfitError(f"a list of {', '.join(one.name.lower() for one in FileType)}")
+    raise _UnfitError(f"one or a list of {', '.join(one.name.lower() for one in FileType)}")
 
 
 def _bounds(node: yaml.Node) -> tuple[float | None, ...]:
@@ -204,11 +217,35 @@ def format_conditions(
         for item in items:
             fields = [(name, value) for name, value in msgspec.to_builtins(item).items() if value != ""]
             lines += [
-                f"  {'- ' if at == 0 else '  '}{name}: {json.dumps(value, ensure_ascii=False)}\n"
+                f"  {'- ' if at == 0 else '  '}{CALLED.get(name, name)}: {_written(name, value)}\n"
                 for at, (name, value) in enumerate(fields)
             ]
             lines.append(unknown(key, item.name, 4))
     return "".join(lines)
+
+
+_WORDS_ALONE = frozenset({"slope", "mode"})
+
+
+def _written(field: str, value: Any) -> str:
+    """The value of a field as people write it, which reads as exactly that."""
+    if field.endswith("_s") and 0 <= value < math.inf:
+        in_ms = f"{value * 1000:g}ms"
+        return in_ms if 0 < value < 1 and seconds_of(in_ms) == value else f"{_number(value)}s"
+    if field == "save":
+        names = [FileType(one).name.lower() for one in value]
+        return names[0] if len(names) == 1 else f"[{', '.join(names)}]"
+    if field == "bounds":
+        return f"[{', '.join('null' if one is None else _number(one) for one in value)}]"
+    if isinstance(value, float):  # a number, or a time that no text says
+        return _number(value)
+    if field in _WORDS_ALONE and str(value).isalpha():
+        return str(value)
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _number(value: float) -> str:
+    return repr(value).removesuffix(".0")
 
 
 def conditions_text(conditions: Conditions) -> str:

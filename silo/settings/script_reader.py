@@ -81,6 +81,7 @@ class Reader:
         self.conditions: Conditions | None = None
         self.condition_lines: Lines = {}
         self.kinds: frozenset[str] = frozenset()  # of them that have their key
+        self.lists_elements = False  # whether its key is there
 
     def report(self, line: int, text: str) -> None:
         """Note a problem."""
@@ -98,12 +99,15 @@ class Reader:
         listed = self._mapping(root, "", known, "a script")
         self.conditions = read_conditions(listed, self.report, self._note, self.condition_lines)
         self.kinds = frozenset(KEYS).intersection(listed)
-        if "log_elements" not in listed:
-            if not self.problems and not self.unknown:
-                self.report(line_of(root), "`log_elements:` is missing")
+        self.lists_elements = "log_elements" in listed
+        if not self.lists_elements:
+            own = [key for key in self.unknown if key.place not in KEYS]
+            meant = [key for key in own if not self.kinds or nearest(key_name(key.pair[0]).lower(), ("log_elements",))]
+            if not self.problems and not meant and not self.kinds:
+                self.report(line_of(root), "`log_elements:` is missing; `log_elements: []` has all of them on")
             # then one of the unknown keys is meant for it
-            self.problems += [(key.line, key.text) for key in self.unknown]
-            self.unknown = []
+            self.problems += [(key.line, key.text) for key in meant]
+            self.unknown = [key for key in self.unknown if key not in meant]
             return
         node = listed["log_elements"]
         if is_null(node):

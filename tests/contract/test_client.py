@@ -197,7 +197,7 @@ def test_a_difference_in_triggers_alone_is_told_and_loaded(side, client):
     ]
     client.load_script("a.yaml")
     assert client.diff_script("a.yaml").conditions == []
-    side.add_script("b.yaml", client.read_script().text.replace("pre_s: 2", "pre_s: 3"))
+    side.add_script("b.yaml", client.read_script().text.replace("pre: 2s", "pre: 3s"))
     diff = client.diff_script("b.yaml").conditions
     assert [(change.field, change.old, change.new) for change in diff] == [("pre", "2 s", "3 s")]
 

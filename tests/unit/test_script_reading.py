@@ -2,19 +2,22 @@
 
 import gc
 import os
+import re
 from pathlib import Path
 
 import msgspec
 import pytest
 
-from silo.core.conditions import Conditions
-from silo.core.elements import Action, BufferType, FileType
+from silo.core.conditions import NO_CONDITIONS, Conditions, SignalLimits, TriggerOptions
+from silo.core.elements import Action, BufferType, ElementInfo, ElementOptions, Entry, FileType
 from silo.errors import ScriptError
 from silo.settings.script import (
     MAX_PROBLEMS,
     MAX_SCRIPT_BYTES,
     Script,
     ScriptElement,
+    apply_script,
+    format_script,
     parse_script,
     read_script,
     write_script,
@@ -205,7 +208,7 @@ def test_a_flood_of_problems_is_cut() -> None:
         ("# nothing\n", "1: the script is empty; it must start with `log_elements:`"),
         ("- name: /a\n", "1: a script must have keys (log_elements), got a list"),
         ("hello\n", "1: a script must have keys (log_elements), got hello"),
-        ("{}\n", "1: `log_elements:` is missing"),
+        ("{}\n", "1: `log_elements:` is missing; `log_elements: []` has all of them on"),
         ("log_element: []", "1: unknown key 'log_element' in a script; did you mean 'log_elements'?"),
         ("log_elements: {}", "1: log_elements must be a list (`- name: ...`), got a group of keys"),
         ("log_elements:\n- name: /a\n\tdivider: 1", "3: a tab stands where YAML wants spaces; indent with two spaces"),
@@ -322,8 +325,20 @@ def test_what_a_trigger_saves_is_given_by_name_or_number(words: str, expected: t
     [
         ("armed: perhaps", ":5: triggers 'fall': armed must be on or off, got perhaps"),
         ('armed: "no"', ":5: triggers 'fall': armed must be on or off, got the text 'no'"),
-        ("save: [parquet]", ":5: triggers 'fall': save must be a list of silo, csv, bag, got a list"),
-        ("pre_s: soon", ":5: triggers 'fall': pre_s must be a number, got soon"),
+        ("save: [parquet]", ":5: triggers 'fall': save must be one or a list of silo, csv, bag, got a list"),
+        (
+            "pre_s: soon",
+            ":5: triggers 'fall': pre_s must be a time such as 0.5s or 20ms, or a number of seconds, got soon",
+        ),
+        (
+            "pre: 1m",
+            ":5: triggers 'fall': pre must be a time such as 0.5s or 20ms, or a number of seconds (a bare m is",
+        ),
+        ("pre: 1\n    pre_s: 2", ":6: triggers 'fall': key 'pre_s' stands twice, as 'pre', too: keep 'pre' alone"),
+        (
+            "slope: level\n    edge: level",
+            ":6: triggers 'fall': key 'edge' stands twice, as 'slope', too: keep 'edge' alone",
+        ),
         ("keep: 1.5", ":5: triggers 'fall': keep must be a whole number, got 1.5"),
         ("rearm: [a]", ":5: triggers 'fall': rearm must be a text, got a list"),
         ("when: y", ":5: triggers 'fall': key 'when' stands twice"),
@@ -342,14 +357,98 @@ def test_bounds_that_are_no_four_numbers_are_told() -> None:
     assert conditions.limits[0].bounds == (1.0, None, 3.0, None)
 
 
-KNOWN = "known are name, when, pre_s, post_s, slope, rearm, persist_s, holdoff_s, mode, save, keep, armed, patience_s"
+@pytest.mark.parametrize(
+    ("new", "old"),
+    [
+        ("pre: 1s\n    post: 0.25s", "pre_s: 1.0\n    post_s: 0.25"),
+        ("pre: 1\n    post: 250ms", "pre_s: 1\n    post_s: 0.25"),
+        ("persist: 20ms\n    holdoff: 10min", "persist_s: 0.02\n    holdoff_s: 600"),
+        ("edge: falling\n    patience: 2s", "slope: falling\n    patience_s: 2"),
+        ("save: [silo, csv]", "save: [0, 1]"),
+        ("save: silo", "save: [0]"),
+        ("save: []\n    armed: no", "save: []\n    armed: false"),
+    ],
+)
+def test_what_a_script_says_in_words_of_programs_is_what_it_said_in_those_of_before(new: str, old: str) -> None:
+    made, before = (script(TRIGGER.format(text)) for text in (new, old))
+    assert made.conditions == before.conditions
+    assert (made.warnings, before.warnings) == ([], [])
+    again = format_script([], (), made.conditions or NO_CONDITIONS)
+    assert script(again).conditions == made.conditions
+    assert not re.search("_s:|slope|\\[0", again)
+
+
+@pytest.mark.parametrize("time_s", [0.02, 0.1 + 0.2, 1 / 3, 5.0, 600.0, 1e-9, 123456.789, 0.001, 0.0001])
+def test_a_time_that_is_written_is_read_to_the_last_digit(time_s: float) -> None:
+    made = Conditions(
+        limits=(SignalLimits("q", (None, -1.5, 30.0, None), 2, time_s, time_s),),
+        triggers=(TriggerOptions("fall", "x > 1", time_s, time_s, persist_s=time_s),),
+    )
+    assert script(format_script([], (), made)).conditions == made
+
+
+def test_what_is_written_is_as_a_person_writes_it() -> None:
+    made = Conditions(
+        limits=(SignalLimits("q", (None, -1.5, 30.0, None), stale_s=0.1),),
+        triggers=(TriggerOptions("fall", "x > 1", 5.0, 0.25, "falling", mode="single", save=(FileType.CSV,), keep=20),),
+    )
+    assert format_script([], (), made) == (
+        "log_elements: []\n"
+        'signal_limits:\n  - name: "q"\n    bounds: [null, -1.5, 30, null]\n    stale: 100ms\n'
+        'triggers:\n  - name: "fall"\n    when: "x > 1"\n    pre: 5s\n    post: 250ms\n    edge: falling\n'
+        "    mode: single\n    save: csv\n    keep: 20\n"
+    )
+
+
+def test_elements_that_a_script_does_not_speak_of_stay_as_they_are() -> None:
+    found = script("triggers:\n  - {name: a, when: x > 1}\n")
+    assert (found.elements, found.kinds, found.lists_elements) == ((), {"triggers"}, False)
+    off = ElementInfo("/x", "-", "scalar", (), (Entry("", "<f8"),), ElementOptions(enabled=False, divider=3))
+    assert apply_script(found, [off], 100.0).options == (off.options,)
+    on = apply_script(script("log_elements: []\ntriggers: []\n"), [off], 100.0).options
+    assert on == (ElementOptions(enabled=True, divider=3),)
+    assert "unknown key 'log_element' in a script; did you mean 'log_elements'?" in complaint(
+        "log_element: []\ntriggers: []\n"
+    )
+    assert "later_silo" in script("later_silo: 1\ntriggers: []\n").warnings[0]
+
+
+def test_the_script_of_the_guide_says_what_its_calls_say(new_logger, tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / ".docs/guide/conditions.md").read_text()
+    (text,) = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
+    log = new_logger(frequency=100)
+    kept = [log.array(name) for name in ("joints/tau", "joints/dq")]
+    kept += [log.array("base/roll", unit="rad"), log.array("controller/mode", dtype="u1", labels={1: "STANCE"})]
+    (tmp_path / "guide.yaml").write_text(text)
+    assert log.load_script(tmp_path / "guide.yaml") == []
+    of_script = log._conditions.now
+    log.load_script(_emptied(tmp_path))
+    assert log._conditions.now == Conditions()
+    log.derive("power", "joints/tau * joints/dq", unit="W")
+    when = "controller/mode == STANCE"
+    log.limit("joints/tau", (-40, -30, 30, 40), persistence=4, hysteresis=0.5, stale="100ms", when=when)
+    log.trigger(
+        "fall", "abs(base/roll) > 30deg", pre="5s", post="1s", edge="rising", rearm="abs(base/roll) < 15deg",
+        persist="20ms", holdoff="10s", mode="normal", save="silo", keep=20, armed=True,
+    )  # fmt: skip
+    assert log._conditions.now == of_script
+    assert len(kept) == 4
+
+
+def _emptied(folder: Path) -> Path:
+    made = folder / "none.yaml"
+    made.write_text("derived_signals: []\nsignal_limits: []\ntriggers: []\n")
+    return made
+
+
+KNOWN = "known are name, when, pre, post, edge, rearm, persist, holdoff, mode, save, keep, armed, patience"
 
 
 @pytest.mark.parametrize(
     ("text", "warning"),
     [
         ("triggers:\n  - {name: a, when: x > 1, later_silo: 3}", f"triggers 'a': unknown key 'later_silo'; {KNOWN}"),
-        ("triggers:\n  - {name: a, when: x > 1, pre: 3}", "triggers 'a': unknown key 'pre'; did you mean 'pre_s'?"),
+        ("triggers:\n  - {name: a, when: x > 1, edges: 3}", "triggers 'a': unknown key 'edges'; did you mean 'edge'?"),
         ("triggers:\n  - {name: a, when: x > 1, ? [b, c] : 3}", f"triggers 'a': unknown key 'a list'; {KNOWN}"),
         ("signal_limits:\n  - {name: q, bound: [1, 2, 3, 4]}",
          "signal_limits 'q': unknown key 'bound'; did you mean 'bounds'?"),

@@ -67,7 +67,8 @@ def _show(found: "Alarms", *, all_limits: bool, as_json: bool) -> None:
         return
     if not found.limits:
         click.echo(
-            "no limits: log.limit('joints/tau', (-40, -30, 30, 40)) in the program, or signal_limits in the script"
+            "no limits: log.limit('joints/tau', (-40, -30, 30, 40)) in the program, or in the script\n"
+            "signal_limits:\n  - {name: joints/tau, bounds: [-40, -30, 30, 40]}"
         )
         return
     header = ("!", "SIGNAL", "VALUE", "LIMIT", "WORST", "SINCE", "COUNT", "SEEN BY")
