@@ -610,7 +610,7 @@ class ScriptedTable:
             else:
                 self._table.adopt()
             script = read_script(file)
-            plan = apply_script(script, self._table.infos, self._options.frequency_hz)
+            plan = apply_script(script, self._table.infos, self._options.frequency_hz, self._options.prefix)
             prefix, frequency_hz = self._options.prefix, self._options.frequency_hz
             at_start, left_out = not self.is_updated and file == Path(self._options.script), list[str]()
             conditions = script_conditions(
@@ -625,7 +625,7 @@ class ScriptedTable:
         for warning in (*script.warnings, *plan.rates, *left_out):
             log.warning("%s", warning)
         for unknown in plan.unknown:
-            log.warning("%s: %s", file, unknown)
+            log.warning("%s:%s; it is left out", file, unknown)
         return [unknown.name for unknown in plan.unknown]
 
     def _tell_applied(self, file: Path, wanted: Sequence[ElementOptions], conditions: Conditions) -> None:

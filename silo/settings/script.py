@@ -21,7 +21,7 @@ import yaml
 
 from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import ElementInfo, ElementOptions
-from silo.core.names import grouped, nearest
+from silo.core.names import Names, did_you_mean, grouped
 from silo.core.quantities.writing import and_more
 from silo.errors import SaveError, ScriptError, reason
 from silo.settings.options import IN_SCRIPT, OptionValue
@@ -84,8 +84,7 @@ class UnknownName:
     suggestion: str = ""
 
     def __str__(self) -> str:
-        hint = f" (did you mean '{self.suggestion}'?)" if self.suggestion else ""
-        return f"line {self.line}: no element '{self.name}'{hint}"
+        return f"{self.line}: no element '{self.name}'{did_you_mean([self.suggestion] if self.suggestion else [])}"
 
 
 @dataclass(frozen=True)
@@ -155,12 +154,13 @@ def _message(path: Path, problems: Sequence[tuple[int, str]]) -> str:
 # ----------------------------------------------------------------------------------------------------------- applying
 
 
-def apply_script(script: Script, table: Sequence[ElementInfo], frequency_hz: float) -> ScriptPlan:
+def apply_script(script: Script, table: Sequence[ElementInfo], frequency_hz: float, prefix: str = "") -> ScriptPlan:
     """Options of every element of `table` under `script`, in a logger of `frequency_hz`; changes nothing.
 
     A key that is missing keeps the element's setting, except that a listed element without `enabled` is disabled. An
-    element that isn't listed is enabled. Names that the table lacks are returned, not errors. Raises `ScriptError`
-    where a time or a rate gives a number out of range.
+    element that isn't listed is enabled. Names that the table lacks are returned, not errors, with
+    what is most like them beside the `prefix` that all have. Raises `ScriptError` where a time or a rate gives a number
+    out of range.
     """
     if not script.lists_elements:
         return ScriptPlan(tuple(info.options for info in table), ())
@@ -181,13 +181,10 @@ def apply_script(script: Script, table: Sequence[ElementInfo], frequency_hz: flo
         problems += [(element.line_of(one.field), f"element '{one.name}': {one.reason}") for one in wrong]
     if problems:
         raise ScriptError(_message(script.path, problems))
-    names = [info.name for info in table]
-    known = set(names)
-    missing = [element for element in script.elements if element.name not in known]
+    known = Names((info.name for info in table), prefix)
+    missing = [element for element in script.elements if not known.has(element.name)]
     unknown = tuple(
-        UnknownName(
-            element.name, element.line, *(nearest(element.name, names, 0.75) if place < MAX_SUGGESTIONS else ())
-        )
+        UnknownName(element.name, element.line, *(known.near(element.name, 1) if place < MAX_SUGGESTIONS else ()))
         for place, element in enumerate(missing)
     )
     return ScriptPlan(tuple(options), unknown, tuple(rates))

@@ -379,7 +379,7 @@ def test_names_that_the_logger_lacks_are_told(log: silo.Logger, command: Run, fo
     path.write_text("log_elements:\n- name: /log/joints/qq\n  enabled: true\n")
     assert "/log/joints/qq" in command("script", "load", "old.yaml").err
     shown = command("script", "check", str(path), "--logger", "arm")
-    expected = f"silo: {path}:2: no element '/log/joints/qq' (did you mean '/log/joints/q'?)\n"
+    expected = f"silo: {path}:2: no element '/log/joints/qq'; did you mean '/log/joints/q'?\n"
     assert (shown.code, shown.err) == (EXIT_FAILED, expected)
 
 

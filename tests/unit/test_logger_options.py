@@ -246,7 +246,7 @@ def test_names_that_the_table_lacks_are_returned_and_warned_of(new_logger, tmp_p
     caplog.clear()
     assert logger.load_script(script) == ["/log/gone"]
     unknown, off = read_script(script).warnings
-    assert caplog.messages == [unknown, off, f"{script}: line 2: no element '/log/gone'"]
+    assert caplog.messages == [unknown, off, f"{script}:2: no element '/log/gone'; it is left out"]
     assert {record.levelno for record in caplog.records} == {logging.WARNING}
 
 

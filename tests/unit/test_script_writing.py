@@ -46,9 +46,14 @@ def test_unknown_names_are_returned_with_line_and_suggestion() -> None:
     script = parse_script("log_elements:\n- name: /log/joints/tua\n- name: /elsewhere\n", "s.yaml")
     unknown = apply_script(script, [info("/log/joints/tau")], 100.0).unknown
     assert [str(name) for name in unknown] == [
-        "line 2: no element '/log/joints/tua' (did you mean '/log/joints/tau'?)",
-        "line 3: no element '/elsewhere'",
+        "2: no element '/log/joints/tua'; did you mean '/log/joints/tau'?",
+        "3: no element '/elsewhere'",
     ]
+    many = [info(f"/log/joints/{name}") for name in ("q", "dq", "torque")]
+    (gone,) = apply_script(
+        parse_script("log_elements:\n- name: /log/joints/tau\n", "s.yaml"), many, 100.0, "/log"
+    ).unknown
+    assert gone.suggestion == "/log/joints/torque", "as lines of triggers suggest"
     lines = "".join(f"- name: /log/joints/tau{number}\n" for number in range(MAX_SUGGESTIONS + 2))
     unknown = apply_script(parse_script(f"log_elements:\n{lines}", "s.yaml"), [info("/log/joints/tau")], 100.0).unknown
     assert ["did you mean" in str(name) for name in unknown] == [True] * MAX_SUGGESTIONS + [False] * 2

@@ -105,14 +105,14 @@ def check(path: Path, logger: str | None) -> int:
     if logger is not None:
         with connect(logger) as client:
             table, status = client.table(), client.status()
-        plan = apply_script(found, table.elements, status.frequency_hz)
+        plan = apply_script(found, table.elements, status.frequency_hz, status.prefix)
         warnings += plan.rates
         derived = tuple(Derived(info.name, info.expression, info.unit) for info in table.derived)
         now = Conditions(derived=derived)
         script_conditions(found, now, table.elements, plan, status.prefix, status.frequency_hz)
         if plan.unknown:
             _warn(warnings)
-            raise ScriptError("\n".join(f"{path}:{one}".replace(":line ", ":", 1) for one in plan.unknown))
+            raise ScriptError("\n".join(f"{path}:{one}" for one in plan.unknown))
     _warn(warnings)
     elements = many(len(found.elements), "element")
     click.echo(f"{path}: {elements}, {many(len(warnings), 'warning')}" if warnings else f"{path}: fine, {elements}")
