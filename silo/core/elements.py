@@ -324,6 +324,15 @@ def by_clock(events: Iterable[LoggedEvent]) -> list[LoggedEvent]:
 DEFAULT_MAX_TIME_S = 10.0
 
 
+SCRIPT_OF_ALL = "logger.yaml"  # in whose folder every logger that names no script reads it, as in the original
+OWN_SCRIPT = f".{SCRIPT_OF_ALL}"  # behind the name of a logger: its own, of which nobody said anything
+
+
+def is_default_script(file: str) -> bool:
+    """Return whether a script has a name that is taken where nobody asked for one."""
+    return file == SCRIPT_OF_ALL or file.endswith(OWN_SCRIPT)
+
+
 _OF_LOGGERS = {
     **dict.fromkeys(("frequency", "freq", "rate", "hz"), "it is .frequency_hz"),
     **dict.fromkeys(("max_time", "duration"), "it is .max_time_s"),
@@ -355,7 +364,7 @@ class LoggerOptions(msgspec.Struct, frozen=True):
     frequency_hz: float = 100.0
     max_time_s: float = DEFAULT_MAX_TIME_S
     prefix: str = "/log"
-    script: str = "logger.yaml"
+    script: str = SCRIPT_OF_ALL
     folder: str = "."
     storage: Storage = Storage.MEMORY
     size_tiers: int = 3

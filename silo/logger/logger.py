@@ -77,7 +77,8 @@ class Logger(LoggerNames):
         frequency: control ticks per second: a number (Hz), or words (`"500Hz"`, `"1kHz"`).
         max_time: how long fixed and growing logs may become: a number (s) or words (`"10min"`), 0 for no limit; a run
             that has other buffers as well ends then too, which its start says.
-        script: YAML file with the configuration; read by `update()` if it exists.
+        script: YAML file with the configuration; read by `update()` if it exists. Without a word `NAME.logger.yaml` of
+            the present folder, or else its `logger.yaml`, which is of all loggers there; None (or False): none is read.
         prefix: start of all element names.
         clock: returns the time stamp of a tick, as int nanoseconds or float seconds; the system clock if not given.
         folder: where saved files go.
@@ -104,7 +105,7 @@ class Logger(LoggerNames):
         *,
         frequency: float | str = 100.0,
         max_time: float | str = DEFAULT_MAX_TIME_S,
-        script: str | os.PathLike[str] = "logger.yaml",
+        script: str | os.PathLike[str] | bool | None = True,
         prefix: str = "/log",
         clock: Callable[[], int | float] | None = None,
         folder: str | os.PathLike[str] = ".",
@@ -137,7 +138,9 @@ class Logger(LoggerNames):
         self._life = LifeCycle(options.name)
         self._table = Registrations(options.prefix)
         self._conditions = LoggerConditions(options, self._table, self._life)
-        self._scripted = ScriptedTable(options, self._table, self._conditions, self._life, type(self))
+        self._scripted = ScriptedTable(
+            options, self._table, self._conditions, self._life, type(self), has_script=script not in (None, False)
+        )
         self.parameters = Parameters()
         self._tunables = Tunables(options, self._scripted.add, self._life, self.parameters)
         self._present = CurrentRun()

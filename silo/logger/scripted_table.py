@@ -23,6 +23,8 @@ from silo.core.calls import present_words, told_class, unknown_argument
 from silo.core.conditions import Conditions
 from silo.core.elements import (
     DEFAULT_OPTIONS,
+    OWN_SCRIPT,
+    SCRIPT_OF_ALL,
     Edit,
     ElementInfo,
     ElementOptions,
@@ -30,6 +32,7 @@ from silo.core.elements import (
     LoggerOptions,
     Problem,
     Storage,
+    is_default_script,
     join_name,
 )
 from silo.core.kinds import STRUCT, struct_text
@@ -69,7 +72,6 @@ log = logging.getLogger("silo")
 MOST_TOLD_NAMES = 100  # that `log.q` tells of: each changes the class, 15 us, and who has more looks them up
 MORE_AT_A_CUT_BYTES = 256_000_000  # which are touched within a second, while what other clients want waits
 MOST_TOLD_CHANGES = 3  # of options, in the words of a cut
-DEFAULT_SCRIPT = "logger.yaml"  # that nobody asked for by name
 
 
 class Arena:
@@ -105,13 +107,18 @@ class ScriptedTable:
         conditions: LoggerConditions,
         life: LifeCycle,
         owner: type | None = None,
+        *,
+        has_script: bool = True,
     ) -> None:
-        """Begin with what the table has; `owner` is a class that is to tell what is meant by `log.q`."""
+        """Begin with what the table has; `owner` is a class that is to tell what is meant by `log.q`.
+
+        Without `has_script` none is read but by `load_script`.
+        """
         self._options, self._table, self._conditions, self._life, self._owner = options, table, conditions, life, owner
         self._arena = Arena()
         self._values: dict[tuple[str, str], NDArray[Any]] = {}  # of `value`, by name and group
         self.is_updated = False
-        self._reads_script = True
+        self._has_script = self._reads_script = has_script
         self._said_late = False
 
     def adopt_late(self) -> None:
@@ -381,7 +388,7 @@ class ScriptedTable:
             StateError: the logger runs.
             ScriptError: the script has problems, one per line; nothing is changed then.
         """
-        read_script = switch("read_script", read_script)
+        read_script = switch("read_script", read_script) and self._has_script
         with self._life.lock:
             self._life.check_stopped("update the table")
             self._table.adopt()
@@ -389,13 +396,13 @@ class ScriptedTable:
                 try:
                     self._load(Path(self._options.script), by_update=True)
                 except ScriptError as error:
-                    if Path(self._options.script).name != DEFAULT_SCRIPT:
+                    if not self._is_default_script:
                         raise
                     raise ScriptError(
                         f"{error} (the script of who names none, read at the start: mend or remove it, name another by "
-                        "silo.Logger(script=...), or leave it out by log.update(read_script=False))"
+                        "silo.Logger(script=...), None for none, or leave it out by log.update(read_script=False))"
                     ) from None
-            elif read_script and not self.is_updated and Path(self._options.script).name != DEFAULT_SCRIPT:
+            elif read_script and not self.is_updated and not self._is_default_script:
                 log.warning(
                     "%s: there is no script %s, all elements are logged as the program says (log.save_script() writes "
                     "one, e w in silo-tui too)", self._options.name, self._options.script,
@@ -628,6 +635,10 @@ class ScriptedTable:
             log.warning("%s:%s; it is left out", file, unknown)
         return [unknown.name for unknown in plan.unknown]
 
+    @property
+    def _is_default_script(self) -> bool:
+        return is_default_script(Path(self._options.script).name)
+
     def _tell_applied(self, file: Path, wanted: Sequence[ElementOptions], conditions: Conditions) -> None:
         """Tell what the logger's own script changes of what its program says; runs keep it in what is known of them.
 
@@ -644,11 +655,12 @@ class ScriptedTable:
             told.append(f"then {conditions_text(conditions)}")
         words = "; ".join(told)
         self._options.about.setdefault("script", f"{file.absolute()}: {words}")
-        is_news = (changed or len(told) > 1) and file.name == DEFAULT_SCRIPT
+        is_news = (changed or len(told) > 1) and file.name == SCRIPT_OF_ALL
         log.log(
             logging.WARNING if is_news else logging.INFO,
             "%s: script %s is applied: %s%s", self._options.name, file.absolute(), words,
-            " (silo.Logger(script=...) names another one)" if is_news else "",
+            f" (whoever saved it: all loggers of this folder that name no script read it; as {self._options.name}"
+            f"{OWN_SCRIPT} it is this one's alone; silo.Logger(script=...) names another, None none)" * is_news,
         )  # fmt: skip
 
     def save_script(self, path: str | os.PathLike[str] | None = None) -> Path:

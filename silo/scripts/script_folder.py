@@ -11,6 +11,7 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
+from silo.core.elements import SCRIPT_OF_ALL, is_default_script
 from silo.core.runtime import followed
 from silo.errors import reason
 from silo.files.atomic import NearlyFullError, asked_left, check_room
@@ -22,7 +23,9 @@ MAX_DEPTH = 3  # folders below the script's own
 MAX_VISITED = 5_000  # a script beside a data set must not make listing slow
 MAX_TEXT_BYTES = 2 * 2**20
 MAX_HEAD_BYTES = 64 * 1024  # in which a script that is listed says that it is one
-_IS_SCRIPT = re.compile(r"""^\ufeff?\s*\{?\s*["']?log_elements["']?\s*:""", re.MULTILINE)
+NO_SCRIPT = "is no script of silo, it has neither `log_elements:` nor another key of one"
+_KEYS = "log_elements|derived_signals|signal_limits|triggers"
+_IS_SCRIPT = re.compile(rf"""^\ufeff?\s*\{{?\s*["']?({_KEYS})["']?\s*:""", re.MULTILINE)
 
 log = logging.getLogger("silo.helper")
 _told: set[Path] = set()  # scripts in the old place that were told of
@@ -31,7 +34,8 @@ _told: set[Path] = set()  # scripts in the old place that were told of
 def folder_of(own_script: Path) -> Path:
     """Return where clients read and write scripts."""
     own = own_script.parent
-    return own / f"{own_script.stem}.scripts" if own in _SHARED else own
+    stem = Path(SCRIPT_OF_ALL).stem if is_default_script(own_script.name) else own_script.stem
+    return own / f"{stem}.scripts" if own in _SHARED else own
 
 
 def _shared() -> tuple[Path, ...]:
@@ -165,7 +169,10 @@ def read_text(path: Path) -> str:
         where = "paths begin in the folder of the logger's script, see `silo script list`"
         raise RequestRefusedError(RefusedWhy.NOT_FOUND, f"{path}: no such script; {where}") from None
     if not is_script(text):
-        raise RequestRefusedError(RefusedWhy.FORBIDDEN, f"{path}: is no script of silo, it has no `log_elements:`")
+        raise RequestRefusedError(
+            RefusedWhy.FORBIDDEN,
+            f"{path}: is no script of silo, it has no key `log_elements:` or another of a script's",
+        )
     return text
 
 
@@ -212,7 +219,7 @@ def check_target(path: Path, own_script: Path, *, overwrite: bool) -> None:
                 f"{path} exists already; choose another name, or replace it (--force, overwrite=True)",
             )
         if path != own_script and not is_script(_text_of(path)):
-            text = f"{path}: is no script of silo, it has no `log_elements:`; choose another name; nothing was changed"
+            text = f"{path}: {NO_SCRIPT}; choose another name; nothing was changed"
             raise RequestRefusedError(RefusedWhy.FORBIDDEN, text)
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import silo
 from silo.core.elements import Action, BufferType, Edit, ElementOptions
 from silo.core.runtime import list_segments
 from silo.errors import ElementError, ScriptError, SourceError, StateError
@@ -36,7 +37,7 @@ ROOT = Path(__file__).resolve().parents[2]
         ({"frequency": True}, "frequency must be above 0 and below 1e+06 Hz, got True"),
         ({"max_time": None}, "max_time must be from 0 and below 1e+09 s (0: no limit), got None"),
         ({"name": None}, "the logger's name must be a text, got None (NoneType); write silo.Logger(\"robot\")"),
-        ({"script": None}, "script must be a path, got None; write script='some/path'"),
+        ({"script": 5}, "script must be a path, got 5; write script='some/path'"),
         ({"folder": 5}, "folder must be a path, got 5; write folder='some/path'"),
         ({"prefix": 5}, 'prefix must be a text, got 5 (int); write prefix="/log"'),
         ({"size_tiers": 2.5}, "size_tiers must be a whole number from 1 to 1000, got 2.5"),
@@ -200,6 +201,7 @@ def test_a_script_that_is_applied_at_the_start_says_which_and_what_it_changes(ne
     (told,) = [one for one in caplog.records if "is applied" in one.getMessage()]
     assert told.levelno == (logging.INFO if is_named else logging.WARNING)
     assert f"script {script} is applied: {words.partition(': ')[2]}" in told.getMessage()
+    assert ("as test.logger.yaml it is this one's alone" in told.getMessage()) is not is_named
     assert logger.snapshot().about["script"] == words
 
 
@@ -227,6 +229,45 @@ def test_what_a_script_says_of_names_that_are_gone_is_left_out_at_the_start_with
     assert (after.derived, after.triggers) == (before.derived, before.triggers)
     assert {one.name for one in after.limits} == {"err", "y"}
     assert [one.name for one in logger._conditions.now.limits] == ["y"]
+
+
+def test_a_logger_that_names_no_script_has_one_of_its_name_and_reads_that_of_all_where_it_has_none(
+    tmp_path, monkeypatch, caplog
+):
+    monkeypatch.chdir(tmp_path)
+
+    def divider_of(name, **options):
+        with silo.Logger(name, folder=tmp_path / "logs", **options) as log:
+            x = log.array("x")
+            log.update()
+            assert x.shape == ()
+            return log["x"].options.divider
+
+    with silo.Logger("right", folder=tmp_path / "logs") as log:
+        x = log.array("x", divider=7)
+        assert log.save_script() == tmp_path / "right.logger.yaml"
+        assert x.shape == ()
+    assert caplog.messages == []
+    assert (divider_of("right"), divider_of("left"), divider_of("right", script=None)) == (7, 1, 1)
+    assert (divider_of("right", script=False), divider_of("right", script=True)) == (1, 7)
+    (tmp_path / "logger.yaml").write_text("log_elements:\n  - {name: /log/x, enabled: true, divider: 5}\n")
+    assert (divider_of("right"), divider_of("left"), divider_of("left", script=None)) == (7, 5, 1)
+
+
+def test_what_has_no_script_reads_none_at_a_start_either_and_saves_to_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for file in ("logger.yaml", "arm.logger.yaml"):
+        (tmp_path / file).write_text("log_elements:\n  - {name: /log/x, enabled: true, divider: 5}\n")
+    with silo.Logger("arm", script=None, folder=tmp_path) as log:
+        x = log.array("x")
+        log.start()
+        late = log.array("y")
+        log.restart()
+        assert (log["x"].options.divider, x.shape, late.shape) == (1, (), ())
+        assert log.save_script() == tmp_path / "arm.logger.yaml"
+        log.stop()
+        assert log.load_script(tmp_path / "logger.yaml") == []
+        assert log["x"].options.divider == 5
 
 
 def test_a_start_that_fails_for_its_script_says_how_to_go_on_without_it(new_logger, tmp_path):

@@ -8,7 +8,8 @@ import pytest
 from silo.files.atomic import check_room
 from silo.rpc.refusals import RequestRefusedError
 from silo.scripts import script_folder
-from silo.scripts.script_folder import check_target, folder_of, list_scripts, read_text, resolve
+from silo.scripts.script_folder import check_target, folder_of, is_script, list_scripts, read_text, resolve
+from silo.settings.script_conditions import KEYS
 
 SCRIPT = "log_elements:\n  - name: /log/x\n    enabled: true\n"
 SECRET = "apiVersion: v1\nkind: Secret\ndata: {password: aGVsbG8=}\n"
@@ -115,3 +116,13 @@ def test_what_is_a_script(text) -> None:
 @pytest.mark.parametrize("text", [SECRET, "password: x\n", "a:\n  b: log_elements\n", "- log_elements\n"])
 def test_what_is_none(text) -> None:
     assert not script_folder.is_script(text)
+
+
+@pytest.mark.parametrize("key", ["log_elements", *KEYS])
+def test_a_file_with_any_key_of_a_script_is_one(key: str) -> None:
+    assert is_script(f"# mine\n{key}: []\n")
+    assert not is_script(f"mine: {key}\n")
+
+
+def test_scripts_of_clients_stand_in_one_place_whichever_default_a_logger_has(started_in) -> None:
+    assert folder_of(started_in.with_name("arm.logger.yaml")) == folder_of(started_in)

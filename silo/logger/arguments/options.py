@@ -20,6 +20,8 @@ from silo.core.arguments import line, path, real, shown, switch, text, whole, wo
 from silo.core.elements import (
     DEFAULT_MAX_TIME_S,
     DEFAULT_OPTIONS,
+    OWN_SCRIPT,
+    SCRIPT_OF_ALL,
     Action,
     BufferType,
     Edit,
@@ -51,7 +53,7 @@ def logger_options(
     name: str,
     frequency: float | str,
     max_time: float | str,
-    script: str | os.PathLike[str],
+    script: str | os.PathLike[str] | bool | None,
     prefix: str,
     folder: str | os.PathLike[str],
     storage: str | Storage,
@@ -73,7 +75,7 @@ def logger_options(
         frequency_hz=real("frequency", _number(frequency, HERTZ), 0, 1e6, "Hz", include_low=False),
         max_time_s=real("max_time", _number(max_time, SECONDS), 0, 1e9, "s (0: no limit)"),
         prefix=_prefix(prefix),
-        script=_absolute("script", script),
+        script=_script(name, script),
         folder=_absolute("folder", folder),
         storage=word("storage", storage, Storage),
         size_tiers=whole("size_tiers", size_tiers, 1, 1000),
@@ -83,6 +85,14 @@ def logger_options(
         id=secrets.token_hex(4),
         about=about_run(about),
     )
+
+
+def _script(name: str, given: object) -> str:
+    """Return where a logger's own script is, or is to be saved, also of one that reads none."""
+    if not (given is None or isinstance(given, bool)):
+        return _absolute("script", given)
+    own, of_all = _absolute("script", f"{name}{OWN_SCRIPT}"), _absolute("script", SCRIPT_OF_ALL)
+    return of_all if given and os.path.exists(of_all) and not os.path.exists(own) else own  # noqa: PTH110
 
 
 def _number(given: object, units: Mapping[str, float]) -> object:
