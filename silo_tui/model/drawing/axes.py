@@ -16,8 +16,10 @@ from silo_tui.model.words import text
 
 Scale = tuple[float, float]
 _FACTORS = (1, 1.5, 2, 2.5, 3, 4, 5, 6, 8)
+_COUNTED = {*_FACTORS, 7.5}
 _MOST_TICKS = 8
 WASTE = 1.4
+_ODD = 1.2  # what a top that needs more digits than the numbers below it may cost
 _EXTREME = 1e290  # beyond, and below its inverse, there is no room for powers of ten
 
 
@@ -33,7 +35,7 @@ def round_scale(smallest: float, largest: float, lines: int) -> Scale:
     plain = braille.nice_range(smallest, largest)
     found = [ends for apart in _distances(lines) if (ends := _range_of(smallest, largest, lines, apart))]
     found = [ends for ends in found if not is_zero or ends[0] == -ends[1]]  # nothing but zeros lies in the middle
-    best = min(found, key=lambda ends: ends[1] - ends[0], default=plain)
+    best = min(found, key=lambda ends: (ends[1] - ends[0]) * (1 if _reads(ends, lines) else _ODD), default=plain)
     # a curve in the lower half of its plot costs more than the numbers in between are worth
     return best if best[1] - best[0] <= WASTE * (plain[1] - plain[0]) else plain
 
@@ -65,12 +67,31 @@ def ticks_of(scale: Scale, lines: int) -> list[tuple[int, float]]:
     if not (math.isfinite(bottom) and math.isfinite(top)) or lines < 2:
         return []
     per_line = top / (lines - 1) - bottom / (lines - 1)
-    for apart in sorted(_distances(lines), key=lambda apart: (lines - 1) % apart > 0):  # first those that reach the top
+    # first those that are counted in steps as one counts, then those that reach the top
+    order = sorted(
+        _distances(lines), key=lambda apart: (_mantissa(apart * per_line) not in _COUNTED, (lines - 1) % apart > 0)
+    )
+    for apart in order:
         values = [bottom + place * per_line for place in range(0, lines, apart)]
         if _is_round(apart * per_line, values):
             ticks = [(lines - 1 - place * apart, value) for place, value in enumerate(values)][::-1]
             return ticks if ticks[0][0] == 0 else [(0, top), *ticks]
     return [(0, top), (lines - 1, bottom)]
+
+
+def _reads(scale: Scale, lines: int) -> bool:
+    """Whether the top of a range needs one digit more than the numbers below it at most: 1.0222 isn't read."""
+    (_, top), (_, second), *_ = ticks = ticks_of(scale, lines)
+    if len(ticks) < 3:
+        return False
+    step = second - ticks[2][1]
+    last = 10.0 ** math.floor(math.log10(step) + 1e-9) / (10 if _mantissa(step).is_integer() else 100)
+    return abs(top / last - round(top / last)) < 1e-6
+
+
+def _mantissa(step: float) -> float:
+    """Return the digits of a step before its power of ten: 2.5 of 250."""
+    return float(f"{step:.6e}".partition("e")[0])
 
 
 def _is_round(step: float, values: list[float]) -> bool:
