@@ -121,6 +121,13 @@ def test_what_stands_between_words_tells_names_apart_where_words_do_not():
     ]  # fmt: skip
 
 
+def test_a_name_begins_as_it_does_where_letters_of_that_have_room_too():
+    names = ["/controller/gait", "/controller/gait_phase", "/battery/voltage", "/sensors/absolute_encoder_counter_high"]
+    assert fitting_names(names, 20)[1] == "/control…/gait_phase"  # …/gait_phase stood below /controller/gait
+    assert fitting_names(names, 16)[1] == "/con…/gait_phase"
+    assert fitting_names(names, 14)[1] == "…gait_phase"  # two letters of it tell nothing
+
+
 def test_a_short_last_word_keeps_what_stands_before_it():
     conditions = [f"/legged_robot/{leg}_KFE/winding_temperature > 50" for leg in ("LF", "RF")]
     assert fitting_names(conditions, 20) == ["…/LF…winding… > 50", "…/RF…winding… > 50"]

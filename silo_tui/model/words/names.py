@@ -176,7 +176,7 @@ class NamesShown:
                 kept = _as_has_room(parts, kept, wish, width)
             if cells(words := _written(parts, kept)) == width:
                 return words
-        return _written(parts, kept)
+        return _written(parts, _begun(parts, kept, width))
 
     def _least_of(self, name: str) -> tuple[list[str], dict[int, Kept]]:
         """Return the parts of a name, and what of each tells it from the other names; of its last word the end too."""
@@ -315,6 +315,18 @@ def _as_has_room(parts: Sequence[str], kept: dict[int, Kept], wish: dict[int, Ke
     last_level = max((slash for slash, part in enumerate(parts) if "/" in part), default=-1) + 1
     begins = at == last_level and more >= LEAST_HEAD  # letters of another word would be read as all of it
     return kept | {at: (head + more, tail)} if head + tail or begins else kept
+
+
+def _begun(parts: Sequence[str], kept: dict[int, Kept], width: int) -> dict[int, Kept]:
+    """Return what is kept with the beginning of the name, where that has no letter yet and some have room."""
+    at = next((at for at, part in enumerate(parts) if _is_word(part)), 0)
+    if any(kept[at]):
+        return kept
+    following = next(later for later in range(at, len(parts)) if any(kept[later]))
+    slashes = [each for each in (*range(at), following - 1) if not _is_word(parts[each])]
+    beside = {each: (len(parts[each]), 0) for each in slashes}
+    begun = (kept | beside | {at: (more, 0)} for more in range(len(parts[at]), LEAST_HEAD - 1, -1))
+    return next((each for each in begun if cells(_written(parts, each)) <= width), kept)
 
 
 def _together(kept: dict[int, Kept], wishes: Iterable[dict[int, Kept]]) -> dict[int, Kept]:
