@@ -199,7 +199,7 @@ class MenuReader:
         """Do what was done last by a menu once more, or the other way round."""
         screen: SiloScreen = self._app.screen
         if not screen.repeated:
-            screen.context.say("nothing to do again: what the menus of edit, view and plots did last is")
+            screen.context.say("nothing to do again yet: it repeats what a menu of edit, view or plots did last")
         elif not turned:
             screen.repeats()
         elif screen.repeated in TURNED:

@@ -331,7 +331,10 @@ class ElementsScreen(SiloScreen):
         """Return of which samples the statistics are."""
 
     def command_fold(self) -> None:
-        self.say(self.session.rows.fold())
+        rows = self.session.rows
+        was, words = rows.sort, rows.fold()
+        back = f"; {key_of('sort')} {rows.orders[NAME].letter} brings the list back" if rows.sort != was else ""
+        self.say(words + back)
         self.table_changed()
 
     def command_into(self) -> None:

@@ -243,13 +243,14 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         return self._needs[1:]
 
     def _names_told(self) -> Told:
-        """Return what tells the names that are shown apart; of rows that come and go by themselves, all names."""
+        """Return what tells the names that are shown apart; of rows that come and go by themselves, or of none, all."""
         rows, table = self.rows, self.session.table
         of = (rows.shown, rows.sort == TREE, table.prefix, dict(rows.components))
         if self._told is None or self._told_of[0] is not of[0] or self._told_of[1:] != of[1:]:
             self._told_of = of
             shown, everything = rows.shown, np.arange(len(table))
-            some = everything if rows.filter.measured else np.sort(shown)  # the same in another order are the same
+            all_told = rows.filter.measured or not len(shown)
+            some = everything if all_told else np.sort(shown)  # the same in another order are the same
             names = tuple(map(self._named, some.tolist()))
             space = "" if rows.sort == TREE else shared_space(names)  # branches tell it
             if len(some) > MOST_TOLD:

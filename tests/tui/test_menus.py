@@ -164,7 +164,7 @@ def test_only_what_edits_or_changes_what_is_shown_is_done_again(keys, repeated, 
     assert reading.sheet.repeated == repeated
     reading.sheet.told.clear()
     reading.reader.again(turned=False)
-    nothing = "nothing to do again: what the menus of edit, view and plots did last is"
+    nothing = "nothing to do again yet: it repeats what a menu of edit, view or plots did last"
     assert reading.sheet.told == [repeated or nothing]
 
 

@@ -68,6 +68,26 @@ async def test_statistics_give_way_to_what_tells_names_apart_and_the_message_say
         assert ("; std at a wider terminal" in " ".join(screen.text.split())) == bool(left_out)
 
 
+@pytest.mark.parametrize("sets", [0, 1, 2])
+async def test_titles_are_whole_where_no_row_passes_the_filter(robot, opened, sets):
+    async with opened(robot.run()) as screen:
+        await screen.do(*["columns"] * sets)
+        await screen.shows("unit")
+        laid = screen.app.screen.table.laid
+        await screen.enter("/edited")
+        await screen.shows("No element passes")
+        empty = screen.app.screen.table.laid
+        assert (empty.names, empty.steady, empty.measured) == (laid.names, laid.steady, laid.measured)
+
+
+async def test_folding_a_list_makes_it_a_tree_and_says_which_keys_bring_it_back(robot, opened):
+    async with opened(robot.run()) as screen:
+        await screen.press("down", "v", "f")
+        await screen.shows("by name, as a tree; o l brings the list back")
+        await screen.press("o", "l")
+        await screen.until(lambda: "▼" not in screen.text, "the list")
+
+
 async def test_alarms_and_triggers_say_of_which_motor_they_are(robot, opened):
     robot.limit_statuses = [replace(HOT, name=f"/log{name}", word=LimitWord.RED_HIGH) for name in WINDINGS]
     robot.trigger_statuses = [

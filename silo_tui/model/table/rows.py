@@ -213,7 +213,7 @@ class RowList:
             return ""
         words = ""
         if self.sort != TREE:
-            self.sort, words = TREE, "by name, as a tree; the order `list` brings the list back"
+            self.sort, words = TREE, "by name, as a tree"
         path = "/" + "/".join(parts_of(self._short_names()[row])[:-1])
         if path == "/":
             self.refresh()
