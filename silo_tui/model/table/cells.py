@@ -343,6 +343,8 @@ def _number(sight: Sight, row: int, chosen: int, quantity: str, width: int, *, a
             return "-", "quiet"  # between two labels is nothing
     if entry is not None and quantity not in {"mean", "std"} and math.isfinite(found):
         return entry_text(entry, found, None, width, written), "quiet"
+    if quantity == "std" and 0 < found < written.step / 2:
+        written = text.digits_of(found, 0.0, width, signed=False)  # 0, or 0.000e18, would say that there is none
     return written.write(found, width), "quiet"
 
 
