@@ -68,7 +68,7 @@ class Topic(Subscribed):
         super().__init__(on_close)
         self.element = element
         self.missed = 0
-        self._why_silent = why_silent
+        self._why_silent, self._heard_s = why_silent, time.monotonic()
         self._next = -1
         self._foreign = Foreign("a batch")
 
@@ -94,26 +94,21 @@ class Topic(Subscribed):
 
         Raises ElementError for an element that isn't published, ConnectionLostError when nobody answers any more.
         """
-        heard_s = time.monotonic()
+        self._heard_s = time.monotonic()
         while not self._closed:
             batches = self.read()
             yield from batches
-            heard_s = self._heard(bool(batches), heard_s)
             if not batches:
                 time.sleep(POLL_S)
 
     async def __aiter__(self) -> AsyncIterator[Batch]:
         """Yield batches as they come, for asyncio; ends and raises like the plain iteration."""
-        heard_s = time.monotonic()
+        self._heard_s = time.monotonic()
         while not self._closed:
-            batches = self.read()
+            batches = await self.read_async(0.0)
             for batch in batches:
                 yield batch
-            # the question why may take as long as an answer does
-            heard_s = await asyncio.to_thread(self._heard, bool(batches), heard_s) if self._late(heard_s) else heard_s
-            if batches:
-                heard_s = time.monotonic()
-            else:
+            if not batches:
                 await asyncio.sleep(POLL_S)
 
     def _late(self, heard_s: float) -> bool:
@@ -136,10 +131,15 @@ class Topic(Subscribed):
 
         Returns:
             Empty where nothing came in that time.
+
+        Raises:
+            ElementError: nothing came for a while, and none will: the element isn't published, or is off or gone.
+            ConnectionLostError: nothing came for a while, and nobody answers.
         """
         until_s = time.monotonic() + real("timeout_s", timeout_s, 0, LONGEST_S, "s")
         while not (batches := self._take()) and not self._closed and time.monotonic() < until_s:
             time.sleep(POLL_S)
+        self._heard_s = self._heard(bool(batches), self._heard_s)
         return batches
 
     async def read_async(self, timeout_s: float = 1.0) -> list[Batch]:
@@ -151,6 +151,10 @@ class Topic(Subscribed):
         until_s = time.monotonic() + real("timeout_s", timeout_s, 0, LONGEST_S, "s")
         while not (batches := self._take()) and not self._closed and time.monotonic() < until_s:
             await asyncio.sleep(POLL_S)
+        if batches or not self._late(self._heard_s):
+            self._heard_s = time.monotonic() if batches else self._heard_s
+        else:  # the question why may take as long as an answer does
+            self._heard_s = await asyncio.to_thread(self._heard, False, self._heard_s)
         return batches
 
     def _take(self) -> list[Batch]:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from silo.client.client import Client
 
 GOES_ON = "{} and go on saves what its buffers hold (looping ones: the newest alone) and begins them empty."
-SPLIT = "Stopping ends this recording."
+SPLIT = "Stopping ends this run."
 
 
 async def start_stop(context: Context) -> None:

@@ -403,10 +403,15 @@ class TableScreen(ElementsScreen):
         self.context.run_flow(ask_derived(self.context, self.session, one, is_whole=bool(name and expression)))
 
     def _entry_here(self) -> tuple[int, int, str] | None:
-        """Return element, entry and name of the signal under the cursor; says so where there is none."""
-        row, entry = self.session.rows.row, self.session.rows.entry or 0
+        """Return element, entry and name of the signal under the cursor; says so where there is none.
+
+        The row of a vector is the vector, whose limits are of all its entries.
+        """
+        rows, row = self.session.rows, self.session.rows.row
+        entry = rows.entry_alone(row) if row is not None and rows.entry is None else rows.entry
         if row is not None and self.session.table.elements[row].entries:
-            return row, entry, self.session.table.entry_names(row)[entry]
+            names = self.session.table.entry_names(row)
+            return row, entry or 0, self.session.table.names[row] if entry is None else names[entry]
         self.say("limits are of one element: go to its line")
         return None
 
@@ -432,13 +437,14 @@ class TableScreen(ElementsScreen):
             return
         if (here := self._entry_here()) is None:
             return
-        _, _, name = here
+        row, entry, name = here
         choices = [
             Choice("trigger", "A trigger", "t"), Choice("limits", "Limits", "l"),
             Choice("derived", "A signal derived from it", "d"),
         ]  # fmt: skip
         question = Question(f"New for {self.session.short_name(name)}?", self._of_this_alone(), choices)
-        ask(self, question, lambda answer: self._make(answer, name))
+        alone = self.session.table.entry_names(row)[entry]  # a condition is of numbers
+        ask(self, question, lambda answer: self._make(answer, name if answer == "limits" else alone))
 
     async def _make_trigger(self, name: str) -> None:
         from silo_tui.screens.dialogs.trigger_editor import ask_trigger

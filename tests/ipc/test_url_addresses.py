@@ -130,6 +130,10 @@ class TestTopics:
     def test_its_url_is_taken_by_the_commands(self, bench, capsys):
         assert run(["address", "bot", "x"]) == 0
         url = capsys.readouterr().out.split()[1]
+        assert run(["address", "bot", "kept", "--json"]) == 0
+        out, err = capsys.readouterr()
+        assert "'/log/kept' is saved but not published, so nothing comes: " in err
+        assert json.loads(out)["url"].endswith("/log/kept")
         bench.logger.start()
         bench.ticks(3)
         assert run(["watch", url, "--count", "1", "--json"]) == 0

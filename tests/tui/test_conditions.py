@@ -579,6 +579,20 @@ class TestScreens:
                 await screen.until(lambda: not screen.app.screen.is_modal)
             assert (begun[1], begun[2] == begun[0]) == ("12.5", True)
 
+    @pytest.mark.parametrize(("keys", "line"), [("Nl", "LL"), ("Nd", "is"), ("w", "name"), ("Nt", "name")])
+    async def test_what_one_types_takes_the_place_of_what_was_left(self, fake, opened, keys, line):
+        async with opened(fake.run()) as screen:
+            for typed in ("40", "7"):
+                await screen.press(*keys)
+                await screen.until(lambda: screen.app.screen.query(f"#form-{line}"))
+                screen.app.screen.field(line).focus()
+                await screen.press(*typed)
+                await screen.until(lambda: screen.app.screen.field(line).value, "what is typed")
+                value = screen.app.screen.field(line).value
+                await screen.press("escape")
+                await screen.until(lambda: not screen.app.screen.is_modal)
+            assert value == "7"
+
     async def test_what_was_left_comes_back_neither_over_what_others_set_meanwhile_nor_on_another_logger(
         self, new_fake, opened
     ):
@@ -763,6 +777,10 @@ class TestLists:
             assert np.nanmax(past.high) < float(level) < np.nanmax(past.high) + 1, "it would not have fired"
             await screen.press("escape")
             await screen.until(lambda: screen.app.screen.scope == "table")
+            await screen.press("N", "l")
+            await screen.shows("Limits of /base/orientation on")  # a row of a vector means all of it
+            await screen.press("escape")
+            await screen.do("component", "component")  # the norm, then its first entry
             await screen.press("N", "l")
             await screen.shows("Limits of /base/orientation_x")
             await screen.press("enter")

@@ -98,7 +98,7 @@ def test_what_runs_and_is_saved_is_restarted_by_a_yes(running):
     running.saved = True
     desk = Desk(running, "y")
     assert desk.does(flows.restart(desk)) == "restarted"
-    assert desk.asked == ["Restart logging?\nStopping ends this recording.\n() Don't restart\n(y) Restart"]
+    assert desk.asked == ["Restart logging?\nStopping ends this run.\n() Don't restart\n(y) Restart"]
 
 
 def test_a_question_about_data_says_how_much_there_is(unsaved):
@@ -161,7 +161,7 @@ def test_what_applying_asks_counts_edits_and_elements_and_says_what_goes_on(runn
     assert desk.does(flows.apply(desk)).startswith("applied to 2 elements, logging again")
     assert desk.asked[0].startswith(
         "Apply 3 edits to 2 elements?\nApply and go on saves what its buffers hold (looping ones: the newest alone) "
-        "and begins them empty. Stopping ends this recording.\n"
+        "and begins them empty. Stopping ends this run.\n"
     )
     assert desk.asked[0].endswith(
         "\n(a) Apply and go on: no tick is lost\n() Keep them pending; e x on its line drops one"

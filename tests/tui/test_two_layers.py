@@ -520,9 +520,12 @@ async def test_stopping_offers_a_restart_and_what_drops_is_answered_by_its_own_l
 async def test_what_has_a_form_or_a_list_is_asked_by_it_and_not_by_a_line(fake, opened):
     async with opened(fake) as screen:
         await screen.press("e", "a")
-        await screen.shows("Limits of /base/orientation_x")
+        await screen.shows("Limits of /base/orientation on")  # the row is the vector: of all its entries
         await screen.shows("HH")
-        await screen.press("escape")
+        assert screen.app.screen.fields["signal"] == "base/orientation"
+        await screen.press("4", "enter")
+        await screen.until(lambda: not screen.app.screen.is_modal, "it is set")
+        assert [call[1].name for call in fake.calls if call[0] == "set_limits"] == ["/log/base/orientation"]
         await screen.do("derive")
         await screen.shows("Derive a signal on robot")
         await screen.press("escape")

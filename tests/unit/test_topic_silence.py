@@ -21,7 +21,7 @@ class Scripted(Topic):
         self.asked += 1
         return self.why
 
-    def read(self, timeout_s=0.0):
+    def _take(self):
         if not self.left:
             self.close()
             return []
@@ -50,3 +50,20 @@ def test_a_topic_ends_with_why_nothing_will_come(way, monkeypatch):
     with pytest.raises(ElementError, match="it is off"):
         topic.all(way)
     assert topic.left == [["b"]]
+
+
+def read_by(topic, way):
+    return topic.read() if way == "plain" else asyncio.run(topic.read_async(0.0))
+
+
+@pytest.mark.parametrize("way", ["plain", "asyncio"])
+def test_a_read_says_too_why_nothing_will_come_once_nothing_came_for_long(way, monkeypatch):
+    topic = Scripted([[], [], ["a"], []], why="it is off")
+    assert read_by(topic, way) == []
+    assert topic.asked == 0, "a read in a loop doesn't ask each time"
+    monkeypatch.setattr("silo.live.topic.SILENCE_S", LATE)
+    with pytest.raises(ElementError, match="it is off"):
+        read_by(topic, way)
+    assert read_by(topic, way) == ["a"]
+    topic.why = ""
+    assert (read_by(topic, way), topic.asked) == ([], 2)

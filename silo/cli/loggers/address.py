@@ -1,6 +1,7 @@
 """`silo address`: how a program in any language reaches a logger or a topic."""
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import click
 
 from silo.cli.common import TypedPath, complete_words, connect, discovered, json_option, show_json, split_logger
 from silo.core.runtime import write_private
-from silo.errors import SaveError, reason
+from silo.errors import ConnectionLostError, SaveError, reason
 
 SECRET = ("password", "_private_key_base64")  # how keys end whose values are nobody else's
 LEFT_OUT = "..."
@@ -39,13 +40,19 @@ def address(words: tuple[str, ...], zenoh: bool, to: Path | None, as_json: bool)
     """
     from silo.net.found import url_of
     from silo.net.session import zenoh_settings
-    from silo.rpc.words import full_name
+    from silo.rpc.words import full_name, why_silent
 
     logger, rest = split_logger(words)
     if len(rest) > 1:
         raise click.UsageError(f"an address is that of one element, not of {len(rest)}: {' '.join(rest)}")
     with connect(logger) as client:
-        found, element = client.found, full_name(rest[0], client.status(), client.table()) if rest else ""
+        found, element = client.found, ""
+        if rest:
+            status, table = client.status(), client.table()
+            element = full_name(rest[0], status, table)
+            with suppress(ConnectionLostError):  # dead: its address stays
+                if why := why_silent(element, found.label, status, table):
+                    click.echo(why, err=True)
     whole = zenoh_settings(found)
     if to is not None:
         try:

@@ -145,8 +145,9 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
 
     def _line(self, name: str) -> Input:
         value, known = self._values.get(name, ""), f"form-{name}"
-        # the first key takes the place of what was given, and is added to what somebody typed
-        options: Any = {"placeholder": self._hints[name], "id": known, "select_on_focus": not self._problem}
+        # the first key takes the place of what was given or left, and is added to what was typed and refused just now
+        selects = self._problem in ("", LEFT)
+        options: Any = {"placeholder": self._hints[name], "id": known, "select_on_focus": selects}
         if self._table is not None and name in self.NAMING:
             return NamingLine(lambda typed: named_whole(typed, self._names), value, **options)
         return Input(value, compact=True, **options)
