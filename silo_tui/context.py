@@ -33,6 +33,7 @@ from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
 from silo_tui.settings.file import SettingsProblem
 from silo_tui.settings.options import Settings
+from silo_tui.terminal import in_browser
 from silo_tui.tour import Tour
 from silo_tui.widgets import messages
 from silo_tui.widgets.bars import OPEN_FILE, OPENS, Banner, KeyBar, StatusBar, left_a_file
@@ -60,6 +61,9 @@ class Message(msgspec.Struct, frozen=True):
     def clock(self) -> str:
         """When, as people write it."""
         return wall_clock(int(1e9 * self.at_s))
+
+
+PAGE_WORDS = "this page is read-only: one that `silo-tui --serve --control` serves changes, too; nothing was changed"
 
 
 class Context:
@@ -158,7 +162,7 @@ class Context:
         Of many loggers each says itself whom it lets.
         """
         if command.writes and self.read_only:
-            return "read-only", READ_ONLY_WORDS
+            return "read-only", PAGE_WORDS if in_browser() else READ_ONLY_WORDS
         if not self.has_session or "loggers" in command.scopes:
             return None
         session = self.session

@@ -603,6 +603,9 @@ class Log(Mapping[str, Signal]):
     def to_pandas(self, pattern: str = "*") -> Any:
         """Return a pandas DataFrame: one row per tick, one column per scalar, missing where there is no sample.
 
+        Its index are times in UTC without a zone, as pandas has them by itself: `frame.tz_localize("UTC")` gives them
+        theirs, to join with a Parquet file, whose column `time` has it.
+
         Args:
             pattern: which elements, with `*`, `?` and `[...]`.
         """

@@ -49,7 +49,7 @@ class TakesConditions(ABC, Generic[DoneT]):
             bounds: (red_low, yellow_low, yellow_high, red_high), None for one that there isn't; a value at a bound is
                 within it. None in place of all four forgets its limits, of exactly the name that they were given to.
             persistence: so many samples in a row make a state; each violation is counted all the same.
-            hysteresis: how far inside a bound its state ends.
+            hysteresis: how far inside a bound its state ends, in the signal's unit: with 0.5 that of 40 at 39.5.
             stale: a value that stays the same for so long is one too (`"0.5s"`).
             when: an expression that must hold, else nothing is judged.
 

@@ -246,7 +246,7 @@ class RequestThreads:
         except RequestRefusedError as refused:
             if isinstance(request, Do) and refused.why in (RefusedWhy.FORBIDDEN, RefusedWhy.CONTROL):
                 why = "without control" if refused.why is RefusedWhy.CONTROL else "no role for it"
-                self._denials.note(f"change denied: {type(request).__name__} ({why})", plain(who))
+                self._denials.note(f"change denied: {spoken(request)} ({why})", plain(who))
             elif isinstance(request, Hello) and refused.why is RefusedWhy.FORBIDDEN:
                 self._meet(request, who)
             raise

@@ -106,6 +106,10 @@ class Elements(list[ElementInfo]):
         super().__init__(infos)
         self._prefix = prefix
 
+    def __call__(self, *_: object) -> NoReturn:
+        """Nobody calls it: raises ArgumentError."""
+        raise ArgumentError(".elements is no method: write log.elements, of which log.elements['joints/q'] is one")
+
     @property
     def known(self) -> Names:
         """What the names of the rows mean."""

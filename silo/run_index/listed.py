@@ -104,7 +104,8 @@ class ListedRun:
         if facts.problem:
             return f"can't be read: {facts.problem}"
         folders = {path.rpartition("/")[0] for path in self.others} - {facts.path.rpartition("/")[0]}
-        where = f" in {and_more(sorted(folders), 2)}" if folders else ""
+        beside = [path.rpartition("/")[2] for path in self.others]
+        where = f" in {and_more(sorted(filter(None, folders)), 2)}" if any(folders) else f": {and_more(beside, 2)}"
         others = f"{many(len(self.others), 'more file')}{where}" if self.others else ""
         parts = many(len(self.files), "part") if self.files else ""
         more = ", ".join(filter(None, ["cut off" if facts.cut_off else "", parts, others]))

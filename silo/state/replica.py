@@ -93,7 +93,8 @@ class LoggerSnapshot:
             return self.entry_places[name]
         found = self._names.find(name, scalars=True, namespaces=False)
         if len(found) != 1:
-            text = f"no element or entry is called '{name[:200]}'; they are named like '/log/q' and '/log/q_x'"
+            hint = self._names.hint(name[:200], "they are named like '/log/q' and '/log/q_x'")
+            text = f"no element or entry is called '{name[:200]}'{hint}"
             raise RequestRefusedError(RefusedWhy.NOT_FOUND, self._names.several(name, found) if found else text)
         place, number = found[0]
         return self._names.names[place], -1 if number is None else number

@@ -288,7 +288,7 @@ def _status(reply: StatusReply, told: Callable[[str], None] | None) -> Status:
 
 def refused_running() -> RequestRefusedError:
     """Return what is raised for an edit of a logger that runs."""
-    text = "the logger is running: stop it first, or have it go on as changed (cut); nothing was changed"
+    text = "the logger is running: stop it first, or have it go on as changed (--cut, cut=True); nothing was changed"
     return RequestRefusedError(RefusedWhy.RUNNING, text)
 
 

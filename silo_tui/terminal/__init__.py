@@ -28,8 +28,13 @@ def _driver_of(app: App[Any]) -> CellDriver | None:
 
 
 def driver_class() -> type[Driver] | None:
-    """Return ours, or None where somebody else's was asked for by `TEXTUAL_DRIVER`, as a page in a browser does."""
-    return None if "TEXTUAL_DRIVER" in os.environ else CellDriver
+    """Return ours, or None where somebody else's was asked for."""
+    return None if in_browser() else CellDriver
+
+
+def in_browser() -> bool:
+    """Return whether this is shown elsewhere than in a terminal: a page in a browser asks so for its driver."""
+    return "TEXTUAL_DRIVER" in os.environ
 
 
 def take_mouse(app: App[Any], *, wanted: bool) -> None:

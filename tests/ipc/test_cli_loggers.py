@@ -330,7 +330,7 @@ def test_a_script_is_loaded_while_it_runs_where_one_says_so(log: silo.Logger, co
     log.start()
     wait_until(lambda: log.ticks > 10)
     shown = command("script", "load", "arm", "apart.yaml")
-    assert (shown.code, "go on as changed (cut)" in shown.err) == (1, True)
+    assert (shown.code, "go on as changed (--cut, cut=True)" in shown.err) == (1, True)
     shown = command("script", "load", "arm", "apart.yaml", "--cut")
     assert (shown.code, "1 element changed" in shown.out, log.is_running) == (0, True, True), shown.err
     assert log["q"].options.divider == 2

@@ -43,6 +43,8 @@ def test_samples_have_ticks_and_stamps_and_histories_streams_pins_and_views_take
         assert wait_until(view.frame).missing == frozenset()
     with pytest.raises(RefusedError, match="no element or entry is called 'nothing'"):
         client.samples(["nothing"])
+    with pytest.raises(RefusedError, match="called 'matrx'; did you mean '/log/matrix'"):
+        client.samples(["matrx"])
 
 
 def test_samples_have_the_type_and_shape_of_their_element(bench, client):

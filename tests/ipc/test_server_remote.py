@@ -109,7 +109,7 @@ def test_a_denied_change_is_an_event_and_counted_and_who_only_looks_leaves_none(
                     client.stop()
         assert local.status().denied == 20
         (told,) = [one for one in local.events() if one.kind == "denied"]
-        assert told.text == "change denied: Stop (no role for it)"
+        assert told.text == "change denied: stop (no role for it)"
         assert told.who.startswith("viewer (proven) from ")
     assert run(["ls", "far"]) == 0
     header, row = capsys.readouterr().out.splitlines()

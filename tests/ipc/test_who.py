@@ -492,7 +492,7 @@ def test_a_logger_may_want_one_operator_before_anything_is_changed(bench, capsys
         with pytest.raises(RefusedError, match=rf"need control .*`silo control take {anna.found.label}`"):
             anna.start()
         denied = wait_until(lambda: [one.text for one in anna.events() if "denied" in one.text])
-        assert denied == ["change denied: Start (without control)"]
+        assert denied == ["change denied: start (without control)"]
         anna.take_control()
         assert anna.start().state.value == "running"
 

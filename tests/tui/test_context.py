@@ -85,6 +85,15 @@ def test_a_command_that_may_not_be_carried_out_says_why(change, command, says, d
     assert (("try_now",) in desk.fake.calls) is (command == "refresh" and change is without_link)
 
 
+def test_a_page_in_a_browser_says_how_one_is_served_that_changes_something(desk, monkeypatch):
+    read_only(desk)
+    assert not desk.allows(BY_ID["toggle"])
+    assert "--control" not in desk.heard
+    monkeypatch.setenv("TEXTUAL_DRIVER", "textual_serve.driver:WebDriver")
+    assert not desk.allows(BY_ID["toggle"])
+    assert "`silo-tui --serve --control`" in desk.heard
+
+
 def test_a_link_that_is_there_is_not_tried(desk):
     desk.try_link()
     assert (desk.heard, desk.fake.calls) == ("the link is there", [])

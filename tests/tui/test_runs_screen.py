@@ -354,16 +354,32 @@ async def test_marks_of_a_list_are_taken_back_by_the_menu_and_runs_of_another_fo
         await screen.until(lambda: len(screen.app.screen.shown) == 1)
 
 
-async def test_a_recording_of_a_run_that_was_saved_is_named_beside_it(fake, opened, tmp_path):
+def recorded_beside(saved, recorded):
+    """A run that was saved to a folder, and recorded to another one, or the same."""
+    for folder in (saved, recorded):
+        folder.mkdir(exist_ok=True)
     made = run_of(0)
     stretch = Stretch("r1", 1, recorder="walks", since=0)
     told = tuple(msgspec.structs.replace(event, run="r1") for event in made.events)
-    write(replace(made, events=told), tmp_path, "robot", ["silo"], "robot_20260921_14-00-00_00001")
+    write(replace(made, events=told), saved, "robot", ["silo"], "robot_20260921_14-00-00_00001")
     shorter = replace(made, time_ns=made.time_ns[:200], offset=200, stretch=stretch, events=())
     (tau,) = made.elements
     cut = replace(tau, entries=(replace(tau.entries[0], values=tau.entries[0].values[:200]),))
-    (tmp_path / "walks").mkdir()
-    write(replace(shorter, elements=[cut]), tmp_path / "walks", "robot", ["bag"], "robot_20260921_14-00-00_00002")
+    write(replace(shorter, elements=[cut]), recorded, "robot", ["bag"], "robot_20260921_14-00-00_00002")
+
+
+@pytest.mark.parametrize(
+    ("saved", "recorded", "said"),
+    [(".", "walks", " in walks"), (".", ".", ": robot_2026"), ("walks", ".", ": robot_2026"), ("a", "b", " in b")],
+)
+def test_where_another_file_of_a_run_lies_is_said_or_what_it_is_called(tmp_path, saved, recorded, said):
+    recorded_beside(tmp_path / saved, tmp_path / recorded)
+    (run,) = silo.runs(tmp_path)
+    assert run.said.startswith(f"1 more file{said}")
+
+
+async def test_a_recording_of_a_run_that_was_saved_is_named_beside_it(fake, opened, tmp_path):
+    recorded_beside(tmp_path, tmp_path / "walks")
     async with opened(fake) as screen:
         await screen.press(":", *f"runs {tmp_path}", "enter")
         await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 1)

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import silo
+from silo.errors import ArgumentError
 from silo.history.arrays import Pin, Stream
 from silo.live.topic import Topic
 from silo.live.view import View
@@ -314,3 +315,8 @@ def test_what_is_advised_is_there():
     assert {"log", "client"} == {whose for whose, _ in advised}
     missing = [f"{whose}.{method}" for whose, method in advised if not any(hasattr(k, method) for k in kinds[whose])]
     assert not missing
+
+
+def test_the_elements_of_a_logger_are_called_by_nobody(new_logger):
+    with pytest.raises(ArgumentError, match=r"write log\.elements, of which log\.elements\['joints/q'\] is one"):
+        new_logger().elements()
