@@ -55,6 +55,7 @@ from silo.errors import ArgumentError, ElementError, SaveError, UnknownSignalErr
 from silo.expressions.derived_samples import NOTHING_IN_COMMON, computable
 from silo.expressions.over_recordings import RecordingJudge, narrowed
 from silo.files.added import added_formats
+from silo.files.atomic import check_folder
 from silo.files.formats import format_of, with_rounding_told, writer_for
 
 # what others call it
@@ -379,6 +380,7 @@ class Log(Mapping[str, Signal]):
             raise SaveError(f"'{target}' is a folder: it is not replaced; choose another name")
         if target.exists() and not switch("overwrite", overwrite):
             raise SaveError(f"'{target}' exists already; write overwrite=True to replace it, or another name")
+        check_folder(target)
         told = with_rounding_told(self.recording, format_of(target))
         for words in told.warnings[len(self.recording.warnings) :]:
             warn_outside(words)

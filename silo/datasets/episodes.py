@@ -79,6 +79,12 @@ def with_facts(log: Log, episode: Episode) -> Log:
     return Log(replace(recording, elements=(*own, *made)), log.path, log.start_ns)
 
 
+def task_of(log: Log, marked: Episode | None) -> str:
+    """Return what was done in an episode as its program said: of it, by its name, or of the run; empty if nowhere."""
+    said = {} if marked is None else {"task": marked.name, **marked.about}
+    return str(said.get("task") or log.recording.about.get("task", ""))
+
+
 def facts_of(episode: Episode) -> dict[str, Any]:
     """Return what a data set tells of an episode; the same columns for each."""
     return {"silo/episode": episode.number, "silo/verdict": episode.verdict, "silo/whole": episode.whole}

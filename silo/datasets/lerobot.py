@@ -23,7 +23,7 @@ from silo.analysis.opening import open_log
 from silo.core.arguments import INT64, path, shown, whole
 from silo.core.episodes.words import Episode
 from silo.core.recording import Progress
-from silo.datasets.episodes import Pieces, SeenMoments, facts_of, pieces_of, with_facts
+from silo.datasets.episodes import Pieces, SeenMoments, facts_of, pieces_of, task_of, with_facts
 from silo.datasets.frames import HOWS, Feature, FrameTable, How, frames, same_features, wanted_of, widths_of
 from silo.datasets.moments import Moments, merged
 from silo.datasets.npz import ENTRY, EpisodeFiles
@@ -44,6 +44,7 @@ COUNTERS = tuple(Feature(name, "int64", (1,)) for name in ("frame_index", "episo
 class DataSet:
     """What was written: episodes, frames, and by run what was left out and why, of which frames it is short, which hold
     what was long before, which numbers are NaN or infinite in how many of them, and which moments are in another, too.
+    Of the episodes in `no_task` nobody said what was done.
     """
 
     path: Path
@@ -54,6 +55,7 @@ class DataSet:
     held: list[tuple[str, str]] = field(default_factory=list)
     not_finite: list[tuple[str, str]] = field(default_factory=list)
     again: list[tuple[str, str]] = field(default_factory=list)
+    no_task: list[str] = field(default_factory=list)
     lost: int = 0
 
 
@@ -95,8 +97,8 @@ def write_lerobot(
         to: `"episodes"` writes a NumPy file per episode instead (`silo.datasets.npz`).
         episodes: what is an episode: each of the runs, each that the program marked in them (`log.episode`), or those
             of the runs that are captures. One that is to be done again (redo) is left out.
-        task: what was done, in words, or a function of a log that says it; marked episodes have their names if it is
-            empty.
+        task: what was done, in words, or a function of a log that says it; if it is empty, what the program said: the
+            `task` in `about` of an episode, its name, or the `task` in `about` of the run.
         where: an expression; only episodes count for which it is true at their last sample. Of marked ones it knows
             what was said of them: `success`, `good`, `bad`, facts that are numbers.
         robot: the type of robot.
@@ -135,11 +137,12 @@ def write_lerobot(
                 except SiloError as error:
                     done.left_out.append((one.name, str(error)))
                     continue
-                words = task(one.log) if callable(task) else task or (one.marked.name if one.marked is not None else "")
+                words = task(one.log) if callable(task) else task or task_of(one.log, one.marked)
                 lost = sum(element.lost for element in one.log.recording.elements)
                 facts = {"silo/source": one.source, "silo/begin_s": made.begin_s, "silo/lost": lost}
                 writer.add(one.name, made, words, facts | ({} if one.marked is None else facts_of(one.marked)))
                 done.lost += lost
+                done.no_task.extend([] if words else [one.name])
                 tells = (
                     (done.short, made.lacks),
                     (done.held, made.held),

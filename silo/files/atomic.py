@@ -336,6 +336,12 @@ def write_all(file_descriptor: int, buffers: list[memoryview], offset: int) -> N
             pending[0] = pending[0][written:]
 
 
+def check_folder(final: Path) -> None:
+    """Raise `SaveError` where a file can't get its name as its folder isn't there: before there is work to lose."""
+    if not final.parent.exists():
+        raise _refused(final, FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT)))
+
+
 def _refused(final: Path, error: OSError, left: str = "nothing was left under that name") -> SaveError:
     """What failed, why, and the way out."""
     advice = "choose another folder"
@@ -345,6 +351,8 @@ def _refused(final: Path, error: OSError, left: str = "nothing was left under th
         advice = "raise the limit of this process for files (`ulimit -f`) or choose another folder"
     elif error.errno == errno.ENAMETOOLONG:
         advice = "choose a shorter name"
+    elif error.errno == errno.ENOENT and not final.parent.exists():
+        advice = f"there is no folder '{final.parent}': make it, or choose another one"
     return SaveError(f"can't save '{final}': {reason(error)}; {advice}; {left}")
 
 

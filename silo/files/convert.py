@@ -11,7 +11,7 @@ from pathlib import Path
 from silo.core.arguments import path as checked_path
 from silo.core.recording import Progress, Recording
 from silo.errors import FileFormatError, SaveError
-from silo.files.atomic import replaced_folder
+from silo.files.atomic import check_folder, replaced_folder
 from silo.files.formats import format_of, is_bag_folder, read_recording, with_rounding_told, writer_for
 
 CONVERTED = "converted"  # why such a file is there, instead of why its source was saved
@@ -37,6 +37,7 @@ def convert(
     write = writer_for(final, added_formats)
     if final.exists() and not force:
         raise SaveError(f"'{final}' exists already; add --force to replace it, or choose another name")
+    check_folder(final)
     recording = change(_with_what_is_not_known(read_recording(source, added_formats, check=True), Path(source)))
     recording = with_rounding_told(replace(recording, why=CONVERTED), format_of(final))
     if not recording.elements and recording.warnings:

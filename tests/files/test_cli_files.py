@@ -384,6 +384,18 @@ def test_a_data_set_is_made_of_several_logs(tmp_path, new_logger):
         assert (refused.exit_code, words in refused.stderr) == (2, True), refused.stderr
 
 
+@pytest.mark.parametrize("ending", ["csv", "npz", "mcap", "parquet", "silo"])
+def test_who_converts_into_a_folder_that_is_not_there_is_told_which_one_to_make(folder, ending):
+    saved, target = folder / "run.silo", folder / "out" / f"x.{ending}"
+    refused = run(convert_command, str(saved), str(target))
+    assert refused.exit_code == 1
+    words = f"can't save '{target}': No such file or directory; there is no folder '{target.parent}': make it, or"
+    assert words in refused.stderr
+    with pytest.raises(silo.SaveError, match="there is no folder"):
+        silo.open_log(saved).save(target)
+    assert not target.parent.exists()
+
+
 @pytest.mark.parametrize(
     ("words", "part", "whole"),
     [

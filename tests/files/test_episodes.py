@@ -258,6 +258,37 @@ def test_what_an_episode_is_and_which_count_is_said(root, tmp_path, options, cou
     assert made.episodes == count
 
 
+@pytest.mark.parametrize(
+    ("given", "pieces", "tasks", "untold"),
+    [
+        ([], "runs", ["reach", "walk", ""], 1),
+        (["--task", "all"], "runs", ["all", "all", "all"], 0),
+        ([], "episodes", ["pick", "pick it up", "pick", "pick it up", "pick", "pick it up"], 0),
+    ],
+)
+def test_the_task_of_an_episode_is_what_its_program_said_of_it_or_of_the_run(tmp_path, given, pieces, tasks, untold):
+    for number, about in enumerate(({"task": "reach"}, {"task": "walk"}, {})):
+        with silo.Logger("arm", frequency=100, folder=tmp_path, about=about, script=tmp_path / "none.yaml") as log:
+            log.array("q", 2)
+            log.start()
+            for said in ({}, {"task": "pick it up"}):
+                with log.episode("pick", **said):
+                    for _ in range(50):
+                        log.collect()
+            log.save("silo", name=f"run{number}")
+    words = ["--to", "lerobot", "--fps", "50", "--state", "q", "--episodes", pieces, *given]
+    runs = [str(tmp_path / f"run{number}.silo") for number in range(3)]
+    ran = CliRunner().invoke(cli, ["convert", *runs, str(tmp_path / "set"), *words])
+    assert ran.exit_code == 0, ran.output
+    assert not check_lerobot(tmp_path / "set")
+    (file,) = (tmp_path / "set" / "meta" / "episodes").glob("*/*.parquet")
+    assert [row["tasks"] for row in pq.read_table(file).to_pylist()] == [[task] for task in tasks]
+    told = pq.read_table(tmp_path / "set" / "meta" / "tasks.parquet")["task"].to_pylist()
+    assert told == list(dict.fromkeys(tasks))
+    warning = f"warning: 1 episode without a task ({runs[2]}): name it with --task, or have the program say it"
+    assert ran.stderr.count(warning) == ran.stderr.count("without a task") == untold
+
+
 def test_runs_that_are_no_captures_are_none_of_a_data_set_of_captures(root, tmp_path):
     with pytest.raises(silo.SaveError, match="it is no capture"):
         write_lerobot(sorted(root.glob("*.silo")), tmp_path / "set", fps=50, state=["q"], episodes="captures")

@@ -19,7 +19,7 @@ from click.shell_completion import CompletionItem
 from silo.cli.codes import EXIT_BLIND, EXIT_FOUND
 from silo.cli.common import LogWord, TypedPath, find_saved, progress, show, show_json, show_rows, together
 from silo.core.names import is_glob
-from silo.core.quantities.writing import count, many
+from silo.core.quantities.writing import and_more, count, many
 from silo.errors import ElementError, SiloError
 from silo.files.formats import readable, writable
 from silo.printing import drawing
@@ -114,7 +114,7 @@ SPARSE = 0.25  # of the cells of a table, below which it is told that most are e
 _of_data_sets = together(
     click.option("--fps", type=click.IntRange(min=1), help="Frames per second of a data set."),
     click.option("--robot", metavar="WORD", default="", help="The type of robot."),
-    click.option("--task", metavar="WORDS", default="", help="What was done."),
+    click.option("--task", metavar="WORDS", default="", help="What was done; as the runs say, if it isn't named."),
     click.option("--episodes", type=click.Choice(["runs", "episodes", "captures"]),
                  help="What an episode is: each IN (runs), or each marked in them."),
     click.option("--how", type=click.Choice(["last", "mean"]), help="Of faster signals; last if not given."),
@@ -158,6 +158,12 @@ def _make_data_set(sources: tuple[str, ...], target: Path, force: bool, options:
     if made.lost:
         click.echo(
             f"warning: {count(made.lost)} samples of these runs are lost; column silo/lost says of which", err=True
+        )
+    if made.no_task and options["to"] == "lerobot":
+        click.echo(
+            f"warning: {many(len(made.no_task), 'episode')} without a task ({and_more(made.no_task, 3)}): name it with "
+            "--task, or have the program say it: about={'task': 'pick the cup'}",
+            err=True,
         )
     problems = check_lerobot(target) if options["to"] == "lerobot" else []
     if problems:
