@@ -196,7 +196,7 @@ def test_a_run_in_which_a_clock_was_set_forward_is_told(tmp_path, new_logger):
         log.collect()
         now[0] += 4 * 10**9 if tick == 200 else 10_000_000
     path, out = log.save().path, tmp_path / "out"
-    asked = ["convert", str(path), str(out), "--to", "lerobot", "--fps", "50", "--state", "x"]
+    asked = ["convert", str(path), str(out), "--to", "lerobot", "--fps", "50", "--state", "x", "--task", "walk"]
     assert CliRunner().invoke(cli, asked).output.splitlines() == [
         f"warning: {path}: 199 of 350 frames hold what was before, as no sample came from 2 s to 6 s",
         f"{out}  1 episodes, 350 frames at 50/s",
