@@ -126,6 +126,8 @@ def test_a_name_begins_as_it_does_where_letters_of_that_have_room_too():
     assert fitting_names(names, 20)[1] == "/control…/gait_phase"  # …/gait_phase stood below /controller/gait
     assert fitting_names(names, 16)[1] == "/con…/gait_phase"
     assert fitting_names(names, 14)[1] == "…gait_phase"  # two letters of it tell nothing
+    names = [f"left_front/LF_{joint}/joint/{what}" for joint in ("HAA", "KFE") for what in ("position", "torque")]
+    assert fitting_names(names, 24)[1] == "…LF_HAA/joint/torque"  # a level tells it: not lef…/LF_HAA/joint/torque
 
 
 def test_a_short_last_word_keeps_what_stands_before_it():

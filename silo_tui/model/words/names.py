@@ -318,9 +318,10 @@ def _as_has_room(parts: Sequence[str], kept: dict[int, Kept], wish: dict[int, Ke
 
 
 def _begun(parts: Sequence[str], kept: dict[int, Kept], width: int) -> dict[int, Kept]:
-    """Return what is kept with the beginning of the name, where that has no letter yet and some have room."""
+    """Return what is kept with the beginning of the name, where nothing tells its name space and letters have room."""
     at = next((at for at, part in enumerate(parts) if _is_word(part)), 0)
-    if any(kept[at]):
+    levels = range(max((slash for slash, part in enumerate(parts) if "/" in part), default=0))
+    if any(any(kept[each]) for each in (at, *levels) if _is_word(parts[each])):
         return kept
     following = next(later for later in range(at, len(parts)) if any(kept[later]))
     slashes = [each for each in (*range(at), following - 1) if not _is_word(parts[each])]
