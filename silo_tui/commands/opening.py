@@ -123,8 +123,9 @@ class Opener:
             chosen = self._choice(found.loggers)
             if not self._app.screen_stack:
                 return  # the program was ended meanwhile
-            # not while settings or help are read: opening would take them away
-            here = self._list_here is not None
+            # not while settings or help are read, or a line is typed: opening would take them away, and what is typed
+            # on would be keys of the table
+            here = self._list_here is not None and not self._list_here.is_typing
             if chosen is not None and not problem and here and await self._open(chosen):
                 return
             if not self._app.screen_stack:

@@ -45,6 +45,23 @@ async def test_without_a_logger_it_is_said_what_to_start_and_whom_to_ask_and_the
         await screen.shows("/base/position")
 
 
+@pytest.mark.parametrize("line", ["/", ":"])
+async def test_a_logger_that_comes_while_a_line_is_typed_opens_once_that_is_left(line, fake, opened):
+    async with opened(ready=False) as screen:
+        await screen.shows("No logger is running")
+        await screen.press(line)
+        await screen.until(lambda: isinstance(screen.app.focused, Input), "the line")
+        looked, find = [], screen.app._finder.find
+        screen.app._finder.find = lambda: looked.append(1) or find()
+        screen.app._finder.clients.append(fake)
+        await screen.until(lambda: len(looked) > 2, "the logger found twice")
+        await screen.press("o", "n")
+        assert screen.app.focused.value == "on"  # on the table they ordered it
+        await screen.press("escape")
+        await screen.shows("/base/position")
+        assert screen.session.rows.sort == "name"
+
+
 async def test_of_several_loggers_one_is_chosen(new_fake, opened):
     one, two = new_fake(name="arm"), new_fake(name="legs")
     async with opened(one, two, ready=False) as screen:
