@@ -14,9 +14,10 @@ QUANTITIES = (
     "bad", "least", "most",
 )  # fmt: skip
 """`value` newest; `min` to `count` of all finite samples since the reset; `rate` in Hz and `share` of the nominal one;
-`jitter` the standard deviation of the time between samples in s; `changed` seconds since the value last changed, `fill`
-0 ... 1 and `held` samples of the buffer; `signs` bits; `bad` how many samples since the reset were nan or
-inf; `least` and `most` the smallest and the largest of any of its entries, where `min` and `max` are of its norm."""
+`jitter` the standard deviation of the time between samples in s; `changed` seconds since the value last changed, also
+in an earlier run, or, where it never did, since it is known; `fill` 0 ... 1 and `held` samples of the buffer; `signs`
+bits; `bad` how many samples since the reset were nan or inf; `least` and `most` the smallest and the largest of any of
+its entries, where `min` and `max` are of its norm."""
 
 NOT_FINITE, FROZEN, SLOW, LOST = 1, 2, 4, 8
 NOT_FINITE_S = 10.0  # for so long after a nan or inf its sign stays: nobody sees that of one sample in ten

@@ -11,6 +11,7 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,10 +42,14 @@ MAX_NAMES = 20_000
 WINDOW_S = 2.0  # over which rates are measured, or ten periods
 STAMPS = 512  # of which the jitter is reckoned
 BLOCK_BYTES = 4 * 2**20
+_OF_CHANGES = ("newest", "changed_ns", "bad_ns", "_changes", "_read_s", "_read_to_change_s")  # of a tally, by slot
 
 
 class _Columns:
-    """Makes of the rows of a ring a matrix of float64: a column per entry, then one per vector: its norm."""
+    """Makes of the rows of a ring a matrix of float64: a column per entry, then one per vector: its norm.
+
+    Then one per element that has no number, as texts and times: of its bytes, which differs where these do.
+    """
 
     def __init__(self, elements: Sequence[tuple[int, tuple[EntrySchema, ...]]]) -> None:
         """`elements` are numbers of elements with their entries in this ring."""
@@ -52,7 +57,9 @@ class _Columns:
         self.norms: list[int] = []  # elements of the columns after these
         self.starts: list[int] = []  # among the vectors, where the entries of each begin
         self.vectors: list[int] = []  # columns of their entries
+        self.others: list[int] = []  # elements of the columns after the norms
         wanted: dict[tuple[int, int], EntrySchema] = {}
+        more: dict[tuple[int, int], EntrySchema] = {}
         for number, entries in elements:
             usable = [entry for entry in entries if np.dtype(entry.entry.dtype).kind in "biuf"]
             if len(entries) > 1 and len(usable) == len(entries):
@@ -63,21 +70,43 @@ class _Columns:
                 if entry in usable:
                     wanted[number, place] = entry
                     self.entries.append((number, place))
-        self._picker = RowPicker(wanted)
+                else:
+                    more[number, place] = entry
+            if len(usable) < len(entries):
+                self.others.append(number)
+        self._picker = RowPicker(wanted | more)
         self.words = self._picker.words  # of rows that are read
+        place_of = {number: place for place, number in enumerate(self.others)}
+        self._other_of = np.array([place_of.get(number, -1) for number, _ in self._picker.keys], np.intp)
 
     def __len__(self) -> int:
-        return len(self.entries) + len(self.norms)
+        return len(self.entries) + len(self.norms) + len(self.others)
 
     def of(self, rows: Rows) -> Floats:
         found = np.empty((len(rows), len(self)))
+        others = np.zeros((len(self.others), len(rows)), np.uint64)
         for columns, values in self._picker.blocks(rows.words):
-            found[:, columns] = values
+            number = columns < len(self.entries)
+            found[:, columns[number]] = values if number.all() else values[:, number]
+            other = self._other_of[columns] >= 0
+            if other.any():
+                marks = _marks_of(values[:, other], columns[other])
+                np.add.at(others, self._other_of[columns[other]], marks.T)
         if self.norms:
             with np.errstate(over="ignore", invalid="ignore"):
                 squares = np.square(found[:, self.vectors])
-                found[:, len(self.entries) :] = np.sqrt(np.add.reduceat(squares, self.starts, axis=1))
+                norms = slice(len(self.entries), len(self.entries) + len(self.norms))
+                found[:, norms] = np.sqrt(np.add.reduceat(squares, self.starts, axis=1))
+        found[:, len(self) - len(self.others) :] = (others >> np.uint64(11)).T
         return found
+
+
+def _marks_of(values: NDArray[Any], columns: NDArray[np.intp]) -> NDArray[np.uint64]:
+    """Return numbers that differ where the bytes of values do, whatever their type; shape as theirs."""
+    parts = np.ascontiguousarray(values).view(np.uint8).reshape(*values.shape, values.dtype.itemsize)
+    weights = np.random.default_rng(0).integers(1, 2**63, parts.shape[-1], np.uint64) * np.uint64(2) + np.uint64(1)
+    marks: NDArray[np.uint64] = parts.astype(np.uint64) @ weights * (2 * columns.astype(np.uint64) + np.uint64(1))
+    return marks
 
 
 @dataclass
@@ -97,6 +126,14 @@ class _Ring:
     is_whole: bool = False  # whether a whole window was measured: of less nobody is told that it is slow
 
 
+@dataclass(frozen=True)
+class Changes:
+    """When which values changed up to now: a run that follows goes on with it, as an edit changes no value."""
+
+    slots: dict[tuple[str, ...], int]  # by name, types and expression: of another signal nothing is known
+    arrays: dict[str, NDArray[Any]]
+
+
 class Tally:
     """All that is followed of one run; `advance` takes in what came since."""
 
@@ -112,6 +149,7 @@ class Tally:
             by_ring.setdefault(ring, []).append((number, entries))
             self._ring_of[number] = ring
         self.lead = np.full(len(elements), -1, np.intp)
+        self.other = np.full(len(elements), -1, np.intp)  # the slots of those that have no number
         self.slot_of: dict[str, int] = {}
         self._rings: list[_Ring] = []
         count = 0
@@ -124,6 +162,8 @@ class Tally:
                     self.lead[number] = slot
             for slot, number in enumerate(columns.norms, count + len(columns.entries)):
                 self.lead[number] = slot
+            for slot, number in enumerate(columns.others, count + len(columns.entries) + len(columns.norms)):
+                self.other[number] = slot
             self._rings.append(
                 _Ring(ring, columns, slice(count, count + len(columns)), 0 if whole else reader.head(ring))
             )
@@ -133,7 +173,7 @@ class Tally:
         self.changed_ns = np.zeros(count, np.int64)
         self.bad_ns = np.full(count, -(2**62), np.int64)  # when the last nan or inf came
         self._changes = np.zeros(count, np.int64)  # among the rows that were read
-        self._read, self._read_to_change = np.zeros(count, np.int64), np.zeros(count, np.int64)  # rows
+        self._read_s, self._read_to_change_s = np.zeros(count), np.zeros(count)  # how long these rows took
         self.skipped = 0  # rows that were overwritten before they were read
         self._sizes = NewestValues(reader, elements, [0] * len(elements))
         options = [element.info.options for element in elements]
@@ -169,28 +209,71 @@ class Tally:
             if one is not None and infos == before._infos(one) and not derived & {info.name for info in infos}:
                 self._rings[place] = replace(one, columns=ring.columns, slots=ring.slots)
                 kept.append((one.slots, ring.slots))
-        move(before, self, ("newest", "changed_ns", "bad_ns", "_changes", "_read", "_read_to_change"), kept)
+        move(vars(before), vars(self), _OF_CHANGES, kept)
         self.skipped = before.skipped
         return kept
+
+    def changes(self) -> Changes:
+        """Return when values changed, for the run that follows."""
+        return Changes(self._slots_by_name(), {name: vars(self)[name] for name in _OF_CHANGES})
+
+    def remember(self, before: Changes) -> None:
+        """Go on with what is known of runs before this one, before its first row is taken in."""
+        both = [(before.slots[key], slot) for key, slot in self._slots_by_name().items() if key in before.slots]
+        here, there = np.array(both, np.intp).reshape(-1, 2).T
+        move(before.arrays, vars(self), _OF_CHANGES, [(here, there)])
+
+    def _slots_by_name(self) -> dict[tuple[str, ...], int]:
+        found: dict[tuple[str, ...], int] = {}
+        for number, element in enumerate(self.reader.schema.elements):
+            info = element.info
+            types = tuple(entry.dtype for entry in info.entries)
+            ways = [("", self.lead[number]), ("other", self.other[number])]
+            ways += [(each.suffix, self.slot_of.get(info.name + each.suffix, -1)) for each in info.entries]
+            found |= {(info.name, info.expression, way, *types): int(slot) for way, slot in ways if slot >= 0}
+        return found
 
     def _infos(self, ring: _Ring) -> list[ElementInfo]:
         elements = self.reader.schema.elements
         return [elements[number].info for number in np.flatnonzero(self._ring_of == ring.number)]
 
     def _look_back(self, ring: _Ring) -> None:
-        """Count changes of the oldest rows that are held: what froze before anybody asked has changed there."""
-        rows = self.reader.rows(ring.number, 0, self._block(ring), ring.columns.words)
+        """Take in changes of the oldest and the newest rows that are held already, as far as one reads together.
+
+        What froze before anybody asked has changed among the oldest; a full buffer gets no row any more.
+        """
+        size = self._block(ring)
+        rows = self.reader.rows(ring.number, 0, size, ring.columns.words)
         if len(rows) > 1:
             block = ring.columns.of(rows)
-            self._count(ring.slots, block[1:] != block[:-1])
+            self._count(ring, block[1:] != block[:-1])
+        rows = self.reader.rows(ring.number, max(0, ring.cursor - size), size, ring.columns.words)
+        rows = replace(rows, words=rows.words[: max(0, ring.cursor - rows.first)])
+        if len(rows):
+            self._compare(ring, rows, ring.columns.of(rows))
 
-    def _count(self, slots: slice, differs: NDArray[np.bool_]) -> None:
-        """Take in which values differ from those before them, shape `(n, number of slots)`."""
+    def _compare(self, ring: _Ring, rows: Rows, block: Floats) -> NDArray[np.bool_]:
+        """Take in when values changed last; return where they differ from those before, shape as that of the block."""
+        newest, changed_ns, stamps = self.newest[ring.slots], self.changed_ns[ring.slots], rows.time_ns
+        if ring.last is None:
+            known = (changed_ns > 0) & (changed_ns <= stamps[0])  # by the clock of an earlier run
+            ring.last = np.where(known, newest, block[0])
+            changed_ns[~known] = stamps[0]
+        differs: NDArray[np.bool_] = np.concatenate([ring.last[None], block[:-1]]) != block
+        changed = differs.any(axis=0)
+        changed_ns[changed] = stamps[len(block) - 1 - np.argmax(differs[::-1], axis=0)][changed]
+        newest[:] = ring.last = block[-1].copy()
+        return differs
+
+    def _count(self, ring: _Ring, differs: NDArray[np.bool_]) -> None:
+        """Take in how often values differ from those before them, shape `(n, number of slots)`."""
         changed = differs.any(axis=0)
         newest = len(differs) - np.argmax(differs[::-1], axis=0)
+        schema, slots = self.reader.schema, ring.slots
+        period_s = schema.rings[ring.number].divider / schema.frequency_hz
         self._changes[slots] += differs.sum(axis=0)
-        self._read_to_change[slots][changed] = (self._read[slots] + newest)[changed]
-        self._read[slots] += len(differs)
+        self._read_to_change_s[slots][changed] = (self._read_s[slots] + newest * period_s)[changed]
+        self._read_s[slots] += len(differs) * period_s
 
     def _block(self, ring: _Ring) -> int:
         """Return how many rows are read together."""
@@ -203,6 +286,8 @@ class Tally:
         for ring in self._rings:
             head = self.reader.head(ring.number)
             block = self._block(ring)
+            if ring.last is None and ring.cursor and len(ring.columns):
+                self._look_back(ring)
             while ring.cursor < head:
                 rows = self.reader.rows(ring.number, ring.cursor, block, ring.columns.words)
                 if not len(rows):
@@ -230,17 +315,7 @@ class Tally:
         all_finite = bool(np.isfinite(block).all())
         for sums in all_sums:
             sums.add(ring.slots, block, all_finite=all_finite)
-        before = block[:1] if ring.last is None else ring.last[None]
-        if ring.last is None:
-            self.changed_ns[ring.slots] = stamps[0]
-            self._look_back(ring)
-        differs = np.concatenate([before, block[:-1]]) != block
-        changed = differs.any(axis=0)
-        newest = len(block) - 1 - np.argmax(differs[::-1], axis=0)
-        self._count(ring.slots, differs)
-        self.changed_ns[ring.slots][changed] = stamps[newest[changed]]
-        ring.last = block[-1].copy()
-        self.newest[ring.slots] = ring.last
+        self._count(ring, self._compare(ring, rows, block))
         if not all_finite:
             bad = ~np.isfinite(block)
             last = stamps[len(block) - 1 - np.argmax(bad[::-1], axis=0)]
@@ -298,8 +373,8 @@ class Tally:
         changed_s = np.where(self.lead >= 0, np.append(self._changed_s(), np.nan)[self.lead], np.nan)
         may_freeze = self._may_freeze & ~full & ~np.isnan(changed_s)
         with np.errstate(divide="ignore", invalid="ignore"):
-            rows = np.where(self._changes > 0, self._read_to_change / self._changes, np.nan)
-        pace_s = self._periods * np.append(rows, np.nan)[self.lead]
+            pace_s = np.where(self._changes > 0, self._read_to_change_s / self._changes, np.nan)
+        pace_s = np.append(pace_s, np.nan)[self.lead]
         return signs_of(finite, changed_s, pace_s, may_freeze, share, self._sizes.lost()).astype(float)
 
 
@@ -345,9 +420,11 @@ def _values(
     numbers = np.array([tally.numbers.get(name, -1) for name in names], np.intp)
     leads = np.append(tally.lead, -1)[numbers]
     slots = np.where(leads >= 0, leads, [tally.slot_of.get(name, -1) for name in names] if entries else -1)
+    others = np.where(slots >= 0, slots, np.append(tally.other, -1)[numbers])  # of what is no number it is known, too
     for place, quantity in enumerate(quantities):
         found, per_slot = tally.quantity(quantity, sums, running=running)
-        values[place] = np.append(found, np.nan)[slots if per_slot else numbers]
+        of = others if quantity == "changed" else slots
+        values[place] = np.append(found, np.nan)[of if per_slot else numbers]
     return values.tobytes()
 
 
@@ -367,6 +444,7 @@ class Surveyor:
         self._tally: Tally | None = None
         self._run = RunFollower(replica, derived=True)
         self._followed = ""  # the id of the run that was last
+        self._changes: Changes | None = None  # of the runs that were followed, as long as anybody asks
         self._askers: Leases[tuple[str, str], _Asker] = Leases(MAX_CLIENTS)
         self._thread: threading.Thread | None = None
         self._stopped = False
@@ -443,8 +521,10 @@ class Surveyor:
             with self._lock:
                 try:
                     self._round(time.monotonic())
-                except SegmentError:
-                    self._let_go()  # it was replaced; the next round opens the new one
+                except SegmentError:  # it was replaced; the next round opens the new one
+                    changes = self._tally.changes() if self._tally is not None else self._changes
+                    self._let_go()
+                    self._changes = changes
                 except Exception as error:
                     log.exception("the statistics failed; they begin anew")
                     self._let_go()
@@ -472,6 +552,8 @@ class Surveyor:
         before = self._tally
         if not self._run.look() and before is not None:
             return
+        if before is not None:
+            self._changes = before.changes()
         reader = self._run.reader
         self._tally = None
         if reader is not None:
@@ -479,10 +561,12 @@ class Surveyor:
             self._tally = Tally(reader, whole=whole)
             self._followed = reader.schema.run
             kept = self._tally.go_on(before) if before is not None else []
+            if self._changes is not None and not kept:
+                self._tally.remember(self._changes)
             for one in self._askers.all():
                 sums = one.value.sums
                 one.value.sums = sums.moved(self._tally.count, kept) if kept else self._tally.sums(whole=whole)
 
     def _let_go(self) -> None:
-        self._tally = None
+        self._tally = self._changes = None
         self._run.forget()

@@ -13,7 +13,7 @@ from silo.core.conditions import Derived
 from silo.journal.derived_rows import with_derived
 from silo.live.quantities import FROZEN, LOST, NOT_FINITE, SLOW, signs_of
 from silo.live.requests import GetSurvey, Survey
-from silo.live.statistics import Surveyor, Tally
+from silo.live.statistics import Surveyor, Tally, _values
 from silo.logger.serving.answers import robot_state
 from silo.rpc.refusals import Refused, answered
 from silo.segment.reader import SegmentReader
@@ -26,14 +26,18 @@ class Robot:
 
     def __init__(self, folder):
         self.now_ns = 1_000_000_000
-        self.log = silo.Logger("r", frequency=100, folder=folder, script=folder / "r.yaml", clock=lambda: self.now_ns)
+        self.log = silo.Logger(
+            "r", frequency=100, folder=folder, script=folder / "r.yaml", clock=lambda: self.now_ns, max_time=0
+        )
         both = silo.Action.SAVE_AND_PUBLISH
         self.x = self.log.array("x", action=both)
         self.kept = self.log.array("kept", action=silo.Action.SAVE)
         self.force = self.log.array("force", 3, np.float32, action=both)
         self.count = self.log.array("count", 1, np.int64, action=both, divider=4)
         self.flag = self.log.array("flag", 1, np.bool_, action=both)
-        self.log.array("mixed", (), [("tau", "f8"), ("at", "M8[ns]")], action=both)
+        self.mixed = self.log.array("mixed", (), [("tau", "f8"), ("at", "M8[ns]")], action=both)
+        self.word = self.log.array("word", (), "U8", action=both)
+        self.gain = self.log.array("gain", (), buffer=silo.BufferType.FIXED, size=2)
         self.log.start()
         self.tally = Tally(SegmentReader(self.log._present.path))
         self.sums = self.tally.sums()
@@ -122,6 +126,74 @@ def test_the_last_change_is_found_across_reads(robot):
     assert robot.of("/log/x", "changed") == pytest.approx(2.0)
     assert int(robot.of("/log/x", "signs")) & FROZEN
     assert not int(robot.of("/log/flag", "signs")) & FROZEN
+
+
+def test_texts_and_what_is_no_number_have_a_last_change_and_no_statistics(robot):
+    for at in range(300):
+        robot.tick(0, word="walk" if at < 120 else "trot", mixed=(at < 200, np.datetime64(0, "ns")))
+        if at % 50 == 7:
+            robot.advance()
+    robot.advance()
+    names = ["/log/word", "/log/mixed", "/log/mixed_tau", "/log/force_x"]
+    told = _values(robot.tally, robot.sums, ["changed", "max"], names, entries=True, running=True)
+    changed, most = np.frombuffer(told).reshape(2, -1)
+    assert changed == pytest.approx([1.79, 0.99, 0.99, 2.99])
+    np.testing.assert_equal(most, [np.nan, np.nan, 1, 0])
+    assert not int(robot.of("/log/word", "signs"))
+
+
+def test_a_constant_that_nobody_keeps_any_more_has_not_changed_since_it_came(robot):
+    for _ in range(100):
+        robot.tick(7.0)
+    robot.tally = Tally(SegmentReader(robot.log._present.path))
+    robot.sums = robot.tally.sums()
+    for _ in range(10):
+        robot.tick(7.0)
+    robot.advance()
+    assert [robot.of(name, "changed") for name in ("/log/x", "/log/gain")] == pytest.approx([1.09, 1.09])
+    assert robot.of("/log/x", "count") == 10
+    assert np.isnan(robot.of("/log/gain", "max"))
+
+
+@pytest.mark.parametrize("stopped_s", [0, 40])
+def test_what_is_frozen_is_so_in_the_next_run_as_well(robot, stopped_s):
+    for at in range(500):
+        robot.tick(min(at, 300), word=str(min(at, 200)))
+    robot.advance()
+    assert int(robot.of("/log/x", "signs")) & FROZEN
+    before = robot.tally.changes()
+    robot.log.restart()
+    robot.now_ns += stopped_s * 10**9
+    robot.tally = Tally(SegmentReader(robot.log._present.path), whole=True)
+    robot.tally.remember(before)
+    robot.sums = robot.tally.sums(whole=True)
+    robot.tick(300, word="200")
+    robot.advance()
+    assert int(robot.of("/log/x", "signs")) & FROZEN
+    assert robot.of("/log/x", "changed") == pytest.approx(stopped_s + 2.0)
+    told = _values(robot.tally, robot.sums, ["changed"], ["/log/word"], entries=False, running=True)
+    assert np.frombuffer(told) == pytest.approx([stopped_s + 3.0])
+    assert robot.of("/log/x", "count") == 1
+    robot.tick(301)
+    robot.advance()
+    assert robot.of("/log/x", "changed") == 0
+    assert not int(robot.of("/log/x", "signs")) & FROZEN
+
+
+def test_changes_by_a_clock_that_began_anew_are_none(robot):
+    for at in range(500):
+        robot.tick(min(at, 300))
+    robot.advance()
+    before = robot.tally.changes()
+    robot.log.restart()
+    robot.tally = Tally(SegmentReader(robot.log._present.path), whole=True)
+    robot.tally.remember(before)
+    robot.now_ns = 1_000_000
+    robot.tick(300)
+    robot.now_ns += 10**9
+    robot.tick(300)
+    robot.advance()
+    assert robot.of("/log/x", "changed") == pytest.approx(1.01)
 
 
 def test_what_never_changed_or_changes_seldom_is_not_frozen(robot):
@@ -318,6 +390,35 @@ def test_statistics_that_are_asked_for_before_a_start_are_of_the_whole_run(robot
         robot.tick(4.0)
         surveyor._round(1.0)
         assert counts() == [[4.0], [1.0]]
+    finally:
+        surveyor.stop()
+
+
+def test_a_survey_goes_over_a_stop_with_what_it_knows_of_changes(robot, monkeypatch):
+    replica = Replica(robot_state(robot.log, "", -1))
+    watched = [robot.log._present]
+    monkeypatch.setattr(replica, "open_watcher", lambda: SegmentReader(watched[0].path) if watched else None)
+    monkeypatch.setattr(replica, "run", robot.log._present.run.id)
+    monkeypatch.setattr("silo.live.statistics.PERIOD_S", 60.0)
+    surveyor, asked = Surveyor(replica), GetSurvey(names=["/log/x"], quantities=["signs", "changed"], client="me")
+
+    def told():
+        surveyor._round(0.0)
+        return np.frombuffer(surveyor.answer(asked).values).tolist()
+
+    try:
+        surveyor.answer(asked)
+        for at in range(500):
+            robot.tick(min(at, 300))
+        assert told() == [FROZEN, pytest.approx(1.99)]
+        watched.clear()
+        replica.run = ""
+        told()
+        robot.log.restart(unsaved="clear")
+        watched.append(robot.log._present)
+        replica.run = robot.log._present.run.id
+        robot.tick(300)
+        assert told() == [FROZEN, pytest.approx(2.0)]
     finally:
         surveyor.stop()
 

@@ -1,10 +1,15 @@
 """Statistics of many signals, added up block by block: whatever is added when, the digits are those of all at once."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from silo.core.arrays.columns import Floats
+
+# slots before and after
+_Both: TypeAlias = tuple[slice, slice] | tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
 class RunningStatistics:
@@ -27,7 +32,7 @@ class RunningStatistics:
         """
         made = RunningStatistics(count)
         made.since_ns = self.since_ns
-        move(self, made, ("low", "high", "number", "bad", "_base", "_sum", "_squares"), kept)
+        move(vars(self), vars(made), ("low", "high", "number", "bad", "_base", "_sum", "_squares"), kept)
         return made
 
     def add(self, slots: slice, block: Floats, *, all_finite: bool) -> None:
@@ -74,8 +79,10 @@ class RunningStatistics:
             return np.where((infinite[0] == 0.0) & (infinite[1] == 0.0), std, np.nan)
 
 
-def move(before: object, after: object, names: Sequence[str], kept: Sequence[tuple[slice, slice]]) -> None:
-    """Copy the kept slots of the arrays of these names from one object to another."""
+def move(
+    before: Mapping[str, NDArray[Any]], after: Mapping[str, NDArray[Any]], names: Sequence[str], kept: Sequence[_Both]
+) -> None:
+    """Copy the kept slots of the arrays of these names."""
     for name in names:
         for here, there in kept:
-            getattr(after, name)[there] = getattr(before, name)[here]
+            after[name][there] = before[name][here]
