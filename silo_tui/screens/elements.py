@@ -133,11 +133,15 @@ class ElementsScreen(SiloScreen):
         self.inspector.refresh()
         self.info.refresh()
         self.update_keys()
+        self.show_why_empty()
+        self.request_view_soon()
+
+    def show_why_empty(self) -> None:
+        """Say why no element is shown, as long as none is."""
         why = "" if len(self.session.rows.shown) else self.why_empty()
         for empty in self.query("#empty").results(Static):  # none while the screen goes
             empty.display = bool(why)
             empty.update(why)
-        self.request_view_soon()
 
     def status_changed(self) -> None:
         super().status_changed()

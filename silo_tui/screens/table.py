@@ -209,6 +209,7 @@ class TableScreen(ElementsScreen):
             if at_top:  # who looks at the first ones: with its element one would be led away from them
                 rows.move_to(0)
             self.table.rows_changed()
+            self.show_why_empty()
             if set(self.table.rows_on_screen()) - set(before):
                 self._survey_s = 0.0  # nothing was measured of these yet
             self._show_filter()

@@ -82,6 +82,9 @@ def test_rows_are_chosen_by_what_is_measured(table, text, expected):
 def test_what_was_not_measured_hides_nothing(table, facts):
     table.facts = facts
     assert count(table, "value>60 std>1") == len(table)
+    texts = ("-changed<10m", "frozen", "-nan", "state:slow", "-state:full", "rate!=5", "legs|std=0", "-frozen|std=0")
+    for text in texts:
+        assert count(table, text) == len(table), text
 
 
 def test_off_shows_what_is_switched_off_also_as_a_pending_edit(table):

@@ -125,6 +125,26 @@ async def test_a_measured_filter_is_judged_by_itself(fake, opened):
         await screen.until(lambda: len(screen.session.rows.shown) == 2)
 
 
+async def test_that_none_passes_is_said_of_what_is_measured_only_and_as_long_as_none_is_shown(fake, opened):
+    fake.run()
+    fake.facts = {"changed": {TORQUE: 900.0}}
+    none = "No element passes"
+    async with opened(fake) as screen:
+        await screen.until(lambda: screen.session.rows.is_measured)
+        await screen.type("/frozen")
+        await screen.shows(none)
+        for keys in ("ctrl+u", *"-changed<10m"):
+            await screen.press(keys)
+            assert (none in screen.text) == (not len(screen.session.rows.shown)), keys
+        await screen.until(lambda: len(screen.session.rows.shown) == 1)
+        assert none not in screen.text
+        fake.facts = {"changed": {}}
+        await screen.shows(none)
+        fake.facts = {"changed": {TORQUE: 900.0}}
+        await screen.until(lambda: len(screen.session.rows.shown) == 1)
+        await screen.until(lambda: none not in screen.text)
+
+
 async def test_z_makes_a_tree_that_folds_and_edits_as_a_whole(fake, opened):
     fake.run()
     fake.facts = {"signs": {TORQUE: FROZEN}}

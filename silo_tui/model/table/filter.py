@@ -49,7 +49,12 @@ class Condition(msgspec.Struct, frozen=True):
     of_settings: bool = False
 
     def passes(self, table: TableState, marked: Mask) -> Mask:
-        """Return shape `(n,)`: what passes it, by the settings wanted or by those in force: no edit hides its row."""
+        """Return shape `(n,)`: what passes it, by the settings wanted or by those in force: no edit hides its row.
+
+        All, also of its opposite, until what it asks for was measured of this table.
+        """
+        if any(table.facts.of(quantity, len(table)) is None for quantity in self.quantities):
+            return np.ones(len(table), np.bool_)
         found = self.test(table, marked, table.values)
         if not self.of_settings or not table.pending.any():
             return found

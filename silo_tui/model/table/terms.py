@@ -133,10 +133,9 @@ def state_term() -> Term:
         bits = BITS.get(word, 0) | also.get(word, 0)
 
         def test(table: TableState, marked: Mask, settings: Ints) -> Mask:
-            fill = table.facts.of("fill", len(table))
             if word == FULL:
                 keeps = table.server[Field.BUFFER] != BufferType.LOOPING
-                return np.asarray(keeps & (fill >= 1.0)) if fill is not None else np.ones(len(table), np.bool_)
+                return np.asarray(keeps & (table.facts.quantities["fill"] >= 1.0))
             return np.asarray((table.signs & bits) != 0)
 
         return _signed(sign, test)
@@ -192,9 +191,7 @@ def _compared(quantity: str, sign: str, wanted: float, of: Callable[[Floats], Fl
     compare = COMPARE[sign]
 
     def test(table: TableState, marked: Mask, settings: Ints) -> Mask:
-        known = table.facts.of(quantity, len(table))
-        if known is None:
-            return np.ones(len(table), np.bool_)
+        known = table.facts.quantities[quantity]
         with np.errstate(invalid="ignore"):
             found = np.asarray(compare(known if of is None else of(known), wanted), np.bool_)
         return found & ~np.isnan(known)  # nothing is known of it, so it isn't unequal either
