@@ -33,8 +33,8 @@ PRESETS = (
     Preset(
         "noisiest",
         "n",
-        "Noisiest ten: largest deviation on top, whole numbers left out",
-        KeptLayout(sort="std", filter="type:f", set="statistics", most=TEN),
+        "Noisiest ten: largest deviation on top, no whole numbers, no ramps",
+        KeptLayout(sort="std", filter="type:f -monotone", set="statistics", most=TEN),
     ),
     Preset("problems", "p", "Problems: what the column state says something of", KeptLayout(filter="problem")),
     Preset(

@@ -39,7 +39,7 @@ INSPECTOR_FROM = 170  # cells from which the inspector opens by itself
 DEBOUNCE_S = 0.15
 FILTER_HINTS = """words in any order   a|b either   -not   ~regex   "with blank"   /glob/*
 unit:Nm on:no div>1 size>=1k kind:vector   value>60 |value|>60 std>1 rate<95%
-changed<1s   marked pending edited problem nan frozen slow off"""
+changed<1s   marked pending edited problem nan frozen slow monotone off"""
 BEFORE_ROOM = 12  # cells of a filter in the key bar
 AWAY = {"loggers": "the loggers", "quit": "quits"}  # where Esc has nothing to leave
 OF_ROWS = ("mark", "mark_shown", "range", "fold", "component", "into", "new_of_row", "limits_of_row")

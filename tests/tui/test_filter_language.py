@@ -87,6 +87,16 @@ def test_what_was_not_measured_hides_nothing(table, facts):
         assert count(table, text) == len(table), text
 
 
+def test_monotone_is_what_is_at_its_extreme_of_all(table):
+    count_of = len(table)
+    steady = {"min": np.full(count_of, -1.0), "max": np.full(count_of, 5.0)}
+    value = np.array([5.0, -1.0, np.nan, *[2.0] * (count_of - 3)])
+    table.facts = Facts({"value": value, **steady})
+    assert passing(table, "monotone") == table.names[:2]
+    assert count(table, "-monotone") == count_of - 2
+    assert filters.parse("-monotone").measured
+
+
 def test_off_shows_what_is_switched_off_also_as_a_pending_edit(table):
     table.edit([2], Field.ENABLED, 0)
     assert passing(table, "off") == [table.names[2]]

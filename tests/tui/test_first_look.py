@@ -93,6 +93,7 @@ async def test_what_only_counts_is_no_noise(fake, opened):
         await screen.shows("view noisiest")
         shown = {screen.session.table.elements[row].entries[0].dtype[1] for row in screen.session.rows.shown}
         assert shown == {"f"}
+        assert screen.session.rows.filter.text == "type:f -monotone"
         assert {element.entries[0].dtype[1] for element in screen.session.table.elements} > shown
 
 
@@ -227,7 +228,9 @@ async def test_the_first_ten_of_a_view_are_ten_and_stand_still_while_one_looks(l
         fake.advance(3.0)
         facts = table.facts
         await screen.until(lambda: table.facts is not facts, "another survey")
-        table.facts = Facts({name: -np.arange(len(table)) for name in (*facts.quantities, quantity)})
+        beside = {"min": -1, "max": 1}  # value between them
+        names = {*facts.quantities, quantity}
+        table.facts = Facts({name: beside.get(name, 0) - np.arange(len(table)) for name in names})
         rows.refresh()
         assert rows.shown.tolist() == stood
         await screen.do("sort")

@@ -294,6 +294,10 @@ async def test_in_a_spectrum_find_goes_by_height_the_cursor_reads_peaks_and_zoom
         await screen.press("minus")
         await screen.until(lambda: large(screen)._found.top_hz == whole_hz / 2**6)
         await screen.shows(f"A {peak.frequency_hz:.1f} Hz")  # the cursor stays on its frequency
+        for mode in ("time", "spectrum"):  # where one goes for finer lines
+            large(screen).action_command(f"mode_{mode}")
+            await screen.until(lambda: large(screen).mode == mode)  # noqa: B023
+        await screen.until(lambda: large(screen)._found.top_hz == whole_hz / 2**6, "the frequencies as before")
         await screen.do("all_held")
         await screen.until(lambda: large(screen)._found.top_hz == whole_hz)
         await screen.press("minus")

@@ -195,6 +195,17 @@ def test_a_number_that_has_no_room_beside_another_is_left_out(chosen, signs):
     assert [sign for _, _, sign in plot.spots] == signs
 
 
+def test_of_peaks_in_one_cell_the_highest_is_named_and_no_lower_one_in_its_place():
+    waved = waves(4000, (50.0, 2.0), (54.5, 1.0), (56.0, 0.4), (150.0, 0.2))
+    found = spectrum_of(longest_piece(times(4000), waved))
+    peaks = [Peak(50.0, 2.0), Peak(54.5, 1.0), Peak(56.0, 0.4), Peak(150.0, 0.2)]
+    cells = [big_plot.cell_of(peak.frequency_hz, found.top_hz, SIZE[0]) for peak in peaks]
+    assert cells[1] == cells[0] + 1 == cells[2]
+    plot = big_plot.of_spectra([found], peaks, "linear", SIZE, None)
+    assert [(cell, sign) for _, cell, sign in plot.spots] == [(cells[0], "1"), (cells[1], "2"), (cells[3], "4")]
+    assert plot.spots[0][0] < plot.spots[1][0], "at the height of its own"
+
+
 def test_the_log_axis_names_powers_of_ten():
     plot = big_plot.of_spectra([Spectrum(np.array([1.0, 1e-3, 0.1] * 30), 1.0)], [], "log", SIZE, None)
     assert set(plot.left.values()) == {"1e0", "1e-1", "1e-2", "1e-3"}

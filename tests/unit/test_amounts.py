@@ -3,7 +3,7 @@
 import pytest
 
 from silo.core.quantities.reading import read_keep, read_seconds, read_split
-from silo.core.quantities.writing import duration, share_words, there_are, whole_duration
+from silo.core.quantities.writing import duration, ordinal, share_words, there_are, whole_duration
 from silo.errors import ElementError
 from silo.journal.holdings import Holdings
 from silo.judging.checks import seconds
@@ -85,6 +85,23 @@ def test_a_large_m_is_a_million_and_nothing_is_told(caplog):
 )
 def test_how_many_there_are_is_told_as_one_would(value, words):
     assert there_are(value, "element") == words
+
+
+def test_ordinals_end_as_they_are_said():
+    numbers = (1, 2, 3, 4, 11, 12, 13, 21, 102, 111, 400)
+    assert [ordinal(each) for each in numbers] == [
+        "1st",
+        "2nd",
+        "3rd",
+        "4th",
+        "11th",
+        "12th",
+        "13th",
+        "21st",
+        "102nd",
+        "111th",
+        "400th",
+    ]
 
 
 @pytest.mark.parametrize(

@@ -66,6 +66,12 @@ def many(value: int, noun: str) -> str:
     return f"{count(value)} {noun}{'' if value == 1 else 's'}"
 
 
+def ordinal(number: int) -> str:
+    """Return `2nd`, `3rd`, `11th`."""
+    endings = {1: "st", 2: "nd", 3: "rd"} if number % 100 not in {11, 12, 13} else {}
+    return f"{number}{endings.get(number % 10, 'th')}"
+
+
 def there_are(value: int, noun: str = "") -> str:
     """Return `there is 1 tick`, `there are 3 ticks`, `there are none`; without a noun the number alone."""
     told = many(value, noun) if noun else count(value)

@@ -122,7 +122,8 @@ def of_spectra(
     """Return amplitudes over frequency, up to `top_hz` (0: all); the peaks of the first signal have numbers, the chosen
     one brackets.
 
-    A number that has no room beside one before it is left out: the chosen one comes first, then the highest.
+    A number that has no room beside one before it is left out, and with it those of its cell, which would be read as
+    its own: the chosen one comes first, then the highest.
     """
     width, height = size
     top_hz = top_hz or max(each.top_hz for each in spectra)
@@ -139,9 +140,15 @@ def of_spectra(
     if way == "log":
         words = axes.words_of(axes.LogAxis(), scale, height)
     spots: list[tuple[int, int, str]] = []
+    named: set[int] = set()  # cells
     for at, peak in sorted(enumerate(peaks), key=lambda each: each[0] != chosen):
         cell = cell_of(peak.frequency_hz, top_hz, width)
-        lines = np.flatnonzero((owners[:, max(0, cell - 1) : cell + 2] == 0).any(axis=1))
+        if cell in named:
+            continue
+        named.add(cell)
+        lines = np.flatnonzero(owners[:, cell] == 0)
+        if not len(lines):  # it is drawn at the border of a cell
+            lines = np.flatnonzero((owners[:, max(0, cell - 1) : cell + 2] == 0).any(axis=1))
         line = max(0, int(lines[0]) - 1) if len(lines) else 0
         sign = f"{at + 1}" if at != chosen else f"[{at + 1}]"
         if all(line != taken or cell > first + len(other) or first > cell + len(sign) for taken, first, other in spots):

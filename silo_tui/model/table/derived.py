@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from silo.core.conditions import Conditions, Derived
 from silo.core.elements import ElementInfo, join_name
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import many, ordinal
 from silo.errors import ElementError
 from silo.expressions.derived_signals import derived_infos
 from silo.judging.checks import table_catalogue, with_derived
@@ -47,7 +47,7 @@ def words_of(one: Derived, table: TableState) -> list[str]:
 def _kind(info: ElementInfo) -> str:
     values = "one number" if not info.shape else many(len(info.entries), "number")
     unit = "no unit" if info.unit == "-" else f"in {info.unit}"
-    every = "every tick" if info.options.divider == 1 else f"every {info.options.divider}th tick"
+    every = "every tick" if info.options.divider == 1 else f"every {ordinal(info.options.divider)} tick"
     off = "" if info.options.enabled else info.description.rpartition(" (")[2].rstrip(")")
     return f"{values}, {unit}, {every}" + (f"; {off}" if off else "")
 

@@ -8,7 +8,9 @@
     ~HA+$                  a regular expression, somewhere in the name
     unit:Nm on:no div>1 size>=1k act:publish buf:loop state:lost kind:vector type:f4   unit:Nm|rad
     value>60 |value|>60 std>1 rate<95% fill>=50% changed<1s    what was measured, judged twice a second
-    marked pending edited conflict live derived problem nan frozen slow off
+    marked pending edited conflict live derived problem nan frozen slow monotone off
+
+`monotone` is what is at its largest or smallest of all since the statistics began, as what only grows or falls
 
 An element with edits passes by a setting that it has, or that is wanted of it.
 
@@ -18,12 +20,13 @@ An element with edits passes by a setting that it has, or that is wanted of it.
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 
 import msgspec
 import numpy as np
 
+from silo.core.arrays.columns import Floats
 from silo.core.names import Names
 from silo_tui.model.table.columns import LIVE_COLUMNS
 from silo_tui.model.table.facts import BITS
@@ -36,7 +39,9 @@ _TOKEN = re.compile(r'-?~\S+|(?:"[^"]*"?|[^\s"])+')
 _PART = re.compile(r'\|[A-Za-z]+\|(?:>=|<=|!=|>|<|=|:)[^\s|"]*|(?:"[^"]*"?|[^|"])+')
 _TERM = re.compile(r"(\|?[A-Za-z]+\|?)(>=|<=|!=|>|<|=|:)(.*)", re.DOTALL)
 _MEASURED_WORDS = ("problem", "alarm", "nan", "frozen", "slow")
-_FLAGS = ("dirty", "pending", "marked", "edited", "conflict", "live", "derived", "off", *_MEASURED_WORDS)
+_MONOTONE = "monotone"
+_OF_MONOTONE = frozenset({"value", "min", "max"})
+_FLAGS = ("dirty", "pending", "marked", "edited", "conflict", "live", "derived", "off", _MONOTONE, *_MEASURED_WORDS)
 TERMS = (*(term for column in LIVE_COLUMNS for term in column.terms), *OTHER_TERMS)
 
 
@@ -158,6 +163,7 @@ def _condition(token: str) -> Condition | str | None:
         else:
             test = _word(part)
             quantities |= {"signs"} if part.lower() in _MEASURED_WORDS else set()
+            quantities |= _OF_MONOTONE if part.lower() == _MONOTONE else set()
             of_settings |= part.lower() == "off"
         if isinstance(test, str):
             return test
@@ -254,12 +260,19 @@ def _flag(word: str) -> Test:
         return lambda table, marked, settings: table.derived
     if word == "live":
         return lambda table, marked, settings: table.live
+    if word == _MONOTONE:
+        return lambda table, marked, settings: _is_extreme(table.facts.quantities)
     if word == "off":
         return lambda table, marked, settings: np.asarray(settings[Field.ENABLED] == 0)
     if word in _MEASURED_WORDS:
         bits = BITS.get(word, -1)
         return lambda table, marked, settings: np.asarray((table.signs & bits) != 0)
     return lambda table, marked, settings: np.asarray(table.pending.any(axis=0))
+
+
+def _is_extreme(measured: Mapping[str, Floats]) -> Mask:
+    found: Mask = (measured["value"] >= measured["max"]) | (measured["value"] <= measured["min"])
+    return found
 
 
 def _term(key: str, sign: str, value: str, raw: str) -> Test | str:

@@ -238,7 +238,10 @@ class DetailScreen(MonitorScreen):
             piece = longest_piece(*await self._samples(plotted))
             pieces.append(piece)
             spectra.append(await asyncio.to_thread(spectrum_of, piece))
-        top_hz = max(each.top_hz for each in spectra) / 2**self._halved
+        top_hz, step_hz = max(each.top_hz for each in spectra), spectra[0].step_hz
+        while self._halved and top_hz / 2**self._halved < LEAST_LINES * step_hz:  # of a time that is shorter by now
+            self._halved -= 1
+        top_hz /= 2**self._halved
         peaks = [peak for peak in peaks_of(spectra[0], PEAKS_KNOWN) if peak.frequency_hz <= top_hz]
         peaks = peaks[: MOST_PEAKS if self.plot.beside else FEW_PEAKS]
         unit = plots[0].element.unit
@@ -337,7 +340,7 @@ class DetailScreen(MonitorScreen):
     def command_show_as(self, mode: str) -> None:
         self.mode = mode
         self.line.say("")
-        self._found, self._halved = NOTHING, 0
+        self._found = NOTHING
         self._peak = self.plot.cursor = self._cursor_hz = None
         over_time = self.mode == MODES[0]
         self.stack.display, self.plot.display = over_time, not over_time
