@@ -189,20 +189,23 @@ class TableScreen(ElementsScreen):
         return [*asked, "value"] if self.session.rows.sort in {"value", "|value|"} and "value" not in asked else asked
 
     def _survey_came(self, now_s: float) -> None:
-        """Draw what was measured; a live order moves rows only while nobody is at the keys."""
+        """Draw what was measured; a live order moves rows only while nobody is at the keys, and no prompt is open."""
         rows = self.session.rows
+        if asked := self._is_asked:
+            self._typed_s = now_s
         window = statistic_head(self.table.sight, "", 9)
         if window != self._window:
             self._window = window
             self.table_head.refresh()
-        is_known = self._order_wanted and rows.is_measured
+        is_known = self._order_wanted and rows.is_measured and not asked
         if is_known:
             rows.refresh()
             rows.stand_still(time.time_ns())
             if self._top_wanted:
                 rows.move_to(0)
             self._order_wanted = self._top_wanted = False
-        if is_known or rows.filter.measured or (rows.live and now_s - self._typed_s >= QUIET_S):
+        moves = rows.filter.measured or (rows.live and now_s - self._typed_s >= QUIET_S)
+        if is_known or (moves and not asked):
             before, rows.held = self.table.rows_on_screen(), False
             at_top = rows.live and not rows.position and rows.anchor is None
             rows.refresh(now_s if rows.filter.measured else None)
@@ -216,6 +219,11 @@ class TableScreen(ElementsScreen):
             self.request_view_soon()
         self.table.live_changed()
         self.info.refresh()
+
+    @property
+    def _is_asked(self) -> bool:
+        """Whether a prompt about rows is open, as the editor of a cell, or a dialog over the table."""
+        return self.app.screen is not self or self.query_one(CellEditor).display
 
     def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:
         """Do what a key asks for; rows don't move under it."""
@@ -256,6 +264,7 @@ class TableScreen(ElementsScreen):
     def table_changed(self) -> None:
         """Follow a change; keep what is pending, and offer once what an earlier start kept."""
         super().table_changed()
+        self._place_editor()
         table = self.session.table
         if not len(table) or self.session.link is None or self.context.read_only:
             return
@@ -515,17 +524,30 @@ class TableScreen(ElementsScreen):
         if self.session.rows.move_to_target():  # the editor lies over a row that is edited
             self._came_from = row
             self.context.table_changed()
-        field, region = self.table.field, self.table.cell_region()
-        words = ""
-        if not select:  # what begins with = may be words of several fields
-            region = Region(max(0, min(region.x, self.size.width - WORDS_WIDTH - 2)), region.y, WORDS_WIDTH, 1)
-            words = "; or words: div=5 size=10s buf=loop"
+        field = self.table.field
+        words = "" if select else "; or words: div=5 size=10s buf=loop"  # what begins with = may be of several fields
         now = self._values_of(field)
         differ = f", now {and_more(now, 3)}" if select and len(now) > 1 else ""
-        self.query_one(CellEditor).open(field, region, value, select=select)
+        self.query_one(CellEditor).open(field, value, select=select)
+        self._place_editor()
         hidden = "" if field in self.table.field_spans() else f" (its column is not shown: {key_of('columns')})"
         self.info.ask(f"{field.label} of {about}{differ}{hidden}, e.g. {examples(field.option)}{words}")
         self.query_one(KeyBar).show_instead(EDITOR_KEYS)
+
+    def _place_editor(self) -> None:
+        """Lay the editor, where it is open, over the cell under the cursor, wherever that is now."""
+        editor = self.query_one(CellEditor)
+        if not editor.display:
+            return
+        region = self.table.cell_region()
+        if not editor.select_on_focus:
+            region = Region(max(0, min(region.x, self.size.width - WORDS_WIDTH - 2)), region.y, WORDS_WIDTH, 1)
+        editor.lie_over(region)
+
+    def on_element_table_moved(self) -> None:
+        """Have the editor of a cell go with its row."""
+        super().on_element_table_moved()
+        self._place_editor()
 
     def _back_to_table(self) -> None:
         """Go back to the row of the cursor, where the editor lay over another one."""

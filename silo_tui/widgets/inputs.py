@@ -198,10 +198,13 @@ class CellEditor(Fleeting):
         super().__init__("cell-editor", check=check, select_on_focus=True)
         self.field = Field.DIVIDER
 
-    def open(self, field: Field, region: Region, value: str, *, select: bool) -> None:
-        """Appear over a cell of the screen."""
+    def open(self, field: Field, value: str, *, select: bool) -> None:
+        """Appear, over what `lie_over` says."""
         self.field = field
-        self.styles.width = max(region.width + 1, 5)  # with room for the cursor; the blank before it stays
-        self.styles.offset = (region.x, region.y)
         self.select_on_focus = select
         self.begin(value)
+
+    def lie_over(self, region: Region) -> None:
+        """Lie over a cell of the screen."""
+        self.styles.width = max(region.width + 1, 5)  # with room for the cursor; the blank before it stays
+        self.styles.offset = (region.x, region.y)

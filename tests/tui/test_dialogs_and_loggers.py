@@ -495,7 +495,7 @@ async def test_a_dialog_leaves_the_table_to_be_seen_news_of_others_are_told_and_
         fake.publish(fake.kinds.SCRIPT_SAVED, "configuration saved", by="bob@lab silo-tui 9")
         await screen.shows("configuration saved (bob@lab silo-tui 9)")
         await screen.press("e")
-        await screen.shows("Edit what of 1 element?")
+        await screen.shows("Edit what of /base/orientation?")
         lines = screen.text.splitlines()
         assert "/base/orientation" in lines[2]
         title = next(line for line in lines if "Edit what of" in line)

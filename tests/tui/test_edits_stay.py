@@ -128,15 +128,15 @@ async def test_marks_that_the_filter_hides_are_plotted_only_after_a_question(fak
 async def test_b_and_p_choose_from_a_list_and_e_asks_which_field_until_one_was_chosen(fake, opened):
     async with opened(fake) as screen:
         await screen.press("b")
-        await screen.shows("buffer of 1 element")
+        await screen.shows("buffer of /base/orientation")
         await screen.press("f")
         await screen.until(lambda: screen.value(FIRST, Field.BUFFER) == "fixed")
         await screen.press("p")
-        await screen.shows("action of 1 element")
+        await screen.shows("action of /base/orientation")
         await screen.press("escape")
         assert screen.session.table.pending_count == (1, 1)
         await screen.press("e")
-        await screen.shows("Edit what of 1 element?")
+        await screen.shows("Edit what of /base/orientation?")
         await screen.press("d")
         await screen.until(lambda: screen.app.screen.query("#cell-editor").first().display, "the editor")
         await screen.press("6", "enter")

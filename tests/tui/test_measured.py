@@ -9,8 +9,10 @@ import pytest
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo.live.quantities import FROZEN, NOT_FINITE, SLOW
+from silo_tui.screens import table
 from silo_tui.sessions.live import LiveSource
 from silo_tui.terminal.thinness import STEPS
+from silo_tui.widgets.inputs import CellEditor
 from tests.stand_ins.fake_signals import scalar, vector
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
@@ -484,3 +486,69 @@ async def test_what_was_in_frames_that_got_lost_is_asked_for_once_and_nothing_wh
         assert asked[before:] == [list(store.names)]
         assert screen.session.columns is store
         assert not store.gapped
+
+
+def torques(fake, first):
+    legs = [info.name for info in fake.infos if info.name.endswith("torque")]
+    return {"value": {name: 900.0 - 10 * ((place - first) % len(legs)) for place, name in enumerate(legs)}}
+
+
+@pytest.mark.parametrize("marked", [0, 3])
+async def test_rows_stand_still_while_a_prompt_about_them_is_open(fake, opened, monkeypatch, marked):
+    """However long: the number that is typed lies over the row that it is of."""
+    monkeypatch.setattr(table, "QUIET_S", 0.0)
+    came = []
+    survey_came = table.TableScreen._survey_came
+    monkeypatch.setattr(
+        table.TableScreen, "_survey_came", lambda self, now_s: (survey_came(self, now_s), came.append(now_s))
+    )
+    fake.run()
+    fake.facts = torques(fake, 0)
+    async with opened(fake, size=(160, 30)) as screen:
+        shown, rows = screen.app.screen, screen.session.rows
+
+        async def surveyed(first):
+            fake.facts = torques(fake, first)
+            count = len(came)
+            await screen.until(lambda: len(came) > count + 1, "two surveys")
+
+        await screen.do("sort", "v")
+        await screen.until(lambda: rows.row == screen.session.table.row(TORQUE), "the largest")
+        await screen.do(*["space"] * marked, "edit_size")
+        before, edited = rows.shown.tolist(), screen.session.table.names[rows.row].removeprefix("/log/")
+        await screen.shows(f"size of {f'{marked} marked elements' if marked else '/legs/LF/HAA/torque'}")
+        await surveyed(2)
+        assert rows.shown.tolist() == before
+        over = screen.text.splitlines()[shown.query_one(CellEditor).region.y]
+        assert f"/{edited} " in over
+        await screen.press("escape", "b")
+        await screen.shows("buffer of")
+        before = rows.shown.tolist()
+        await surveyed(4)
+        assert rows.shown.tolist() == before
+        await screen.press("escape")
+        await screen.until(lambda: rows.shown.tolist() != before, "the order of now")
+
+
+async def test_the_editor_goes_with_its_row_where_the_table_changes_or_the_terminal(fake, opened):
+    async with opened(fake, size=(160, 30)) as screen:
+        await screen.enter("/torque", "j", "j")
+        await screen.do("edit_size")
+        editor, rows = screen.app.screen.query_one(CellEditor), screen.session.rows
+
+        async def lies_over_it():
+            await screen.until(
+                lambda: (
+                    "LF/KFE/torque " in screen.text.splitlines()[editor.region.y]
+                    and editor.region.x == screen.app.screen.table.cell_region().x
+                ),
+                "the editor over its cell",
+            )
+
+        await lies_over_it()
+        rows.set_filter("")  # as others do it to the table
+        screen.app.context.table_changed()
+        await lies_over_it()
+        for size in (160, 16), (90, 30):
+            await screen.pilot.resize_terminal(*size)
+            await lies_over_it()

@@ -158,7 +158,7 @@ async def test_apply_shows_the_difference_sends_one_transaction_and_tells_of_buf
 async def test_the_editor_lies_over_a_row_that_is_edited(fake, opened):
     async with opened(fake) as screen:
         await screen.do("space", "j", "j", "edit_divider")
-        await screen.shows("divider of 1 marked element, not of acceleration, e.g. 5 50Hz")
+        await screen.shows("divider of marked /base/orientation, not of acceleration, e.g. 5 50Hz")
         assert screen.app.screen.query_one(CellEditor).region.y == screen.app.screen.table.region.y
         for key in ("escape", "enter"):  # and the cursor goes back
             await screen.press(key)

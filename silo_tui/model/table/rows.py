@@ -411,9 +411,11 @@ class RowList:
     @property
     def targets_words(self) -> str:
         """What an edit is about, to be told before it is made."""
-        count = len(self.targets())
+        targets = self.targets()
         marked = "marked " if self.anchor is None and self.marked.any() else ""
-        return f"{many(count, f'{marked}element')}{self.not_here}"
+        if len(targets) == 1:
+            return f"{marked}{below(self.table.prefix, self.table.names[targets[0]])}{self.not_here}"
+        return f"{many(len(targets), f'{marked}element')}{self.not_here}"
 
     @property
     def not_here(self) -> str:
