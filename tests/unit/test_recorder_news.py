@@ -70,10 +70,12 @@ def test_an_end_that_takes_its_time_is_told_until_it_is_over(monkeypatch):
     writing = SimpleNamespace(over=over, totals=totals, news=[], start=list, end=list, join=list)
     monkeypatch.setattr(recorder, "Writing", lambda *_: writing)
     ledger = SimpleNamespace(
-        written=SimpleNamespace(run="", next_rows={}, runs=[]), begin_order=id, sums=lambda: SimpleNamespace(gone=2)
+        written=SimpleNamespace(run="", next_rows={}, runs=[], order=""),
+        begin_order=id,
+        sums=lambda: SimpleNamespace(gone=2),
     )
     of = SimpleNamespace(
-        _order=SimpleNamespace(resume=False, order=None), _why="it was stopped", _drain=None, _look_for_gone=list,
+        _order=SimpleNamespace(resume=False, order=None), _told_before=[], _why="it was stopped", _drain=None, _look_for_gone=list,
         _drain_last=list, _settle=list, _send=sent.append, _report=lambda: (totals.state.value, totals.text),
     )  # fmt: skip
     assert Recorder._record(of, ledger) is RecorderState.ENDED

@@ -551,7 +551,7 @@ def test_a_working_directory_that_was_deleted_is_named(tmp_path, monkeypatch, ca
     gone.mkdir()
     monkeypatch.chdir(gone)
     gone.rmdir()
-    with pytest.raises(ElementError, match=r"script 'logger\.yaml' can't be found: the working directory"):
+    with pytest.raises(ElementError, match=r"script 'arm\.logger\.yaml' can't be found: the working directory"):
         silo.Logger("arm")
     silo.Logger("arm", folder=tmp_path, script=tmp_path / "none.yaml").close()
     assert run(["ls"]) == 1
