@@ -55,7 +55,10 @@ def shown(monkeypatch, capsys):
     return show
 
 
-NO_LIMITS = "no limits: log.limit('joints/tau', (-40, -30, 30, 40)) in the program, or signal_limits in the script"
+NO_LIMITS = (
+    "no limits: log.limit('joints/tau', (-40, -30, 30, 40)) in the program, or in the script\n"
+    "signal_limits:\n  - {name: joints/tau, bounds: [-40, -30, 30, 40]}"
+)
 ONE_JUDGED = "nothing of the 1 that could be judged was beyond its limits"
 HEAD = "!   SIGNAL     VALUE  LIMIT   WORST  SINCE  COUNT  SEEN BY\n"
 HEAT_ROW = "HH  /log/heat   9.25      9  HH 9.5  01:01      3  NEW\n"
