@@ -2,6 +2,7 @@
 
 import asyncio
 
+import msgspec
 import pytest
 from msgspec import structs
 
@@ -204,6 +205,17 @@ class TestScreens:
             await screen.shows("d is no answer here  Enter Leave them")
             await screen.press("y")  # of one that is asked for, as anywhere
             await screen.until(lambda: fake.recorder_infos == [])
+
+    async def test_how_much_is_recorded_moves_in_the_question_as_well(self, fake, opened):
+        fake.recorder_infos = [WALK, FULL]
+        async with opened(fake) as screen:
+            await screen.enter(":endrecording")
+            await screen.shows("Stop walk: 21 parts written, the newest 21 GB kept, lost 0")
+            await screen.press("j")
+            fake.recorder_infos = [msgspec.structs.replace(WALK, parts=WALK.parts + 3, lost=7), FULL]
+            await screen.shows("Stop walk: 24 parts written, the newest 21 GB kept, lost 7  (1)")
+            await screen.press("enter")
+            await screen.until(lambda: fake.recorder_infos == [FULL])
 
     async def test_one_is_stopped_where_it_was_begun(self, fake, opened):
         fake.recorder_infos = [WALK]

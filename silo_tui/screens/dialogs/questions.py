@@ -39,6 +39,7 @@ MAX_LINES = 400
 MAX_GROUPS = 60
 LARGEST = 2  # groups: at 80x24 what they cost stands below them
 BORDER_AND_TITLE_ROWS = 5
+FOLLOWS_S = 1.0
 
 
 class Choice(msgspec.Struct, frozen=True):
@@ -81,8 +82,12 @@ class Question(Dialog[str | None]):
         choices: Sequence[Choice],
         begin: str | None = None,
         about: Callable[[str], Awaitable[Text]] | None = None,
+        newer: Callable[[], Awaitable[Sequence[Choice]]] | None = None,
     ) -> None:
-        """`begin` has the focus at first, else the first choice. `about` tells more of one, below."""
+        """`begin` has the focus at first, else the first choice. `about` tells more of one, below.
+
+        `newer` returns the choices as they are by now, once a second: their words follow, which there are doesn't.
+        """
         super().__init__()
         assert not {choice.key for choice in choices} & {*MOVED_BY}, "these move here, or leave"
         self._begin = next((at for at, choice in enumerate(choices) if choice.value == begin), 0)
@@ -90,7 +95,7 @@ class Question(Dialog[str | None]):
         self._body = body
         self._choices = list(choices)
         self.loses = any(choice.loses for choice in choices)
-        self._about = about
+        self._about, self._newer = about, newer
         self.told = ""  # the choice that more is told of
 
     def compose(self) -> ComposeResult:
@@ -117,6 +122,17 @@ class Question(Dialog[str | None]):
         self.query_one(OptionList).focus()
         self.query_one(OptionList).highlighted = self._begin if self._choices else None
         self.call_after_refresh(self._drawn)
+        if self._newer is not None:
+            self.set_interval(FOLLOWS_S, partial(run_alone, self, "newer", self._follow, self._newer))
+
+    async def _follow(self, newer: Callable[[], Awaitable[Sequence[Choice]]]) -> None:
+        """Let the words of choices follow what they tell of; which there are, and their keys, stay."""
+        labels = {choice.value: choice.label for choice in await newer()}
+        for place, choice in enumerate(self._choices):
+            label = labels.get(choice.value, choice.label)
+            if label != choice.label:
+                self._choices[place] = msgspec.structs.replace(choice, label=label)
+                self.query_one(OptionList).replace_option_prompt_at_index(place, self._line(self._choices[place]))
 
     def may_lose(self, typed: events.Event) -> bool:
         """Whether it may: all but Esc, the keys of choices that lose nothing, and Enter where it begins with one."""

@@ -137,14 +137,24 @@ async def end(context: Context, session: Session) -> None:
     if not session.recorders:
         context.say(f"nothing is being recorded; {key_of('record')} begins it")
         return
-    harmless = Choice("", "Keep recording" if any(not one.state.over for one in session.recorders) else "Leave them")
-    keys = "y" if len(session.recorders) == 1 else "123456789"  # yes is y wherever one thing is asked
-    choices = [harmless] + [
-        Choice(one.name, _words(one), keys[place : place + 1]) for place, one in enumerate(session.recorders)
-    ]
+
+    def choices() -> list[Choice]:
+        harmless = Choice(
+            "", "Keep recording" if any(not one.state.over for one in session.recorders) else "Leave them"
+        )
+        keys = "y" if len(session.recorders) == 1 else "123456789"  # yes is y wherever one thing is asked
+        return [harmless] + [
+            Choice(one.name, _words(one), keys[place : place + 1]) for place, one in enumerate(session.recorders)
+        ]
+
+    async def newer() -> list[Choice]:
+        await context.quietly(session.refresh_recorders())
+        return choices()
+
     all_stay = not any(one.keep_bytes or one.written_bytes > one.size_bytes for one in session.recorders)
     body = f"Its last part is finished, {'all its parts' if all_stay else 'those that are kept'} stay where they are."
-    name = await context.app.push_screen_wait(Question(f"Stop which recording of {session.name}?", body, choices))
+    title = f"Stop which recording of {session.name}?"
+    name = await context.app.push_screen_wait(Question(title, body, choices(), newer=newer))
     if name:
         context.say(await context.link.call(lambda client: client.stop_recorder(name)))
         await _look(session)
