@@ -33,7 +33,7 @@ PRESETS = (
     Preset(
         "noisiest",
         "n",
-        "Noisiest ten: largest deviation on top, no whole numbers, no ramps",
+        "Noisiest ten: largest std on top, no whole numbers, no ramps",
         KeptLayout(sort="std", filter="type:f -monotone", set="statistics", most=TEN),
     ),
     Preset("problems", "p", "Problems: what the column state says something of", KeptLayout(filter="problem")),

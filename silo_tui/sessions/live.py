@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,6 +37,7 @@ from silo_tui.model.lists.recorders import WritingPace
 from silo_tui.model.plots.limits import Bounds4
 from silo_tui.model.samples.live import LiveValues
 from silo_tui.model.samples.source import PlotSource, Samples
+from silo_tui.model.table.cells import limit_word_shown
 from silo_tui.model.table.columns import LIVE_COLUMNS, TableColumn
 from silo_tui.model.table.facts import Facts
 from silo_tui.model.table.fields import options_of, rows_of
@@ -365,6 +367,16 @@ class Session:
         except (SiloError, asyncio.CancelledError):
             self.conditions_due = True  # nobody knows: asked again
             raise
+
+    def limits_shown(self) -> list[LimitStatus]:
+        """Return how limits stand beside the numbers of the newest picture; of the others as they were judged last."""
+        now, found = self.live, []
+        for one in self.limits:
+            reading = now.readings.get(one.name)
+            is_shown = reading is not None and reading.time_ns == now.time_ns and len(reading.newest) > 0
+            word = limit_word_shown(self.table, one, reading) if reading is not None and is_shown else one.word
+            found.append(msgspec.structs.replace(one, word=word))
+        return found
 
     def _beyond(self) -> dict[str, str]:
         found: dict[str, str] = {}

@@ -146,7 +146,7 @@ class StatusBar(FittingLine):
             add(10, "  lost 0")
         if session.connected:
             parts += self._pace(wide=wide)
-        judged = ([], []) if session.dead else (session.triggers, session.limits)  # nobody watches any more
+        judged = ([], []) if session.dead else (session.triggers, session.limits_shown())  # nobody watches any more
         alarm, is_red, watching = head_words(*judged)
         parts += thin
         for rank, forms, role in ((8, alarm, "alarm" if is_red else "warning"), (6, watching, "")):

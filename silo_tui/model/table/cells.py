@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import BufferType, ElementInfo
 from silo.live.quantities import FROZEN
 from silo.rpc.published import NotLive
@@ -287,10 +288,14 @@ def sign_of(table: TableState, row: int, reading: Reading | None = None) -> str:
     if not table.server[Field.ENABLED, row]:
         return worst(bits & _OF_LIMITS)  # what is off isn't measured; its limits may be judged by others
     if one is not None and reading is not None:
-        shown = reading.with_value(0, table.facts.detail(one.name, "value")).newest[0]
-        bits = bits & ~_OF_BOUNDS | LIMIT_BITS.get(one.word_of(float(shown)).value, 0)
+        bits = bits & ~_OF_BOUNDS | LIMIT_BITS.get(limit_word_shown(table, one, reading).value, 0)
     is_full = reading is not None and reading.why in (NotLive.FULL, NotLive.LIMIT)
     return worst(bits) or (FULL if is_full else OLD if is_old(reading) else "")
+
+
+def limit_word_shown(table: TableState, one: LimitStatus, reading: Reading) -> LimitWord:
+    """Return the range of the number that a row shows of a scalar with limits."""
+    return one.word_of(float(reading.with_value(0, table.facts.detail(one.name, "value")).newest[0]))
 
 
 def branch_sign(sight: Sight, rows: Rows) -> Cell:
