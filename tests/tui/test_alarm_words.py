@@ -2,10 +2,14 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from silo.conditions.standing import LimitStatus, LimitWord
+from silo_tui.model.samples.live import Reading
+from silo_tui.model.table.cells import sign_of
 from silo_tui.screens.lists.alarms import MOST_LINES, AlarmsScreen
+from silo_tui.widgets.bars import StatusBar
 from tests.stand_ins.desk import Desk, Drawn
 
 HEAT = "/log/imu/temperature"
@@ -18,6 +22,12 @@ class Alarms(Drawn, AlarmsScreen):
 
     def __init__(self, session: Any) -> None:
         self.session = session
+
+
+class Head(Drawn, StatusBar):
+    """The head of any screen."""
+
+    width = 120
 
 
 def limit(name: str = HEAT, word: str = "OK", **more: Any) -> LimitStatus:
@@ -94,3 +104,18 @@ def test_a_filter_looks_in_what_a_line_says(alarms):
     assert alarms.told(limit(word="~~", why="no such thing")).endswith("no such thing")
     assert alarms.signals_of(limit(HEAT)) == [HEAT]
     assert alarms.signals_of(limit("/log/gone")) == []
+
+
+@pytest.mark.parametrize(("judged", "value", "words"), [
+    ("OK", 41.0, "1 alarm (HH)"), ("HH", 12.0, "1 alarm ended unseen"), ("HH", 41.0, "1 alarm (HH)"),
+])  # fmt: skip
+def test_the_head_and_the_row_tell_one_moment_of_an_alarm(judged, value, words, alarms):
+    session = alarms.session
+    one = limit(session.table.names[0], judged, alarm=True, bounds=(None, None, None, 40.0))
+    reading = Reading(np.array([value]), {}, 1, 0, 5)
+    session.limits, session.table.limits = [one], {one.name: one}
+    session.live.time_ns, session.live.readings[one.name] = 5, reading
+    assert Head(session).render().plain.endswith(words)
+    assert sign_of(session.table, 0, reading) == ("HH" if "HH" in words else "")
+    session.live.time_ns = 6  # it isn't on the screen any more
+    assert Head(session).render().plain.endswith("1 alarm (HH)" if judged == "HH" else "1 alarm ended unseen")

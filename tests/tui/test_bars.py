@@ -19,7 +19,6 @@ from silo.rpc.published import Event, EventKind
 from silo_tui.actions import BY_ID, key_of
 from silo_tui.keymap import use_keys
 from silo_tui.model.samples.live import Reading
-from silo_tui.model.table.cells import sign_of
 from silo_tui.model.table.facts import Facts
 from silo_tui.model.table.fields import Field
 from silo_tui.sessions.live import Session
@@ -234,22 +233,6 @@ def test_an_alarm_stands_in_the_head_and_its_words_give_way_at_last(word, alarm,
     assert part.style == f"bold {drawn.app.theme_variables.get(style)}"
     drawn.width = 24
     assert drawn.render().plain.endswith(f"  {word} 1")
-
-
-@pytest.mark.parametrize(("judged", "value", "words"), [
-    ("OK", 41.0, "1 alarm (HH)"), ("HH", 12.0, "1 alarm ended unseen"), ("HH", 41.0, "1 alarm (HH)"),
-])  # fmt: skip
-def test_the_head_and_the_row_tell_one_moment_of_an_alarm(judged, value, words, desk):
-    one = LimitStatus(NAME, NAME, LimitWord(judged), alarm=True, bounds=(None, None, None, 40.0))
-    desk.session.limits = [one]
-    desk.session.live.time_ns = 5
-    reading = Reading(np.array([value]), {}, 1, 0, 5)
-    desk.session.live.readings[NAME] = reading
-    desk.session.table.limits = {NAME: one}
-    assert head(desk, 120).endswith(words)
-    assert sign_of(desk.session.table, desk.session.table.row(NAME), reading) == ("HH" if "HH" in words else "")
-    desk.session.live.time_ns = 6  # it isn't on the screen any more
-    assert head(desk, 120).endswith("1 alarm (HH)" if judged == "HH" else "1 alarm ended unseen")
 
 
 def test_that_others_are_there_gives_way_before_alarms_are_letters(desk):
