@@ -282,7 +282,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("export_plots", "w", "Write", "what is shown to a CSV, PNG or SVG file here", "Plots", _PLOTS,
             11),
     Command("drop_plot", "x", "Remove", "take the plot off the screen", "Plots", _MONITORS, 10),
-    Command("add_plot", "m", "Plot", "plot more signals, added by their names", "Plots", _MONITORS, 9,
+    Command("add_plot", "m", "Plot", "plot more signals, added by their names", "Plots", _PLOTS, 9,
             typed=_read(("plot",), "names", ":plot NAME ...",
                         "plot more signals, added by their names: their ends, patterns", 6)),
     Command("mode", "tab,v", "View", "over time, x-y, spectrum, histogram", "Large plot", _DETAILS, 1),

@@ -171,8 +171,8 @@ BARS = {
     "start_stop save_data again back help command quit mark_shown",
     ("two-layer", "monitor"): "pause detail add_plot closer wider cursor_left find menu_plots menu_go menu_view "
     "menu_record apply start_stop export_plots again back earlier later arrange_plots newest help command quit",
-    ("two-layer", "detail"): "pause closer wider cursor_left find menu_plots menu_go menu_view menu_record "
-    "apply start_stop export_plots again back mode earlier detail_refresh later newest help command quit",
+    ("two-layer", "detail"): "pause add_plot closer wider cursor_left find menu_plots menu_go menu_view "
+    "menu_record apply start_stop export_plots again back mode earlier detail_refresh later newest help command quit",
     ("two-layer", "triggers"): "list_mark trigger_capture trigger_toggle trigger_new plot_conditions list_filter "
     "menu_edit menu_go menu_view menu_record list_order apply start_stop trigger_remove again back help command quit",
     ("two-layer", "file"): "mark plot fold filter menu_go menu_view sort again back help command quit mark_shown",
@@ -181,7 +181,7 @@ BARS = {
     ("classic", "monitor"): "pause closer wider cursor_left find scale detail cursor_b earlier start_stop later "
     "arrange_plots newest all_held add_plot drop_plot help export_plots command quit",
     ("classic", "detail"): "pause mode closer level wider cursor_left find scale cursor_b earlier detail_refresh later "
-    "detail_swap newest all_held help export_plots command quit",
+    "detail_swap newest all_held add_plot help export_plots command quit",
     ("classic", "alarms"): "acknowledge list_mark alarm_worst alarm_limits alarm_new alarm_remove plot_conditions "
     "list_filter list_order help command quit",
     ("classic", "recordings"): "open_recording list_mark fetch_recording overlay_recording delete_recording record "

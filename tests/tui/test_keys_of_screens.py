@@ -56,7 +56,7 @@ LAW = (
     ("ctrl+r", "redo", "TK"),
     ("a", "apply", "T"),
     ("i", "inspector", "T"),
-    ("m", "monitor plot", "TPGAK"),
+    ("m", "monitor plot", "TPDGAK"),
     ("r", "refresh again", "TGARELDKUB"),
     ("S", "start", "TPL"),
     ("R", "restart", "TPL"),

@@ -378,3 +378,41 @@ async def test_a_large_plot_that_was_opened_as_a_spectrum_is_left_by_one_esc(fak
         assert large(screen).mode == "spectrum"
         await screen.press("escape")
         assert large(screen) is below
+
+
+@pytest.mark.parametrize("mode", ["mode_time", "mode_spectrum"])
+async def test_a_signal_that_is_added_in_it_is_plotted_in_the_monitor_and_comes_next(fake, opened, mode):
+    position = TORQUE.replace("torque", "position")
+    async with opened(fake.run(20), size=(120, 30)) as screen:
+        below = await open_large(screen)
+        screen.app.screen.action_command("mode_xy")
+        await screen.shows("it needs two plots: m plots another")
+        screen.app.screen.action_command(mode)
+        await screen.press("m")
+        await screen.enter("LF/HAA/position")
+        await screen.shows("added: j shows it, Esc leads to the plots")
+        assert large(screen).subject == "/legs/LF/HAA/torque"
+        assert [each.name for each in below.stack.plots] == [TORQUE, position]
+        await screen.enter(":plot LF/HAA/position")
+        await screen.shows("that is plotted already")
+        await screen.press("j")
+        await screen.until(lambda: large(screen).subject == "/legs/LF/HAA/position", "the other one")
+        await screen.press("k")
+        screen.app.screen.action_command("mode_xy")
+        await screen.shows("loop area")
+        await screen.press("escape", "escape")
+        await screen.until(lambda: large(screen) is below, "the plots")
+        await screen.until(lambda: set(below.stack.store.names) == {TORQUE, position}, "curves of both")
+
+
+@pytest.mark.parametrize("is_large", [False, True])
+async def test_what_is_held_gets_no_other_plots_which_is_told_before_anything_is_typed(fake, opened, is_large):
+    async with opened(fake.run(20), size=(120, 30)) as screen:
+        await open_large(screen)
+        if not is_large:
+            await screen.press("escape")
+        await screen.press("space")
+        await screen.shows("held, all fetched")
+        await screen.press("m")
+        await screen.shows("paused: space goes on, then m adds")
+        assert not screen.app.screen.is_modal

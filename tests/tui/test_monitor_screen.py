@@ -356,3 +356,17 @@ async def test_tab_offers_the_neighbours_of_the_plot_that_is_chosen_first(fake, 
         await screen.shows("plot /legs/RF/KFE/position")
         await screen.press("tab")
         await screen.shows("plot /legs/RF/KFE/velocity")
+
+
+async def test_what_is_found_in_plots_are_values_where_there_is_room_to_say_so(fake, opened):
+    async with opened(fake.run(20), size=(160, 30)) as screen:
+        await open_torque(screen)
+        await screen.shows("f Find value  ")
+        await screen.press("enter")
+        await screen.until(lambda: screen.app.screen.scope == "detail", "the large plot")
+        await screen.shows("f Find value  ")
+        screen.app.screen.action_command("mode_spectrum")
+        await screen.shows("f Find peak  ")
+        await screen.press("escape", "escape")
+        await screen.pilot.resize_terminal(80, 24)
+        await screen.shows("f Find  ")

@@ -55,7 +55,7 @@ LIVE_SHARE = 0.25  # as often as that takes such a share of the time
 FEW_PEAKS = 6  # as many as two lines of 80 cells hold
 PEAKS_KNOWN = 64  # of which those are told that are drawn
 LEAST_LINES = 8  # of a spectrum that is looked at from near
-OF_SPECTRA = {"closer": "Closer", "wider": "Wider"}  # what is zoomed there is the axis of frequencies
+OF_SPECTRA = {"closer": "Closer", "wider": "Wider", "find": "Find peak"}  # zoomed is the axis of frequencies
 
 
 @dataclass(frozen=True)
@@ -265,7 +265,7 @@ class DetailScreen(MonitorScreen):
 
     async def _pair(self) -> Analysed:
         if len(self.plots) < 2:
-            raise ValueError(f"it needs two plots: {key_of('add_plot')} in the stacked ones plots another")
+            raise ValueError(f"it needs two plots: {key_of('add_plot')} plots another")
         x, y = self.plots[0], self.plots[1]
         of_x, of_y = await self._samples(x), await self._samples(y)
         found = await asyncio.to_thread(pair_of, *of_x, *of_y)
@@ -304,6 +304,17 @@ class DetailScreen(MonitorScreen):
         return super().cursor_words() if self.mode == MODES[0] else ""
 
     # --------------------------------------------------------------------------------------------------- commands
+
+    def add(self, new: Sequence[Plotted]) -> None:
+        """Plot these in the monitor; here they come next."""
+        stack = self.below.stack
+        stack.keep([*stack.plots, *new])
+        come = [each for each in new if each.numeric][: MAX_SERIES - len(self.plots)]
+        self.plots[self.count : self.count] = come
+        self.request_view()
+        ways = {"detail_down": "shows it", "mode_xy": "is X-Y"} if come and self.count == 1 else {}
+        ways["back"] = "leads to the plots"
+        self.say("added: " + ", ".join(f"{key_of(each)} {words}" for each, words in ways.items() if key_of(each)))
 
     def command_mode(self) -> None:
         self.command_show_as(MODES[(MODES.index(self.mode) + 1) % len(MODES)])
@@ -490,7 +501,7 @@ class DetailScreen(MonitorScreen):
     def command_turn_to(self, step: int) -> None:
         """Show another one of the signals, alone; the others come behind it."""
         if len(self.plots) < 2:
-            self.say("this is the only signal: mark several, then m and Enter")
+            self.say(f"this is the only signal: {key_of('add_plot')} plots another")
             return
         self._turned = (self._turned + step) % len(self.plots)
         step %= len(self.plots)

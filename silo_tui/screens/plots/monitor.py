@@ -23,6 +23,9 @@ OF_PLOTS = {
     "plot_trigger", "turn_plotted_up",
 }  # fmt: skip
 
+ROOMY = 110  # cells in which keys have longer words
+OF_WHAT_GOES_ON = {"add_plot": "adds", "all_entries": "plots them", "next_entry": "goes on to it"}
+
 
 class MonitorScreen(PlotScreen):
     """Plots of the elements that were marked when it was opened; of a file cursor A is a moment, whatever the zoom."""
@@ -296,6 +299,8 @@ class MonitorScreen(PlotScreen):
         """Return it; of one plot there is no other way to stand."""
         if command.id == "add_plot":
             return "Plot more"
+        if command.id == "find" and self.size.width >= ROOMY:  # what is found are moments, and no signals
+            return "Find value"
         return "" if command.id == "arrange_plots" and len(self.stack.plots) < 2 else super().label_now(command)
 
     def why_not_now(self, command_id: str) -> str:
@@ -309,6 +314,9 @@ class MonitorScreen(PlotScreen):
             except ValueError as refused:
                 more = f": {key_of('add_plot')} plots another" if len(stack.panels) < 2 else ""
                 return f"{refused}{more}"
+        if command_id in OF_WHAT_GOES_ON and self.pause.source is not None:  # what is held are the plots of when it was
+            then = f"{key_of(command_id)} {OF_WHAT_GOES_ON[command_id]}"
+            return f"paused: {key_of('pause')} goes on, then {then}"
         chosen, panel = stack.chosen_plot, stack.panels[stack.chosen_panel]
         is_on = chosen.numeric and self.session.source.is_live(chosen.element.name)
         vector = len(chosen.element.entries) > 1
@@ -375,8 +383,6 @@ class MonitorScreen(PlotScreen):
 
     def _replace(self, plots: Sequence[Plotted], shown: Sequence[Plotted]) -> None:
         """Plot some entries in place of others of their element, which share plots no more."""
-        if self._stands_still():
-            return
         panels: list[Panel] = []
         for panel in self.stack.panels:
             rest = tuple(each for each in panel if each not in shown)
@@ -388,33 +394,32 @@ class MonitorScreen(PlotScreen):
         self.say("")
         self.fill_soon()
 
-    def _stands_still(self) -> bool:
-        """Whether the picture is held, which gets no other plots, and say so."""
-        if self.pause.source is not None:
-            self.say(f"what is held are the plots of when it was: {key_of('pause')} goes on")
-        return self.pause.source is not None
-
-    def command_add_plot(self, typed: Spelled) -> None:
+    def command_add_plot(self, typed: Spelled = BY_KEY) -> None:
         """Plot more signals, below the others."""
-        if self._stands_still():
+        if self._refused("add_plot"):
             return
         if typed is BY_KEY or not typed.arguments:
             self.begin_command("plot")
             return
-        stack, short, off = self.stack, self.session.short_name, []
+        there, short, off = self.pinned_plots, self.session.short_name, []
         new: list[Plotted] = []
         for place, index in self.session.named(typed.arguments, scalars=True):
             element = self.session.table.elements[place]
             every = plots_of([element])
             if not self.source.is_live(element.name):
                 off.append(short(element.name))
-            new += [each for each in (every if index is None else [every[index]]) if each not in (*stack.plots, *new)]
+            new += [each for each in (every if index is None else [every[index]]) if each not in (*there, *new)]
         if off:
             words = f"{and_more(off, 3)} {'is' if len(off) == 1 else 'are'} off"
             raise ValueError(f"{words}: {key_of('toggle')} in the table switches on")
-        if not new:
+        if new:
+            self.add(new)
+        else:
             self.say("that is plotted already")
-            return
+
+    def add(self, new: Sequence[Plotted]) -> None:
+        """Plot these below the others."""
+        stack = self.stack
         stack.keep([*stack.plots, *new])
         stack.choose(stack.plots.index(new[0]))
         joins = not self.why_not_now("join_plots") and len(new) == 1
