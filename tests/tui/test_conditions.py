@@ -19,9 +19,12 @@ from silo_tui.model.lists.conditions import (
     capture_words,
     fields_of,
     head_words,
+    limit_head,
     limit_row,
     named_in,
     options_of_fields,
+    signal_width,
+    since_width,
     slow_words,
     tried_lines,
     trigger_row,
@@ -29,6 +32,7 @@ from silo_tui.model.lists.conditions import (
 )
 from silo_tui.model.plots.limit_line import fields_of as fields_of_limits
 from silo_tui.model.plots.limit_line import limits_of_fields
+from silo_tui.model.words.states import WIDEST
 from silo_tui.screens.dialogs.limits import LimitsDialog
 from tests.stand_ins.desk import Desk
 
@@ -64,19 +68,32 @@ class TestWords:
         assert "never" in trigger_row(BLIND, 80, " " * 10, "", NOW_NS)
 
     def test_an_alarm_is_a_line(self):
-        row = limit_row(HOT, "/LF/HAA/torque", 80, NOW_NS)
+        row = limit_row(HOT, "/LF/HAA/torque", signal_width(["/LF/HAA/torque" * 9], 80), NOW_NS)
         assert row.split() == ["HH", "/LF/HAA/torque", "84.200", "80.000", "86.310", "00:12", "2", "NEW"]
         assert len(row) <= 80
+
+    def test_of_an_alarm_that_ended_it_is_told_how_long_it_was_and_columns_stay(self):
+        ended = replace(HOT, word=LimitWord.OK, since_ns=NOW_NS, last_ns=NOW_NS + 140_000_000)
+        wide = since_width([HOT, ended], NOW_NS)
+        over, row = (limit_row(one, "/x", 20, NOW_NS, wide) for one in (HOT, ended))
+        assert " for 140 ms " in row
+        assert row.index("NEW") == over.index("NEW") == limit_head(20, "", wide).index("seen by")
+        assert since_width([HOT], NOW_NS) == 8
+
+    def test_who_saw_an_alarm_has_the_cells_that_names_spare(self):
+        assert signal_width(["/LF/HAA/torque", "/x"], 160) == len("/LF/HAA/torque")
+        assert signal_width(["/LF/HAA/torque" * 9], 160) == 160 - 52 - WIDEST
+        assert signal_width([], 80) == 14
 
     @pytest.mark.parametrize(
         ("alarm", "seen_by", "since", "told"),
         [
-            (True, "", 0, "NEW"), (True, "ann@pc", 2, "2 new"), (False, "ann@pc", 0, "ann"), (False, "", 0, "2"),
+            (True, "", 0, "NEW"), (True, "ann@pc", 2, "2 NEW"), (False, "ann@pc", 0, "ann"), (False, "", 0, "2"),
             (True, "ann@pc", 0, "NEW"),  # the violation that was seen became a worse one
         ],
     )  # fmt: skip
     def test_an_alarm_is_new_until_somebody_has_seen_it_as_it_is(self, alarm, seen_by, since, told):
-        row = limit_row(replace(HOT, alarm=alarm, seen_by=seen_by, since_seen=since), "/x", 80, NOW_NS)
+        row = limit_row(replace(HOT, alarm=alarm, seen_by=seen_by, since_seen=since), "/x", 20, NOW_NS)
         assert row.split()[-len(told.split()) :] == told.split()
 
     def test_the_head_tells_the_worst_alarm_and_how_many_triggers_watch(self):
@@ -648,7 +665,7 @@ class TestScreens:
         fake.limit_statuses = [replace(HOT, seen_by="ann@pc", since_seen=2, count=5)]
         async with opened(fake, size=(100, 24)) as screen:
             await screen.press("A")
-            await screen.shows("    5 2 new")
+            await screen.shows("    5 2 NEW")
             await screen.shows("2 × again since ann@pc saw it (e: persist or")
 
     async def test_an_element_beyond_its_limits_has_the_sign_in_the_table(self, fake, opened):

@@ -69,29 +69,38 @@ def named_in(when: str, elements: Sequence[ElementInfo], prefix: str) -> list[st
     return [names.names[place] for place in sorted(places)]
 
 
-def limit_head(width: int, space: str = "") -> str:
-    """Return the head of the list of alarms, whose signals are told below the namespace `space`."""
-    room = signal_width(width)
+SINCE = 8  # cells
+
+
+def limit_head(room: int, space: str = "", wide: int = SINCE) -> str:
+    """Return the head of the list of alarms, whose signals are told below the namespace `space`, in so many cells."""
     begin = f"  {'state':<{WIDEST}} {space_words('signal', space, room):<{room}}"
-    return f"{begin} {'value':>8} {'limit':>7} {'worst':>8} {'since':>8} {'count':>5} seen by"
+    return f"{begin} {'value':>8} {'limit':>7} {'worst':>8} {'since':>{wide}} {'count':>5} seen by"
 
 
-def signal_width(width: int) -> int:
-    """Return the cells of the signals' names in the list of alarms."""
-    return max(14, width - 52 - WIDEST)
+def signal_width(names: Sequence[str], width: int, wide: int = SINCE) -> int:
+    """Return the cells of the signals' names in the list of alarms: of the longest, where there is room."""
+    return max(14, min(max(map(len, names), default=0), width - 44 - wide - WIDEST))
 
 
-def limit_row(one: LimitStatus, short: str, width: int, now_ns: int | None = None) -> str:
-    """Return a scalar with limits as a line of so many cells; `short` is its name in as many as it has there."""
-    now = time.time_ns() if now_ns is None else now_ns
-    room = signal_width(width)
+def since_words(one: LimitStatus, now_ns: int) -> str:
+    """Return since when a scalar is beyond its limits, or for how long it was."""
     if one.is_over and one.since_ns:
-        since = duration_text((now - one.since_ns) / 1e9)
-    elif one.count and one.last_ns >= one.since_ns > 0:
-        since = f"was {text.span(max((one.last_ns - one.since_ns) / 1e9, 1e-3), 2)}"
-    else:
-        since = ""
-    seen = f"{one.since_seen} new" if one.alarm and one.since_seen else one.seen.split("@")[0]
+        return duration_text((now_ns - one.since_ns) / 1e9)
+    if one.count and one.last_ns >= one.since_ns > 0:
+        return f"for {text.span(max((one.last_ns - one.since_ns) / 1e9, 1e-3), 2)}"
+    return ""
+
+
+def since_width(found: Sequence[LimitStatus], now_ns: int) -> int:
+    """Return the cells of these words in the list of alarms."""
+    return max([SINCE, *(len(since_words(one, now_ns)) for one in found)])
+
+
+def limit_row(one: LimitStatus, short: str, room: int, now_ns: int | None = None, wide: int = SINCE) -> str:
+    """Return a scalar with limits as a line; `short` is its name, which has `room` cells, `wide` since when it is."""
+    since = since_words(one, time.time_ns() if now_ns is None else now_ns)
+    seen = f"{one.since_seen} NEW" if one.alarm and one.since_seen else one.seen.split("@")[0]
     count = one.count + one.stale_count
     stale = one.word is LimitWord.STALE
     limit = None if stale else one.limit
@@ -100,7 +109,7 @@ def limit_row(one: LimitStatus, short: str, width: int, now_ns: int | None = Non
     value, bound, worst = ("" if each is None else digits.write(each, 8) for each in (one.value, limit, one.worst))
     bound = text.span(one.limit) if stale and one.limit is not None else bound
     return (
-        f"  {limit_word(one.word):<{WIDEST}} {short:<{room}} {value:>8} {bound:>7} {worst:>8} {since:>8} "
+        f"  {limit_word(one.word):<{WIDEST}} {short:<{room}} {value:>8} {bound:>7} {worst:>8} {since:>{wide}} "
         f"{count or '':>5} {seen}"
     )
 

@@ -1,5 +1,6 @@
 """The limits of a logger's signals: what is beyond them, what was and nobody has seen."""
 
+import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ from silo.core.conditions import SignalLimits
 from silo.core.quantities.writing import and_more
 from silo.errors import RefusedError
 from silo_tui.actions import key_of
-from silo_tui.model.lists.conditions import alarms_words, limit_head, limit_row, signal_width, waits_for
+from silo_tui.model.lists.conditions import alarms_words, limit_head, limit_row, signal_width, since_width, waits_for
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words.names import fitting_names, inside, shared_space
 from silo_tui.model.words.states import MEANINGS, WIDEST, limit_word
@@ -53,13 +54,16 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
     )
 
     def head(self, width: int) -> str:
-        return limit_head(width, self._space)
+        return limit_head(self._room, self._space, self._since)
 
     def prepare(self, found: Sequence[LimitStatus], width: int) -> None:
         """Fit the names of all into the same cells: different ones stay different."""
-        names, room = [self.session.short_name(one.name) for one in found], signal_width(width)
+        names = [self.session.short_name(one.name) for one in found]
         self._space = shared_space(names)
-        fitted = fitting_names([inside(self._space, name) for name in names], room)
+        below = [inside(self._space, name) for name in names]
+        self._since = since_width(found, time.time_ns())
+        self._room = signal_width(below, width, self._since)
+        fitted = fitting_names(below, self._room)
         self._names = dict(zip(map(self.key_of, found), fitted, strict=True))
 
     @property
@@ -81,7 +85,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         return f"{limit_word(one.word)} {self.session.short_name(one.name)} {one.seen} {one.why}"
 
     def row_of(self, one: LimitStatus, width: int) -> Text:
-        line = Text(limit_row(one, self._names[one.name], width))
+        line = Text(limit_row(one, self._names[one.name], self._room, wide=self._since))
         red = one.word in (LimitWord.RED_HIGH, LimitWord.RED_LOW)
         if one.is_over or one.word is LimitWord.BLIND:
             line.stylize(bold(self.app.theme_variables, "alarm" if red else "warning"), 2, 2 + WIDEST)
