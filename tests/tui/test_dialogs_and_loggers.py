@@ -273,7 +273,15 @@ async def test_data_is_saved_in_the_types_that_are_chosen_and_that_takes_the_pla
         await screen.shows("what was logged; W saves the configuration instead")
         await screen.press("W")
         await screen.shows("Save the configuration")
-        await screen.press("escape", "w", "down", "space", "enter")
+        await screen.press("escape", "w", "down", "space")
+        await screen.shows("space s c b Tick  W Configuration")
+        focused = screen.app.screen.focused
+        screen.app.screen.field("name").focus()  # where letters are of it
+        await screen.until(lambda: "Tick  W" not in screen.text, "the keys that count there")
+        await screen.shows("Enter Saves")
+        focused.focus()
+        await screen.shows("space s c b Tick  W Configuration")
+        await screen.press("enter")
         await screen.until(lambda: fake.calls)
         assert fake.calls == [("save", [FileType.SILO, FileType.CSV], "")]
         await screen.shows("/home/ann/logs/robot_00001.silo")

@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import ClassVar
 
 from rich.text import Text
+from textual import events
 from textual.app import ComposeResult, RenderResult
 from textual.binding import Binding
 from textual.containers import Horizontal
 from textual.reactive import reactive
 from textual.widget import Widget
-from textual.widgets import Button, ProgressBar, Static
+from textual.widgets import Button, Input, ProgressBar, Static
 
 from silo.core.arguments import check_name
 from silo.core.elements import FileType, SavedFile
@@ -58,6 +59,8 @@ A_PART = "a part: each change that is applied while it logs begins one, and whoe
 CONFIGURATION = "W"  # no small letter: names are typed here, too
 TICKS = " ".join(name[0] for name in SAVED_NAMES)
 KEYS = f"↑↓ Move  space {TICKS} Tick  {CONFIGURATION} Configuration  Enter Saves  Esc Back"
+
+KEYS_OF_NAME = "↑↓ Move  Enter Saves  Esc Back"  # letters are of the name
 
 
 class SaveDialog(Form[list[SavedFile]]):
@@ -118,6 +121,14 @@ class SaveDialog(Form[list[SavedFile]]):
         self.look_soon()
         if self._at_once:
             self._begin()
+
+    def on_descendant_focus(self, event: events.DescendantFocus) -> None:
+        """Name the keys that count there."""
+        super().on_descendant_focus(event)
+        if self._files is None:
+            self.KEYS_HERE = KEYS_OF_NAME if isinstance(event.widget, Input) else KEYS
+            if (screen := self.context.upper_screen) is not None:
+                screen.show_keys_above()
 
     def on_button_pressed(self, event: Button.Pressed) -> None:
         if event.button.id == "save-go":
