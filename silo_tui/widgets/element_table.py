@@ -203,7 +203,8 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         width, sight, sort = self.size.width, self.sight, self.rows.sort
         needed = max(NAME_ROOM, min(told.names.readable, width // 2))
         of = [each for each in self._offered if each.measured]
-        widths = [max(each.width_in(sight, width), (1 + len(each.title)) * each.gives(sort)) for each in of]
+        least = [each.width if each.title in STATISTICS else each.width_in(sight, width) for each in of]
+        widths = [max(cells, (1 + len(each.title)) * each.gives(sort)) for each, cells in zip(of, least, strict=True)]
         rest = width - 1 - sum(1 + cells for cells in widths if cells)
         offered = [(each, each.width_in(sight, rest)) for each in self._offered if not each.measured]
         offered += zip(of, widths, strict=True)
@@ -211,7 +212,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         left_out = tuple(each.title for each, cells in offered if cells and (each, cells) not in shown)
         names = max(MIN_WIDTH, width - 1 - FLAGS - sum(1 + cells for _, cells in shown))
         value, units = self._needed()
-        longest = told.names.longest
+        longest = min(told.names.longest, max(needed, width // 2))
         for at, (each, cells) in enumerate(shown):
             if each.title == "unit":
                 most = cells + max(0, names - min(longest, needed))

@@ -7,6 +7,7 @@ from msgspec.structs import replace
 
 from silo.conditions.standing import LimitWord, TriggerStatus
 from silo.core.conditions import TriggerWord, new_trigger
+from silo_tui.model.table.facts import STATISTICS
 from tests.stand_ins.fake_signals import scalar, vector
 from tests.tui.test_conditions import HOT
 
@@ -105,3 +106,18 @@ async def test_alarms_and_triggers_say_of_which_motor_they_are(robot, opened):
         await screen.do("back", "triggers")
         for joint in ("LF_HAA", "RH_KFE"):
             await screen.shows(f"{joint}/…wind… > 50 ")
+
+
+@pytest.mark.parametrize(
+    ("joint", "at_least", "at_most"), [("an_actuator_of_it_with_more_words", 8, 8), ("LF", 10, 11)]
+)
+async def test_names_are_whole_before_statistics_have_more_than_they_need(new_fake, opened, joint, at_least, at_most):
+    """As far as half of the width goes."""
+    names = [f"{leg}/{joint}/{name}" for leg in ("left", "right") for name in ("p", "v")]
+    async with opened(new_fake([scalar(f"/log/{each}") for each in names]).run(), size=(160, 30)) as screen:
+        await screen.shows(" mean")
+        laid = screen.app.screen.table.laid
+        cells = [given for each, given in laid.measured if each.title in STATISTICS]
+        assert len(cells) == 4
+        assert at_least <= min(cells) <= max(cells) <= at_most
+        assert laid.names >= laid.told.names.longest or max(cells) == 8
