@@ -555,6 +555,8 @@ class ElementsScreen(SiloScreen):
             why = f"nothing has {' or '.join(none)}{near}" if none else "each term has some, no element has all"
             return f"0 of {len(table)}: {why}"
         term, count = blocked
+        if term == "frozen":  # which those are not that were constant from the first on
+            return f"0 of {len(table)}: {term}: none stopped changing; std=0 has those that never changed"
         if glob := glob_of_regex(term):
             return f"0 of {len(table)}: {term} is no glob; {glob} is one, ~{term} a regular expression"
         if term.endswith("]"):

@@ -552,3 +552,14 @@ async def test_the_editor_goes_with_its_row_where_the_table_changes_or_the_termi
         for size in (160, 16), (90, 30):
             await screen.pilot.resize_terminal(*size)
             await lies_over_it()
+
+
+async def test_who_finds_nothing_frozen_is_told_of_what_never_changed(fake, opened):
+    fake.run()
+    fake.facts = {"std": {info.name: float(info.name != TORQUE) for info in fake.infos}}
+    async with opened(fake) as screen:
+        await screen.type("/frozen")
+        await screen.shows("none stopped changing; std=0 has those that never changed")
+        await screen.press("enter", "slash")
+        await screen.type("std=0")
+        await screen.until(lambda: screen.session.rows.shown.tolist() == [screen.session.table.row(TORQUE)], "it")
