@@ -223,7 +223,7 @@ class RunData:
                         if self._life.closed or run not in self._present.cut_off:
                             continue  # another thread started, or closed: that saves it, or drops it
                         recording, conditions = run.reader.snapshot(), self._conditions.now
-                    why = "saved at a cut"
+                    why = "saved when edits were applied"
                     with self._noting_parts(run, ticks):
                         saved = save_run(recording, run.id, self._options, why, conditions, types, name, where)
                 files += saved

@@ -454,7 +454,7 @@ class Serving:
         logger = self._logger_ref()
         # what was derived just now may not have been told yet
         conditions = logger._conditions.now if logger is not None else None
-        segment, why = ("", "") if run is None else (str(run.segment.path), "saved at a cut")
+        segment, why = ("", "") if run is None else (str(run.segment.path), "saved when edits were applied")
         request = Save(
             types=types,
             name=name,
