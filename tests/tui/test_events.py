@@ -86,6 +86,15 @@ def test_a_long_name_loses_what_does_not_tell_it_apart_before_the_line_is_cut():
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize("width", [72, 78, 90])
+def test_a_long_name_keeps_its_end_where_a_line_has_room_for_some_of_it(width):
+    one = event("other", f"finished /work/{'robot/' * 12}demo_00009_torque_5.silo")
+    shown = line(one, one.text, width, "bot")
+    assert shown.rstrip().endswith("torque_5.silo")
+    assert "finished …" in shown
+    assert len(shown) <= width
+
+
 def test_control_characters_stay_off_the_screen():
     wild = event(text="\x1b[2J", who="\x1b[31m")
     assert "\x1b" not in line(wild, words(wild), 80, "bot")
@@ -467,7 +476,7 @@ async def test_the_list_shows_which_moments_are_overwritten_and_enter_says_which
         await screen.enter("new")
         await screen.until(lambda: [each for each in screen.session.happened if each.text == "new"], "the marker")
         await screen.do("events")
-        await screen.shows("× rows gone")
+        await screen.shows("× no longer in memory")
         listed = screen.app.screen
         (old,) = [at for at, each in enumerate(listed.shown) if each.text == "old"]
         (new,) = [at for at, each in enumerate(listed.shown) if each.text == "new"]

@@ -12,10 +12,12 @@ from silo_tui.model.words.names import (
     TAIL,
     NamesInTree,
     NamesShown,
+    among,
     cells,
     first_levels,
     fitted_among,
     fitting_names,
+    in_tree,
     inside,
     shared_space,
     space_words,
@@ -170,6 +172,13 @@ def test_below_what_they_share_names_are_as_different(names):
     below = [inside(space, name) for name in names]
     assert len(set(below)) == len(names)
     assert all(name in (short, f"{space}/{short}") for name, short in zip(names, below, strict=True))
+
+
+def test_a_name_alone_and_labels_of_a_tree_are_whole_before_columns_have_room():
+    assert among(("/controller/state",)).readable == len("/controller/state")
+    joints = [f"{leg}/{joint}" for leg in ("LF", "RH") for joint in ("HAA", "HFE")]
+    tree = in_tree(tuple(f"/legs/{joint}/winding_temperature" for joint in joints))
+    assert tree.readable == 2 * 4 + len("winding_temperature")
 
 
 @given(NAME_SETS, st.integers(8, 30))

@@ -53,8 +53,8 @@ async def test_a_tree_cuts_no_branch_without_a_sign(new_fake, opened):
     branch = "an_assembly_of_which_the_name_has_no_room"
     async with opened(new_fake([scalar(f"/log/{branch}_{side}/value") for side in ("left", "right")])) as screen:
         await screen.press("o", "n")
-        await screen.shows("▼ an…has_no_room_left ")
-        await screen.shows("▼ an…has_no_room_right ")
+        await screen.shows("▼ an…the_name_has_no_room_left ")
+        await screen.shows("▼ an…name_has_no_room_right ")
 
 
 @pytest.mark.parametrize(("size", "left_out"), [((80, 24), ("std",)), ((120, 24), ())])

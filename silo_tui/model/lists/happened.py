@@ -195,7 +195,12 @@ def line(event: LoggedEvent, told: str, width: int, logger: str, names: tuple[st
             fits = fitted_among(longest, names, max(LONG, room - len(told) + len(longest)))
             told = told.replace(longest, fits, 1)
     if len(told) > room:  # at a blank: half a number reads as another one
-        told = f"{told[: max(1, room)].rpartition(' ')[0] or told[: max(1, room - 1)]}…"
+        begun = told[: max(1, room)].rpartition(" ")[0]
+        word, left = told[len(begun) + 1 :].partition(" ")[0], room - len(begun) - 1
+        if begun and len(word) > LONG <= left:  # a long name has room for its end
+            told = f"{begun} {fitted_among(word, (), left)}"
+        else:
+            told = f"{begun or told[: max(1, room - 1)]}…"
     return f"{head}{told:<{max(1, room)}}  {who}"[:width]
 
 

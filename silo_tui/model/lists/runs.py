@@ -64,8 +64,8 @@ class Widths(NamedTuple):
 def widths(found: Sequence[ListedRun], width: int, columns: int) -> Widths:
     """Return the widths of the columns beside a scrollbar: names whole where they fit, what no run has takes none."""
     episodes, task = any(one.facts.episodes for one in found), any(one.facts.task for one in found)
-    said = any(one.said for one in found)
-    room = width - 41 - columns * (VALUE_WIDTH + 1) - 6 * episodes - 9 * task - max(SAID_WIDTH, width // 4) * said
+    said = min(max(SAID_WIDTH, width // 4), max((cells(one.said) for one in found), default=0))
+    room = width - 41 - columns * (VALUE_WIDTH + 1) - 6 * episodes - 9 * task - (said and said + 1)
     longest = max((cells(one.facts.path) for one in found), default=0)
     return Widths(max(NAME_WIDTH, min(room, longest)), episodes, task)
 

@@ -19,6 +19,7 @@ TAIL = 5  # letters that a name keeps at its end
 LEAST_HEAD = 3  # letters of a word that tells names apart, where it isn't whole
 MARK = "…"
 MIN_WIDTH = 8
+WHOLE = 24  # cells of a label in a tree that columns give way to
 COUNTED = 4  # cells behind a label in a tree: how many entries it has
 _BETWEEN = re.compile(r"[\W_]+")
 _PARTS = re.compile(r"[^\W_]+|[\W_]+")  # words, and what stands between them
@@ -123,7 +124,9 @@ class NamesShown:
 
     @cached_property
     def readable(self) -> int:
-        """In how many cells three letters of each word that tells them apart have room."""
+        """In how many cells three letters of each word that tells them apart have room; one alone is read whole."""
+        if len(self._cleaned) == 1:
+            return self.longest
         return self._most(lambda parts, kept: _together(kept, next(_wishes(parts, kept))))
 
     def _most(self, of: Callable[[list[str], dict[int, Kept]], dict[int, Kept]]) -> int:
@@ -244,8 +247,11 @@ class NamesInTree:
 
     @cached_property
     def readable(self) -> int:
-        """In how many cells three letters of each word that tells labels apart have room."""
-        return max((_indent(above) + each.readable for above, each in self._labels.items()), default=0)
+        """In how many cells labels are told apart, and whole unless long: below other branches are others like them."""
+        return max(
+            (_indent(above) + max(each.readable, min(each.longest, WHOLE)) for above, each in self._labels.items()),
+            default=0,
+        )
 
     def fitted(self, name: str, width: int, count: str = "") -> str:
         """Return the label of a name, an element's or a branch's, as `NamesShown` does."""

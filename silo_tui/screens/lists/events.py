@@ -139,8 +139,8 @@ class EventsScreen(LoggerList[LoggedEvent]):
         return words(one, self.session.told)
 
     def head(self, width: int) -> str:
-        signs = f"   {GONE} rows gone" if any(map(self._is_gone, self.shown)) else ""
-        return f"  time                tick kind and what{signs}"
+        signs = f"   {GONE} no longer in memory" if any(map(self._is_gone, self.shown)) else ""
+        return f"{f'  time                tick kind and what{signs}':<{width - 5}}who"
 
     def going_on(self) -> Sequence[str]:
         count = many(len(self._all), "event")
