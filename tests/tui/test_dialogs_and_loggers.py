@@ -708,6 +708,18 @@ class SlowDemo:
         return self.said
 
 
+async def test_while_the_demo_starts_the_cursor_is_on_no_logger_of_others(fake, opened):
+    async with opened(fake, demo=SlowDemo(), ready=False) as screen:
+        await screen.shows("What is listed runs already, and is another one.")
+        lister = screen.app.screen
+        assert (lister.lines.highlighted, lister.chosen) == (None, None)
+        await screen.press("enter", "S")
+        await screen.settled()
+        assert screen.app.screen is lister and not fake.calls
+        await screen.press("j")  # who wants one of them goes there
+        await screen.until(lambda: lister.chosen is not None)
+
+
 async def test_while_the_demo_starts_nobody_is_told_that_no_logger_runs(opened):
     demo = SlowDemo()
     async with opened(demo=demo, ready=False) as screen:

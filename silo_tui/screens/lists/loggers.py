@@ -33,6 +33,7 @@ Press {demo} for the demo, a simulated legged robot, or start one:
 
 
 STARTING = "The demo is starting: a simulated legged robot, which opens here by itself."
+OTHERS = "What is listed runs already, and is another one."
 
 
 class LoggersScreen(ListScreen[FoundLogger]):
@@ -54,6 +55,7 @@ class LoggersScreen(ListScreen[FoundLogger]):
         self._all: list[FoundLogger] = []
         self.answers: dict[str, str] = {}  # by key, of the last command for many
         self._notes = "Looking for loggers …"
+        self._starting = False
 
     def above(self) -> ComposeResult:
         yield Static("silo", id="loggers-title", markup=False)
@@ -62,9 +64,9 @@ class LoggersScreen(ListScreen[FoundLogger]):
         self, found: Sequence[FoundLogger], forbidden: Sequence[str], problem: str = "", *, starting: bool = False
     ) -> None:
         """Show what was found; `starting`: the demo is on its way."""
-        self.found = tuple(found)
+        self.found, self._starting = tuple(found), starting
         waiting = WAITING.format(demo=key_of("demo"), quit=key_of("quit"))
-        advice = STARTING if starting else "" if found else waiting
+        advice = f"{STARTING} {OTHERS}" if starting and found else STARTING if starting else "" if found else waiting
         if len(found) > 1 and self._wanted and all(one.is_meant_by(self._wanted) for one in found):
             last = found[-1]
             one = f"{last.name}.{last.pid}" if last.pid else last.where
@@ -111,7 +113,9 @@ class LoggersScreen(ListScreen[FoundLogger]):
         return session.link.logger_key if session is not None and session.link is not None else ""
 
     def follow(self, known: str, place: int | None) -> int | None:
-        """Return it; the list begins with the logger that is open."""
+        """Return it; the list begins with the logger that is open, and on none of others while one's own starts."""
+        if place is None and self._starting:
+            return None
         begins = place is None and self._open_key in self.shown_keys
         return self.shown_keys.index(self._open_key) if begins else super().follow(known, place)
 
