@@ -283,7 +283,7 @@ def test_words_of_alarms_and_triggers_give_way_before_the_name_of_the_logger_and
     desk.session.triggers = [TriggerStatus(TriggerOptions("fall", "x > 1"), TriggerWord.FIRING)]
     desk.session.measured_hz = 200.0
     assert head(desk, 91) == at_end(f"{RUNS}  200.0 Hz slow", "1 alarm ended unseen  FIRES", 91)
-    assert head(desk, 77) == at_end(f"{RUNS[:-8]}  200.0 Hz slow", "1 alarm ended  FIRES", 77)
+    assert head(desk, 77) == at_end(f"{RUNS[:-8]}  200.0 Hz slow", "1 alarm unseen  FIRES", 77)
 
 
 def test_a_thin_link_is_told_at_the_end_with_as_much_as_has_room(desk, monkeypatch):
