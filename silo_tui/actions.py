@@ -490,8 +490,8 @@ COMMANDS: tuple[Command, ...] = (
             typed=_read(("goto",), "names", ":goto NAME", "put the cursor there", 5)),
     Command("unmark", "", "Unmark", "unmark everything", "Find and mark", (), typed=Typed(("unmark",))),
     Command("theme", "", "Theme", "choose other colours", "Go", ("any",), typed=_read(("theme",), "themes")),
-    Command("view", "", "Look at", "problems, the hottest, the noisiest, what is stuck or near a limit; a view that "
-            "was kept, or keep this one", "Look", _TABLE,
+    Command("view", "", "Hottest, stuck, …", "problems, the hottest, the noisiest, what is stuck or near a limit; a "
+            "view that was kept, or keep this one", "Look", _TABLE,
             typed=_read(("view",), "views", ":view [save] NAME",
                         "put a view on the screen, or keep it; robot:NAME is on the robot", 8)),
     Command("open", "", "Open a file", "look into a saved log of this machine; Esc comes back", "Go", (),

@@ -63,6 +63,14 @@ class Message(msgspec.Struct, frozen=True):
         return wall_clock(int(1e9 * self.at_s))
 
 
+class News(msgspec.Struct, frozen=True):
+    """What was heard and may not have been read: the newest of what it is `of`, and how often that came."""
+
+    told: Message
+    of: str = ""
+    times: int = 1
+
+
 PAGE_WORDS = "this page is read-only: one that `silo-tui --serve --control` serves changes, too; nothing was changed"
 
 
@@ -96,7 +104,7 @@ class Context:
         self._opening: Holding | None = None  # stands over the screen until what is opened is there
         self.told: deque[Message] = deque(maxlen=MOST_TOLD)  # all that was said, the newest last
         self.tour: Tour | None = None
-        self._unread: list[Message] = []  # news of the robot since a key was pressed
+        self._unread: list[News] = []  # news of the robot since a key was pressed
 
     # ---------------------------------------------------------------------------------------------- what is open
 
@@ -239,10 +247,10 @@ class Context:
         self.tell(lambda screen: screen.status_changed())
         self.tell(lambda screen: screen.update_keys())
 
-    def say(self, words: str) -> None:
-        """Show the result of something on the screen below any dialog."""
+    def say(self, words: str, *, hint: bool = False) -> None:
+        """Show the result of something on the screen below any dialog; or a `hint`, that a key did nothing."""
         if (screen := self.upper_screen) is not None:
-            screen.say(self._with_saved(words))
+            screen.say(self._with_saved(words), hint=hint)
 
     def _with_saved(self, words: str) -> str:
         return "; ".join(filter(None, [words, self._saved_first]))
@@ -262,10 +270,18 @@ class Context:
             self.told.append(told)
         return told
 
-    def hear(self, words: str) -> None:
-        """Tell news of the robot, on a line of their own."""
+    def hear(self, words: str, *, of: str = "") -> None:
+        """Tell news of the robot, on a line of their own; those `of` one thing count up in their place.
+
+        What happens often hides nothing that happened once.
+        """
         if words:
-            self._unread.append(self.note(self.shown(words), is_news=True))
+            told = self.note(self.shown(words), is_news=True)
+            at = next((at for at, news in enumerate(self._unread) if of and news.of == of), None)
+            if at is None:
+                self._unread.append(News(told, of))
+            else:
+                self._unread[at] = News(told, of, self._unread[at].times + 1)
             self.tell_upper(lambda screen: screen.show_news(self.news))
 
     @property
@@ -276,12 +292,14 @@ class Context:
             return tour
         before = len(self._unread) - 1
         more = f" ({before} more: {key_of('messages') or ':messages'})" if before else ""
-        newest = f"‣ {self._unread[-1].clock} {self._unread[-1].words}{more}"
+        told, times = self._unread[-1].told, self._unread[-1].times
+        often = f" ({times} ×)" if times > 1 else ""
+        newest = f"‣ {told.clock} {told.words}{often}{more}"
         return "\n".join(filter(None, [tour, newest]))
 
     def read_news(self) -> None:
         """Take news away that stood long enough: somebody goes on."""
-        if self._unread and time.time() - self._unread[-1].at_s >= messages.READ_S:
+        if self._unread and time.time() - self._unread[-1].told.at_s >= messages.READ_S:
             self.forget_news()
 
     def forget_news(self) -> None:
@@ -466,8 +484,7 @@ class SiloScreen(Leaving[None]):
             self._as_typed(command)
             return
         self.context.read_news()
-        for line in self.walk_children(MessageLine):
-            line.read()
+        self.read_said()
         if not self.context.allows(command):
             return
         places = (self, *self.parts, self.context.runner, self.app)
@@ -526,7 +543,7 @@ class SiloScreen(Leaving[None]):
     def on_key(self, event: events.Key) -> None:
         """Say of a key why it does nothing here; keys with a meaning don't come here."""
         if not isinstance(self.focused, Fleeting):
-            self.context.say(why_no_use(event.key, self.scope))
+            self.context.say(why_no_use(event.key, self.scope), hint=True)
 
     # ---------------------------------------------------------------------------------------------- the key bar
 
@@ -587,8 +604,7 @@ class SiloScreen(Leaving[None]):
         What was said long before may be over.
         """
         self.update_keys()
-        for line in self.walk_children(MessageLine):
-            line.read()
+        self.read_said()
         self.show_news(self.context.news)
         if not isinstance(self.focused, Fleeting):
             self.show_keys("")
@@ -635,19 +651,27 @@ class SiloScreen(Leaving[None]):
     def settings_changed(self) -> None:
         """Follow a change of the user's settings."""
 
-    def say(self, words: str, *, failed: bool = False) -> None:
-        """Show the result of something that was done, or that it was refused; as soon as the screen was made."""
+    def say(self, words: str, *, failed: bool = False, hint: bool = False) -> None:
+        """Show the result of something that was done, or that it was refused; as soon as the screen was made.
+
+        A `hint`, that a key did nothing, goes with the next that does something.
+        """
         words = self.context.shown(words)
         self.context.note(words)
         if self.is_there:
-            self.show_said(words, failed=failed)
+            self.show_said(words, failed=failed, hint=hint)
         else:
-            self.call_later(self.show_said, words, failed=failed)  # one that goes takes nothing any more
+            self.call_later(self.show_said, words, failed=failed, hint=hint)  # one that goes takes nothing any more
 
-    def show_said(self, words: str, *, failed: bool = False) -> None:
+    def show_said(self, words: str, *, failed: bool = False, hint: bool = False) -> None:
         """Show what is said in the line of messages."""
         for line in self.walk_children(MessageLine):
-            line.say(words, failed=failed)
+            line.say(words, failed=failed, hint=hint)
+
+    def read_said(self) -> None:
+        """Take away what stood there long enough, as somebody goes on."""
+        for line in self.walk_children(MessageLine):
+            line.read()
 
     def show_news(self, news: str) -> None:
         """Show news of the robot there."""

@@ -78,6 +78,7 @@ class MenuReader:
                 self._lines.remove()  # it takes a moment, in which another may be drawn
                 self._on.show_keys("")
                 self._on.cover_messages(False)
+                self._on.read_said()  # what it said of a letter
             self._on.update_keys()
         self._menu, self._on, self._timer, self._lines = "", None, None, None
 
@@ -99,7 +100,7 @@ class MenuReader:
             return
         if entries is None:
             self.draw()
-            screen.context.say(f"{key_text(key)} is not in the menu; {key_of('back')} leaves it")
+            screen.context.say(f"{key_text(key)} is not in the menu; {key_of('back')} leaves it", hint=True)
             return
         command = entries[0]
         letter, path = self._menu, self._path(key)
@@ -184,10 +185,10 @@ class MenuReader:
             value = (why[0] if of_all else "") if why else screen.value_now(command.id)
             entry = Text(f"({key_text(key)})" if why else f" {key_text(key)} ", style="" if why else "bold")
             words = f" {command.label}{': ' if value else ''}{value}"
-            if entry.cell_len + cell_len(words) > column - 2:  # no word is cut
+            if entry.cell_len + cell_len(words) > column - 1:  # no word is cut, and one blank stays
                 words = f" {command.label}"
             entry.append(words, style="not bold")
-            entry.truncate(column - 2, overflow="ellipsis")
+            entry.truncate(column - 1, overflow="ellipsis")
             drawn.append(entry)
         for row in range(rows):
             picture.append("\n")

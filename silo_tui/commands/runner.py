@@ -224,8 +224,8 @@ class CommandRunner:
     def command_theme(self, typed: Spelled = BY_KEY) -> None:
         words, known = typed.arguments, self._context.app.available_themes
         if not words:
-            choices = [Choice(each, each, each[0]) for each in THEMES]
             now = self._context.app.theme.removeprefix(theme_name(""))
+            choices = [Choice(each, f"{each}{', now' * (each == now)}", each[0]) for each in THEMES]
             body = f"Until silo-tui ends; {key_of('settings')}, then {key_of('write_settings')} keeps them."
             question = Question("Which colours?", body, choices, now)
             ask(self._context.app, question, lambda name: self.command_theme(Spelled("theme", (name,))))

@@ -467,7 +467,7 @@ class ElementsScreen(SiloScreen):
 
     def command_back(self) -> None:
         """Leave the inspector that was asked for, the range, the filter, the marks, the tour; never pending edits."""
-        rows, told = self.session.rows, ""
+        rows, told, is_hint = self.session.rows, "", False
         if self._inspector_opened:
             self.inspector_wanted = None
             self._lay_out(self.app.size.width)
@@ -483,8 +483,8 @@ class ElementsScreen(SiloScreen):
         else:
             here = {command.id for command in commands_for(self.scope)}
             ways = [f"{key_of(each)} {words}" for each, words in AWAY.items() if each in here and key_of(each)]
-            told = f"nothing to leave here: {', '.join(ways)}"
-        self.say(told)
+            told, is_hint = f"nothing to leave here: {', '.join(ways)}", True
+        self.say(told, hint=is_hint)
         self.table_changed()
 
     # --------------------------------------------------------------------------------------------- typed lines

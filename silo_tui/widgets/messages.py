@@ -45,19 +45,21 @@ class MessageLine(FittingLine):
         super().__init__()
         self.said = ""  # the answer to a key
         self._said_s = 0.0  # monotonic, when
-        self._failed = False
+        self._failed = self._hint = False
         self._news = ""
         self._rows = 1
         self._most_rows = MOST_ROWS
 
-    def say(self, words: str, *, failed: bool = False) -> None:
-        """Show an answer until the next one, or until somebody goes on who had time to read it."""
-        self.said, self._failed, self._said_s = words, failed, time.monotonic()
+    def say(self, words: str, *, failed: bool = False, hint: bool = False) -> None:
+        """Show an answer until the next one, or until somebody goes on who had time to read it; a `hint`, that a key
+        did nothing, until one does something.
+        """
+        self.said, self._failed, self._hint, self._said_s = words, failed, hint, time.monotonic()
         self.changed()
 
     def read(self) -> None:
-        """Take an answer away that stood long enough: what it is about goes on, and may have ended."""
-        if self.said and time.monotonic() - self._said_s >= READ_S:
+        """Take an answer away that stood long enough: what it is about goes on, and may have ended; a hint at once."""
+        if self.said and (self._hint or time.monotonic() - self._said_s >= READ_S):
             self.say("")
 
     def give_way(self) -> None:

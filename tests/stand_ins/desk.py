@@ -99,7 +99,7 @@ class Desk(Context):
         assert chosen is not None or answer in (ESC, None), f"{answer} is none of {offered}"
         return chosen or None
 
-    def say(self, words: str) -> None:
+    def say(self, words: str, *, hint: bool = False) -> None:
         self.said.append(self._with_saved(words))
 
     def fail(self, words: str) -> None:
@@ -154,7 +154,7 @@ class Sheet(SiloScreen):
     is_there = property(lambda self: self.there)  # type: ignore[assignment]
     is_modal = property(lambda self: self.modal)  # type: ignore[assignment]
 
-    def say(self, words: str, *, failed: bool = False) -> None:
+    def say(self, words: str, *, failed: bool = False, hint: bool = False) -> None:
         self.told.append(("failed: " if failed else "") + words)
 
     def show_news(self, news: str) -> None:

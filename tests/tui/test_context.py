@@ -144,6 +144,19 @@ def test_news_stand_one_below_the_other_and_the_newest_is_told_with_how_many_the
     assert desk.news == f"‣ tour 1 of 5\n‣ {clock} bob started (2 more: g m)"
 
 
+def test_news_of_one_thing_count_up_in_their_place_and_hide_no_other(desk):
+    desk.hear("fall fired at 1", of="triggered 'fall'")
+    desk.hear("bob stopped")
+    desk.hear("fall fired at 2", of="triggered 'fall'")
+    desk.hear("fall fired at 3", of="triggered 'fall'")
+    assert desk.heard.endswith("bob stopped (1 more: g m)"), "what came once stays"
+    assert [one.words for one in desk.told][-1] == "fall fired at 3", "each is kept among the messages"
+    desk.forget_news()
+    for at in range(58):
+        desk.hear(f"fall fired at {at}", of="triggered 'fall'")
+    assert desk.heard.endswith("fall fired at 57 (58 ×)")
+
+
 def test_news_go_at_a_key_once_they_could_be_read(desk, now):
     desk.read_news()
     assert desk.sheet.told == []
@@ -328,7 +341,7 @@ class Line(MessageLine):
     def read(self) -> None:
         self.told.append("read")
 
-    def say(self, words: str, *, failed: bool = False) -> None:
+    def say(self, words: str, *, failed: bool = False, hint: bool = False) -> None:
         self.told.append(("failed: " if failed else "") + words)
 
     def tell(self, news: str) -> None:

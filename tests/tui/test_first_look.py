@@ -50,6 +50,14 @@ async def test_the_line_below_tells_of_what_is_near_a_limit_in_words(fake, opene
         assert "near a limit:" not in screen.text
 
 
+async def test_the_menu_names_some_views_where_it_leads_to_them(fake, opened):
+    async with opened(fake, size=(80, 24)) as screen:
+        await screen.press("v")
+        await screen.shows("v  Hottest, stuck, …")
+        await screen.press("v")
+        await screen.shows("Look at what?")
+
+
 @pytest.mark.parametrize("letter", ["h", "n", "s", "p"])
 async def test_a_view_that_is_there_without_being_kept(fake, opened, letter):
     async with opened(fake.run()) as screen:

@@ -128,6 +128,15 @@ def test_every_column_of_the_tables_is_explained():
     assert all(column.title in told for column in COLUMNS)
 
 
+async def test_the_foot_offers_no_enter_for_what_is_only_to_be_read(fake, opened):
+    async with opened(fake, size=(80, 24)) as screen:
+        await screen.press("question_mark", "slash")
+        await screen.enter("browser")
+        await screen.shows("in a shell: all of it")
+        await screen.shows("Enter has no use here")
+        assert "Enter does it" not in screen.text
+
+
 async def test_help_is_searched_and_does_what_was_found(fake, opened):
     async with opened(fake) as screen:
         before = screen.value(screen.session.table.names[int(screen.session.rows.shown[0])], Field.ENABLED)

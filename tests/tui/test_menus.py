@@ -36,6 +36,9 @@ class Asked(Sheet):
     def cover_messages(self, covered):
         self.covered = covered
 
+    def read_said(self):
+        self.has_read = True
+
     def show_keys(self, instead):
         self.in_bar = instead
 

@@ -230,8 +230,11 @@ async def test_a_menu_that_waits_is_drawn_and_stays_at_an_unknown_letter(fake, o
         await screen.press("x")
         await screen.shows("none waits")
         assert drawn(screen)
+        await screen.press("k")
+        await screen.shows("k is not in the menu")
         await screen.press("escape")
         assert not drawn(screen)
+        assert "in the menu" not in screen.text, "what was said of a letter goes with the menu"
         await screen.press("j")
         assert screen.session.rows.position == 1
 
@@ -272,8 +275,15 @@ async def test_esc_that_has_nothing_to_leave_on_the_table_says_which_keys_lead_o
         await screen.press("escape")
         await screen.shows(f"nothing to leave here: {key_of('loggers')} the loggers, {key_of('quit')} quits")
         await screen.do("mark")
+        await screen.settled()
+        assert "nothing to leave" not in screen.text, "a key did something"
         await screen.press("escape")
         await screen.until(lambda: not screen.session.rows.marked_count)
+        await screen.press("f9")
+        await screen.shows("F9 is no key")
+        await screen.press("j")
+        await screen.settled()
+        assert "F9 is no key" not in screen.text
         assert "nothing to leave" not in screen.text
 
 

@@ -420,13 +420,15 @@ class OrderDialog(Dialog[str | None]):
         if found is not None or event.key in ("escape", "q"):
             self.dismiss(found)
         else:
-            cast(Any, self.app).context.say(f"{key_text(event.key)} is no letter of an order; {key_of('back')} leaves")
+            cast(Any, self.app).context.say(
+                f"{key_text(event.key)} is no letter of an order; {key_of('back')} leaves", hint=True
+            )
 
 
 class CommandLine(Dialog[str | None]):
     """Answers with the line that was entered; None on Esc. Plots are named and kept where they are seen."""
 
-    KEYS_HERE = "Enter does it  Tab completes  Esc leaves"
+    KEYS_HERE = "Enter does what is typed  Tab completes it  Esc leaves"
     AUTO_FOCUS = ""
 
     def __init__(

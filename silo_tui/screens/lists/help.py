@@ -291,7 +291,8 @@ class HelpScreen(Dialog[None]):
         text = page(found, self.size.width - 1, chosen) if found else Text(" Nothing holds these words. Esc: all again")
         self.query_one("#help-page", Static).update(text)
         typing = self.query_one(Line).display
-        keys = f"Enter {'finds' if typing else 'does it'}  ↑↓ Choose" if typing or words else "/ Search"
+        does = "Enter finds" if typing else "Enter does it" if chosen and chosen.command else "Enter has no use here"
+        keys = f"{does}  ↑↓ Choose" if typing or words else "/ Search"
         tab = "Tab This screen" if self._everywhere else "Tab All screens"
         self.query_one("#help-keys", Static).update(f" {keys}  {tab}  t Tour  j k Scroll  Esc Closes")
 

@@ -270,8 +270,8 @@ class ListScreen(SiloScreen, Generic[LineT]):
 
     # ---------------------------------------------------------------------------------------- what the app tells it
 
-    def show_said(self, words: str, *, failed: bool = False) -> None:
-        super().show_said(words, failed=failed)
+    def show_said(self, words: str, *, failed: bool = False, hint: bool = False) -> None:
+        super().show_said(words, failed=failed, hint=hint)
         self.show_words()
 
     def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:

@@ -221,7 +221,7 @@ class SettingsScreen(ListScreen[SettingRow]):
 class KeyDialog(Dialog[str | None]):
     """Takes the key that is pressed; None on Esc. A key that can't be is told, and another one waited for."""
 
-    KEYS_HERE = "the next key is taken  Esc leaves it as it was"
+    KEYS_HERE = "the next key you press is used  Esc leaves it as it was"
 
     def __init__(self, command: str, settings: Settings) -> None:
         super().__init__()
