@@ -76,7 +76,8 @@ def test_an_end_that_takes_its_time_is_told_until_it_is_over(monkeypatch):
     )
     of = SimpleNamespace(
         _order=SimpleNamespace(resume=False, order=None), _told_before=[], _why="it was stopped", _drain=None,
-        _look_for_gone=list, _drain_last=list, _settle=list, _send=sent.append, _report=lambda: (totals.state.value, totals.text),
+        _look_for_gone=list, _drain_last=list, _settle=list, _send=sent.append,
+        _report=lambda: (totals.state.value, totals.text),
     )  # fmt: skip
     assert Recorder._record(of, ledger) is RecorderState.ENDED
     ended = ("ended", "it was stopped; the end of 2 runs is in no file")
