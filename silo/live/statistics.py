@@ -343,8 +343,10 @@ class Tally:
         found, together = (sums.of("min"), np.fmin) if name == "least" else (sums.of("max"), np.fmax)
         for ring in self._rings:
             if ring.columns.norms:
-                norms = slice(ring.slots.start + len(ring.columns.entries), ring.slots.stop)
-                found[norms] = together.reduceat(found[ring.slots][ring.columns.vectors], ring.columns.starts)
+                begin = ring.slots.start + len(ring.columns.entries)
+                found[begin : begin + len(ring.columns.norms)] = together.reduceat(
+                    found[ring.slots][ring.columns.vectors], ring.columns.starts
+                )
         return found
 
     def _changed_s(self) -> Floats:

@@ -218,6 +218,8 @@ class TableScreen(ElementsScreen):
             self._show_filter()
             self.request_view_soon()
         self.table.live_changed()
+        if self.inspector.display:  # it writes the value as its row does
+            self.inspector.live_changed()
         self.info.refresh()
 
     @property

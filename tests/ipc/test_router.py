@@ -112,7 +112,7 @@ def test_a_change_that_the_router_keeps_from_the_robot_is_told_there_by_a_proven
             pytest.raises(RefusedError, match="not change"),
         ):
             viewer.save()
-        told = [one for one in operator.events() if one.kind == "denied" and "Save" in one.text]
+        told = [one for one in operator.events() if one.kind == "denied" and "save" in one.text]
     assert told[-1].who.startswith("bob (proven) from ")
 
 

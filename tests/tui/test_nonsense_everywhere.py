@@ -147,13 +147,13 @@ MOVES = {"list_down", "list_up", "list_top", "list_bottom", "list_page_down", "l
 @pytest.mark.parametrize("scope", ["table", "triggers", "alarms", "events", "recordings", "settings", "loggers"])
 async def test_no_key_is_silent_where_there_is_nothing_that_it_could_be_about(scope, new_fake, opened, monkeypatch):
     said = []
-    monkeypatch.setattr(Context, "say", lambda context, words: said.append(words))
+    monkeypatch.setattr(Context, "say", lambda context, words, **_: said.append(words))
     async with opened(new_fake([]), size=(100, 30), ready=False) as screen:
         await screen.until(lambda: screen.app.context.has_session, "the table")
         way = {**SCREENS, "loggers": ("ctrl+l",)}[scope]
         await screen.press(*way)
         upper = screen.app.context.upper_screen
-        monkeypatch.setattr(type(upper), "say", lambda screen, words: said.append(words))
+        monkeypatch.setattr(type(upper), "say", lambda screen, words, **_: said.append(words))
         silent = []
         for command in commands_for(scope):
             if command.id in ENDS | QUIET | MOVES or command.group == "Move":

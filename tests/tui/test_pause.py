@@ -12,6 +12,7 @@ from silo.conditions.requests import TriggerTried
 from silo.core.elements import BufferType
 from silo.history.requests import PinOpened
 from silo_tui.screens.dialogs.questions import Prompt
+from silo_tui.screens.lists.events import EventsScreen
 from silo_tui.screens.plots.plot_screen import PlotScreen
 from tests.stand_ins.fake_signals import HZ, START_NS, scalar, signal
 
@@ -357,13 +358,19 @@ async def test_the_highest_is_looked_for_in_all_that_the_buffers_hold(spiked, op
         assert held.covers(monitor(screen).window.at_ns)
 
 
-async def test_a_moment_that_the_buffers_lost_is_said_with_the_oldest_that_is_held(spiked, opened):
+async def test_a_moment_that_the_buffers_lost_is_said_with_the_oldest_that_is_held(spiked, opened, monkeypatch):
     fake = spiked(8000)
     fake.run(60)
     fake.happen("marker", "long ago", fake.started_ns + 10**9)
     async with opened(fake) as screen:
         await open_torque(screen)
         await screen.do("events", "enter")
+        await screen.shows("no plot has it: ")
+        assert isinstance(screen.app.screen, EventsScreen)
+        monkeypatch.setattr(
+            EventsScreen, "_is_gone", lambda *_: False
+        )  # of other elements it is held, for all it knows
+        await screen.press("enter")
         await screen.shows("overwritten, held is from -19.99")
         await screen.shows(" to 0.000 s")
         assert monitor(screen).window.cursor is None
