@@ -11,6 +11,7 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -104,9 +105,16 @@ class _Columns:
 def _marks_of(values: NDArray[Any], columns: NDArray[np.intp]) -> NDArray[np.uint64]:
     """Return numbers that differ where the bytes of values do, whatever their type; shape as theirs."""
     parts = np.ascontiguousarray(values).view(np.uint8).reshape(*values.shape, values.dtype.itemsize)
-    weights = np.random.default_rng(0).integers(1, 2**63, parts.shape[-1], np.uint64) * np.uint64(2) + np.uint64(1)
+    weights = _weights(parts.shape[-1])
     marks: NDArray[np.uint64] = parts.astype(np.uint64) @ weights * (2 * columns.astype(np.uint64) + np.uint64(1))
     return marks
+
+
+@cache
+def _weights(size: int) -> NDArray[np.uint64]:
+    """Return an odd number for each byte of a type; drawn once, not with each block of rows."""
+    weights: NDArray[np.uint64] = np.random.default_rng(0).integers(1, 2**63, size, np.uint64) | np.uint64(1)
+    return weights
 
 
 @dataclass
