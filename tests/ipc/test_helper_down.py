@@ -65,16 +65,20 @@ def test_who_asks_for_a_logger_that_is_down_is_told_so(down, capsys) -> None:
 
 @pytest.mark.parametrize("told", [True, False], ids=["said to be down", "not said yet"])
 def test_who_connects_meanwhile_waits_for_the_next_helper_process(bench, monkeypatch, told) -> None:
-    released = threading.Event()
+    released, say = threading.Event(), DownMark.set
 
     def release() -> None:
         broken.undo()
         released.set()
 
+    def say_late(mark: DownMark) -> None:
+        released.wait(DEADLINE_S)
+        say(mark)
+
     with monkeypatch.context() as broken:
         broken.setattr(serving, "HelperProcess", no_process)
         if not told:  # its program has not taken in yet that it died
-            broken.setattr(DownMark, "set", lambda _: released.wait(DEADLINE_S))
+            broken.setattr(DownMark, "set", say_late)
         killed = bench.serving.helper_pid
         os.kill(killed, signal.SIGKILL)
         wait_until(lambda: not discover().loggers and (discover().down or not told))

@@ -2,6 +2,7 @@
 
 import grp
 import itertools
+import functools
 import json
 import os
 import re
@@ -461,11 +462,16 @@ def test_control_is_kept_while_its_client_lives_and_released_with_it(bench) -> N
         assert bob.status().control is None
 
 
-def next_helper(bench, client: Client) -> Status:
-    """End the helper process by force; the status that the next one tells."""
+def next_helper(bench, *clients: Client) -> Status:
+    """End the helper process by force; the status that the next one tells, once all clients are connected to it."""
     killed = bench.serving.helper_pid
     os.kill(killed, signal.SIGKILL)
-    return wait_until(lambda: (told := answered_soon(client.status)) and told.helper_pid != killed and told)
+
+    def told_by_next(client: Client) -> Status | None:
+        told = answered_soon(client.status)
+        return told if told and told.helper_pid != killed else None
+
+    return [wait_until(functools.partial(told_by_next, client)) for client in clients][-1]
 
 
 def test_control_outlives_the_helper_process_with_what_is_left_of_its_time(bench) -> None:
@@ -473,7 +479,7 @@ def test_control_outlives_the_helper_process_with_what_is_left_of_its_time(bench
         anna.take_control(lease_s=600.0)  # as `silo control take --for` does, whose program ends then
         before = bob.status().control
         for _ in range(2):
-            after = next_helper(bench, bob).control
+            after = next_helper(bench, anna, bob).control
             assert (after.who, after.since_ns) == (before.who, before.since_ns)
             assert (after.until_ns, after.identity) == (before.until_ns, before.identity)
             with pytest.raises(RefusedError, match=r"anna@robot3 .* has control of bot .* ends in (\d\.\d+|10) min"):
