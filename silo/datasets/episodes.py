@@ -18,26 +18,38 @@ Pieces = Literal["runs", "episodes", "captures"]
 
 
 class EpisodeLog(NamedTuple):
-    """An episode: its name, what it is of the log, the same with what was `known` when it began, and its marks."""
+    """An episode: its name, of which run it is, its part of the log, the same with what was `known` when it began, and
+    its marks.
+    """
 
     name: str
+    source: str
     log: Log
     known: Log
     marked: Episode | None
 
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Where one that the program marked begins and ends."""
+        stamps = self.log.time_ns
+        return None if self.marked is None else (int(stamps.min()), int(stamps.max()))
 
-def pieces_of(log: Log, name: str, pieces: Pieces) -> list[EpisodeLog]:
-    """Return the episodes of a log with their names. Raises ElementError where it has none."""
+
+def pieces_of(log: Log, source: str, pieces: Pieces) -> list[EpisodeLog]:
+    """Return the episodes of a log. Raises ElementError where it has none."""
     if pieces not in get_args(Pieces):
         raise ElementError(f"episodes must be one of {', '.join(get_args(Pieces))}, got {pieces!r}")
-    if pieces == "captures" and not is_capture(Path(os.path.basename(name))):  # noqa: PTH119
+    if pieces == "captures" and not is_capture(Path(os.path.basename(source))):  # noqa: PTH119
         raise ElementError("it is no capture")
     if pieces != "episodes":
-        return [EpisodeLog(name, log, log, None)]
+        return [EpisodeLog(source, source, log, log, None)]
     found = [one for one in log.episodes if one.verdict != REDO]
     if not found:
         raise ElementError("no episode is marked in it that isn't to be done again")
-    return [EpisodeLog(f"{name}#{one.number}", log.clip(one), log._of_episode(one, known=True), one) for one in found]
+    return [
+        EpisodeLog(f"{source}#{one.number}", source, log.clip(one), log._of_episode(one, known=True), one)
+        for one in found
+    ]
 
 
 class SeenMoments:

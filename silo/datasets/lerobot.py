@@ -12,7 +12,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 from silo.analysis.log import Log
 from silo.analysis.opening import open_log
 from silo.core.arguments import INT64, path, shown, whole
-from silo.core.episodes.words import Episode
 from silo.core.recording import Progress
-from silo.datasets.episodes import Pieces, SeenMoments, facts_of, pieces_of, task_of, with_facts
+from silo.datasets.episodes import EpisodeLog, Pieces, SeenMoments, facts_of, pieces_of, task_of, with_facts
 from silo.datasets.frames import HOWS, Feature, FrameTable, How, frames, same_features, wanted_of, widths_of
 from silo.datasets.moments import Moments, merged
 from silo.datasets.npz import ENTRY, EpisodeFiles
@@ -159,29 +158,13 @@ def write_lerobot(
     return done
 
 
-class _Chosen(NamedTuple):
-    """One that counts, of which run it is, and what the program said of it."""
-
-    name: str
-    source: str
-    log: Log
-    known: Log
-    marked: Episode | None
-
-    @property
-    def span_ns(self) -> tuple[int, int] | None:
-        """Where one that the program marked begins and ends."""
-        stamps = self.log.time_ns
-        return None if self.marked is None else (int(stamps.min()), int(stamps.max()))
-
-
 def _episodes(
     runs: Sequence[str | os.PathLike[str] | Log],
     pieces: Pieces,
     where: str,
     done: DataSet,
     progress: Progress | None = None,
-) -> Iterator[_Chosen]:
+) -> Iterator[EpisodeLog]:
     """Those of the runs that count; the others are noted as left out."""
     whole_runs: dict[tuple[str, str], str] = {}  # those of which several parts may be given, by their ids
     for number, run in enumerate(runs):
@@ -201,15 +184,15 @@ def _episodes(
         except SiloError as error:
             done.left_out.append((source, str(error)))
             continue
-        for name, log, known, marked in found:
+        for one in found:
             try:
-                if where and not _holds(log if marked is None else with_facts(log, marked), where):
-                    done.left_out.append((name, f"'{where}' is not true at its end"))
+                if where and not _holds(one.log if one.marked is None else with_facts(one.log, one.marked), where):
+                    done.left_out.append((one.name, f"'{where}' is not true at its end"))
                     continue
             except SiloError as error:
-                done.left_out.append((name, str(error)))
+                done.left_out.append((one.name, str(error)))
                 continue
-            yield _Chosen(name, source, log, known, marked)
+            yield one
 
 
 def _holds(log: Log, expression: str) -> bool:
