@@ -44,19 +44,22 @@ class ListedRun:
         """The paths of its files, relative to the folder of the index."""
         return [one.path for one in self.files] or [self.facts.path]
 
+    @property
+    def stands(self) -> Sequence[Piece]:
+        """Where all of it stands: pieces of its files."""
+        return [(path, None) for path in self.paths]
+
     def signals_in(
-        self, runs: Mapping[str, Sequence[SignalFacts]], _episodes: Mapping[tuple[str, int], Sequence[SignalFacts]]
+        self, runs: Mapping[str, Sequence[SignalFacts]], episodes: Mapping[tuple[str, int], Sequence[SignalFacts]]
     ) -> list[SignalFacts]:
         """The facts of its scalars among those of all files, and of all episodes in them."""
-        return signals_of([runs.get(path, ()) for path in self.paths])
+        return signals_of(
+            [runs.get(path, ()) if number is None else episodes.get((path, number), ()) for path, number in self.stands]
+        )
 
     def has(self, path: Path) -> bool:
         """Whether a file is of it, though another one may be listed."""
         return path.absolute() in [(self.folder / one).absolute() for one in (*self.paths, *self.others)]
-
-    def pieces_of(self, episode: int) -> Sequence[Piece]:
-        """Where an episode stands."""
-        return self.pieces[episode] if self.pieces else [(self.facts.path, episode)]
 
     def by_file(self) -> "list[ListedRun]":
         """Return each of its files as a run by itself."""
@@ -95,7 +98,7 @@ class ListedRun:
     @property
     def signals(self) -> list[SignalFacts]:
         """Each scalar in a few numbers, from the index."""
-        return signals_of([self._of(path, None) for path in self.paths])
+        return signals_of([self._of(*piece) for piece in self.stands])
 
     @property
     def said(self) -> str:
@@ -186,18 +189,10 @@ class ListedEpisode(ListedRun):
         return " ".join(filter(None, [how, one.why, super().said, less]))
 
     @property
-    def signals(self) -> list[SignalFacts]:
-        """Each scalar in a few numbers, those of this episode, from the index."""
-        return signals_of([self._of(*piece) for piece in self.pieces_of(self.episode.number)])
-
-    def signals_in(
-        self, runs: Mapping[str, Sequence[SignalFacts]], episodes: Mapping[tuple[str, int], Sequence[SignalFacts]]
-    ) -> list[SignalFacts]:
-        """The same, of this episode."""
-        pieces = self.pieces_of(self.episode.number)
-        return signals_of(
-            [runs.get(path, ()) if number is None else episodes.get((path, number), ()) for path, number in pieces]
-        )
+    def stands(self) -> Sequence[Piece]:
+        """Where it stands: pieces of its run's files."""
+        number = self.episode.number
+        return self.pieces[number] if self.pieces else [(self.facts.path, number)]
 
     def open(self) -> "Log":
         """Open its part of the log. Raises as `silo.open_log`, and ElementError where the log lacks it by now."""
