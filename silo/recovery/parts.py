@@ -78,24 +78,21 @@ def close_part(path: Path) -> ClosedPart:
     final = path.with_name(path.name.removesuffix(".part"))
     with claimed_part(path) as file:
         scan = _scanned(file, path)
-        facts = scan.facts
-        samples = facts.samples(scan.counts) if facts is not None else 0
-        run, recorder = (facts.run, facts.recorder) if facts is not None else ("", "")
         if not any(scan.counts.values()):
             path.unlink()
-            return ClosedPart(path, 0, 0, run, recorder, scan.next_rows)
+            return _closed(path, scan)
         if final.exists():
             raise SaveError(f"{path}: can't get its name, as there is a {final.name}: rename that one and try again")
         if not scan.finished:
             mcap = McapWriter.continued(file, scan.begun)
-            mcap.add_metadata(TOTALS_METADATA, {"samples": str(samples), "closed": "later, its recorder was killed"})
+            samples = str(scan.facts.samples(scan.counts)) if scan.facts is not None else "0"
+            mcap.add_metadata(TOTALS_METADATA, {"samples": samples, "closed": "later, its recorder was killed"})
             mcap.finish(scan.counts, scan.start_ns, scan.end_ns)
         os.fsync(file.fileno())
         path.rename(final)
         with contextlib.suppress(OSError):  # some network file systems refuse that
             sync(final.parent)
-        found = os.fstat(file.fileno())
-        return ClosedPart(final, found.st_size, samples, run, recorder, scan.next_rows, found.st_ino, rows_of(scan))
+        return _closed(final, scan, os.fstat(file.fileno()))
 
 
 def finished_part(path: Path) -> ClosedPart | None:
@@ -103,16 +100,18 @@ def finished_part(path: Path) -> ClosedPart | None:
     try:
         with path.open("rb", buffering=0) as file:
             scan = _scanned(file, path)
-            found = os.fstat(file.fileno())
+            return None if scan.facts is None else _closed(path, scan, os.fstat(file.fileno()))
     except (OSError, FileFormatError):
         return None
-    facts = scan.facts
-    if facts is None:
-        return None
-    samples = facts.samples(scan.counts)
-    return ClosedPart(
-        path, found.st_size, samples, facts.run, facts.recorder, scan.next_rows, found.st_ino, rows_of(scan)
-    )
+
+
+def _closed(path: Path, scan: PartScan, found: os.stat_result | None = None) -> ClosedPart:
+    """What a part holds; without a file it held nothing, and is removed."""
+    run, recorder = (scan.facts.run, scan.facts.recorder) if scan.facts is not None else ("", "")
+    if found is None:
+        return ClosedPart(path, 0, 0, run, recorder, scan.next_rows)
+    samples = scan.facts.samples(scan.counts) if scan.facts is not None else 0
+    return ClosedPart(path, found.st_size, samples, run, recorder, scan.next_rows, found.st_ino, rows_of(scan))
 
 
 def rows_of(scan: PartScan) -> dict[int, int]:
