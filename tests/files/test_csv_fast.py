@@ -9,6 +9,7 @@ import pytest
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import FileFormatError
+from silo.files.csv import cells as reading_cells
 from silo.files.csv import writer
 from silo.files.csv.reader import read_csv
 from silo.files.csv.writer import write_csv
@@ -140,3 +141,20 @@ def test_a_column_is_told_as_the_type_that_its_values_have(cells, tmp_path):
     path.write_text("time,x\n" + "".join(f"{tick},{cell}\n" for tick, cell in enumerate(cells)))
     entry = read_csv(path).elements[0].entries[0]
     assert entry.dtype == entry.values.dtype.str
+
+
+@pytest.mark.parametrize("piece", [4, 8, 11, 1 << 20])
+@pytest.mark.parametrize("last", ['"never closed', "closed"])
+def test_a_name_of_two_lines_is_one_whatever_is_never_closed_far_below(last, piece, tmp_path, monkeypatch):
+    monkeypatch.setattr(reading_cells, "_PIECE", piece)
+    (tmp_path / "x.csv").write_text(f'"t\nime","a\nb"\n0,1\n1,{last}\n')
+    read = read_csv(tmp_path / "x.csv")
+    assert [element.name for element in read.elements] == ["a\nb"]
+    assert read.time_ns.tolist() == [0, 10**9]
+
+
+def test_a_line_without_end_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(reading_cells, "_LONGEST_LINE", 1 << 20)
+    (tmp_path / "x.csv").write_bytes(b"a" * (3 << 20))
+    with pytest.raises(FileFormatError, match="the line that begins at byte 0 has no end within 1,048,576 bytes"):
+        read_csv(tmp_path / "x.csv")

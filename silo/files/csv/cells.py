@@ -7,6 +7,8 @@ looked at where there are any.
 
 import contextlib
 import re
+from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import msgspec
@@ -14,11 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.decoding import json_decoder
+from silo.errors import FileFormatError
 
 QUOTE = b'"'
 _COMMA, LINE, _MARK, _RETURN, _NINE, _EXPONENT = b',\n"\r9e'
 _PIECE = 1 << 20  # bytes that are looked at together: they stay in the cache
 _ROWS_TOLD = 256  # of a plain table, rows that tell the types
+_LONGEST_LINE = 1 << 26  # a million columns with names of 64 bytes
 _WIDEST = 64  # bytes of a cell that are taken together; longer ones one by one
 _DOUBLE = 8  # bytes
 _BLANK = b" \t\r\v\f"
@@ -139,18 +143,62 @@ def unquoted(cell: bytes) -> bytes:
     return cell if match is None else QUOTE + match[1].replace(b'""', QUOTE)
 
 
+def first_record(text: NDArray[np.uint8], begin: int) -> tuple[list[bytes], int]:
+    """The cells of the first record from this byte on that isn't blank, and where the next one begins.
+
+    Only as much of the text is looked at as holds its end. Raises FileFormatError for a line that has none.
+    """
+    size = _PIECE
+    while True:
+        window = text[: begin + size]
+        whole = len(window) == len(text)
+        ends, *_, unclosed, _ = _separators(window, begin)
+        cells, following = next(_records(window, begin, ends), ([], len(text)))
+        if whole or (following <= len(window) and not begin <= unclosed < following):
+            return cells, min(following, len(text))
+        if size >= _LONGEST_LINE and LINE not in window[begin:]:
+            raise FileFormatError(f"the line that begins at byte {begin:,} has no end within {_LONGEST_LINE:,} bytes")
+        size *= 2
+
+
+def records(text: NDArray[np.uint8], begin: int) -> Iterator[list[bytes]]:
+    """The cells of each record from this byte on that isn't blank; a quoted cell may hold line breaks."""
+    ends, *_ = _separators(text, begin)
+    return (cells for cells, _ in _records(text, begin, ends))
+
+
+def _records(text: NDArray[np.uint8], begin: int, ends: Places) -> Iterator[tuple[list[bytes], int]]:
+    """The cells of each record, and where the next one begins."""
+    letters = text.data
+    lines = np.flatnonzero(_ends_line(text, ends))
+    for places in np.split(ends, lines + 1)[:-1]:
+        record = bytes(letters[begin : places[-1]]).removesuffix(b"\r")
+        cells = record.split(b",")
+        if QUOTE in record:
+            bounds = [-1, *(places - begin).tolist()]
+            cells = [record[one + 1 : other] for one, other in pairwise(bounds)]
+            cells = [unquoted(word) if (word := cell.lstrip()).startswith(QUOTE) else cell for cell in cells]
+        begin = int(places[-1]) + 1
+        if record.strip():
+            yield cells, begin
+
+
+def _ends_line(text: NDArray[np.uint8], ends: Places) -> NDArray[np.bool_]:
+    found: NDArray[np.bool_] = (ends == len(text)) | (text[np.minimum(ends, max(len(text) - 1, 0))] == LINE)
+    return found
+
+
 def find_cells(text: NDArray[np.uint8], begin: int, width: int) -> Cells:
     """The cells of a table of so many columns whose records begin at this byte; empty lines are none."""
     ends, count, plain, unclosed, has_blanks = _separators(text, begin)
     regular = width > 1 and len(ends) == width * count
     last = ends[width - 1 :: width] if regular else ends
-    is_line = (last == len(text)) | (text[np.minimum(last, max(len(text) - 1, 0))] == LINE)
     odd: list[tuple[int, int]] = []
-    if regular and is_line.all():
+    if regular and _ends_line(text, last).all():
         ends = ends.reshape(-1, width)
         starts = np.concatenate([ends[:1, -1] * 0 + begin, ends[:-1, -1] + 1])
     else:
-        lines = np.flatnonzero((ends == len(text)) | (text[np.minimum(ends, max(len(text) - 1, 0))] == LINE))
+        lines = np.flatnonzero(_ends_line(text, ends))
         counts = np.diff(lines, prepend=-1)
         starts = np.append(begin, ends[lines[:-1]] + 1)[: len(lines)]
         records = ~_blank(text, starts, ends[lines], counts)

@@ -22,7 +22,7 @@ from silo.core.elements import BufferType, Entry
 from silo.core.kinds import regroup
 from silo.core.recording import RecordedElement, Recording, lazy_entry
 from silo.errors import FileFormatError, LogNotFoundError, reason
-from silo.files.csv.cells import DIGITS, LINE, QUOTE, Cells, Words, as_numbers, find_cells, unquoted
+from silo.files.csv.cells import DIGITS, LINE, QUOTE, Cells, Words, as_numbers, find_cells, first_record, records
 from silo.files.csv.metadata import Column, NotThisTableError, restored, sidecar_of, spread, unpack
 from silo.files.silo.format import decode_text, first_stamp
 
@@ -31,8 +31,6 @@ _ROUNDED_NS = 1500  # by which seconds that went through a double may be off
 _SECOND = 1_000_000_000
 _MOST_NS = 2**63
 _MOST_DIGITS = 18  # of a number that surely is an int64
-_CELL = re.compile(rb'(?:\s*("(?:[^"]|"")*"(?!"))[^,]*|([^,]*))(?:,|$)')
-_CLOSED = re.compile(rb'(?:[^"]|"")*"(?!")[^,]*,?')  # the rest of a quoted cell, to where the next one begins
 _DECIMAL = re.compile(rb"([+-]?)(\d+)(?:\.(\d*))?")
 _TRUTHS = {b"true", b"false"}
 _NO_TIME = (b"", b"nan", b"-nan", b"nat", b"null", b"none")
@@ -72,7 +70,6 @@ _LIKE_TIME = re.compile(
     r"time|stamp|date|clock|sec|elapsed|^(?:minutes|hours|days|micros|millis|nanos)$|^\W*t(?![a-z0-9])", re.IGNORECASE
 )
 _MOST_OFFSETS = 1_000_000
-_LONGEST_LINE = 1 << 26  # a million columns with names of 64 bytes; a file of 1 TB without a line break is told at once
 _BOM = b"\xef\xbb\xbf"
 
 
@@ -101,7 +98,7 @@ def read_csv(path: str | os.PathLike[str]) -> Recording:
 def _parsed(text: NDArray[np.uint8], path: Path) -> Recording:
     warnings: list[str] = []
     begin = len(_BOM) if text[: len(_BOM)].tobytes() == _BOM else 0
-    head, begin = _record(text.data, begin)
+    head, begin = first_record(text, begin)
     if not head:
         raise FileFormatError("it is empty")
     if len(head) == 1 and (sign := next((one for one in b";\t|" if one in head[0]), None)):
@@ -110,7 +107,7 @@ def _parsed(text: NDArray[np.uint8], path: Path) -> Recording:
             f"pandas.read_csv(path, sep={chr(sign)!r}).to_csv(...)"
         )
     if _text(head[0]).endswith("time_s") and len(head) > 1 and re.fullmatch(rb"-?\d*", head[1]):
-        names, columns, time_ns = _from_rows(head, _records(text.data, begin), warnings)
+        names, columns, time_ns = _from_rows(head, records(text, begin), warnings)
         prefix = _text(head[0]).removesuffix("time_s").removesuffix("/")
     else:
         names, columns, time_ns = _from_columns(head, find_cells(text, begin, len(head)), warnings)
@@ -146,77 +143,6 @@ def _facts_beside(path: Path) -> bytes | None:
 
 
 # ---------------------------------------------------------------------------------------------------- text to columns
-
-
-def _record(text: memoryview, begin: int) -> tuple[list[bytes], int]:
-    """The cells of the first record from this byte on that isn't blank, and where the next one begins."""
-    lines: list[bytes] = []
-    first, is_open = begin, False
-    while begin < len(text):
-        end = _line_end(text, begin)
-        line, begin = bytes(text[begin:end]), end
-        if not lines and not line.strip():
-            continue
-        first = first if lines else end
-        lines.append(line)
-        is_open = _is_open(line, is_open)
-        if not is_open:
-            break
-    if is_open:  # to the end: that quote is a letter
-        lines, begin = lines[:1], first
-    return (_split(b"".join(lines).removesuffix(b"\n")) if lines else []), begin
-
-
-def _is_open(line: bytes, was_open: bool) -> bool:
-    """Whether a quoted cell goes on behind a line, which begins within one if it `was_open`."""
-    position = 0
-    if was_open:
-        match = _CLOSED.match(line)
-        if match is None:
-            return True
-        position = match.end()
-    while QUOTE in line[position:]:
-        match = _CELL.match(line, position)
-        assert match is not None  # anything is a cell
-        if match[1] is None and match[2].lstrip().startswith(QUOTE):
-            return True
-        position = match.end()
-    return False
-
-
-def _line_end(text: memoryview, begin: int) -> int:
-    """Where the line ends that begins there, its end included."""
-    for start in range(begin, min(len(text), begin + _LONGEST_LINE), 1 << 16):
-        place = bytes(text[start : start + (1 << 16)]).find(b"\n")
-        if place >= 0:
-            return start + place + 1
-    if len(text) - begin > _LONGEST_LINE:
-        raise FileFormatError(f"the line that begins at byte {begin:,} has no end within {_LONGEST_LINE:,} bytes")
-    return len(text)
-
-
-def _records(text: memoryview, begin: int) -> Iterator[list[bytes]]:
-    """The cells of each record; a quoted cell may hold line breaks."""
-    while begin < len(text):
-        cells, begin = _record(text, begin)
-        if cells:
-            yield cells
-
-
-def _split(record: bytes) -> list[bytes]:
-    record = record.removesuffix(b"\r")
-    if QUOTE not in record:
-        return record.split(b",")
-    cells: list[bytes] = []
-    position = 0
-    while position <= len(record):
-        match = _CELL.match(record, position)
-        assert match is not None  # anything is a cell
-        cells.append(match[2] if match[1] is None else unquoted(match[1]))
-        if not match[0].endswith(b","):
-            break
-        position = match.end()
-    return cells
 
 
 def _text(cell: bytes) -> str:
