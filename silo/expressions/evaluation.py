@@ -9,7 +9,7 @@ that are missing both begin anew. However the rows are cut into batches, the res
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -202,18 +202,6 @@ def _same(one: Ints, other: Ints) -> bool:
 
 
 @dataclass
-class _Memory:
-    """What a remembering function keeps: its last result, the sample before, its window."""
-
-    last: Any = np.nan
-    sample: Any = np.nan
-    whole: Ints | None = None  # the sample, where it is one that a float64 can't hold
-    last_whole: Ints | None = None  # likewise
-    time_ns: int = 0
-    window: Window | None = None
-
-
-@dataclass
 class SourceMemory:
     """The last row of a source: its tick, and values by element and entry."""
 
@@ -224,12 +212,15 @@ class SourceMemory:
 
 @dataclass
 class PartMemory:
-    """What a remembering function keeps; of integers beside the float64s what they may not hold."""
+    """What a remembering function keeps: its last result, the sample before, its window.
+
+    Of integers beside the float64s what they may not hold.
+    """
 
     last: np.ndarray
     sample: np.ndarray
-    time_ns: int
-    window: WindowMemory | None
+    time_ns: int = 0
+    window: WindowMemory | None = None
     last_whole: np.ndarray | None = None
     sample_whole: np.ndarray | None = None
 
@@ -260,7 +251,8 @@ class Evaluator:
             for column in expression.columns:
                 if column.source != OFF:
                     self._wanted[column.source].add((column.element, column.entry))
-        self._memories: dict[Remembered, _Memory] = {}
+        self._memories: dict[Remembered, PartMemory] = {}
+        self._windows: dict[Remembered, Window] = {}
         for expression in expressions:
             self._remember(expression.root)
         self.sources = tuple(self._sources)  # that are needed
@@ -277,8 +269,9 @@ class Evaluator:
             for one in part.parts:
                 self._remember(one)
         elif isinstance(part, Remembered):
-            window = Window(part.function, part.window_ns) if part.window_ns else None
-            self._memories[part] = _Memory(window=window)
+            if part.window_ns:
+                self._windows[part] = Window(part.function, part.window_ns)
+            self._memories[part] = PartMemory(np.asarray(np.nan), np.asarray(np.nan))
             self._remember(part.part)
 
     def feed(self, rows: Mapping[int, SourceRows]) -> Judged:
@@ -306,13 +299,8 @@ class Evaluator:
             SourceMemory(source, one.tick, [(*key, value) for key, value in one.values.items()])
             for source, one in self._sources.items()
         ]
-        parts = [
-            PartMemory(
-                np.asarray(one.last, np.float64), np.asarray(one.sample, np.float64), one.time_ns,
-                one.window.memory() if one.window else None, _kept(one.last_whole), _kept(one.whole),
-            )
-            for one in self._memories.values()
-        ]  # fmt: skip
+        windows = {part: window.memory() for part, window in self._windows.items()}
+        parts = [replace(one, window=windows.get(part)) for part, one in self._memories.items()]
         return EvaluatorMemory(sources, parts)
 
     def recall(self, memory: EvaluatorMemory) -> None:
@@ -339,11 +327,10 @@ class Evaluator:
         self._recall_parts(before.memory().parts)
 
     def _recall_parts(self, parts: Sequence[PartMemory]) -> None:
-        for own, part in zip(self._memories.values(), parts, strict=True):
-            own.last, own.sample, own.time_ns = part.last, part.sample, part.time_ns
-            own.last_whole, own.whole = part.last_whole, part.sample_whole
-            if own.window is not None and part.window is not None:
-                own.window.recall(part.window)
+        for part, kept in zip(self._memories, parts, strict=True):
+            self._memories[part] = replace(kept, window=None)
+            if kept.window is not None and part in self._windows:
+                self._windows[part].recall(kept.window)
 
     def _seen(self, sources: Sequence[int], grid: _Grid) -> Bools | None:
         if OFF in sources:
@@ -368,8 +355,8 @@ class Evaluator:
                     kept.values = {key: rows.columns[key][-1].item() for key in self._wanted[source]}
         for part, memory in self._memories.items():
             if part in self._made and len(self._made[part]):
-                memory.last = self._made[part][-1].copy()
-                memory.last_whole = self._made_whole[part][-1].copy() if part in self._made_whole else None
+                memory.last = np.array(self._made[part][-1])
+                memory.last_whole = np.array(self._made_whole[part][-1]) if part in self._made_whole else None
 
     # ------------------------------------------------------------------------------------------------ values
 
@@ -527,8 +514,8 @@ class Evaluator:
         if not len(grid.ticks):
             return samples  # type: ignore[no-any-return]
         breaks = grid.breaks()
-        if memory.window is not None:
-            made = memory.window.feed(grid.time_ns, samples, breaks)
+        if part in self._windows:
+            made = self._windows[part].feed(grid.time_ns, samples, breaks)
             return grid.without_missing(part.sources, made)
         before = np.concatenate([np.broadcast_to(memory.sample, (1, *samples.shape[1:])), samples[:-1]])
         before[breaks] = np.nan
@@ -536,17 +523,17 @@ class Evaluator:
         whole = self._whole(part.part, grid) if self._has_whole else None
         if whole is not None:
             made = self._stepped(part, memory, whole, made)
-        memory.whole = whole[-1].copy() if whole is not None else None
+        memory.sample_whole = np.array(whole[-1]) if whole is not None else None
         if part.function == "rate":
             elapsed = np.diff(grid.time_ns, prepend=memory.time_ns) * 1e-9
             elapsed[elapsed <= 0] = np.nan  # the clock was set back: no rate can be told
             made = made / (elapsed if made.ndim == 1 else elapsed[:, None])
-        memory.sample, memory.time_ns = samples[-1].copy(), int(grid.time_ns[-1])
+        memory.sample, memory.time_ns = np.array(samples[-1]), int(grid.time_ns[-1])
         return grid.without_missing(part.sources, made)
 
-    def _stepped(self, part: Remembered, memory: _Memory, whole: Ints, made: Floats) -> Floats:
+    def _stepped(self, part: Remembered, memory: PartMemory, whole: Ints, made: Floats) -> Floats:
         """Samples before, or differences to them, to the last digit as far as there are some."""
-        before = _whole_before(memory.whole, memory.sample, whole.shape[1:])
+        before = _whole_before(memory.sample_whole, memory.sample, whole.shape[1:])
         if before is None:
             made[0], before = np.nan, whole[0]  # what came before was rounded
         every = np.concatenate([before[None], whole])
@@ -588,10 +575,6 @@ def _meeting(values: Sequence[Value]) -> Sequence[Value]:
 def _modulo(number: int) -> Ints:
     """An integer modulo 2^64, as that of 64 bits with a sign."""
     return np.asarray(number % 2**64, np.uint64).astype(np.int64)
-
-
-def _kept(whole: Ints | None) -> Ints | None:
-    return None if whole is None else np.asarray(whole, np.int64)
 
 
 def _may_be_none(part: Part) -> bool:
