@@ -8,6 +8,7 @@ message stands; so a chunk is read with one indexed load per channel, and `open_
 
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -147,7 +148,7 @@ def _opened(file: Path, data: memoryview, check: bool = False) -> Recording | No
         return open_part(file, data, index, _attached(data, index, PART_ATTACHMENT, unpack_part), check)
     if FACTS_ATTACHMENT not in index.attachments:
         return None
-    facts: RecordingFacts = _attached(data, index, FACTS_ATTACHMENT, unpack_facts)
+    facts: RecordingFacts = _attached(data, index, FACTS_ATTACHMENT, partial(unpack_facts, RecordingFacts))
     if facts.version != FACTS_VERSION:
         raise ValueError(f"layout version {facts.version} is newer than this silo reads ({FACTS_VERSION})")
     if TIME_ATTACHMENT not in index.attachments:

@@ -30,12 +30,13 @@ from silo.core.runtime import disk_room, is_at, nearest, sync
 from silo.errors import SaveError, SiloError, reason
 from silo.files.atomic import check_room, open_part
 from silo.files.bags.message_groups import group_samples
+from silo.files.bags.metadata import pack_facts
 from silo.files.bags.writer import MAX_STAMP_NS, metadata_yaml, write_windows
 from silo.files.manifest import ClosedPart, Ledger, RunEntry, part_path
 from silo.files.mcap.writer import McapWriter, Write
 from silo.files.naming import log_path, next_run_number
 from silo.files.parts.events import event_messages
-from silo.files.parts.metadata import EVENTS_RING, LOST_METADATA, PART_ATTACHMENT, TOTALS_METADATA, pack_part
+from silo.files.parts.metadata import EVENTS_RING, LOST_METADATA, PART_ATTACHMENT, TOTALS_METADATA
 from silo.journal.folders import RECORDINGS, remember_folder
 from silo.recorder.event_tail import EventTail
 from silo.recorder.layout import ChannelLayout
@@ -87,7 +88,7 @@ class OpenPart:
         status = os.fstat(self._file.fileno())
         self.inode, self.device = status.st_ino, status.st_dev
         self._mcap = McapWriter(self._file, *layout.definitions, write=write)
-        self._mcap.attach(PART_ATTACHMENT, "application/zstd", pack_part(layout.facts(recorder, begin, since)))
+        self._mcap.attach(PART_ATTACHMENT, "application/zstd", pack_facts(layout.facts(recorder, begin, since)))
         self._rows: dict[int, int] = dict.fromkeys(layout.rings, 0)
         self._span: tuple[int, int] | None = None
         self._synced_s, self._synced_bytes = self.begun_s, 0

@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import silo
 from silo.cli.group import cli
-from silo.files.bags.metadata import pack_times, unpack_facts, unpack_times
+from silo.files.bags.metadata import RecordingFacts, pack_times, unpack_facts, unpack_times
 from silo.files.mcap import chunks as mcap_chunks
 from silo.files.mcap.damage import told_damage
 from silo.files.mcap.index import read_index
@@ -429,7 +429,7 @@ class TestSizes:
         import zstandard
 
         with pytest.raises(zstandard.ZstdError, match="announce more than"):
-            unpack_facts(zstandard.compress(b" " * (65 << 20)))
+            unpack_facts(RecordingFacts, zstandard.compress(b" " * (65 << 20)))
         times = np.arange(10_000_000) * 10**6
         assert unpack_times(pack_times(times))[-1] == times[-1]
 

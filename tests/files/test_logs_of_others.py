@@ -93,11 +93,11 @@ def test_a_bag_of_ros_1_without_an_index_says_what_makes_one(types, tmp_path):
 
 
 def test_a_chunk_that_unpacks_to_too_much_is_told(types, tmp_path, monkeypatch):
-    from silo.files.others import ros1_file
+    from silo.files.mcap import chunks
 
     write_bag(tmp_path / "x.bag", types, Writer.CompressionFormat.BZ2)
-    monkeypatch.setattr(ros1_file, "MOST_ROOM", 10)
-    monkeypatch.setattr(ros1_file, "MOST_RATIO", 1)
+    monkeypatch.setattr(chunks, "MOST_ROOM", 10)
+    monkeypatch.setattr(chunks, "MOST_RATIO", 1)
     with pytest.raises(FileFormatError, match="unpack to more than"):
         silo.open_log(tmp_path / "x.bag")
 

@@ -267,7 +267,7 @@ def facts_of(path: Path) -> RecordingFacts:
     index = read_index(data)
     assert index is not None
     at, _ = index.attachments[FACTS_ATTACHMENT]
-    return unpack_facts(attachment(record_at(data, at, Opcode.ATTACHMENT))[2])
+    return unpack_facts(RecordingFacts, attachment(record_at(data, at, Opcode.ATTACHMENT))[2])
 
 
 def damage_bag(files: list[Path], rng: random.Random) -> None:

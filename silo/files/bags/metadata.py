@@ -4,6 +4,8 @@ ROS messages hold no units, kinds, labels, dividers or buffer types, and no stam
 These structs are an attachment of the MCAP file (JSON, compressed); readers that don't know it skip it.
 """
 
+from typing import TypeVar
+
 import msgspec
 import numpy as np
 import zstandard
@@ -13,13 +15,14 @@ from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import BufferType, Entry, LoggedEvent, Stretch
 from silo.core.recording import NO_FAILURES, Failures
 from silo.decoding import json_decoder
-from silo.files.mcap.chunks import MOST_RATIO, MOST_ROOM
+from silo.files.mcap.chunks import most_room
 from silo.files.silo.format import Missing
 
 FACTS_ATTACHMENT = "silo/recording.json.zst"
 TIME_ATTACHMENT = "silo/time_ns.zst"
 FACTS_VERSION = 1
 _MAX_BYTES = 2**31
+Facts = TypeVar("Facts", bound=msgspec.Struct)
 
 
 class PlacedEntry(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -79,14 +82,14 @@ class RecordingFacts(msgspec.Struct, frozen=True, omit_defaults=True, rename={"c
     run: str = ""
 
 
-def pack_facts(facts: RecordingFacts) -> bytes:
-    """The attachment's bytes."""
+def pack_facts(facts: msgspec.Struct) -> bytes:
+    """An attachment's bytes."""
     return zstandard.compress(msgspec.json.encode(facts))
 
 
-def unpack_facts(data: bytes) -> RecordingFacts:
+def unpack_facts(kind: type[Facts], data: bytes) -> Facts:
     """Raises `zstandard.ZstdError` or `msgspec.MsgspecError` for damaged bytes."""
-    return json_decoder(RecordingFacts).decode(decompress(data, max(MOST_ROOM, MOST_RATIO * len(data))))
+    return json_decoder(kind).decode(_decompressed(data, most_room(data)))
 
 
 def pack_times(time_ns: NDArray[np.int64]) -> bytes:
@@ -98,11 +101,11 @@ def pack_times(time_ns: NDArray[np.int64]) -> bytes:
 def unpack_times(data: bytes) -> NDArray[np.int64]:
     """Raises `zstandard.ZstdError` or `ValueError` for damaged bytes."""
     # the stamps of a steady clock are packed as small as zeros
-    planes = np.frombuffer(decompress(data, _MAX_BYTES), dtype=np.uint8).reshape(8, -1)
+    planes = np.frombuffer(_decompressed(data, _MAX_BYTES), dtype=np.uint8).reshape(8, -1)
     return np.cumsum(np.ascontiguousarray(planes.T).reshape(-1).view("<i8"), dtype=np.int64)
 
 
-def decompress(data: bytes, most: int) -> bytes:
+def _decompressed(data: bytes, most: int) -> bytes:
     """What an attachment is. Raises ZstdError for damaged bytes, and for those that announce more than `most`."""
     # the size stands in the frame: refuse before allocating what a damaged frame claims
     if zstandard.frame_content_size(data) > most:

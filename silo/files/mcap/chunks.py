@@ -43,6 +43,11 @@ def mapped(file: BinaryIO) -> memoryview:
     return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
 
 
+def most_room(packed: bytes | memoryview) -> int:
+    """Return to how many bytes these may unpack."""
+    return max(MOST_ROOM, MOST_RATIO * len(packed))
+
+
 def unpack_chunk(body: memoryview) -> bytes | memoryview:
     """The records of a chunk; one that is not compressed stays a view of its file.
 
@@ -81,10 +86,10 @@ def _head(body: memoryview) -> tuple[int, int, str, memoryview]:
     compression = bytes(body[_HEAD.size : at]).decode(errors="replace")
     (packed,) = struct.unpack_from("<Q", body, at)
     content = body[at + 8 : at + 8 + packed]
-    if compression and size > max(MOST_ROOM, MOST_RATIO * len(content)):
+    if compression and size > (most := most_room(content)):
         raise ValueError(
-            f"a chunk is damaged: it announces {size:,} bytes, of {len(content):,} that are packed at most "
-            f"{max(MOST_ROOM, MOST_RATIO * len(content)):,} are believed"
+            f"a chunk is damaged: it announces {size:,} bytes, of {len(content):,} that are packed at most {most:,} "
+            "are believed"
         )
     return size, checksum, compression, content
 

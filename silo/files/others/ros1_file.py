@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.errors import FileFormatError
-from silo.files.mcap.chunks import MOST_RATIO, MOST_ROOM
+from silo.files.mcap.chunks import most_room
 from silo.files.optional_packages import need
 from silo.files.others.topics import Bad, Equal, FileTopic, equal
 
@@ -119,7 +119,7 @@ def _bounded(decompressor: Callable[[bytes], bytes]) -> Callable[[bytes], bytes]
     name = getattr(decompressor, "__module__", "") or ""
 
     def unpacked(data: bytes) -> bytes:
-        most = max(MOST_ROOM, MOST_RATIO * len(data))
+        most = most_room(data)
         if "bz2" in name:
             made = bz2.BZ2Decompressor().decompress(data, most + 1)
         elif "lz4" in name:

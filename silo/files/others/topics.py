@@ -9,7 +9,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from silo.core.names import grouped
-from silo.files.mcap.chunks import MOST_RATIO, MOST_ROOM
+from silo.files.mcap.chunks import most_room
 
 Equal = tuple[NDArray[np.int64], NDArray[np.uint8]]  # which messages, and their bytes, shape `(n, size)`
 Bad = list[tuple[NDArray[np.int64], str]]  # which messages can't be read, and why
@@ -83,7 +83,7 @@ class Unpacked:
 
 def _unpacked(data: bytes) -> bytes:
     """What a message is that is compressed by itself. Raises ValueError or ZstdError."""
-    most = max(MOST_ROOM, MOST_RATIO * len(data))
+    most = most_room(data)
     with zstandard.ZstdDecompressor().stream_reader(data) as stream:
         content: bytes = stream.read(most + 1)
     if len(content) > most:

@@ -7,12 +7,9 @@ known of every sample at which tick it was taken, and of every missing one that 
 from collections.abc import Mapping
 
 import msgspec
-import zstandard
 
-from silo.decoding import json_decoder
-from silo.files.bags.metadata import RecordingFacts, decompress
+from silo.files.bags.metadata import RecordingFacts, unpack_facts
 from silo.files.formats import OPEN_PART_ENDING
-from silo.files.mcap.chunks import MOST_RATIO, MOST_ROOM
 
 PART_ATTACHMENT = "silo/part.json.zst"
 PART_ENDING = OPEN_PART_ENDING
@@ -63,14 +60,9 @@ class PartFacts(msgspec.Struct, frozen=True):
         return sum(counts.get(channel, 0) for ring in self.value_rings for channel in ring.channels)
 
 
-def pack_part(facts: PartFacts) -> bytes:
-    """The attachment's bytes."""
-    return zstandard.compress(msgspec.json.encode(facts))
-
-
 def unpack_part(data: bytes) -> PartFacts:
     """Raises ZstdError, MsgspecError or ValueError for damaged bytes."""
-    facts = json_decoder(PartFacts).decode(decompress(data, max(MOST_ROOM, MOST_RATIO * len(data))))
+    facts = unpack_facts(PartFacts, data)
     if facts.version != PART_VERSION:
         raise ValueError(f"part version {facts.version} is newer than this silo reads ({PART_VERSION})")
     return facts
