@@ -9,7 +9,6 @@ import contextlib
 import logging
 import math
 import os
-import re
 import threading
 import time
 from collections import deque
@@ -24,7 +23,7 @@ from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
 from silo.core.arguments import real
 from silo.core.conditions import Conditions, TriggerOptions, TriggerWord
 from silo.core.elements import ElementInfo, LoggerOptions
-from silo.core.runtime import runtime_dir
+from silo.core.runtime import JUDGE_SUFFIX, runtime_dir
 from silo.errors import ElementError, SegmentError, SiloError, lacks_descriptors
 from silo.rpc.leases import Leases
 from silo.rpc.published import EventKind
@@ -40,8 +39,6 @@ if TYPE_CHECKING:
     from silo.conditions.segment_judge import JudgedStep, SegmentJudge
 
 IDLE_S = 0.1  # how often is looked whether there is a run with triggers
-
-STATE_NAME = re.compile(r".*\.judge").fullmatch  # of what a judge leaves; `silo.conditions.state_file` reads it
 
 WORST_PERIOD_S = 0.5  # how soon others see in the status what is violated
 ORDER_S = 1.5  # how long a client waits for the judge thread; it asks for 2 s
@@ -329,7 +326,7 @@ class Judge:
     def _step(self) -> float:
         if not self._looked:
             try:
-                if any(map(STATE_NAME, os.listdir(runtime_dir()))):  # noqa: PTH208  # nearly always there is none
+                if any(name.endswith(JUDGE_SUFFIX) for name in os.listdir(runtime_dir())):  # noqa: PTH208  # nearly always there is none
                     self._remembering().look()
             except (SegmentError, OSError) as error:  # no runtime folder: then there is nothing in it either
                 if lacks_descriptors(error):

@@ -18,14 +18,14 @@ from silo.conditions.state_file import JudgeState, Untold
 from silo.core.conditions import Conditions
 from silo.core.elements import LoggedEvent, SavedFile
 from silo.core.quantities.writing import and_more
-from silo.core.runtime import HELD_SUFFIX
+from silo.core.runtime import HELD_SUFFIX, JUDGE_SUFFIX
 from silo.errors import SegmentError, SiloError, StateError
 from silo.files.event_log import add_missing, read_events
 from silo.files.manifest import CaptureList
 from silo.recovery.left import log_start
 from silo.recovery.segments import claimed
 from silo.rpc.published import EventKind
-from silo.segment.held_runs import held_runs, is_due, is_live, program_of, remove
+from silo.segment.held_runs import held_runs, is_due, is_live, judge_path, program_of, remove
 from silo.segment.reader import SegmentReader
 
 WHY = "the program and its helper process died"
@@ -70,7 +70,7 @@ def _judged_to_its_end(reader: SegmentReader, folder: str, before: SegmentJudge 
     schema = reader.schema
     found = RecoveredCaptures([], [])
     try:
-        path = state_file.state_path(schema.logger, schema.run)
+        path = judge_path(schema.logger, schema.run)
         state = _known(reader, path)
     except OSError:
         found.is_whole = False  # it can't be read now
@@ -180,7 +180,7 @@ def recover_left(tell: Tell, wanted: Callable[[str, str], bool], home: str = "")
                         remove(reader.path)
     for path in state_file.all_states():
         with contextlib.suppress(SegmentError, OSError):  # a damaged one goes with its run
-            logger, _, run = path.name.removesuffix(state_file.SUFFIX).rpartition(".")
+            logger, _, run = path.name.removesuffix(JUDGE_SUFFIX).rpartition(".")
             if state_file.is_note(path):
                 if run not in runs_there(logger):
                     path.unlink()

@@ -19,7 +19,7 @@ from silo.conditions.state_file import JudgeState, KeptCapture, Untold
 from silo.errors import SegmentError
 from silo.files.manifest import CaptureList
 from silo.rpc.published import EventKind
-from silo.segment.held_runs import all_runs
+from silo.segment.held_runs import all_runs, judge_path
 from silo.state.events import EventNotifier
 
 KEEP_S = 1.0  # how often a state is stored in which only rows are new
@@ -144,7 +144,7 @@ class JudgeMemory:
         if failed:
             state = msgspec.structs.replace(state, failed=failed)
         try:
-            path = self._own.setdefault(run, state_file.state_path(self._logger, run))
+            path = self._own.setdefault(run, judge_path(self._logger, run))
             state_file.store_state(path, state)
             self._failing = False
         except (OSError, SegmentError) as error:

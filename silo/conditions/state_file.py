@@ -16,15 +16,14 @@ import numpy as np
 from silo.conditions.limit_judge import LimitMemory
 from silo.core.conditions import Conditions, TriggerOptions
 from silo.core.elements import ElementInfo
-from silo.core.runtime import process_start, runtime_dir, write_private
+from silo.core.runtime import JUDGE_SUFFIX, process_start, runtime_dir, write_private
 from silo.decoding import msgpack_decoder
 from silo.errors import SegmentError
 from silo.expressions.evaluation import EvaluatorMemory
 from silo.judging.triggers import Capture, Trigger
-from silo.segment.held_runs import Program, is_live, program_of
+from silo.segment.held_runs import Program, is_live, judge_path, program_of
 from silo.segment.layout import SegmentSchema
 
-SUFFIX = ".judge"
 _MAGIC = b"silo judge 1\n"
 
 
@@ -112,11 +111,6 @@ _encoder = msgspec.msgpack.Encoder(enc_hook=array_parts)
 _decoder = msgpack_decoder(JudgeState, array_of)
 
 
-def state_path(logger: str, run: str) -> Path:
-    """Return where the state of a run stands."""
-    return runtime_dir() / f"{logger}.{run}{SUFFIX}"
-
-
 def store_state(path: Path, state: JudgeState) -> None:
     """Replace the file as a whole. It needs to outlive a process, not the computer. Raises OSError."""
     body = _encoder.encode(state)
@@ -141,7 +135,7 @@ def note_begun(schema: SegmentSchema) -> None:
     if not schema.conditions.judged:
         return
     with _storing, contextlib.suppress(OSError, SegmentError):  # then a successor judges what it finds in the buffers
-        path = state_path(schema.logger, schema.run)
+        path = judge_path(schema.logger, schema.run)
         if not path.exists():
             try:
                 store_state(path, begun_state(schema))
@@ -169,5 +163,7 @@ def read_state(path: Path) -> JudgeState:
 
 def all_states(logger: str = "") -> list[Path]:
     """Return the files that judges left, of a logger or of all. Raises SegmentError without a runtime folder."""
-    found = sorted(path for path in runtime_dir().iterdir() if path.suffix == SUFFIX and not path.name.startswith("."))
+    found = sorted(
+        path for path in runtime_dir().iterdir() if path.suffix == JUDGE_SUFFIX and not path.name.startswith(".")
+    )
     return [path for path in found if logger in ("", path.stem.rpartition(".")[0])]

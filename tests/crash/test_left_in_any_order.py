@@ -24,7 +24,7 @@ from hypothesis.stateful import RuleBasedStateMachine, rule
 from silo.cli.codes import EXIT_FAILED
 from silo.cli.main import run
 from silo.conditions import left_captures, state_file
-from silo.conditions.state_file import begun_state, state_path, store_state
+from silo.conditions.state_file import begun_state, store_state
 from silo.core.elements import LoggedEvent, LoggerOptions
 from silo.core.runtime import boot_id, lock_as_writer, pid_namespace
 from silo.files.event_log import add_missing, append_events, event_log_path, read_events
@@ -38,7 +38,7 @@ from silo.logger.logger import Logger
 from silo.recordings import writing
 from silo.recovery.left import save_reader
 from silo.recovery.runs import find_all, look_back
-from silo.segment.held_runs import held_name
+from silo.segment.held_runs import held_name, judge_path
 from silo.segment.layout import ControlWord
 from silo.segment.reader import SegmentReader
 from tests.examples import examples
@@ -131,7 +131,7 @@ class Left(RuleBasedStateMachine):
         with contextlib.closing(SegmentReader(path)) as reader:
             schema = reader.schema
             if watched:
-                known = state_path("bot", schema.run)
+                known = judge_path("bot", schema.run)
                 store_state(known, begun_state(schema))
                 if "lives" in owner:
                     self.stays[known] = known.read_bytes()
@@ -171,7 +171,7 @@ class Left(RuleBasedStateMachine):
         path, data, values = self.run_of(ticks, watched=watched, owner=owner)
         self.place_run(held_name(path), data, owner)
         with contextlib.closing(SegmentReader(held_name(path))) as reader:
-            known = state_path("bot", reader.schema.run)
+            known = judge_path("bot", reader.schema.run)
             if watched and state == "begun":
                 store_state(known, begun_state(reader.schema))
             elif watched and state == "damaged":
@@ -184,7 +184,7 @@ class Left(RuleBasedStateMachine):
         path, data, _ = self.run_of(ticks, watched=True, owner="another boot")
         path.write_bytes(data)
         with contextlib.closing(SegmentReader(path)) as reader:
-            store_state(state_path("bot", reader.schema.run), begun_state(reader.schema))
+            store_state(judge_path("bot", reader.schema.run), begun_state(reader.schema))
         path.unlink()
 
     @rule(ticks=st.integers(1, 70), at=st.floats(0, 1), held=st.booleans())

@@ -14,7 +14,7 @@ import pytest
 import silo
 from silo.cli.main import run as silo_run
 from silo.client.client import Client
-from silo.conditions.state_file import read_state, state_path, store_state
+from silo.conditions.state_file import read_state, store_state
 from silo.core.conditions import TriggerWord
 from silo.core.runtime import boot_id, list_held, pid_namespace, process_start
 from silo.errors import LogWarning
@@ -22,7 +22,7 @@ from silo.files.event_log import read_events
 from silo.logger.serving import serving
 from silo.logger.serving.process import HelperProcess
 from silo.rpc.published import EventKind
-from silo.segment.held_runs import Program
+from silo.segment.held_runs import Program, judge_path
 from tests.ipc.conftest import no_process
 from tests.waiting import answered, freeze, wait_until
 
@@ -192,7 +192,7 @@ def test_a_damaged_state_is_told_and_nothing_fires_anew(bench, client, heard):
     heard.wait(EventKind.CAPTURED)
     pid = bench.serving.helper_pid
     freeze(pid)
-    path = state_path("bot", client.status and bench.logger._present.run.id)
+    path = judge_path("bot", client.status and bench.logger._present.run.id)
     path.write_bytes(path.read_bytes()[:-5])
     os.kill(pid, signal.SIGKILL)
     wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid)
@@ -254,12 +254,12 @@ def test_a_run_that_is_over_is_not_judged_anew_by_what_it_began_with(bench, clie
     bench.logger.restart(unsaved="clear")
     bench.ticks(1)
     # with that it is done with the run before: whose capture is written now, and whose rows are let go of after that
-    wait_until(lambda: not state_path("bot", run).exists() or not list_held())
+    wait_until(lambda: not judge_path("bot", run).exists() or not list_held())
     kill_helper(bench)
     judged(client, bench)
     wait_until(lambda: not list_held())
     assert [one.tick for one in happened(bench, EventKind.TRIGGERED, run)] == [10, 38]
-    wait_until(lambda: not state_path("bot", run).exists())
+    wait_until(lambda: not judge_path("bot", run).exists())
 
 
 def test_a_capture_of_a_run_whose_memory_is_gone_is_told_to_be_lost(bench, runtime):
@@ -364,17 +364,17 @@ def test_a_state_of_a_program_in_another_container_is_nobody_s_to_take_or_remove
     bench.logger.trigger("high", "x > 50")
     bench.logger.start()
     bench.ticks(60)
-    path = state_path("bot", bench.logger._present.run.id)
+    path = judge_path("bot", bench.logger._present.run.id)
     wait_until(path.exists)
     # of a program whose pid is ours there, and its helper process is frozen
     theirs = Program("bot", "c0ffee", os.getpid(), process_start(os.getpid()), boot_id(), pid_namespace() + 1)
     other = msgspec.structs.replace(read_state(path), run="theirs", program=theirs)
-    store_state(state_path("bot", "theirs"), other)
+    store_state(judge_path("bot", "theirs"), other)
     assert not other.is_orphan
     kill_helper(bench)
     wait_until(lambda: (now := answered(client.triggers)) and now.tick >= 60)
     assert not happened(bench, EventKind.BLIND)
-    assert read_state(state_path("bot", "theirs")) == other
+    assert read_state(judge_path("bot", "theirs")) == other
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ from silo.conditions.captures.files import write_capture
 from silo.conditions.captures.writer import CaptureWriter
 from silo.conditions.left_captures import recover_captures
 from silo.conditions.segment_judge import SegmentJudge
-from silo.conditions.state_file import KeptCapture, begun_state, note_begun, read_state, state_path, store_state
+from silo.conditions.state_file import KeptCapture, begun_state, note_begun, read_state, store_state
 from silo.core.elements import Action, BufferType, ElementOptions
 from silo.errors import SaveError, SegmentError
 from silo.files import naming
@@ -28,6 +28,7 @@ from silo.files.atomic import check_room, claimed, sweep_parts
 from silo.files.manifest import CaptureList
 from silo.recordings import writing
 from silo.rpc.published import EventKind
+from silo.segment.held_runs import judge_path
 from silo.segment.reader import SegmentReader
 
 LONG_S = 1.0  # what the first one waits for may never come: then it goes on
@@ -156,7 +157,7 @@ def test_a_capture_that_was_written_is_not_written_again_where_another_folder_is
     (buffer,) = judge.step().whole
     write_capture(buffer, str(tmp_path), CaptureList(str(tmp_path), "bot"), [])
     state = judge.state([KeptCapture(buffer.options, buffer.capture)], [], closed=False)
-    store_state(state_path("bot", state.run), orphaned(state))
+    store_state(judge_path("bot", state.run), orphaned(state))
     other = tmp_path / "other"
     other.mkdir()
     assert recover_captures(judge.reader, str(other)).files == []
@@ -176,7 +177,7 @@ def test_what_holds_over_a_cut_that_nobody_judged_is_judged_on(robot, signal, tm
         robot.collect()
     readers = [SegmentReader(run.segment.path) for run in robot._present.stretches]
     for one in readers:
-        store_state(state_path("bot", one.schema.run), orphaned(begun_state(one.schema)))
+        store_state(judge_path("bot", one.schema.run), orphaned(begun_state(one.schema)))
     before = recover_captures(readers[0], str(tmp_path))
     found = recover_captures(readers[1], str(tmp_path), before.judge if is_told else None)
     assert ["_long_" in file.path for file in found.files] == [True] * is_told
@@ -191,7 +192,7 @@ def test_of_many_captures_that_are_recovered_some_are_named_and_the_others_count
         KeptCapture(buffer.options, dataclasses.replace(buffer.capture, number=number)) for number in range(1, 8)
     ]
     state = judge.state(waiting, [], closed=True)
-    store_state(state_path("bot", state.run), orphaned(state))
+    store_state(judge_path("bot", state.run), orphaned(state))
     found = recover_captures(judge.reader, str(tmp_path))
     assert len(found.files) == 14  # in two formats
     told = "; ".join(found.texts)
@@ -201,7 +202,7 @@ def test_of_many_captures_that_are_recovered_some_are_named_and_the_others_count
 def test_what_a_judge_stores_while_its_run_is_noted_as_begun_stays(robot, monkeypatch):
     judge = judge_of(robot)
     judge.step()
-    path, write = state_path("bot", judge.reader.schema.run), state_file.write_private
+    path, write = judge_path("bot", judge.reader.schema.run), state_file.write_private
     stored = threading.Thread(target=store_state, args=(path, judge.state([], [], closed=False)))
 
     def while_another_writes(path, body):

@@ -10,13 +10,13 @@ import pytest
 
 import silo
 from silo.conditions.judge import Judge, _how_it_ended
-from silo.conditions.state_file import state_path
 from silo.core.elements import LoggedEvent
 from silo.errors import SegmentError
 from silo.helper import runs
 from silo.helper.runs import Runs
 from silo.logger.serving.answers import robot_state
 from silo.rpc.published import EventKind
+from silo.segment.held_runs import judge_path
 from silo.state.events import EventLog
 from silo.state.handover import RunOffer
 from silo.state.held_runs import HeldRuns
@@ -128,7 +128,7 @@ def test_what_clients_changed_is_stored_before_they_hear_of_it_and_rows_alone_on
     replica.take_run(RunOffer(present.run.id, present.path), os.open(present.path, os.O_RDONLY))
     held.take()
     judge = Judge(replica, Events(str(tmp_path)), held)
-    stored = state_path("bot", present.run.id)
+    stored = judge_path("bot", present.run.id)
     try:
         judge._step()
         seen = {stored.read_bytes()}

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from silo.conditions import state_file
 from silo.core import runtime
 from silo.helper import dead_robot
 from silo.helper.lanes import Lane
@@ -83,8 +82,7 @@ def test_the_page_of_threads_has_each_file_that_makes_a_lock() -> None:
 
 def test_the_page_of_the_runtime_folder_has_each_ending() -> None:
     endings = {value for name, value in vars(runtime).items() if name.endswith("_SUFFIX")}
-    endings |= {session.SOCKET_SUFFIX, state_file.SUFFIX}
-    endings |= {session.SOCKET_SUFFIX + one.value for one in session.Beside}
+    endings |= {session.SOCKET_SUFFIX, *(session.SOCKET_SUFFIX + one.value for one in session.Beside)}
     assert [one for one in sorted(endings) if f"{one}`" not in FOLDER] == []
 
 
