@@ -659,6 +659,5 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         )
         opened = self._call(request)
         pin = Pin(request.names, opened, KeepPin(pin=opened.pin, proof=own.proof), self._leases.forget)
-        self._connection.attach(pin)
         self._leases.add(pin)
         return pin

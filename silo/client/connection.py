@@ -291,10 +291,10 @@ class Connection:
         one.detach()
         self.attach(one)  # in the session that came meanwhile
 
-    def forget(self, one: Attachable) -> None:
-        """The thing was closed."""
+    def forget(self, one: object) -> None:
+        """The thing was closed, attached or not."""
         with self._lock:
-            self._attached.discard(one)
+            self._attached -= {one}
 
     def try_now(self) -> None:
         """Look for the helper process in the next round, where it is gone; nothing waits."""

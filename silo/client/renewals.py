@@ -63,19 +63,16 @@ class Renewals:
         with self._lock:
             self._due_s[view] = time.monotonic() + RENEW_S
 
-    def drop(self, leased: Leased) -> None:
-        """Renew a lease no more, and leave it to others to say so."""
+    def drop(self, leased: Leased) -> bool:
+        """Renew a lease no more, and leave it to others to say so; whether it was kept up until now."""
         with self._lock:
-            self._due_s.pop(leased, None)
             self._renewals.pop(leased, None)
+            return self._due_s.pop(leased, None) is not None
 
     def forget(self, view: "View | Stream | Pin") -> None:
         """Let a lease end, and say so to the helper process."""
         self._connection.forget(view)
-        with self._lock:
-            known = self._due_s.pop(view, None)
-            self._renewals.pop(view, None)
-        if known is not None and self._connection.connected:
+        if self.drop(view) and self._connection.connected:
             # nobody waits for the answer: if it gets lost, or the link just now, the lease ends the view
             with contextlib.suppress(ConnectionLostError):
                 self._connection.ask_later(self._signed(self._closing(view)), 1.0)

@@ -405,12 +405,6 @@ class Pin(Closing):
         """Its name in requests."""
         return self.opened.pin
 
-    def attach(self, session: zenoh.Session, root: Root, client: ClientId) -> None:
-        """Nothing is sent without being asked for."""
-
-    def detach(self) -> None:
-        """Nothing is sent without being asked for."""
-
     def refuse(self, text: str) -> None:
         """It is no more."""
         self.refused = text

@@ -27,7 +27,7 @@ from silo.live.requests import GetSurvey, Survey
 from silo.net.keys import may_use
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
-from silo.segment.layout import ElementSchema, EntrySchema
+from silo.segment.layout import EntrySchema
 from silo.segment.picking import RowPicker
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import Rows
@@ -153,9 +153,8 @@ class Tally:
         by_ring: dict[int, list[tuple[int, tuple[EntrySchema, ...]]]] = {}
         self._ring_of = np.zeros(len(elements), np.intp)
         for number, element in enumerate(elements):
-            ring, entries = _where(element)
-            by_ring.setdefault(ring, []).append((number, entries))
-            self._ring_of[number] = ring
+            by_ring.setdefault(element.watch_ring, []).append((number, element.watch_entries))
+            self._ring_of[number] = element.watch_ring
         self.lead = np.full(len(elements), -1, np.intp)
         self.other = np.full(len(elements), -1, np.intp)  # the slots of those that have no number
         self.slot_of: dict[str, int] = {}
@@ -187,7 +186,7 @@ class Tally:
         options = [element.info.options for element in elements]
         self._limits = np.array([max(1, each.size) for each in options], np.int64)
         self._fixed = np.array([each.buffer is BufferType.FIXED for each in options], np.bool_)
-        self._own = np.array([_where(element)[0] == element.live_ring for element in elements], np.bool_)
+        self._own = np.array([element.live_ring >= 0 for element in elements], np.bool_)
         self._periods = np.array([each.divider / reader.schema.frequency_hz for each in options])
         self._may_freeze = np.array(
             [all(one.dtype[1:2] in "iuf" and not one.labels for one in element.info.entries) for element in elements],
@@ -386,13 +385,6 @@ class Tally:
             pace_s = np.where(self._changes > 0, self._read_to_change_s / self._changes, np.nan)
         pace_s = np.append(pace_s, np.nan)[self.lead]
         return signs_of(finite, changed_s, pace_s, may_freeze, share, self._sizes.lost()).astype(float)
-
-
-def _where(element: ElementSchema) -> tuple[int, tuple[EntrySchema, ...]]:
-    """Return the ring in which every sample passes, else the element's own buffer."""
-    if element.live_ring >= 0 and len(element.live_entries) == len(element.info.entries):
-        return element.live_ring, element.live_entries
-    return element.ring, element.entries
 
 
 def _measure(ring: _Ring, now_s: float, frequency_hz: float) -> None:
