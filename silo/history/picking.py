@@ -1,6 +1,6 @@
 """Which words of which rings hold the samples of some names, and the rows between two moments. Pure rules."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -15,6 +15,7 @@ from silo.segment.picking import STAMPS, moved, words_with
 from silo.segment.rows import Rows, Words, stored_type
 from silo.state.replica import LoggerSnapshot
 
+BLOCK_BYTES = 4 * 2**20
 _STAMP_OF = {By.TICK: 0, By.TIME: 1}
 
 
@@ -164,6 +165,22 @@ def bounds(source: RingSource, group: RingGroup, start: int, end: int, by: By) -
     stop = head if end >= 2**62 else min(head, first_row(source, group.ring, by, end))
     begin = min(max(begin, oldest, 0), head)
     return begin, max(begin, stop)
+
+
+def blocks(source: RingSource, group: RingGroup, begin: int, end: int) -> Iterator[Rows]:
+    """Yield rows of a group from `begin` to before `end`, so few at a time that memory stays small.
+
+    What is overwritten meanwhile is left out: then rows don't go on where those before them end.
+    """
+    most = max(1, BLOCK_BYTES // group.row_bytes)
+    while begin < end:
+        rows = source.rows(group.ring, begin, min(most, end - begin), group.words)
+        if not len(rows) and rows.first <= begin:
+            return
+        rows = rows.part(rows.first, end)
+        begin = rows.first + len(rows)
+        if len(rows):
+            yield rows
 
 
 class PinnedRows:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from silo.core.quantities.writing import duration
-from silo.history.picking import PinnedRows, RingGroup, RowSelection, bounds, check_known, pick
+from silo.history.picking import PinnedRows, RingGroup, RowSelection, blocks, bounds, check_known, pick
 from silo.history.requests import By, OpenPin, PinOpened
 from silo.history.samples import MAX_NAMES
 from silo.net.keys import VIEW_ID, check_own, client_of_view
@@ -24,7 +24,6 @@ from silo.state.replica import LoggerSnapshot
 LEASE_S = 30.0
 MAX_PINS = 64
 MAX_PINNED_BYTES = 64 * 2**20  # of all clients together
-BLOCK_BYTES = 4 * 2**20
 
 
 @dataclass(frozen=True)
@@ -200,16 +199,12 @@ def _fitting(request: OpenPin, found: RowSelection, reader: SegmentReader, room:
 
 
 def _copy(reader: SegmentReader, stretch: _Stretch) -> Rows:
-    group, begin, end = stretch.group, stretch.begin, stretch.end
-    out = np.empty((end - begin, len(group.words)), np.uint64)
-    first, row = begin, begin
-    while row < end:
-        rows = reader.rows(group.ring, row, min(end - row, max(1, BLOCK_BYTES // group.row_bytes)), group.words)
-        rows = rows.part(rows.first, end)
-        if not len(rows) and rows.first <= row:
-            break
+    group, begin = stretch.group, stretch.begin
+    out = np.empty((stretch.end - begin, len(group.words)), np.uint64)
+    first = row = begin
+    for rows in blocks(reader, group, begin, stretch.end):
         if rows.first > row:
-            first = min(rows.first, end)  # a copy has no hole: the writer was faster than we
+            first = rows.first  # a copy has no hole: the writer was faster than we
         row = rows.first + len(rows)
         out[rows.first - begin : row - begin] = rows.words
-    return Rows(reader.schema.rings[group.ring], first, out[first - begin : max(first, min(row, end)) - begin])
+    return Rows(reader.schema.rings[group.ring], first, out[first - begin : row - begin])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from silo.core.recording import alike
 from silo.expressions.search import Finder, Looking
 from silo.expressions.span import HELD_PERIODS, Measuring
-from silo.history.picking import PinnedRows, RingGroup, RingSource, RowSelection, bounds, check_known, pick
+from silo.history.picking import PinnedRows, RingSource, RowSelection, blocks, bounds, check_known, pick
 from silo.history.requests import By
 from silo.history.search_requests import FindMoments, FoundIn, MeasureSpan, MomentsFound, SpanFacts, SpanMeasured
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
@@ -25,7 +25,6 @@ MAX_NAMES = 64
 MAX_MOMENTS = 10_000  # of all names together
 MAX_PINS = 16
 NOTHING_HELD = "nothing of that recording is held"
-BLOCK_BYTES = 4 * 2**20
 
 
 class SearchedRows:
@@ -186,19 +185,6 @@ def _blocks(
     """Return the samples of each name, block by block, oldest first; what is overwritten meanwhile is left out."""
     for number, group in enumerate(found.groups):
         entries = [(one.name, placed(one.entries[0])) for one in found.names if one.group == number]
-        for rows in _rows(source, group, start_ns, end_ns):
+        for rows in blocks(source, group, *bounds(source, group, start_ns, end_ns + 1, By.TIME)):
             for name, entry in entries:
                 yield name, rows.time_ns, rows.at(entry)
-
-
-def _rows(source: RingSource, group: RingGroup, start_ns: int, end_ns: int) -> Iterator[Rows]:
-    row, end = bounds(source, group, start_ns, end_ns + 1, By.TIME)
-    most = max(1, BLOCK_BYTES // group.row_bytes)
-    while row < end:
-        rows = source.rows(group.ring, row, min(most, end - row), group.words)
-        if not len(rows) and rows.first <= row:
-            return
-        rows = rows.part(rows.first, end)
-        row = rows.first + len(rows)
-        if len(rows):
-            yield rows

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from silo.core.arrays.columns import MAX_COLUMNS, MIN_COLUMN_NS, ColumnGrid, Gap, bins_of
 from silo.history import requests, search_requests
-from silo.history.picking import PinnedRows, RingSource, first_row
+from silo.history.picking import PinnedRows, RingGroup, RingSource, blocks, first_row
 from silo.history.pins import Pins
 from silo.history.requests import By, Columns, GetHistory
 from silo.history.samples import check_samples, samples
@@ -18,7 +18,6 @@ from silo.segment.reader import SegmentReader
 from silo.state.replica import LoggerSnapshot, Replica
 
 MAX_NAMES = 64
-BLOCK_BYTES = 4 * 2**20
 SPARE_ROWS = 64  # of the oldest some may be overwritten while they are read
 
 
@@ -62,7 +61,8 @@ def history(
             )
         element = schemas.get(found[0])
         if element is not None and found[1] < len(element.entries):
-            _want(wanted, element, signal, found[1])
+            for ring in {element.ring, element.watch_ring}:
+                wanted.setdefault(ring, {})[signal] = element.entries_in(ring)[found[1]]
             logged.append((signal, element))
     if source is not None:
         for ring, signals in wanted.items():
@@ -82,13 +82,6 @@ def history(
     )
 
 
-def _want(wanted: dict[int, dict[int, EntrySchema]], element: ElementSchema, signal: int, number: int) -> None:
-    """The element's own buffer and, where that isn't the one in which all samples pass, that one too."""
-    wanted.setdefault(element.ring, {})[signal] = element.entries[number]
-    if element.live_ring >= 0 and element.live_ring != element.ring:
-        wanted.setdefault(element.live_ring, {})[signal] = element.live_entries[number]
-
-
 def _fill(
     grid: ColumnGrid,
     reader: RingSource,
@@ -100,15 +93,8 @@ def _fill(
     picker = RowPicker(signals)
     if pinned is not None and not pinned.holds(ring, picker.words):
         return
-    block = max(1, BLOCK_BYTES // (8 * len(picker.words)))
-    head = reader.head(ring)
-    row = first_row(reader, ring, By.TIME, request.start_ns)
-    while row < head:
-        # fewer than `block` rows, or none, come too where the oldest were overwritten meanwhile: the newer follow
-        rows = reader.rows(ring, row, block, picker.words)
-        row = max(row + 1, rows.first + len(rows))
-        if not len(rows):
-            continue
+    begin = first_row(reader, ring, By.TIME, request.start_ns)
+    for rows in blocks(reader, RingGroup(ring, -1, picker.words), begin, reader.head(ring)):
         bins = bins_of(rows.time_ns, request.column_ns)
         for signal, values in picker.columns(rows):
             grid.add(signal, bins, values)
@@ -131,12 +117,12 @@ def _say_why_empty(
             grid.add_hole(signal, start, newest + 1, Gap.OFF)
     ends: dict[int, tuple[int, int, bool, bool]] = {}
     for signal, element in logged:
-        for ring in {element.ring, element.live_ring} - {-1}:
+        for ring in {element.ring, element.watch_ring}:
             ends.setdefault(ring, _ends(reader, ring, ticks))
         oldest_ns, newest_ns, overwritten, cut = ends[element.ring]
         resumed = newest + 1
-        if element.live_ring >= 0 and element.live_ring != element.ring:
-            resumed = ends[element.live_ring][0] // request.column_ns
+        if element.watch_ring != element.ring:
+            resumed = ends[element.watch_ring][0] // request.column_ns
         if overwritten:
             grid.add_hole(signal, start, oldest_ns // request.column_ns, Gap.OVERWRITTEN)
         if cut:

@@ -145,7 +145,7 @@ class Racing(SegmentReader):
 
 
 def test_history_is_whole_though_its_oldest_rows_are_overwritten_while_they_are_read(monkeypatch, tmp_path):
-    monkeypatch.setattr("silo.history.server.BLOCK_BYTES", 8 * 100 * 3)  # ten blocks: x has three words a row
+    monkeypatch.setattr("silo.history.picking.BLOCK_BYTES", 8 * 100 * 3)  # ten blocks: x has three words a row
     clock = [0]
     logger = silo.Logger("race", frequency=100, max_time=0, folder=tmp_path, clock=lambda: clock[0])
     x = np.zeros(())
