@@ -120,21 +120,18 @@ class NamesShown:
     @cached_property
     def least(self) -> int:
         """In how many cells all of them can be told apart; in fewer some get a number."""
-        return self._most(lambda parts, kept: kept)
+        return self._most(self._least_of)
 
     @cached_property
     def readable(self) -> int:
         """In how many cells three letters of each word that tells them apart have room; one alone is read whole."""
-        if len(self._cleaned) == 1:
-            return self.longest
-        return self._most(lambda parts, kept: _together(kept, next(_wishes(parts, kept))))
+        return self.longest if len(self._cleaned) == 1 else self._most(self._readable_of)
 
-    def _most(self, of: Callable[[list[str], dict[int, Kept]], dict[int, Kept]]) -> int:
+    def _most(self, of: Callable[[str], tuple[list[str], dict[int, Kept]]]) -> int:
         found = 0
         for name in self._cleaned.values():
             if cells(name) > found:
-                parts, kept = self._least_of(name)
-                found = max(found, min(cells(name), cells(_written(parts, of(parts, kept)))))
+                found = max(found, min(cells(name), cells(_written(*of(name)))))
         return found
 
     def fitted(self, name: str, width: int, count: str = "") -> str:
@@ -169,17 +166,19 @@ class NamesShown:
         parts, kept = self._least_of(name)
         if cells(words := _written(parts, kept)) > width:
             return _last(words, width)
-        for wishes in _wishes(parts, kept):
-            if (together := _together(kept, wishes)) == kept:
-                continue
-            if cells(_written(parts, together)) <= width:
-                kept = together
-                continue
-            for wish in wishes:
-                kept = _as_has_room(parts, kept, wish, width)
-            if cells(words := _written(parts, kept)) == width:
-                return words
-        return _written(parts, _begun(parts, kept, width))
+        for ats, letters, least in _wishes(parts, kept):
+            kept = _grown(parts, kept, ats, letters, least, width)
+        *levels, slash = [-1, *(at for at, part in enumerate(parts) if "/" in part)]
+        if levels and not any(any(kept[at]) for at in range(slash) if _is_word(parts[at])):
+            first = next(at for at, part in enumerate(parts) if _is_word(part))
+            kept = _grown(parts, kept, [first, slash], len(parts[first]), LEAST_HEAD, width)
+        return _written(parts, kept)
+
+    def _readable_of(self, name: str) -> tuple[list[str], dict[int, Kept]]:
+        """Return the same with three letters of each word that tells it apart."""
+        parts, kept = self._least_of(name)
+        words = (at for at in _told(parts, kept) if kept[at][1] < TAIL)
+        return parts, kept | {at: (max(LEAST_HEAD, kept[at][0]), kept[at][1]) for at in words}
 
     def _least_of(self, name: str) -> tuple[list[str], dict[int, Kept]]:
         """Return the parts of a name, and what of each tells it from the other names; of its last word the end too."""
@@ -294,51 +293,40 @@ def _is_word(part: str) -> bool:
     return part[0].isalnum()
 
 
-def _wishes(parts: Sequence[str], kept: Mapping[int, Kept]) -> Iterator[list[dict[int, Kept]]]:
-    """Yield what a name has beside what tells it apart, what it needs most first; each together or one by one."""
-    whole = {at: (len(part), 0) for at, part in enumerate(parts)}
-    words = sorted((at for at in kept if any(kept[at]) and _is_word(parts[at])), key=lambda at: len(parts[at]))
-    yield [{at: (LEAST_HEAD, 0)} for at in words if kept[at][1] < TAIL]
-    yield [{at: whole[at]} for at in kept if "/" in parts[at] and {at - 1, at + 1} & set(words)]
-    yield [{at: whole[at]} for at in words]
-    levels: dict[int, list[int]] = {}
-    for at in filter(lambda at: _is_word(parts[at]), reversed(range(len(parts)))):
-        levels.setdefault(sum("/" in part for part in parts[:at]), []).append(at)
-    yield [{at: whole[at]} for at in next(iter(levels.values()), [])[-1:]]  # of the last one the first word tells most
-    for level in sorted(levels.values(), key=lambda level: not set(level) & set(words)):
-        yield from ([{at: whole[at] for at in level[:count]}] for count in range(1, len(level) + 1))
+def _told(parts: Sequence[str], kept: Mapping[int, Kept]) -> list[int]:
+    """Return which words tell a name apart, the shortest first."""
+    return sorted((at for at in kept if any(kept[at]) and _is_word(parts[at])), key=lambda at: len(parts[at]))
 
 
-def _as_has_room(parts: Sequence[str], kept: dict[int, Kept], wish: dict[int, Kept], width: int) -> dict[int, Kept]:
-    """Return what is kept with a wish, with some of its letters where a part has no room for all of them."""
-    if cells(_written(parts, wished := _together(kept, [wish]))) <= width:
-        return wished
-    at = next(iter(wish))
+def _wishes(parts: Sequence[str], kept: Mapping[int, Kept]) -> Iterator[tuple[Sequence[int], int, int]]:
+    """Yield what a name has beside what tells it apart, what it needs most first, as `_grown` takes it.
+
+    A few letters are read as a whole word: of one that tells nothing some begin the last level, or the name, alone.
+    """
+    words, levels, whole = _told(parts, kept), [list[int]()], list(map(len, parts))
+    for at in reversed(range(len(parts))):
+        if _is_word(parts[at]):
+            levels[-1].append(at)
+        elif "/" in parts[at]:
+            levels.append([])
+    yield from (([at], min(LEAST_HEAD, whole[at]), 1) for at in words if kept[at][1] < TAIL)
+    slashes = [at for at in kept if "/" in parts[at] and {at - 1, at + 1} & set(words)]
+    yield from (([at], whole[at], 1) for at in (*slashes, *words))
+    yield from (([at], whole[at], min(LEAST_HEAD, whole[at])) for at in levels[0][-1:])  # it tells most
+    for level in sorted(levels, key=lambda level: not set(level) & set(words)):
+        yield from ((level[:count], whole[level[0]], whole[level[0]]) for count in range(1, len(level) + 1))
+
+
+def _grown(
+    parts: Sequence[str], kept: dict[int, Kept], ats: Sequence[int], letters: int, least: int, width: int
+) -> dict[int, Kept]:
+    """Return what is kept with so many letters of a part, or as many (`least` or more) as have room, others whole."""
+    at, *others = ats
     head, tail = kept[at]
-    more = min(len(parts[at]) - head - tail, width - cells(_written(parts, kept)))
-    while more > 0 and cells(_written(parts, kept | {at: (head + more, tail)})) > width:
-        more -= 1
-    last_level = max((slash for slash, part in enumerate(parts) if "/" in part), default=-1) + 1
-    begins = at == last_level and more >= LEAST_HEAD  # letters of another word would be read as all of it
-    return kept | {at: (head + more, tail)} if head + tail or begins else kept
-
-
-def _begun(parts: Sequence[str], kept: dict[int, Kept], width: int) -> dict[int, Kept]:
-    """Return what is kept with the beginning of the name, where nothing tells its name space and letters have room."""
-    at = next((at for at, part in enumerate(parts) if _is_word(part)), 0)
-    levels = range(max((slash for slash, part in enumerate(parts) if "/" in part), default=0))
-    if any(any(kept[each]) for each in (at, *levels) if _is_word(parts[each])):
-        return kept
-    following = next(later for later in range(at, len(parts)) if any(kept[later]))
-    slashes = [each for each in (*range(at), following - 1) if not _is_word(parts[each])]
-    beside = {each: (len(parts[each]), 0) for each in slashes}
-    begun = (kept | beside | {at: (more, 0)} for more in range(len(parts[at]), LEAST_HEAD - 1, -1))
-    return next((each for each in begun if cells(_written(parts, each)) <= width), kept)
-
-
-def _together(kept: dict[int, Kept], wishes: Iterable[dict[int, Kept]]) -> dict[int, Kept]:
-    wished = [each for wish in wishes for each in wish.items()]
-    return kept | {at: (max(head, kept[at][0]), max(tail, kept[at][1])) for at, (head, tail) in wished}
+    beside = kept | {each: (len(parts[each]), 0) for each in others}
+    most = min(letters, head + 1 + width - cells(_written(parts, kept)))  # one stands where a sign did
+    grown = (beside | {at: (more, tail)} for more in range(most, max(head, least) - 1, -1))
+    return next((each for each in grown if cells(_written(parts, each)) <= width), kept)
 
 
 def _written(parts: Sequence[str], kept: Mapping[int, Kept]) -> str:
