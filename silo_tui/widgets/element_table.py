@@ -26,70 +26,34 @@ from silo_tui.model.table.cells import ENTRY, Sight
 from silo_tui.model.table.columns import (
     ADDED,
     FILE_SETS,
+    FLAGS,
     LIVE_SETS,
     NAME,
-    NAME_ROOM,
     SETTINGS,
     STATE,
     TREE,
-    ColumnShown,
+    Layout,
     TableColumn,
     in_set,
-    shown_columns,
+    laid_out,
 )  # fmt: skip
 from silo_tui.model.table.facts import STATISTICS
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.rows import RowList
 from silo_tui.model.table.tree import entry_of, row_of
 from silo_tui.model.words import text
-from silo_tui.model.words.names import (
-    MIN_WIDTH,
-    NamesInTree,
-    NamesShown,
-    among,
-    in_tree,
-    inside,
-    shared_space,
-    space_words,
-)  # fmt: skip
+from silo_tui.model.words.names import MIN_WIDTH, Told, among, in_tree, inside, shared_space, space_words
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import pace_of
 from silo_tui.unforeseen import Guarded
 from silo_tui.widgets.lines import CURSOR, MARKED, ON_MARKED
 from silo_tui.widgets.styled import Styled
 
-FLAGS = 2
 TREND = 10
 MOST_TOLD = 1000  # names that are told apart from those that are shown alone; of more all are looked at, once
 DERIVED = "="  # the sign of what is computed from others
 EDITED = "E"  # and of what is logged otherwise than its program began with, as events tell edits
 MAX_STRIPS = 4000
-
-
-class Told(NamedTuple):
-    """Names that are told apart, below the namespace `space` that those that are shown share: it stands in the head."""
-
-    space: str
-    names: NamesShown | NamesInTree
-
-    def fitted(self, name: str, width: int, count: str = "") -> str:
-        """Return a name as it fits, a tree's last level alone; with how many entries it has where that has room."""
-        return self.names.fitted(inside(self.space, name), width, count)
-
-
-class Layout(NamedTuple):
-    """What stands where in a table of some width: names, settings up to `rest`, then what is measured, the rail.
-
-    `left_out` has the columns for which there is no room.
-    """
-
-    width: int
-    told: Told
-    names: int
-    steady: list[ColumnShown]
-    rest: int
-    measured: list[ColumnShown]
-    left_out: tuple[str, ...]
 
 
 class Content(NamedTuple):
@@ -176,63 +140,24 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         """The columns of the set, and that of the order: nobody sees by what rows are ordered without it."""
 
         def is_wanted(column: TableColumn) -> bool:
-            if column.gives(self.rows.sort):
-                return True
-            if column.measured or not in_set(column, self.column_set, wide=self._wide):
-                return in_set(column, self.column_set, wide=self._wide)
-            if self._bare and column is not self._known[0]:
-                return False
-            return not self.chosen_columns or column.title in self.chosen_columns
+            if column.gives(self.rows.sort) or not in_set(column, self.column_set, wide=self._wide):
+                return column.gives(self.rows.sort)
+            chosen = self.chosen_columns or [column.title]
+            return column.measured or (column.title in chosen and not (self._bare and column is not self._known[0]))
 
         return [column for column in self._known if is_wanted(column)]
 
     @property
     def laid(self) -> Layout:
         """What stands where."""
-        told = self._names_told()
+        told, sight = self._names_told(), self.sight
         if self._laid is None or self._laid.width != self.size.width or self._laid.told != told:
             self._forget()
-            self._laid = self._laid_out(told)
+            value, units = self._needed()
+            self._laid = laid_out(self.size.width, told, self._offered, sight, self.rows.sort, value, units)
+            numbers = {each.title: cells for each, cells in self._laid.measured if each.title in ("value", *STATISTICS)}
+            sight.room, sight.value_room = min(numbers.values(), default=11), numbers.get("value", 11)
         return self._laid
-
-    def _laid_out(self, told: Told) -> Layout:
-        """Lay out: what tells names apart comes first, then columns in their order, whole units, and names whole.
-
-        What names don't need is for statistics, and the entries of vectors.
-        """
-        width, sight, sort = self.size.width, self.sight, self.rows.sort
-        needed = max(NAME_ROOM, min(told.names.readable, width // 2))
-        of = [each for each in self._offered if each.measured]
-        least = [each.width if each.title in STATISTICS else each.width_in(sight, width) for each in of]
-        widths = [max(cells, (1 + len(each.title)) * each.gives(sort)) for each, cells in zip(of, least, strict=True)]
-        rest = width - 1 - sum(1 + cells for cells in widths if cells)
-        offered = [(each, each.width_in(sight, rest)) for each in self._offered if not each.measured]
-        offered += zip(of, widths, strict=True)
-        shown = shown_columns(offered, width - 1 - FLAGS, needed, sort)
-        left_out = tuple(each.title for each, cells in offered if cells and (each, cells) not in shown)
-        names = max(MIN_WIDTH, width - 1 - FLAGS - sum(1 + cells for _, cells in shown))
-        value, units = self._needed()
-        longest = min(told.names.longest, max(needed, width // 2))
-        for at, (each, cells) in enumerate(shown):
-            if each.title == "unit":
-                most = cells + max(0, names - min(longest, needed))
-                wide = max((unit for unit in units if cells < unit <= most), default=cells)
-                shown[at], names = (each, wide), names - (wide - cells)
-        steady = [(each, cells) for each, cells in shown if not each.measured]
-        measured = [(each, cells) for each, cells in shown if each.measured]
-        if (spare := names - longest) > 0:
-            step = spare // max(1, sum(each.wide > cells for each, cells in measured))
-            wider = [max(cells, min(each.wide, cells + step)) for each, cells in measured]
-            more = sum(wider) - sum(cells for _, cells in measured)
-            measured = [(each, cells) for (each, _), cells in zip(measured, wider, strict=True)]
-            spare, names = spare - more, names - more
-            given = {each.title: max(0, min(spare, value - cells)) for each, cells in measured}.get("value", 0)
-            measured = [(each, cells + given * (each.title == "value")) for each, cells in measured]
-            names -= given
-        numbers = {each.title: cells for each, cells in measured if each.title in ("value", *STATISTICS)}
-        sight.room, sight.value_room = min(numbers.values(), default=11), numbers.get("value", 11)
-        rest = width - 1 - sum(1 + cells for _, cells in measured)
-        return Layout(width, told, names, steady, rest, measured, left_out)
 
     def _needed(self) -> tuple[int, list[int]]:
         """Return how many cells the widest value takes, and units; of all rows, whatever is shown."""

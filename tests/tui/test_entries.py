@@ -4,6 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from silo.core.elements import Table
 from silo.settings.typed import examples
@@ -16,17 +18,21 @@ from silo_tui.model.table.cells import Sight
 from silo_tui.model.table.columns import (
     FILE_COLUMNS,
     FILE_SETS,
+    FLAGS,
     LIVE_COLUMNS,
     LIVE_SETS,
     NAME_ROOM,
     in_set,
+    laid_out,
     orders_of,
     shown_columns,
 )  # fmt: skip
+from silo_tui.model.table.facts import STATISTICS
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.filter import parse
 from silo_tui.model.table.rows import RowList
 from silo_tui.model.table.state import TableState
+from silo_tui.model.words.names import MIN_WIDTH, Told, among
 from silo_tui.screens.table import TableScreen
 from tests.stand_ins.fake_logger import FakeClient
 
@@ -122,6 +128,25 @@ def test_what_is_measured_keeps_its_unit_where_it_is_ordered_by(table):
     for columns, kept in ((STEADY, False), (LIVE_COLUMNS, True)):
         shown = [column.title for column, _ in shown_columns(_widths(columns, table), 30, 16, "std")]
         assert ("unit" in shown) == ("std" in shown) == kept
+
+
+@given(st.integers(20, 200), st.integers(8, 60), st.sampled_from(LIVE_SETS), st.sampled_from(["name", "std", "value"]))
+def test_names_and_columns_share_the_whole_width_and_names_are_whole_before_statistics_are_wide(
+    width, longest, chosen, sort
+):
+    sight = _sight(TableState())
+    columns = [each for each in LIVE_COLUMNS if each.gives(sort) or in_set(each, chosen, wide=width > 140)]
+    told = Told("", among(("x" * longest,)))
+    laid = laid_out(width, told, columns, sight, sort, 17, [1, 7, 12])
+    shown = {each.title: cells for each, cells in (*laid.steady, *laid.measured)}
+    taken = FLAGS + laid.names + sum(1 + cells for cells in shown.values())
+    assert taken == width - 1 or (laid.names == MIN_WIDTH and taken >= width - 1)
+    assert sum(1 + cells for _, cells in laid.measured) == width - 1 - laid.rest
+    assert {each.title for each in columns} == {*shown, *laid.left_out}
+    if any(shown.get(each, 8) > 8 for each in STATISTICS) or shown.get("value", 11) > 11:
+        assert laid.names >= min(longest, width // 2)
+    assert laid.names <= longest or all(shown.get(each, 11) == 11 for each in STATISTICS)
+    assert shown.get("unit", 5) in (5, 7, 12)
 
 
 @pytest.mark.parametrize("column", [column for column in LIVE_COLUMNS if column.terms], ids=lambda column: column.title)

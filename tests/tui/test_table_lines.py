@@ -10,12 +10,12 @@ from textual.geometry import Offset, Region, Size
 from textual.scroll_view import ScrollView
 
 from silo_tui.model.samples.live import Reading
-from silo_tui.model.table.columns import LIVE_COLUMNS
+from silo_tui.model.table.columns import FLAGS, LIVE_COLUMNS
 from silo_tui.model.table.facts import STATISTICS
 from silo_tui.model.table.fields import Field
 from silo_tui.terminal.thinness import Pace
 from silo_tui.widgets import element_table
-from silo_tui.widgets.element_table import FLAGS, ElementTable, TableHead, fitted
+from silo_tui.widgets.element_table import ElementTable, TableHead, fitted
 from tests.stand_ins.desk import Desk, Drawn
 from tests.stand_ins.fake_signals import scalar, vector
 

@@ -1,11 +1,12 @@
-"""The columns of the element tables, each one entry: head, width, words, orders, filter terms, sets, what it edits.
+"""The columns of the element tables, each one entry: head, width, words, orders, filter terms, sets, what it edits; and
+which of them a table shows, how wide.
 
 The table widget, the orders, the filter and the user's settings read what stands here and know no column by name. A new
 column touches its entry and its test; how its cells read stands in `cells.py`.
 """
 
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -29,9 +30,11 @@ from silo_tui.model.table.terms import (
     state_term,
     text_term,
 )  # fmt: skip
+from silo_tui.model.words.names import MIN_WIDTH, Told
 from silo_tui.model.words.states import WIDEST
 
 WIDE_FROM = 96  # cells of a table from which columns take their wide width
+FLAGS = 2  # cells before a name, for signs
 NAME_ROOM = 16  # columns are left out rather than that names get less, or less than tells them apart
 TREE, NAME, ADDED, STATE = "tree", "name", "added", "state"
 STEADY = (TREE, NAME, ADDED)
@@ -94,8 +97,11 @@ class TableColumn(msgspec.Struct, frozen=True):
         return any(each.name == order for each in self.orders)
 
     def width_in(self, sight: Sight, table_width: int) -> int:
-        """Return the cells it takes in a table of that width; 0 where it has no room."""
-        wide = self.wide if self.wide and table_width >= WIDE_FROM else self.width
+        """Return the cells it asks for in a table of that width; 0 where it has no room.
+
+        What is measured has its wide width of what names don't need, whatever the width of the table.
+        """
+        wide = self.wide if self.wide and not self.measured and table_width >= WIDE_FROM else self.width
         return sight.widths.get(self.title, wide)
 
 
@@ -260,3 +266,58 @@ def shown_columns(shown: Iterable[ColumnShown], room: int, names: int, sort: str
         if column.leaves and not column.gives(sort) and not (by_measured and column.gives("unit")):
             kept.remove((column, width))
     return kept
+
+
+class Layout(NamedTuple):
+    """What stands where in a table of some width: names, settings up to `rest`, then what is measured, the rail.
+
+    `left_out` has the columns for which there is no room.
+    """
+
+    width: int
+    told: Told
+    names: int
+    steady: list[ColumnShown]
+    rest: int
+    measured: list[ColumnShown]
+    left_out: tuple[str, ...]
+
+
+def laid_out(
+    width: int, told: Told, offered: Sequence[TableColumn], sight: Sight, sort: str, value: int, units: Iterable[int]
+) -> Layout:
+    """Lay a table out: what tells names apart comes first, then columns in their order, whole units, and names whole.
+
+    What names don't need is for statistics, and the entries of vectors. `value` is how many cells the widest value
+    takes, `units` those of units.
+    """
+    measured = {
+        each.title: max(each.width_in(sight, width), (1 + len(each.title)) * each.gives(sort))
+        for each in offered if each.measured
+    }  # fmt: skip
+    rest = width - 1 - sum(1 + each for each in measured.values() if each)
+    asked = [(each, measured.get(each.title, each.width_in(sight, rest))) for each in offered]
+    needed = max(NAME_ROOM, min(told.names.readable, width // 2))
+    longest = min(told.names.longest, max(needed, width // 2))
+    room = width - 1 - FLAGS
+    cells = {each.title: given for each, given in shown_columns(asked, room, needed, sort)}
+
+    def spare(names: int) -> int:
+        return max(0, room - names - sum(1 + each for each in cells.values()))
+
+    if "unit" in cells:
+        most = cells["unit"] + spare(min(longest, needed))
+        cells["unit"] = max(unit for unit in (cells["unit"], *units) if unit <= most)
+    wider = [each for each in offered if each.measured and each.wide > cells.get(each.title, each.wide)]
+    step = spare(longest) // max(1, len(wider))
+    cells |= {each.title: min(each.wide, cells[each.title] + step) for each in wider}
+    if "value" in cells:
+        cells["value"] += max(0, min(spare(longest), value - cells["value"]))
+    shown = [(each, cells[each.title]) for each in offered if each.title in cells]
+    return Layout(
+        width, told, max(MIN_WIDTH, spare(0)),
+        [each for each in shown if not each[0].measured],
+        width - 1 - sum(1 + given for each, given in shown if each.measured),
+        [each for each in shown if each[0].measured],
+        tuple(each.title for each, given in asked if given and each.title not in cells),
+    )  # fmt: skip

@@ -12,6 +12,7 @@ import re
 import unicodedata
 from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 from silo_tui.model.words.text import clean
 
@@ -256,6 +257,17 @@ class NamesInTree:
         """Return the label of a name, an element's or a branch's, as `NamesShown` does."""
         above, _, label = f"/{name.lstrip('/')}".rpartition("/")
         return self._labels[above].fitted(label, width, count)
+
+
+class Told(NamedTuple):
+    """Names that are told apart, below the namespace `space` that those that are shown share: it stands in the head."""
+
+    space: str
+    names: NamesShown | NamesInTree
+
+    def fitted(self, name: str, width: int, count: str = "") -> str:
+        """Return a name as it fits, a tree's last level alone; with how many entries it has where that has room."""
+        return self.names.fitted(inside(self.space, name), width, count)
 
 
 def _indent(above: str) -> int:
