@@ -1,8 +1,8 @@
 """Who did what: the words of events, roles of a group, one operator at a time, clients that only look."""
 
+import functools
 import grp
 import itertools
-import functools
 import json
 import os
 import re
