@@ -340,7 +340,7 @@ def test_a_save_without_helper_works_when_the_files_are_deleted(served, runtime_
 
 
 def test_a_helper_process_is_started_again_however_often_it_dies(served, until, monkeypatch):
-    monkeypatch.setattr("silo.logger.serving.serving.RESPAWN_DELAYS_S", (0.0,))
+    monkeypatch.setattr("silo.logger.serving.process.RESPAWN_DELAYS_S", (0.0,))
     log = served()
     log.array("x")
     serving = log.serve()

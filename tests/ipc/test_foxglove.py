@@ -463,6 +463,10 @@ class TestParameters:
         assert bench.logger.parameters["kp"].value == 40.0
 
 
+def taken(bind: str, port: int) -> socket.socket:
+    raise silo.SiloError("the port is taken")
+
+
 class TestPrograms:
     @pytest.mark.slow
     def test_serve_has_a_bridge_of_its_own_that_ends_with_it_and_says_nothing(self, runtime_folder, tmp_path, capfd):
@@ -471,7 +475,7 @@ class TestPrograms:
             with log.serve(foxglove=0) as serving:
                 viewer = Viewer(f"ws://localhost:{serving.foxglove_port}")
                 viewer.wait_for("/log/x")
-                pid = serving._viewers.pid
+                pid = serving._viewers.process.pid
                 viewer.close()
         assert not Path(f"/proc/{pid}").exists()
         assert capfd.readouterr().err == ""
@@ -485,11 +489,46 @@ class TestPrograms:
             if child == 0:
                 signal.pause()
             try:
-                serving._viewers.stdin.close()
-                assert serving._viewers.wait_within(DEADLINE_S) == 0
+                bridge, serving.alive = serving._viewers.process, False  # else it would be started anew
+                os.eventfd_write(serving._wake, 1)
+                serving._thread.join()
+                bridge.stdin.close()
+                assert bridge.wait_within(DEADLINE_S) == 0
             finally:
                 os.kill(child, signal.SIGKILL)
                 os.waitpid(child, 0)
+
+    @pytest.mark.slow
+    def test_when_that_bridge_dies_another_is_started_at_its_port(self, runtime_folder, tmp_path, caplog, monkeypatch):
+        monkeypatch.setattr("silo.logger.serving.process.RESPAWN_DELAYS_S", (0.0,))
+        with silo.Logger("bot", frequency=100, folder=tmp_path) as log:
+            log.array("x", 2)
+            with log.serve(foxglove=0) as serving:
+                for sent in (signal.SIGKILL, signal.SIGTERM):
+                    died, port = serving._viewers.process, serving.foxglove_port
+                    os.kill(died.pid, sent)
+                    wait_until(lambda: serving._viewers.process is not died)  # noqa: B023
+                    viewer = Viewer(f"ws://localhost:{port}")
+                    viewer.wait_for("/log/x")
+                    viewer.close()
+        assert "the process that serves Foxglove died (exit code -9), starting a new one" in caplog.text
+
+    @pytest.mark.slow
+    def test_while_its_port_is_taken_that_is_said_and_tried_again(self, runtime_folder, tmp_path, caplog, monkeypatch):
+        monkeypatch.setattr("silo.logger.serving.process.RESPAWN_DELAYS_S", (0.3,))
+        with silo.Logger("bot", frequency=100, folder=tmp_path) as log:
+            log.array("x", 2)
+            serving = log.serve(foxglove=0)
+            died, port = serving._viewers.process, serving.foxglove_port
+            with monkeypatch.context() as broken:
+                broken.setattr("silo.logger.serving.process.bound", taken)
+                os.kill(died.pid, signal.SIGKILL)
+                wait_until(lambda: caplog.text.count("it is tried again in 0.3 s") > 1)
+            assert "Foxglove isn't served: the port is taken; logging goes on" in caplog.text
+            wait_until(lambda: serving._viewers.process is not died)
+            viewer = Viewer(f"ws://localhost:{port}")
+            viewer.wait_for("/log/x")
+            viewer.close()
 
     @pytest.mark.slow
     def test_a_port_that_is_taken_is_said_and_no_helper_is_left(self, runtime_folder, tmp_path):

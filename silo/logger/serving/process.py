@@ -18,7 +18,7 @@ from pathlib import Path
 from silo.bridges.listening import bound, check_installed
 from silo.core.child import ENDING_S, NONE, PIPE, ChildProcess
 from silo.core.runtime import down_mark, open_unfinished, unopened
-from silo.errors import ConnectionLostError, SegmentError
+from silo.errors import ConnectionLostError, SegmentError, SiloError
 from silo.link.channel import LinkChannel, LinkMessage, LinkReply
 from silo.polling import readable
 from silo.rpc.declaring import Done
@@ -29,6 +29,8 @@ READY_TIMEOUT_S = 15.0  # without a sign of life; a start takes 0.7 s of process
 LONGEST_START_S = 300.0  # a computer that takes this long for it serves nobody
 TICK_NS = 10**7  # of processor time: one that wakes up now and then, and no more, does not work
 ROUND_S = 1.0
+LONG_LIFE_S = 60.0  # a process that lived longer was a good one: the next is started at once
+RESPAWN_DELAYS_S = (0.0, 0.0, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0)  # before each try; the last one for ever after
 FROZEN_ROUNDS = 5  # without an answer, nor any processor time
 DEAF_ROUNDS = 60  # without an answer, though it works
 _NETWORK = Path("/sys/class/net")
@@ -217,6 +219,28 @@ def _text(path: Path) -> str:
         return ""
 
 
+class Tries:
+    """How long is waited before each try to start a process that dies, or doesn't start, again and again."""
+
+    def __init__(self) -> None:
+        """The first is made now, and isn't waited for."""
+        self.count, self._began_s = 0, time.monotonic()
+
+    @property
+    def delay_s(self) -> float:
+        """How long is waited before the next one."""
+        return RESPAWN_DELAYS_S[min(self.count, len(RESPAWN_DELAYS_S) - 1)]
+
+    def begin(self) -> None:
+        """Count one that is made now."""
+        self.count, self._began_s = self.count + 1, time.monotonic()
+
+    def died(self) -> None:
+        """Take in the end of what was started: after a long life the count begins anew."""
+        if time.monotonic() - self._began_s > LONG_LIFE_S:
+            self.count = 0
+
+
 class FoxgloveProcess(ChildProcess):
     """Serves a logger to Foxglove, Lichtblick and PlotJuggler on a port of this computer, for reading alone."""
 
@@ -243,7 +267,53 @@ class FoxgloveProcess(ChildProcess):
         with contextlib.suppress(BrokenPipeError):
             self.stdin.close()
 
-    def close(self) -> None:
-        """End it; closing twice is fine."""
+    def close(self) -> int:
+        """End it and return its exit code; closing twice is fine."""
         self.let_go()
-        self.end()
+        return self.end()
+
+
+class FoxgloveBridge:
+    """Foxglove's bridge of a logger: a process, and when that dies another at the same port."""
+
+    def __init__(self, logger: str, port: int) -> None:
+        """Start it; raises as `FoxgloveProcess`."""
+        self._logger, self._tries = logger, Tries()
+        self.due_s: float | None = None  # when the next process is to be started; None while there is one
+        self.process = FoxgloveProcess(logger, port)
+        self.port = self.process.port
+
+    @property
+    def end(self) -> int | None:
+        """The descriptor that is readable once the process has ended; None while there is none."""
+        return self.process.stdin.fileno() if self.due_s is None else None
+
+    def died(self) -> None:
+        """Take in that it did."""
+        code = self.process.close()
+        log.warning(
+            "%s: the process that serves Foxglove died (exit code %s), starting a new one; logging goes on",
+            self._logger,
+            code,
+        )
+        self._tries.died()
+        self.due_s = time.monotonic() + self._tries.delay_s
+
+    def look(self) -> None:
+        """Start the next process where that is due."""
+        if self.due_s is None or time.monotonic() < self.due_s:
+            return
+        self._tries.begin()
+        try:
+            self.process = FoxgloveProcess(self._logger, self.port)
+        except (SiloError, OSError) as failure:
+            log.error(  # noqa: TRY400  # the words say it all
+                "%s: Foxglove isn't served: %s; logging goes on; it is tried again in %g s",
+                self._logger,
+                failure,
+                self._tries.delay_s,
+            )
+            self.due_s = time.monotonic() + self._tries.delay_s
+        else:
+            self.due_s = None
+            self.process.begin()

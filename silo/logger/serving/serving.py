@@ -29,9 +29,10 @@ from silo.logger.serving.process import (
     FROZEN_ROUNDS,
     ROUND_S,
     DownMark,
-    FoxgloveProcess,
+    FoxgloveBridge,
     HelperProcess,
     Patience,
+    Tries,
     drawn_id,
 )
 from silo.loop.run import Run
@@ -59,8 +60,6 @@ LANDING_S = 0.001  # between looks whether a change has landed whose client wait
 WAITS_S = 1.0  # for a tick; then its client hears that it waits
 PAUSE_S = 0.0005  # which the loop has between two slices of a look
 LISTENED_S = FROZEN_ROUNDS * ROUND_S  # what the helper process has not begun by then, it won't begin
-LONG_LIFE_S = 60.0  # a helper process that lived longer was a good one: the next is started at once
-RESPAWN_DELAYS_S = (0.0, 0.0, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0)  # before each try; the last one for ever after
 
 
 class HelperFrozenError(SaveError):
@@ -99,7 +98,7 @@ class Serving:
             ConnectionLostError: it didn't start; the message has its reason.
             SiloError: the viewers' port is taken, or a package is missing.
         """
-        viewers = None if foxglove is None else FoxgloveProcess(logger.options.name, foxglove)
+        viewers = None if foxglove is None else FoxgloveBridge(logger.options.name, foxglove)
         self._logger_ref = weakref.ref(logger)
         self._ends = logger._life.ends
         self._name = logger.options.name
@@ -123,9 +122,8 @@ class Serving:
         self._landing: list[tuple[int, str, float]] = []  # changes of parameters whose clients wait for their tick
         self._table_sent = -1
         self._by = ""
-        self._tries = 0
+        self._tries = Tries()
         self._died = ""  # how, and when, a helper process did of which no other one told yet
-        self._started_s = 0.0
         self._down = DownMark(self._name)
         self.alive = True  # until it is closed
         self.is_up = False  # whether a helper process is there right now
@@ -137,11 +135,11 @@ class Serving:
             os.close(self._wake)
             self._changes.close()
             if viewers is not None:
-                viewers.close()
+                viewers.process.close()
             text = f"the helper process of logger '{self._name}' didn't start: {error}"
             raise ConnectionLostError(text) from error
         if viewers is not None:
-            viewers.begin()
+            viewers.process.begin()
         self._viewers = viewers
         self._thread = threading.Thread(target=self._serve, name="silo-link", daemon=True)
         self._thread.start()
@@ -149,7 +147,6 @@ class Serving:
     # ------------------------------------------------------------------------------------------ the helper process
 
     def _spawn(self) -> None:
-        self._started_s = time.monotonic()
         died = ["--died", self._died] if self._died else []
         self._helper = HelperProcess([*self._arguments, *died], self._changes.descriptor)
         self._table_sent = -1
@@ -178,7 +175,9 @@ class Serving:
         next_look_s = time.monotonic() + LOOK_S
         while self.alive:
             link = self._helper.link.fileno()
-            ready = readable(link, self._wake, timeout_s=self._until_due(next_look_s))
+            end = None if self._viewers is None else self._viewers.end
+            watched = [link, self._wake] if end is None else [link, self._wake, end]
+            ready = readable(*watched, timeout_s=self._until_due(next_look_s))
             try:
                 if time.monotonic() >= next_look_s:
                     self._look()
@@ -196,6 +195,10 @@ class Serving:
                         self._helper_died()
                     else:
                         self._heard(message)
+                if self._viewers is not None:
+                    if end in ready:
+                        self._viewers.died()
+                    self._viewers.look()
                 self._end_as_asked(waiting=False)
             except (OSError, SiloError):  # gone, or what it sends is no message
                 self._helper_died()
@@ -222,7 +225,9 @@ class Serving:
             return None
         due = [next_look_s] if logger.is_running else []
         parameters = logger.parameters
-        due += [at_s for at_s in (parameters.next_revert_s(), parameters.excitations.next_look_s()) if at_s is not None]
+        looks = [parameters.next_revert_s(), parameters.excitations.next_look_s()]
+        looks += [] if self._viewers is None else [self._viewers.due_s]
+        due += [at_s for at_s in looks if at_s is not None]
         return max(0.0, min(due) - time.monotonic()) if due else None
 
     def _look_at_parameters(self) -> None:
@@ -359,8 +364,7 @@ class Serving:
         self._down.set()
         code = self._helper.end()
         self._fail_pending("the helper process died while it saved; a new one is being started: save again")
-        if time.monotonic() - self._started_s > LONG_LIFE_S:
-            self._tries = 0
+        self._tries.died()
         if code == FILES_DELETED:
             log.warning("%s: a new helper process makes the folder and the socket of this logger anew", self._name)
         else:
@@ -374,27 +378,25 @@ class Serving:
 
     def _respawned(self) -> bool:
         """Wait for the next try and make it; False if it failed."""
-        delay_s = RESPAWN_DELAYS_S[min(self._tries, len(RESPAWN_DELAYS_S) - 1)]
-        self._tries += 1
-        until_s = time.monotonic() + delay_s
+        until_s = time.monotonic() + self._tries.delay_s
         while (left_s := until_s - time.monotonic()) > 0:
             if readable(self._wake, timeout_s=left_s):
                 os.eventfd_read(self._wake)
                 if not self.alive:
                     return True
+        self._tries.begin()
         try:
             self._spawn()
         except (SiloError, OSError) as failure:
-            again_s = RESPAWN_DELAYS_S[min(self._tries, len(RESPAWN_DELAYS_S) - 1)]
             log.error(  # noqa: TRY400  # the words say it all
                 "%s: no helper process: %s; clients can't reach this logger, logging goes on, save() works in this "
                 "process; it is tried again in %g s",
                 self._name,
                 failure,
-                again_s,
+                self._tries.delay_s,
             )
             return False
-        if self._tries > 1:
+        if self._tries.count > 1:
             log.warning("%s: a helper process is there again", self._name)
         return True
 
@@ -551,7 +553,7 @@ class Serving:
         self._helper.let_go()
         self._down.let_go()
         if self._viewers is not None:
-            self._viewers.let_go()
+            self._viewers.process.let_go()
 
     def end(self, leave: Callable[[], bool] = lambda: False) -> None:
         """End the helper process: by a goodbye; or where it is to save what was collected, and is up, without.
@@ -576,7 +578,7 @@ class Serving:
                 return
             self._no_more_asked()  # one that was just being started
             if self._viewers is not None:
-                self._viewers.close()  # before its logger goes, which it would complain of
+                self._viewers.process.close()  # before its logger goes, which it would complain of
             if not self._was_up or not leave():
                 self._say_goodbye()
             self._helper.let_go()
