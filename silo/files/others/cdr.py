@@ -8,6 +8,7 @@ Python object per message.
 
 import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -165,7 +166,8 @@ class Longer(NamedTuple):
         return f"up to {self.most:,} values in {times}, first in number {self.first:,}"
 
 
-class WantedColumns(NamedTuple):
+@dataclass(frozen=True)
+class WantedColumns:
     """What is wanted of all messages of a topic, how many they are, and what is found out on the way.
 
     `paths` says how many values an array has, 0 for all else, `dtypes` NumPy types (`S` for texts). `longer` gets the
@@ -176,14 +178,9 @@ class WantedColumns(NamedTuple):
     paths: Mapping[Path, int]
     dtypes: Mapping[Path, str]
     total: int
-    longer: dict[Path, "Longer"]
-    cut: set[Path]
     bad: Bad
-
-    @classmethod
-    def wanted(cls, paths: Mapping[Path, int], dtypes: Mapping[Path, str], total: int, bad: Bad) -> "WantedColumns":
-        """Return columns of which nothing is found out yet."""
-        return cls(paths, dtypes, total, {}, set(), bad)
+    longer: dict[Path, Longer] = field(default_factory=dict)
+    cut: set[Path] = field(default_factory=set)
 
 
 def columns_of(message: MessageFields, wanted: WantedColumns, groups: Iterable[Equal]) -> dict[Path, NDArray[Any]]:

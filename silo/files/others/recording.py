@@ -307,38 +307,26 @@ def _joints(message: MessageFields, some: Sequence[Equal]) -> tuple[str, ...]:
     most = cdr.lengths_of(message, [("name",)], some, [])[("name",)]
     if most:
         total = 1 + max(int(which.max()) for which, _ in some)
-        wanted = cdr.WantedColumns.wanted({("name",): most}, {("name",): "S"}, total, [])
+        wanted = cdr.WantedColumns({("name",): most}, {("name",): "S"}, total, [])
         found = dict.fromkeys(cdr.columns_of(message, wanted, some)[("name",)].ravel().tolist())
     return tuple(name.decode("utf-8", "backslashreplace") for name in found if name)
 
 
+@dataclass(eq=False)
 class TopicReader:
     """The messages of a topic in all files of a bag, in the order of time; read when they are first asked for."""
 
-    def __init__(
-        self,
-        name: str,
-        path: FilePath,
-        parts: Sequence[FileTopic],
-        message: MessageFields | None,
-        wanted: Sequence[FieldSpec],
-        left: Sequence[Path],
-        told: DamageNotes,
-        joints: Sequence[str] = (),
-        empty: Sequence[Path] = (),  # arrays without a value in all messages that were looked at
-        kind: KeyedList | None = None,
-    ) -> None:
-        self.name = name
-        self.path = path
-        self.left = left
-        self._parts = parts
-        self._message = message
-        self._wanted = wanted
-        self._told = told
-        self._joints = joints
-        self._empty = empty
-        self._kind = kind
-        self._read: TopicReader | None = None  # whose columns these are, in another order
+    name: str
+    path: FilePath
+    _parts: Sequence[FileTopic]
+    _message: MessageFields | None
+    _wanted: Sequence[FieldSpec]
+    left: Sequence[Path]
+    _told: DamageNotes
+    _joints: Sequence[str] = ()
+    _empty: Sequence[Path] = ()  # arrays without a value in all messages that were looked at
+    _kind: KeyedList | None = None
+    _read: "TopicReader | None" = None  # whose columns these are, in another order
 
     def by_header(self) -> "TopicReader":
         """Return the same with the stamps of the headers."""
@@ -463,7 +451,7 @@ class TopicReader:
                 paths = {path: one.count for one in self._wanted for path in one.paths}
                 dtypes = {path: one.dtype for one in self._wanted for path in one.paths}
                 looked = paths | dict.fromkeys(self._empty, 0)
-                wanted = cdr.WantedColumns.wanted(looked, dtypes, total, bad)
+                wanted = cdr.WantedColumns(looked, dtypes, total, bad)
                 every = cdr.columns_of(self._message, wanted, self._messages(bad))
                 found = {path: every[path] for path in paths}
                 if wanted.longer and not self._joints:
