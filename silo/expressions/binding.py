@@ -7,7 +7,7 @@ what `silo.expressions.evaluation` computes.
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -277,13 +277,16 @@ class _Effort:
             )
 
 
+def parts_in(part: Part) -> Iterator[Part]:
+    """Yield a part and all that it is made of, outer ones first."""
+    yield part
+    for one in part.parts if isinstance(part, Computed) else (part.part,) if isinstance(part, Remembered) else ():
+        yield from parts_in(one)
+
+
 def columns_of(part: Part) -> list[ScalarPlace]:
     """Return all scalars that a part depends on."""
-    if isinstance(part, BoundSignal):
-        return list(part.columns)
-    if isinstance(part, Computed):
-        return [column for one in part.parts for column in columns_of(one)]
-    return columns_of(part.part) if isinstance(part, Remembered) else []
+    return [column for one in parts_in(part) if isinstance(one, BoundSignal) for column in one.columns]
 
 
 def means_else(before: Sequence[BoundExpression], again: Callable[[], Sequence[BoundExpression]]) -> bool:

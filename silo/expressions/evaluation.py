@@ -27,6 +27,7 @@ from silo.expressions.binding import (
     Remembered,
     ScalarPlace,
     columns_of,
+    parts_in,
 )
 from silo.expressions.operations import (
     COMPARING,
@@ -253,8 +254,11 @@ class Evaluator:
                     self._wanted[column.source].add((column.element, column.entry))
         self._memories: dict[Remembered, PartMemory] = {}
         self._windows: dict[Remembered, Window] = {}
-        for expression in expressions:
-            self._remember(expression.root)
+        for part in (one for expression in expressions for one in parts_in(expression.root)):
+            if isinstance(part, Remembered):
+                self._memories[part] = PartMemory(np.asarray(np.nan), np.asarray(np.nan))
+                if part.window_ns:
+                    self._windows[part] = Window(part.function, part.window_ns)
         self.sources = tuple(self._sources)  # that are needed
         # of one batch
         self._rows: Mapping[int, SourceRows] = {}
@@ -263,16 +267,6 @@ class Evaluator:
         self._made_whole: dict[Remembered, Ints] = {}
         self._wholes: dict[tuple[int, int], Ints | None] = {}  # by part and grid, which live longer
         self._small: dict[tuple[int, int], Value] = {}  # likewise what float64 holds to the last digit
-
-    def _remember(self, part: Part) -> None:
-        if isinstance(part, Computed):
-            for one in part.parts:
-                self._remember(one)
-        elif isinstance(part, Remembered):
-            if part.window_ns:
-                self._windows[part] = Window(part.function, part.window_ns)
-            self._memories[part] = PartMemory(np.asarray(np.nan), np.asarray(np.nan))
-            self._remember(part.part)
 
     def feed(self, rows: Mapping[int, SourceRows]) -> Judged:
         """Judge the next rows of each source.
@@ -579,11 +573,9 @@ def _modulo(number: int) -> Ints:
 
 def _may_be_none(part: Part) -> bool:
     """Whether it may be no number though all its signals have one: before the first sample, or a rest by 0."""
-    if not isinstance(part, Computed):
-        return isinstance(part, Remembered)
-    by = part.parts[-1]
-    by_any = part.operator == "%" and not (isinstance(by, Constant) and by.value)
-    return by_any or any(map(_may_be_none, part.parts))
+    rests = [one.parts[-1] for one in parts_in(part) if isinstance(one, Computed) and one.operator == "%"]
+    by_any = not all(isinstance(by, Constant) and by.value for by in rests)
+    return by_any or any(isinstance(one, Remembered) for one in parts_in(part))
 
 
 def _power(base: Part, exponent: Part) -> Ints | None:

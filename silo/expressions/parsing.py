@@ -12,7 +12,7 @@ import os
 import re
 import threading
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from silo.core.arguments import shown
@@ -229,13 +229,17 @@ class Call:
 Node = Number | Name | Operation | ComparisonChain | Call
 
 
+def nodes_in(node: Node) -> Iterator[Node]:
+    """Yield a node and all that it is made of, in the order of the text, outer ones first."""
+    yield node
+    if not isinstance(node, Number | Name):
+        for part in node.arguments if isinstance(node, Call) else node.operands:
+            yield from nodes_in(part)
+
+
 def names_in(node: Node) -> list[str]:
     """Return every name and pattern in an expression, in its order."""
-    if isinstance(node, Name):
-        return [node.text]
-    if isinstance(node, Number):
-        return []
-    return [name for part in (node.arguments if isinstance(node, Call) else node.operands) for name in names_in(part)]
+    return [one.text for one in nodes_in(node) if isinstance(one, Name)]
 
 
 @dataclass(frozen=True)

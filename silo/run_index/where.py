@@ -17,7 +17,7 @@ from silo.core.tuning.parameters import ParameterValue
 from silo.core.units import factor
 from silo.errors import ExpressionError
 from silo.expressions.operations import Function
-from silo.expressions.parsing import Call, ComparisonChain, Expression, Name, Node, Number, Operation, parse
+from silo.expressions.parsing import Call, ComparisonChain, Expression, Name, Node, Number, Operation, nodes_in, parse
 from silo.run_index.facts import RunFacts, SignalFacts
 
 FACTS: dict[str, tuple[str, Callable[[RunFacts], float]]] = {
@@ -50,18 +50,13 @@ _ARITHMETIC: dict[str, Callable[..., float]] = {
 }  # fmt: skip
 
 
-def _names(node: Node, of_tag: bool = False) -> Iterator[tuple[Name, bool]]:
-    """Every name in an expression, and whether it is that of a tag."""
-    if isinstance(node, Name):
-        yield node, of_tag
-    elif not isinstance(node, Number):
-        for part in node.arguments if isinstance(node, Call) else node.operands:
-            yield from _names(part, isinstance(node, Call) and node.function == "tagged")
-
-
 def is_true(number: float) -> bool:
     """Whether something holds: what can't be computed doesn't."""
     return bool(number) and not math.isnan(number)
+
+
+def _pairs(node: ComparisonChain) -> Iterator[tuple[Node, str, Node]]:
+    return zip(node.operands, node.operators, node.operands[1:], strict=False)
 
 
 class MissingError(Exception):
@@ -116,24 +111,30 @@ class Query:
         self._tags = set(tags) - set(words)
         words = (*words, *tags)
         self.expression: Expression = parse(text, FUNCTIONS)
+        nodes = list(nodes_in(self.expression.root))
+        named = [node for node in nodes if isinstance(node, Name)]
+        calls = [node for node in nodes if isinstance(node, Call) and node.function == "tagged"]
+        of_tags = [id(inner) for call in calls for inner in nodes_in(call)]
         names = Names(known, scalars=known.values)
         elements = list(known)
         self._meant: dict[str, list[str]] = {}
         self._elements: dict[str, list[str]] = {}
         self._said: dict[str, set[str]] = {}  # of a name: with what it may be compared
-        for name, _ in _names(self.expression.root):
+        for name in named:
             meant = [elements[place] for place, _ in names.find(name.text, scalars=True)]
             self._elements[name.text] = meant
             self._said[name.text] = {word for one in (*meant, name.text) for word in said.get(one, ())}
-        asked = [id(word) for _, word in self._compared_with_words(self.expression.root)]
-        for name, of_tag in _names(self.expression.root):
-            if id(name) in asked:
+        chains = [node for node in nodes if isinstance(node, ComparisonChain)]
+        asked = [self._with_word(*pair) for chain in chains for pair in _pairs(chain)]
+        words_asked = [id(found[1]) for found in asked if found is not None]
+        for name in named:
+            if id(name) in words_asked:
                 continue
             found = names.find(name.text, scalars=True)
             scalars = [known[elements[place]] if at is None else [known[elements[place]][at]] for place, at in found]
             self._meant[name.text] = [one for some in scalars for one in some]
             self._tags -= {name.text} if found else set()
-            if not found and not of_tag and name.text not in FACTS and name.text not in words:
+            if not found and id(name) not in of_tags and name.text not in FACTS and name.text not in words:
                 if name.text in itertools.chain(*said.values()):
                     raise self.expression.error(
                         f"'{name.text}' is a word: it is compared by == and != with what has it", name
@@ -141,16 +142,6 @@ class Query:
                 near = names.near(name.text, 1, more=[*FACTS, *words, *itertools.chain(*said.values())])
                 hint = did_you_mean(near, f"facts of a run are {', '.join(FACTS)}")
                 raise self.expression.error(f"no run has '{name.text}'{hint}", name)
-
-    def _compared_with_words(self, node: Node) -> Iterator[tuple[Node, Name]]:
-        """What is compared with a word that it may be, and the word."""
-        if isinstance(node, ComparisonChain):
-            for one, how, other in zip(node.operands, node.operators, node.operands[1:], strict=False):
-                if found := self._with_word(one, how, other):
-                    yield found
-        if not isinstance(node, Number | Name):
-            for part in node.arguments if isinstance(node, Call) else node.operands:
-                yield from self._compared_with_words(part)
 
     def _with_word(self, one: Node, how: str, other: Node) -> tuple[Node, Name] | None:
         for value, word in ((one, other), (other, one)):
@@ -194,8 +185,7 @@ class Query:
                 return Value(float(argument.text in tags))
             return self._statistic(node.function, argument, signals)
         if isinstance(node, ComparisonChain):
-            pairs = zip(node.operands, node.operators, node.operands[1:], strict=False)
-            return Value(float(all(self._holds_between(*pair, node, value) for pair in pairs)))
+            return Value(float(all(self._holds_between(*pair, node, value) for pair in _pairs(node))))
         return self._operation(node, value)
 
     def _holds_between(self, one: Node, how: str, other: Node, node: Node, value: Callable[[Node], Value]) -> bool:
