@@ -8,7 +8,6 @@ import contextlib
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from silo.core.arrays.spans import Span, doubled, merged, spans_text, without
@@ -486,19 +485,9 @@ def _missing(run: KnownRun, name: str, spans: list[Span]) -> Verdict:
     return Verdict("missing", text, run.logger, run.run, tuple(spans), run.told([f"'{name}'", "recording", "recorder"]))
 
 
-@dataclass
-class _Total:
-    """What the event log tells of an order at its end, and what there is of it."""
-
-    event: LoggedEvent
-    parts: int
-    samples: int
-    lost: int
-
-
 def _totals(runs: Iterable[KnownRun]) -> Iterator[Verdict]:
     """What the event log told last of each recording, and what its parts have, where these are all there."""
-    told: dict[tuple[str, str], _Total] = {}
+    told: dict[tuple[str, str], tuple[LoggedEvent, list[int]]] = {}
     where: Counter[tuple[str, str]] = Counter()
     lacks: Counter[tuple[str, str]] = Counter()
     parts: dict[tuple[str, str], list[PartScan]] = {}
@@ -510,30 +499,26 @@ def _totals(runs: Iterable[KnownRun]) -> Iterator[Verdict]:
             if (found := _LOST_AT.match(event.text)) is not None:
                 where[run.logger, found["name"]] += int(found["lost"])
             elif (found := _TOTALS.match(event.text)) is not None and "stays in memory" not in event.text:
-                counts = (
-                    int(found["parts"].replace(" ", "")),
-                    int(found["samples"].replace(" ", "")),
-                    int(found["lost"]),
-                )
-                told[run.logger, found["name"]] = _Total(event, *counts)
-    for (logger, name), total in told.items():
+                counts = [int(found[what].replace(" ", "")) for what in ("parts", "samples", "lost")]
+                told[run.logger, found["name"]] = event, counts
+    for (logger, name), (event, (count_of_parts, samples, lost)) in told.items():
         scans = parts.get((logger, name), [])
-        if len(scans) != total.parts:
+        if len(scans) != count_of_parts:
             continue  # of other orders too, or some were taken away
         there = sum(scan.facts.samples(scan.counts) for scan in scans if scan.facts is not None)
-        number, missing = total.event.number, lacks[logger, name]
+        number, missing = event.number, lacks[logger, name]
         text = ""
-        if there != total.samples:
-            text = f"{total.samples} samples were told (event {number}), its parts have {there}"
-        elif _UNCOUNTED.search(total.event.text):
+        if there != samples:
+            text = f"{samples} samples were told (event {number}), its parts have {there}"
+        elif _UNCOUNTED.search(event.text):
             continue  # how much that was nobody could count
-        elif total.lost < missing:
-            text = f"{total.lost} samples were told to be lost (event {number}), and {missing} are in no part"
-        elif total.lost > max(missing, where[logger, name]):
+        elif lost < missing:
+            text = f"{lost} samples were told to be lost (event {number}), and {missing} are in no part"
+        elif lost > max(missing, where[logger, name]):
             known = max(missing, where[logger, name])
-            text = f"{total.lost} samples were told to be lost (event {number}), and of {known} alone is known where"
+            text = f"{lost} samples were told to be lost (event {number}), and of {known} alone is known where"
         if text:
-            yield Verdict("disagrees", f"recording '{name}': {text}", logger, total.event.run)
+            yield Verdict("disagrees", f"recording '{name}': {text}", logger, event.run)
 
 
 # ------------------------------------------------------------------------------------------------------------ captures
