@@ -7,6 +7,7 @@ NaN is unknown where it is compared.
 import functools
 import math
 import operator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -82,15 +83,14 @@ def _either(one: Any, other: Any) -> Any:
     return one | other
 
 
-def _and(values: list[Value]) -> Truth:
+def _every(values: list[Value], all_of: Callable[[list[Any]], Any]) -> Truth:
+    """Whether all are true; one that is false decides, whatever is unknown beside it."""
     truths = [as_truth(value) for value in values]
-    true = functools.reduce(operator.and_, [truth.true for truth in truths])
+    true = all_of([truth.true for truth in truths])
     if all(truth.unknown is None for truth in truths):
         return Truth(true)
-    false: Any = False  # one that is false decides
-    for truth in truths:
-        false = false | (~truth.true if truth.unknown is None else ~(truth.true | truth.unknown))
-    return Truth(true, ~(true | false))
+    may_be = [truth.true if truth.unknown is None else truth.true | truth.unknown for truth in truths]
+    return Truth(true, all_of(may_be) & ~true)
 
 
 def _not(values: list[Value]) -> Truth:
@@ -98,8 +98,9 @@ def _not(values: list[Value]) -> Truth:
     return Truth(~truth.true if truth.unknown is None else ~(truth.true | truth.unknown), truth.unknown)
 
 
-def _or(values: list[Value]) -> Truth:
-    return _not([_and([_not([value]) for value in values])])
+def _otherwise(operation: Any, how: Any) -> Any:
+    """One of several for all of them, and the other way round: not all of them are not."""
+    return lambda values: _not([operation([_not([value]) for value in values], how)])
 
 
 def _comparison(function: Any) -> Any:
@@ -140,22 +141,6 @@ def _side_by_side(values: list[Any]) -> Any:
     )  # fmt: skip
 
 
-def _any(values: list[Value]) -> Truth:
-    return _not([_all([_not([value]) for value in values])])
-
-
-def _all(values: list[Value]) -> Truth:
-    truths = [as_truth(value) for value in values]
-    true = _side_by_side([truth.true for truth in truths])
-    if all(truth.unknown is None for truth in truths):
-        return Truth(true.all(axis=1))
-    unknown = _side_by_side(
-        [np.zeros(np.shape(truth.true), bool) if truth.unknown is None else truth.unknown for truth in truths]
-    )
-    every, false = true.all(axis=1), ~(true | unknown).all(axis=1)
-    return Truth(every, ~(every | false))
-
-
 def _known_any(values: list[Value], together: Any) -> Truth:
     """Whether one is true of those that are known; unknown where none is."""
     truths = [as_truth(value) for value in values]
@@ -166,11 +151,16 @@ def _known_any(values: list[Value], together: Any) -> Truth:
     return Truth(true, ~known)
 
 
-_joined = functools.partial(functools.reduce, operator.or_)
+_one_of = functools.partial(functools.reduce, operator.or_)
+_all_of = functools.partial(functools.reduce, operator.and_)
 
 
-def _one_of(parts: list[Any]) -> Any:
+def _any_beside(parts: list[Any]) -> Any:
     return _side_by_side(parts).any(axis=1)
+
+
+def _all_beside(parts: list[Any]) -> Any:
+    return _side_by_side(parts).all(axis=1)
 
 
 class Function(NamedTuple):
@@ -222,11 +212,10 @@ COMPARING = {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greate
 ADDING = {"+": np.add, "-": np.subtract, "*": np.multiply, "neg": np.negative}
 
 OPERATIONS: dict[str, Any] = {
-    "and": _and, "or": _or, "not": _not, "any": _any, "all": _all,
-    "known or": lambda values: _known_any(values, _joined),
-    "known any": lambda values: _known_any(values, _one_of),
-    "known and": lambda values: _not([_known_any([_not([value]) for value in values], _joined)]),
-    "known all": lambda values: _not([_known_any([_not([value]) for value in values], _one_of)]),
+    "and": lambda values: _every(values, _all_of), "or": _otherwise(_every, _all_of), "not": _not,
+    "all": lambda values: _every(values, _all_beside), "any": _otherwise(_every, _all_beside),
+    "known or": lambda values: _known_any(values, _one_of), "known and": _otherwise(_known_any, _one_of),
+    "known any": lambda values: _known_any(values, _any_beside), "known all": _otherwise(_known_any, _any_beside),
     **{sign: _comparison(function) for sign, function in COMPARING.items()},
     **{sign: _numeric(function) for sign, function in ADDING.items()},
     "/": _numeric(np.divide), "%": _numeric(np.mod), "**": _numeric(np.power),
