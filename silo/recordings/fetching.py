@@ -104,7 +104,7 @@ class Fetch:
         while good < size:
             count = min(SUMMED, size - good)
             theirs = self._patiently(lambda: self._piece(part.path, part.mark, good, count, True))  # noqa: B023
-            if theirs.count != count or theirs.crc32 != _sum(file, good, count):
+            if theirs.count != count or theirs.crc32 != summed(file.fileno(), good, count):
                 break
             good += count
         return good
@@ -232,8 +232,9 @@ def _put_in_place(told: RecordingParts, folder: Path, place: Path, targets: list
     sync_folder(folder)
 
 
-def _sum(file: BinaryIO, offset: int, count: int) -> int:
+def summed(file: int, offset: int, count: int) -> int:
+    """Return the CRC-32 of so many bytes of a file."""
     crc32 = 0
     for begin in range(offset, offset + count, MAX_PIECE):
-        crc32 = zlib.crc32(os.pread(file.fileno(), min(MAX_PIECE, offset + count - begin), begin), crc32)
+        crc32 = zlib.crc32(os.pread(file, min(MAX_PIECE, offset + count - begin), begin), crc32)
     return crc32

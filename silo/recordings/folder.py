@@ -35,7 +35,7 @@ from silo.files.formats import SAVED
 from silo.files.manifest import WRITTEN_ENDING, decode_written, own_status, written_path
 from silo.files.naming import logger_of
 from silo.files.summaries import FileSummary, opened_file, opened_folder, read_summary
-from silo.recordings.fetching import mark_of
+from silo.recordings.fetching import mark_of, summed
 from silo.recordings.requests import (
     GetPiece,
     PartOfRecording,
@@ -62,7 +62,6 @@ MAX_PIECE = 4 << 20
 MAX_OFFSET = 1 << 60
 MAX_SUMMED = 64 << 20
 READ_S = 1.0  # for which files are looked into per request; those that are left come with the next ones
-BLOCK = 1 << 20
 ENDINGS = {ending: kind for kind, one in SAVED.items() for ending in one.endings}
 LISTED = ", ".join(one.ending for one in SAVED.values())
 
@@ -347,12 +346,16 @@ class RecordingFolder:
             raise RequestRefusedError(RefusedWhy.FORBIDDEN, text)
 
 
+@dataclass(frozen=True)
 class _File:
     """A file or bag folder whose name ends as ours do, or a temporary one."""
 
-    def __init__(self, name: str, kind: FileType, size: int, changed_ns: int, mark: str, unfinished: bool) -> None:
-        self.name, self.kind, self.size, self.changed_ns, self.mark = name, kind, size, changed_ns, mark
-        self.unfinished = unfinished
+    name: str
+    kind: FileType
+    size: int
+    changed_ns: int
+    mark: str
+    unfinished: bool
 
     @property
     def stem(self) -> str:
@@ -492,14 +495,8 @@ def _piece(file: int, request: GetPiece) -> Piece:
     if not request.sum_only:
         data = os.pread(file, request.count, request.offset)
         return Piece(len(data), zlib.crc32(data), data)
-    total, crc32 = 0, 0
-    while total < request.count:
-        block = os.pread(file, min(BLOCK, request.count - total), request.offset + total)
-        if not block:
-            break
-        crc32 = zlib.crc32(block, crc32)
-        total += len(block)
-    return Piece(total, crc32)
+    count = max(0, min(request.count, os.fstat(file).st_size - request.offset))
+    return Piece(count, summed(file, request.offset, count))
 
 
 def _check_no_others(folder: int, name: str) -> None:
