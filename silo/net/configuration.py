@@ -56,13 +56,6 @@ PATHS = (
     "transport/auth/usrpwd/dictionary_file",
 )
 
-_TOKEN = re.compile(
-    r"""(?P<skip>\s+|//[^\n]*|/\*.*?\*/)|(?P<text>"(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')|(?P<mark>[{}\[\]:,])"""
-    r"""|(?P<word>[^\s{}\[\]:,"'/]+)""",
-    re.DOTALL,
-)
-_NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][+-]?[0-9]+)?")
-
 
 def config_folder() -> Path:
     """Return `~/.config/silo`, or as `XDG_CONFIG_HOME` says."""
@@ -129,9 +122,12 @@ def from_file(config: str) -> "zenoh.Config":
 
 def written(config: str) -> dict[str, Any]:
     """Return what stands in a file itself; nothing of one that isn't JSON5 (Zenoh reads YAML, too)."""
+    import zenoh  # which takes anything for metadata, and so reads the JSON5
+
     try:
-        found = read_json5(Path(config).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        text = Path(config).read_text(encoding="utf-8")
+        found = json.loads(zenoh.Config.from_json5(f"{{metadata: {text}\n}}").get_json("metadata"))
+    except (zenoh.ZError, OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}
 
@@ -184,32 +180,3 @@ def reason_of(error: Exception | None) -> str:
     """Return Zenoh's words without the places in its sources."""
     text = str(error).split(" at /", 1)[0].strip()
     return text.splitlines()[0][:300] if text else type(error).__name__
-
-
-def read_json5(text: str) -> Any:
-    """Return the value of a text, as far as configurations of Zenoh use JSON5. Raises ValueError for what is none."""
-    tokens: list[str] = []
-    place = 0
-    while place < len(text):
-        found = _TOKEN.match(text, place)
-        if found is None:
-            raise ValueError(f"unexpected {text[place]!r}")
-        place = found.end()
-        if found.lastgroup == "text":
-            tokens.append(_quoted(found[0]))
-        elif found.lastgroup == "word":
-            tokens.append(found[0] if _is_value(found[0], text[place:]) else json.dumps(found[0]))
-        elif found.lastgroup == "mark":
-            if found[0] in "}]" and tokens and tokens[-1] == ",":
-                tokens.pop()  # JSON5 lets a comma stand there
-            tokens.append(found[0])
-    return json.loads(" ".join(tokens))
-
-
-def _quoted(text: str) -> str:
-    return text.replace("\\\n", "") if text[0] == '"' else json.dumps(text[1:-1].replace("\\'", "'"))
-
-
-def _is_value(word: str, rest: str) -> bool:
-    """Whether a word stands for itself: a key never does."""
-    return not rest.lstrip().startswith(":") and (word in ("true", "false", "null") or bool(_NUMBER.fullmatch(word)))

@@ -30,10 +30,10 @@ from silo.net.configuration import (
     OPEN_TRIPS,
     find_file,
     from_file,
-    read_json5,
     remote_file,
     remotes,
     scaled,
+    written,
 )
 from silo.net.session import open_client, open_router
 from silo.rpc.versions import PROTOCOL
@@ -60,21 +60,24 @@ def config_of(path: Path, endpoint: str, **more: object) -> str:
 # ------------------------------------------------------------------------------------------------ files and their words
 
 
-def test_json5_is_read_as_zenoh_reads_it() -> None:
-    text = """// a comment
+def test_what_stands_in_a_file_is_read_as_json5(tmp_path) -> None:
+    file = tmp_path / "some.json5"
+    file.write_text("""// a comment
     { mode: "client", /* and */ 'connect': { endpoints: ["tcp/[::1]:7447", 'a//b',], timeout_ms: 200, }, on: true,
-      "a:b": -1.5e3 }"""
+      "a:b": -1.5e3 }  // the end""")
     found = {"endpoints": ["tcp/[::1]:7447", "a//b"], "timeout_ms": 200}
-    assert read_json5(text) == {"mode": "client", "connect": found, "on": True, "a:b": -1500.0}
+    assert written(str(file)) == {"mode": "client", "connect": found, "on": True, "a:b": -1500.0}
+    file.write_text("mode: client\non: true\n")  # YAML
+    assert written(str(file)) == {}
 
 
 @pytest.mark.parametrize("name", ["access-control", "tls"])
 def test_the_examples_are_read(name) -> None:
-    assert read_json5((CONFIG / f"{name}.json5").read_text())["listen"]["endpoints"]
+    assert written(str(CONFIG / f"{name}.json5"))["listen"]["endpoints"]
 
 
 def test_the_rules_of_the_example_are_those_that_init_writes() -> None:
-    example = read_json5((CONFIG / "access-control.json5").read_text())["access_control"]
+    example = written(str(CONFIG / "access-control.json5"))["access_control"]
     made = access_control({"viewer": "viewer", "engineer": "operator"})
     assert example["rules"] == made["rules"]
     assert {one["id"] for one in example["subjects"]} == {one["id"] for one in made["subjects"]}
@@ -221,7 +224,7 @@ def test_a_file_that_is_added_keeps_its_certificates(mine) -> None:
     tls = {"link": {"tls": {"root_ca_certificate": "ca.pem"}}}
     given = config_of(mine / "client.json5", "tls/robot3:1", transport=tls)
     assert run(["remote", "add", "lab", given]) == 0
-    found = read_json5(remote_file("lab").read_text())["transport"]["link"]["tls"]["root_ca_certificate"]
+    found = written(str(remote_file("lab")))["transport"]["link"]["tls"]["root_ca_certificate"]
     assert found == str(mine / "ca.pem")
 
 
@@ -275,7 +278,7 @@ class Network:
         self.logger.serve(config=self.server)
 
     def client(self, user: str) -> dict[str, object]:
-        return read_json5(self.made.clients[user].read_text())
+        return written(str(self.made.clients[user]))
 
     def changed(self, path: Path, **values: str) -> str:
         """A client file of alice's with other values by place, as `connect.endpoints=...`."""
@@ -468,11 +471,11 @@ def test_a_remote_that_fails_does_not_hide_the_loggers_of_this_computer(network,
 def test_init_again_adds_a_user_and_keeps_authority_and_passwords(tmp_path) -> None:
     first = make_network(tmp_path / "lab", ["robot3.local", "10.0.0.7"], 7447, {"alice": "operator"})
     authority = (tmp_path / "lab" / "ca.pem").read_bytes()
-    alice = read_json5(first.clients["alice"].read_text())
+    alice = written(str(first.clients["alice"]))
     again = make_network(tmp_path / "lab", [], 7447, {"carol": "viewer"})
     assert sorted(again.clients) == ["alice", "carol"]
     assert (tmp_path / "lab" / "ca.pem").read_bytes() == authority
-    assert read_json5(again.clients["alice"].read_text()) == alice
+    assert written(str(again.clients["alice"])) == alice
     assert {path.stat().st_mode & 0o077 for path in (again.server / "key.pem", again.clients["carol"])} == {0}
     shown = subprocess.run(
         ["openssl", "x509", "-in", again.server / "certificate.pem", "-noout", "-text"], capture_output=True, check=True
@@ -485,12 +488,12 @@ def test_init_again_keeps_address_and_port_of_its_own_that_nobody_says_anew(tmp_
     lab = tmp_path / "lab"
     where = ["--host", "10.0.0.7", "--port", "17450", "--listen", "127.0.0.1"]
     assert run(["remote", "init", str(lab), *where, "--user", "alice:operator"]) == 0
-    before = [read_json5((lab / "clients" / "alice.json5").read_text()), (lab / "server" / "server.json5").read_text()]
+    before = [written(str(lab / "clients" / "alice.json5")), (lab / "server" / "server.json5").read_text()]
     if older:  # which wrote neither down
         known = json.loads((lab / "network.json").read_text())
         (lab / "network.json").write_text(json.dumps({name: known[name] for name in ("hosts", "users")}))
     assert run(["remote", "init", str(lab), "--user", "carol"]) == 0
-    assert read_json5((lab / "clients" / "alice.json5").read_text()) == before[0]
+    assert written(str(lab / "clients" / "alice.json5")) == before[0]
     assert '"tls/127.0.0.1:17450"' in before[1]
     assert '"tls/127.0.0.1:17450"' in (lab / "server" / "server.json5").read_text()
     assert run(["remote", "init", str(lab), "--port", "17451", "--listen", "::1"]) == 0
@@ -500,14 +503,14 @@ def test_init_again_keeps_address_and_port_of_its_own_that_nobody_says_anew(tmp_
 def test_init_removes_a_user_who_is_refused_from_then_on(mine, capsys) -> None:
     folder = mine / "lab"
     assert run(["remote", "init", str(folder), "--host", "h", "--user", "alice", "--user", "bob:operator"]) == 0
-    before = read_json5((folder / "clients" / "bob.json5").read_text())
+    before = written(str(folder / "clients" / "bob.json5"))
     assert run(["remote", "init", str(folder), "--remove", "bob"]) == 0
     assert "bob:  is removed" in capsys.readouterr().out
     assert [line.split(":")[0] for line in (folder / "server" / "users.txt").read_text().splitlines()] == ["alice"]
     assert "bob" not in (folder / "server" / "server.json5").read_text()
     assert [path.name for path in (folder / "clients").iterdir()] == ["alice.json5"]
     assert run(["remote", "init", str(folder), "--user", "bob"]) == 0  # somebody else by then
-    after = read_json5((folder / "clients" / "bob.json5").read_text())
+    after = written(str(folder / "clients" / "bob.json5"))
     assert after["transport"]["auth"] != before["transport"]["auth"]
     for words in (["--remove", "carol"], ["--remove", "bob", "--user", "bob"]):
         assert run(["remote", "init", str(folder), *words]) == 1
@@ -547,12 +550,12 @@ def test_init_makes_a_file_for_each_robot_and_one_more_later(mine, capsys) -> No
     given = ["--host", "router.local", "--user", "alice:operator", "--robot", "robot3", "--robot", "robot4"]
     assert run(["remote", "init", str(folder), *given]) == 0
     before = {name: (folder / "clients" / f"{name}.json5").read_text() for name in ("robot3", "robot4")}
-    assert read_json5(before["robot3"])["metadata"]["silo"]["robot"] == "robot3"
+    assert written(str(folder / "clients" / "robot3.json5"))["metadata"]["silo"]["robot"] == "robot3"
     assert before["robot3"] != before["robot4"]
     assert run(["remote", "init", str(folder), "--robot", "robot5"]) == 0
     assert 'log.serve(config="robot5.json5")' in capsys.readouterr().out
     assert (folder / "clients" / "robot3.json5").read_text() == before["robot3"]
-    control = read_json5((folder / "server" / "server.json5").read_text())["access_control"]
+    control = written(str(folder / "server" / "server.json5"))["access_control"]
     sent = {key for rule in control["rules"] if rule["id"].startswith("robot4: ") and rule["flows"] == ["ingress"]
             for key in rule["key_exprs"]}  # fmt: skip
     assert all(key.startswith("silo/robot4~$*/*/") for key in sent)
