@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from silo.control.denials import Denials
 from silo.core.tuning.parameters import ParameterInfo, ParameterValue
-from silo.errors import ConnectionLostError
+from silo.errors import ConnectionLostError, SiloError
 from silo.files.bags.ros_types import ENCAPSULATION, add_text
 from silo.printing import printable
 
@@ -68,6 +68,15 @@ class Audit:
         self._refused = Denials()
         self._refused.tell = lambda text, who: tell(f"{text} by {who}" if who else text)
         self.watch = self._refused.watch
+
+    def called(self, name: str, call: Call, caller: str) -> tuple[str, bool]:
+        """Do a call, and tell what came of it; returns that, and whether it was done."""
+        try:
+            text, done = call(caller), True
+        except SiloError as error:
+            text, done = str(error), False
+        self.note(name, "called", caller, text, done=done)
+        return text, done
 
     def note(self, what: str, how: str, caller: str, text: str, *, done: bool) -> None:
         """Tell what came of a call, or that it was refused."""

@@ -248,11 +248,7 @@ class ViewerServer:
             return
         name = names[call.service - 1]
         caller = f"a Foxglove viewer at {viewer.connection.remote_address[0]}"
-        try:
-            text, success = await asyncio.to_thread(self._terms.services[name], caller), True
-        except SiloError as error:
-            text, success = str(error), False
-        self._audit.note(name, "called", caller, text, done=success)
+        text, success = await asyncio.to_thread(self._audit.called, name, self._terms.services[name], caller)
         viewer.write(protocol.binary_frame(protocol.service_response(call, success=success, message=text)))
 
     async def _tune(self, viewer: Viewer, request: Mapping[str, Any]) -> None:

@@ -23,7 +23,7 @@ from silo.bridges.services import Audit, Call, Tune, trigger_response
 from silo.core.elements import ElementInfo
 from silo.core.quantities.writing import many
 from silo.core.tuning.parameters import ParameterInfo
-from silo.errors import ConnectionLostError, SiloError
+from silo.errors import ConnectionLostError
 from silo.history.arrays import SampleArrays
 from silo.net.configuration import FORCED, insert, reason_of
 from silo.net.lingering import releasing
@@ -251,9 +251,5 @@ class Graph:
         query.reply(service.key, answer, attachment=attachment)
 
     def _trigger(self, name: str, call: Call, _request: bytes) -> bytes:
-        try:
-            text, success = call(CALLER), True
-        except SiloError as error:
-            text, success = str(error), False
-        self._audit.note(name, "called", CALLER, text, done=success)
+        text, success = self._audit.called(name, call, CALLER)
         return trigger_response(text, success=success)
