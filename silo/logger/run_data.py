@@ -174,14 +174,15 @@ class RunData:
 
     def save_unsaved(self, ended: str) -> None:
         """Save what is in no file as `save()` does, and say so; where that fails it is left to the logger's end."""
-        if self._life.closed or not self._present.has_unsaved:
+        run = self._present.run
+        if self._life.closed or run is None or not self._present.has_unsaved:
             return
         try:
             saved = self.save()
         except SiloError as error:
             log.warning("%s: saving at the end failed: %s", self._options.name, error)
         else:
-            say_saved(self._present.run, self._options.name, saved, ended)
+            say_saved(run, self._options.name, saved, ended)
 
     def save_at_end(self, ending: LoggerEnd) -> bool:
         """Save what is in no file, each stretch to its own, and say where; whether that went well with all."""

@@ -170,22 +170,17 @@ def save_run(
 def save_at_end(run: Run, options: LoggerOptions, conditions: Conditions, ended: str) -> bool:
     """Save a run as `.silo`, and say where, and how its logger `ended`; False, and said where it is, if that failed."""
     try:
-        held = segment_holdings(run.reader).text
         saved = save_run(run.reader.snapshot(), run.id, options, "program ended without saving", conditions)
+        say_saved(run, options.name, saved, ended)
     except SiloError as failure:
         say_where_it_is(run, options, f": {failure}", ended)
         return False
-    _say_saved(options.name, held, saved, ended)
     return True
 
 
-def say_saved(run: Run | None, name: str, saved: Sequence[SavedFile], ended: str) -> None:
-    """Say what was saved at the end of a `with` that saved nothing itself."""
-    held = segment_holdings(run.reader).text if run is not None else "nothing"
-    _say_saved(name, held, saved, ended)
-
-
-def _say_saved(name: str, held: str, saved: Sequence[SavedFile], ended: str) -> None:
+def say_saved(run: Run, name: str, saved: Sequence[SavedFile], ended: str) -> None:
+    """Say what was saved of a run whose program saved nothing itself."""
+    held = segment_holdings(run.reader).text
     paths = ", ".join(file.path for file in saved)
     print(f"silo: logger '{name}' {ended}; saved {held}: {paths}", file=sys.stderr)
 
