@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from silo.core.arguments import real, word
 from silo.core.tuning.excitation import LEASE_S, LONGEST_S, element_of, usual_ramp_s
-from silo.core.tuning.parameters import Excitation, ParameterInfo, ParameterValue, Wave, meant
+from silo.core.tuning.parameters import Excitation, ParameterInfo, ParameterValue, Wave, only_meant
 from silo.errors import ElementError, SiloError
 from silo.parameters.requests import LONGEST_REVERT_S, ExcitationState, ParameterRequests, ParametersSet
 
@@ -45,11 +45,7 @@ class ClientParameters(MutableMapping[str, ParameterValue]):
             ElementError: there is none, or several.
         """
         known = {one.name: one for one in self.described()}
-        found = meant(name, known)
-        if len(found) != 1:
-            names = ", ".join((found or list(known))[:5]) or "it has none"
-            raise ElementError(f"{'several parameters' if found else 'no parameter'} '{name}': {names}")
-        return known[found[0]]
+        return known[only_meant(name, known)]
 
     def set(self, values: Mapping[str, Any], *, revert_after: float = 0.0) -> ParametersSet:
         """Set some, all or none, at the end of a tick.

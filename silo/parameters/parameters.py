@@ -16,8 +16,6 @@ import numpy as np
 
 from silo.core.arguments import shown
 from silo.core.calls import told_class, told_names
-from silo.core.names import did_you_mean, nearest
-from silo.core.quantities.writing import there_are
 from silo.core.tuning.excitation import check_rate, ends_of, number_at
 from silo.core.tuning.parameters import (
     WORD_BYTES,
@@ -30,6 +28,7 @@ from silo.core.tuning.parameters import (
     decoded,
     fitting,
     meant,
+    only_meant,
 )
 from silo.errors import ElementError, reason
 from silo.parameters.excited import Excited
@@ -183,15 +182,7 @@ class Parameters(Mapping[str, Parameter]):
 
     def full(self, name: str) -> str:
         """Return the full name of the only parameter that a name means. Raises ElementError."""
-        found = meant(name, self._known)
-        if len(found) == 1:
-            return found[0]
-        if found:
-            raise ElementError(f"'{name}' may be {', '.join(found)}: write more of the name; nothing was changed")
-        near = nearest(name, [*self._known, *(one.rpartition("/")[2] for one in self._known)])
-        some = ", ".join(list(self._known)[:5])
-        hint = did_you_mean(near, ": ".join(filter(None, [there_are(len(self._known)), some])))
-        raise ElementError(f"no parameter '{name}'{hint}")
+        return only_meant(name, self._known)
 
     @property
     def names(self) -> list[str]:

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import yaml
 
-from silo.core.quantities.writing import there_are
-from silo.core.tuning.parameters import ParameterInfo, ParameterKind, ParameterValue, fitting, meant
+from silo.core.tuning.parameters import ParameterInfo, ParameterKind, ParameterValue, fitting, meant, only_meant
 from silo.errors import ElementError, ScriptError
 from silo.files.atomic import atomic_file
 from silo.settings.yaml_nodes import line_of, read_nodes
@@ -39,18 +38,6 @@ def _item(info: ParameterInfo, word: str) -> object:
     return _TRUTH.get(word.lower(), word) if info.kind is ParameterKind.BOOL else word
 
 
-def find_parameter(name: str, infos: Sequence[ParameterInfo]) -> ParameterInfo:
-    """Return the only parameter that a name means, whole or its end behind a `/`. Raises ElementError."""
-    known = {one.name: one for one in infos}
-    found = meant(name, known)
-    if len(found) == 1:
-        return known[found[0]]
-    if found:
-        raise ElementError(f"'{name}' may be {', '.join(found)}: write more of the name")
-    names = ", ".join(list(known)[:5])
-    raise ElementError(f"no parameter '{name}'; {': '.join(filter(None, [there_are(len(infos)), names]))}")
-
-
 def read_preset(path: str | os.PathLike[str], infos: Sequence[ParameterInfo]) -> dict[str, ParameterValue]:
     """Return the values of a preset by full names.
 
@@ -75,7 +62,8 @@ def _take(name: str, value: yaml.Node, infos: Sequence[ParameterInfo], found: di
         return f"parameter '{name}': its values stand in one list, [1, 2, 3, 4], whatever its shape"
     words = value.value if isinstance(value, yaml.ScalarNode) else [one.value for one in items]
     try:
-        info = find_parameter(name, infos)
+        known = {one.name: one for one in infos}
+        info = known[only_meant(name, known)]
         read = typed_value(info, words)
     except ElementError as error:
         return str(error).removesuffix("; nothing was changed")
@@ -95,7 +83,7 @@ def write_preset(path: str | os.PathLike[str], values: Mapping[str, ParameterVal
     left = dict(values)
     places = []
     for name, value in _pairs(file, root):
-        known = [one for one in left if one == name.value or one.endswith(f"/{name.value.strip('/')}")]
+        known = meant(name.value, left)
         if len(known) == 1:
             places.append((value.start_mark.index, value.end_mark.index, _written(left.pop(known[0]))))
     for begin, end, written in sorted(places, reverse=True):

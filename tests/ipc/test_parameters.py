@@ -56,8 +56,9 @@ def test_all_that_a_logger_has_room_for_is_set_at_once(bench, client):
 @pytest.mark.parametrize(
     ("names", "words"),
     [
-        (["/log/legs/kp", "/log/arm/kp"], "several parameters 'kp': /log/legs/kp, /log/arm/kp"),
-        (["/log/kd", "/log/ki"], "no parameter 'kp': /log/kd, /log/ki"), ([], "no parameter 'kp': it has none"),
+        (["/a/kp", "/b/kp"], "'kp' may be /a/kp, /b/kp: write more of the name; nothing was changed"),
+        (["/log/kd", "/log/ki"], "no parameter 'kp'; there are 2: /log/kd, /log/ki"),
+        (["/log/kpp"], "no parameter 'kp'; did you mean 'kpp'?"), ([], "no parameter 'kp'; there are none"),
     ],
 )  # fmt: skip
 def test_a_name_of_no_or_of_several_parameters_is_told_with_those_that_there_are(names, words):

@@ -74,12 +74,13 @@ def set_command(client: "Client", *words: str) -> str:
       silo param set demo kp=50 kd=2
       silo param set demo gains=1,2,3 'surface=dry floor'
     """
-    from silo.settings.presets import find_parameter, typed_value
+    from silo.core.tuning.parameters import only_meant
+    from silo.settings.presets import typed_value
 
-    known = client.parameters.described()
+    known = {one.name: one for one in client.parameters.described()}
     values = {}
     for name, _, value in (word.partition("=") for word in words):
-        info = find_parameter(name, known)
+        info = known[only_meant(name, known)]
         if info.name in values:
             raise click.UsageError(f"parameter '{info.name}' is given twice; nothing was changed")
         values[info.name] = typed_value(info, value)

@@ -11,6 +11,8 @@ from collections.abc import Collection, Sequence
 
 import msgspec
 
+from silo.core.names import did_you_mean, nearest
+from silo.core.quantities.writing import there_are
 from silo.errors import ElementError
 
 WORD_BYTES = 8
@@ -153,6 +155,18 @@ class ParameterChange(msgspec.Struct, frozen=True, omit_defaults=True):
 def meant(name: str, known: Collection[str]) -> list[str]:
     """Return the parameters that a name means: the one that has it, else all that end so behind a `/`."""
     return [name] if name in known else [one for one in known if one.endswith(f"/{name.strip('/')}")]
+
+
+def only_meant(name: str, known: Collection[str]) -> str:
+    """Return the full name of the only parameter that a name means. Raises ElementError."""
+    found = meant(name, known)
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise ElementError(f"'{name}' may be {', '.join(found)}: write more of the name; nothing was changed")
+    near = nearest(name, [*known, *(one.rpartition("/")[2] for one in known)])
+    there = ": ".join(filter(None, [there_are(len(known)), ", ".join([*known][:5])]))
+    raise ElementError(f"no parameter '{name}'{did_you_mean(near, there)}")
 
 
 def value_text(value: object, unit: str = "-") -> str:

@@ -19,7 +19,7 @@ from silo.analysis.parameters import ToldExcitation
 from silo.analysis.responses import ResponseLog, bode_between, step_between
 from silo.core.recording import alike
 from silo.core.tuning.excitation import EXAMPLE, ends_of, number_at, read_excitation
-from silo.core.tuning.parameters import Excitation, ParameterInfo, Wave, range_text, value_text
+from silo.core.tuning.parameters import Excitation, ParameterInfo, Wave, only_meant, range_text, value_text
 from silo.errors import ElementError, SiloError
 from silo_tui.context import Context, SiloScreen
 from silo_tui.modal import Dialog, run_alone
@@ -278,9 +278,4 @@ def _usual(info: ParameterInfo) -> str:
 
 def named(known: dict[str, ParameterInfo], name: str) -> ParameterInfo:
     """Return the parameter that a name means, without the number of a value. Raises ElementError."""
-    bare = name.partition("[")[0]
-    found = [info for full, info in known.items() if full == bare or full.endswith(f"/{bare.strip('/')}")]
-    if len(found) != 1:
-        there = ", ".join([*known][:5]) or "it has none"
-        raise ElementError(f"{'several parameters are' if found else 'no parameter is'} '{bare}': {there}")
-    return found[0]
+    return known[only_meant(name.partition("[")[0], known)]
