@@ -11,7 +11,6 @@ import mmap
 import os
 import resource
 import threading
-from dataclasses import dataclass
 from io import FileIO
 from pathlib import Path
 
@@ -57,14 +56,6 @@ CHUNK_BYTES = 1 << 20
 SPARE_CHUNKS = 4096  # words of the directory for time stamps past the memory limit: 268 million ticks
 
 
-@dataclass(frozen=True)
-class Chunk:
-    """Memory of one chunk of a growing ring, as 8-byte words."""
-
-    words: memoryview
-    rows: int
-
-
 def chunk_bytes_for(row_words: int) -> int:
     """Bytes of a chunk: 1 MB, or one row where rows are larger."""
     return max(CHUNK_BYTES, page_up(8 * row_words))
@@ -100,7 +91,7 @@ class Segment:
         self.marks: MarksOfRun | None = None
         self.changes: ChangeRecord | None = None  # of parameters, where there are any
         self._first_rows = first_rows
-        self.first_chunks: dict[int, list[Chunk]] = {}  # those that were made ready at start
+        self.first_chunks: dict[int, list[memoryview]] = {}  # those that were made ready at start, as 8-byte words
         self._in_memory = in_memory
         self._limit_bytes = memory_limit_bytes
         self._limit_chunks = max(1, memory_limit_bytes // schema.chunk_bytes)
@@ -127,7 +118,7 @@ class Segment:
             elements_json = msgspec.json.encode(elements)
         self._growing = {ring.ring: ring for ring in rings if ring.buffer_type is BufferType.GROWING}
         self._chunks = 0
-        self._next: dict[int, Chunk] = {}
+        self._next: dict[int, memoryview] = {}
         # reentrant: a forgotten logger may be collected, and deleted, by the very thread that allocates for it
         self._allocating = threading.RLock()
         self._wanted = threading.Event()
@@ -296,7 +287,7 @@ class Segment:
         """How many ticks stand in a saved file, also one that another process made."""
         return self._counted[2] if self._counted else self.words[self._control // 8 + ControlWord.SAVED_TICKS]
 
-    def next_chunk(self, ring: int) -> Chunk | None:
+    def next_chunk(self, ring: int) -> memoryview | None:
         """The next chunk of a growing ring, None at the memory limit or where the folder is full.
 
         It was prepared by the thread as a rule; in a loop faster than real time it is made here (some 0.2 ms).
@@ -323,7 +314,7 @@ class Segment:
             if ring not in self._next and (chunk := self._append_within_limit(ring)):
                 self._next[ring] = chunk
 
-    def _append_within_limit(self, ring: int) -> Chunk | None:
+    def _append_within_limit(self, ring: int) -> memoryview | None:
         # the time ring may pass the limit: without time stamps no other ring is worth anything
         limit = self._directory_words if ring == TIME_RING else self._limit_chunks
         if self._ended:
@@ -361,7 +352,7 @@ class Segment:
         full = self.words[self.ring_control(TIME_RING) + RingControl.LOST_WHY] == LostWhy.NO_ROOM
         return StopReason.NO_ROOM if full else StopReason.MEMORY_LIMIT
 
-    def _append_rows(self, ring: int, rows: int) -> list[Chunk]:
+    def _append_rows(self, ring: int, rows: int) -> list[memoryview]:
         wanted = max(1, -(-rows // self._growing[ring].capacity))
         # one chunk each is granted whatever the limit: a ring without any would keep nothing
         if wanted > 1 and ring != TIME_RING and self._chunks + wanted > self._limit_chunks:
@@ -373,7 +364,7 @@ class Segment:
             )
         return [self._append(ring) for _ in range(wanted)]
 
-    def _append(self, ring: int) -> Chunk:
+    def _append(self, ring: int) -> memoryview:
         if self._chunks >= self._directory_words:
             raise SegmentError(f"{self.path}: the directory of {self._directory_words} chunks is full")
         size_bytes = self.schema.chunk_bytes
@@ -385,7 +376,7 @@ class Segment:
         self.words[self._directory // 8 + self._chunks] = ring + 1
         self._chunks += 1
         self._set(ControlWord.CHUNKS, self._chunks)
-        return Chunk(memoryview(mapped).cast("l"), self._growing[ring].capacity)
+        return memoryview(mapped).cast("l")
 
     def _end_chunks(self) -> None:
         self._ended = True
@@ -488,7 +479,7 @@ class Chunks:
 
     def __init__(self, segment: Segment, schema: RingSchema) -> None:
         self._segment, self._schema = segment, schema
-        self._chunks: list[Chunk | None] = list(segment.first_chunks[schema.ring])
+        self._chunks: list[memoryview | None] = list(segment.first_chunks[schema.ring])
         self._given = 0  # chunks before this one are full and no more wanted
 
     def more(self, number: int) -> tuple[memoryview | None, int, int]:
@@ -502,12 +493,10 @@ class Chunks:
             self._chunks[full] = None
         self._given = max(self._given, number - 1)
         chunk = self._chunks[number]
-        if chunk is None:
-            return None, 0, -1
-        return chunk.words, 0, chunk.rows * self._schema.row_words
+        return chunk, 0, -1 if chunk is None else self._schema.capacity * self._schema.row_words
 
     def newest(self, row: int) -> tuple[memoryview, int] | None:
         """Where a row of the present chunk or of the one before stands: memory and position."""
         number, slot = divmod(row, self._schema.capacity)
         chunk = self._chunks[number] if number < len(self._chunks) else None
-        return None if chunk is None else (chunk.words, slot * self._schema.row_words)
+        return None if chunk is None else (chunk, slot * self._schema.row_words)
