@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, NoReturn, ParamSpec, TypeVar
 
 import msgspec
 
+from silo.core.arguments import shown
 from silo.core.names import did_you_mean, nearest
 from silo.errors import ArgumentError, UnknownNameError
 
@@ -200,7 +201,7 @@ def call_problem(
         return f"{label}() needs {' and '.join(missing)}: write {label}({', '.join(_usage(parameters))})"
     if len(args) > len(by_place) and not any(p.kind is p.VAR_POSITIONAL for p in parameters):
         left = [name for name in keywords if name not in by_place and name not in kwargs]
-        way_out = f"; name the others: {left[0]}={_shown(args[len(by_place)])}" if left else ""
+        way_out = f"; name the others: {left[0]}={shown(args[len(by_place)])}" if left else ""
         if others:
             way_out = "; name the others: divider=5, action='publish'"
         listed = f" ({', '.join(by_place)})" if by_place else ""
@@ -224,7 +225,7 @@ def unknown_argument(label: str, key: str, known: Iterable[str], examples: Mappi
 def unknown_word(what: str, value: object, words: list[str]) -> str:
     """The message for a word that there isn't, with the one that was meant."""
     hint = did_you_mean(nearest(value.lower(), words) if isinstance(value, str) else ())
-    return f"there is no {what} {_shown(value)}; there are {', '.join(words)}{hint}"
+    return f"there is no {what} {shown(value)}; there are {', '.join(words)}{hint}"
 
 
 def no_attribute(what: str, name: str, cls: type, others: Mapping[str, str], way_out: str = "") -> NoReturn:
@@ -295,14 +296,6 @@ def _usage(parameters: list[inspect.Parameter]) -> list[str]:
     usage = [p.name for p in parameters if p.default is p.empty and p.kind is p.POSITIONAL_OR_KEYWORD]
     optional = [f"{p.name}=..." for p in parameters if p.default is not p.empty]
     return [*usage, *optional[:3], *(["..."] if len(optional) > 3 else [])]
-
-
-def _shown(value: object) -> str:
-    try:
-        words = " ".join(repr(value).split())
-    except Exception:  # noqa: BLE001  # the mistake that is told of is another one
-        words = "..."
-    return words if len(words) <= 40 else "..."
 
 
 def of(part: str, method: Callable[Concatenate[Any, P], R]) -> Callable[Concatenate[Any, P], R]:
