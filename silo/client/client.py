@@ -5,9 +5,9 @@ Views, streams, pins and control are leases that it renews; the connection comes
 
 import contextlib
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, TypeVar
 
 import msgspec
 
@@ -66,6 +66,7 @@ _OTHER_NAMES = {
     "remove_trigger": "it is client.trigger('fall', None)",
     "remove_derived": "it is client.derive('x', None)",
 }
+_Fed = TypeVar("_Fed", "View", "Stream")
 LEASE_S = 15.0  # of control that is renewed: seven renewals, or 15 s of a link that is away
 LONGEST_S = 1e6  # that anybody waits
 
@@ -444,21 +445,20 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
             rate_hz=rate_hz,
             column_ns=column_ns,
         )
-        view = View(request, next(self._leases.numbers), lambda: self._leases.renew_soon(view), self._leases.forget)
-        with self._opening(view):
-            view.accept(self._call(view.request))
-        return view
+        return self._opened(View, request)
 
-    @contextlib.contextmanager
-    def _opening(self, one: "View | Stream") -> Iterator[None]:
-        """Keep it up once it is opened; close it where that fails."""
+    def _opened(self, kind: Callable[..., _Fed], request: OpenView | OpenStream) -> _Fed:
+        """Open a view or a stream, and keep it up; it is closed where that fails."""
+        leases = self._leases
+        one: _Fed = kind(request, next(leases.numbers), lambda: leases.renew_soon(one), leases.forget)
         self._connection.attach(one)
         try:
-            yield
+            one.accept(self._call(one.request))
         except (RefusedError, ConnectionLostError):
             one.close()
             raise
-        self._leases.add(one)
+        leases.add(one)
+        return one
 
     def topic(self, element: str) -> "Topic":
         """Subscribe to every sample of a published element: `for batch in client.topic("joints/q"): ...`.
@@ -504,13 +504,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         from silo.history.arrays import Stream
 
         wished = texts("names", names, "['/log/joints/q']")
-        request = OpenStream(stream="", names=wished, period_s=period_s)
-        stream = Stream(
-            request, next(self._leases.numbers), lambda: self._leases.renew_soon(stream), self._leases.forget
-        )
-        with self._opening(stream):
-            stream.accept(self._call(stream.request))
-        return stream
+        return self._opened(Stream, OpenStream(stream="", names=wished, period_s=period_s))
 
     # --------------------------------------------------------------------------------------------------- what is held
 
