@@ -434,6 +434,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
 
     def _pieces(self, line: int, row: int | None, entry: int | None, laid: Layout) -> list[tuple[str, str]]:
         """Return the measured words of a line, each with its style."""
+        self.sight.written.clear()
         pieces: list[tuple[str, str]] = []
         spare = 0
         for column, cells in laid.measured:

@@ -279,7 +279,7 @@ class Inspector(Guarded, Widget):
             reading = reading.with_value(position, table.facts.detail(name, "value"))
         sight = Sight(table, self.session.live, lambda _: 0, str, room=30, value_room=30)
         if len(element.entries) == 1:
-            entry, digits = element.entries[0], cells.digits(sight, row, 0, reading)
+            entry, digits = element.entries[0], cells.digits(sight, row, 0)
             word = entry_text(entry, float(reading.newest[0]), reading.texts.get(0), 30, digits)
             pane.append(word + "\n", style=style)
             return
@@ -288,7 +288,7 @@ class Inspector(Guarded, Widget):
         left = min(18, max(map(len, called)) + 1)
         sight.room = sight.value_room = room = min(16, max(8, self.content_size.width - left))
         for position, entry in enumerate(entries):
-            digits = cells.digits(sight, row, position + 2, reading, alone=True)
+            digits = cells.digits(sight, row, position + 2, alone=True)
             word = entry_text(entry, float(reading.newest[position]), reading.texts.get(position), room, digits)
             pane.append(called[position][: left - 1].ljust(left), style=quiet)
             pane.append(f"{word:>{room}}\n", style=style)

@@ -1,5 +1,6 @@
 """The lines of the element table, without an app: what they say, what is painted, which are seen, what a click is."""
 
+from math import nan
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +12,7 @@ from textual.scroll_view import ScrollView
 
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.table.columns import FLAGS, LIVE_COLUMNS
-from silo_tui.model.table.facts import STATISTICS
+from silo_tui.model.table.facts import STATISTICS, Facts
 from silo_tui.model.table.fields import Field
 from silo_tui.terminal.thinness import Pace
 from silo_tui.widgets import element_table
@@ -388,3 +389,18 @@ def test_names_that_share_a_name_space_are_told_below_it(new_fake):
 )  # fmt: skip
 def test_words_take_exactly_their_cells(words, width, right, made):
     assert fitted(words, width, right=right) == made
+
+
+def test_numbers_of_a_row_are_written_anew_for_what_they_are_by_now_and_looked_at_once(table, monkeypatch):
+    table.column_set = "statistics"
+    table.lay_out()
+    row, looked = table.session.table.row(HEAT), []
+    monkeypatch.setattr(Facts, "detail", lambda self, name, of: looked.append(of) or self.details[name].get(of, nan))
+    for most, words in ((2000.0, "1500"), (2.0, "1.500")):
+        told = {"value": most * 0.75, "min": 0.0, "max": most, "mean": most / 2, "std": most / 8}
+        table.session.table.facts = Facts(details={HEAT: told})
+        table.session.live.readings[HEAT] = Reading(np.array([most]), {}, 50, 0, 0)
+        looked.clear()
+        pieces = table._pieces(row, row, None, table.laid)
+        assert pieces[1][0].strip() == words
+        assert looked.count("min") == 2  # for its own cell, and for how all are written

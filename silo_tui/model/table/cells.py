@@ -60,6 +60,7 @@ class Sight(msgspec.Struct):
     room: int = 11
     value_room: int = 11
     digits_fewer: int = 0  # on a thin link
+    written: dict[tuple[int, int, bool], text.Digits] = msgspec.field(default_factory=dict)  # how numbers of a line are
 
     def entry_name(self, row: int, entry: int) -> str:
         """Return the full name of an entry."""
@@ -208,13 +209,13 @@ def value(sight: Sight, row: int, width: int) -> Cell:
         reading = reading.with_value(max(0, chosen - 2), told)
     if chosen:
         label = component_label(element, chosen, width)
-        written = digits(sight, row, chosen, reading)
+        written = digits(sight, row, chosen)
         words = label + component_text(element, reading, chosen, width - len(label), told=told, digits=written)
         return words, _value_style(sight, reading)
     if len(element.entries) > 1:
         for entry in range(min(len(element.entries), width // ENTRY + 1)):
             reading = reading.with_value(entry, sight.table.facts.detail(sight.entry_name(row, entry), "value"))
-    alone = digits(sight, row, 0, reading) if len(element.entries) == 1 else None
+    alone = digits(sight, row, 0) if len(element.entries) == 1 else None
     return value_text(element, reading, width, alone), _value_style(sight, reading)
 
 
@@ -226,12 +227,19 @@ def value_head(sight: Sight, width: int) -> str:
     return next((words for words in told if len(words) <= width), told[-1])
 
 
-def digits(sight: Sight, row: int, chosen: int, reading: Reading | None, *, alone: bool = False) -> text.Digits:
+def digits(sight: Sight, row: int, chosen: int, *, alone: bool = False) -> text.Digits:
     """Return how value and statistics of a row are written: of all entries of a vector (0), its norm (1), or one entry.
 
     That is for what these were since statistics began; without such for how large values have been. `alone`: the entry
     has a line of its own, without its name before the value.
     """
+    key = row, chosen, alone
+    if key not in sight.written:
+        sight.written[key] = _digits(sight, row, chosen, alone=alone)
+    return sight.written[key]
+
+
+def _digits(sight: Sight, row: int, chosen: int, *, alone: bool) -> text.Digits:
     element, facts, name = sight.table.elements[row], sight.table.facts, _told_of(sight, row, chosen)
     is_vector = len(element.entries) > 1
     ends = [facts.detail(name, each) for each in (("least", "most") if is_vector and not chosen else ("min", "max"))]
@@ -243,7 +251,7 @@ def digits(sight: Sight, row: int, chosen: int, reading: Reading | None, *, alon
     if integer:
         return text.Digits()  # nothing stands beside it: whole, where its own cell has room for that
     sizes = [abs(end) for end in ends if math.isfinite(end)]
-    if reading is not None:
+    if (reading := sight.live.readings.get(element.name)) is not None:
         sizes.append(reading.reach(slice(chosen - 2, chosen - 1) if chosen >= 2 else slice(None)))
     return text.digits_of(max(sizes, default=0.0), 0.0, room, signed=chosen != 1)
 
@@ -259,7 +267,7 @@ def entry_value(sight: Sight, row: int, entry: int, width: int) -> Cell:
     if isinstance(reading, tuple):
         return reading
     reading = reading.with_value(entry, sight.table.facts.detail(sight.entry_name(row, entry), "value"))
-    written = digits(sight, row, entry + 2, reading, alone=True)
+    written = digits(sight, row, entry + 2, alone=True)
     words = component_text(sight.table.elements[row], reading, entry + 2, width, digits=written)
     return words, _value_style(sight, reading)
 
@@ -340,7 +348,7 @@ def _number(sight: Sight, row: int, chosen: int, quantity: str, width: int, *, a
     if math.isnan(found):
         return "", "quiet"
     entry = None if chosen == 1 else sight.table.elements[row].entries[max(0, chosen - 2)]
-    written = digits(sight, row, chosen, sight.live.readings.get(sight.table.names[row]), alone=alone)
+    written = digits(sight, row, chosen, alone=alone)
     if entry is not None and (entry.labels or entry.dtype[1:2] == "b"):
         if quantity in {"min", "max"} and found == int(found):
             return entry_text(entry, found, None, width), "quiet"
