@@ -4,7 +4,6 @@
 import asyncio
 import gc
 import os
-import re
 import shlex
 from collections.abc import Callable, Coroutine, Sequence
 from functools import partial
@@ -53,8 +52,6 @@ BEHIND_HZ = 1.0  # how often values are painted behind a dialog
 PRINTABLE = Printable()
 HOMES = ("table", "file", "loggers")  # where `go_home` ends
 # what is said elsewhere: by progress, by the head and the alarms
-OFTEN_KINDS = {EventKind.TRIGGERED, EventKind.CAPTURED, EventKind.BLIND}  # of a trigger, which they name
-_NAMED = re.compile(r"'.+?'")
 QUIET_KINDS = {EventKind.SAVING, EventKind.LIMIT, EventKind.LIMIT_ENDED, EventKind.CRASHED}  # a crash has its banner
 
 
@@ -321,8 +318,7 @@ class SiloApp(Guarded, App[None]):
         elif event.kind not in QUIET_KINDS and not own and not session.tells_no_change(event):
             is_mark = event.kind is EventKind.MARKER and said_by(event.text) is None
             told = f'marker "{event.text}"' if is_mark else session.told(event.text)
-            named = _NAMED.search(event.text) if event.kind in OFTEN_KINDS else None
-            of = f"{event.kind.value} {named[0]}" if named else ""
+            of = f"{event.kind.value} {event.about}" if event.about else ""
             context.hear(told + (f" ({event.by})" if event.by else ""), of=of)
         if event.kind is not EventKind.SAVING:
             context.table_changed()

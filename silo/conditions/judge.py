@@ -505,7 +505,8 @@ class Judge:
         except (SiloError, ValueError, KeyError, IndexError) as error:
             log.exception("what the helper process before this one left can't be used")
             for kept in state.captures:
-                self._events.publish(EventKind.BLIND, lost_text(kept, f"its judge left what can't be used: {error}"))
+                text = lost_text(kept, f"its judge left what can't be used: {error}")
+                self._events.publish(EventKind.BLIND, text, about=kept.options.name)
             self._begin(reader, state.conditions, since=reader.ticks)
             return True
         self._writer.add(*whole)

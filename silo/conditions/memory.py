@@ -172,7 +172,7 @@ class JudgeMemory:
     def _publish(self, one: Untold, run: str = "") -> int:
         tick = None if one.tick < 0 else one.tick
         told = self._events.publish(
-            EventKind(one.kind), one.text, tick=tick, stamp_ns=one.stamp_ns, run=run, times=one.times
+            EventKind(one.kind), one.text, tick=tick, stamp_ns=one.stamp_ns, run=run, times=one.times, about=one.about
         )
         return told.number
 
@@ -202,7 +202,7 @@ def lost_news(state: JudgeState, folder: str, logger: str, why: str) -> list[Unt
     """What is to be told of a run that nobody can judge any more: lost captures, and from when on it is blind."""
     listed = CaptureList(folder, logger)
     news = [
-        Untold(EventKind.BLIND.value, lost_text(kept, why))
+        Untold(EventKind.BLIND.value, lost_text(kept, why), about=kept.options.name)
         for kept in state.captures
         if not listed.has_files(state.run, kept.options.name, kept.capture.number)
     ]
@@ -221,11 +221,12 @@ def lost_text(kept: KeptCapture, why: str) -> str:
 def untold(found: JudgedStep) -> list[Untold]:
     """Return what a step is to tell."""
     events = [Untold(EventKind.BLIND.value, text) for text in found.blind]
+    events += [Untold(EventKind.BLIND.value, text, about=name) for name, text in found.left_out]
     for name, fires in found.fired:
         first, last = fires[0], fires[-1]
         times, kind = len(fires), EventKind.TRIGGERED.value
         text = f"at tick {first.tick}" if first is last else f"{times} times, at ticks {first.tick} to {last.tick}"
-        events.append(Untold(kind, f"trigger '{name}' fired {text}", first.tick, first.time_ns, times))
+        events.append(Untold(kind, f"trigger '{name}' fired {text}", first.tick, first.time_ns, times, name))
     for news in found.limits:
         kind = EventKind.LIMIT if news.over else EventKind.LIMIT_ENDED
         events.append(Untold(kind.value, news.text, news.tick, news.stamp_ns, news.times))

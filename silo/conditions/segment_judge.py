@@ -57,17 +57,19 @@ class _Watched:
 class JudgedStep:
     """What one look at the rings brought: words for clients, and captures that are whole.
 
-    `fired` has for each thing to tell the trigger and its fires, of what chatters several.
+    `fired` has for each thing to tell the trigger and its fires, of what chatters several; `left_out` the trigger of a
+    capture that there was no room for, and the words.
     """
 
     fired: list[tuple[str, list[Fire]]] = field(default_factory=list)
     blind: list[str] = field(default_factory=list)
+    left_out: list[tuple[str, str]] = field(default_factory=list)
     whole: list[CaptureBuffer] = field(default_factory=list)
     limits: list[LimitNews] = field(default_factory=list)
     limit_fired: str = ""  # by which one, also where clients are told of it a second later
 
     def __bool__(self) -> bool:
-        return bool(self.fired or self.blind or self.whole or self.limits)
+        return bool(self.fired or self.blind or self.left_out or self.whole or self.limits)
 
 
 class SegmentJudge:
@@ -309,10 +311,11 @@ class SegmentJudge:
         if not options.save:
             return  # it is for looking: what it captured is still in the rings
         if self._taken_bytes() > MOST_SPOOL_BYTES:
-            found.blind.append(
+            text = (
                 f"capture {capture.number} of '{options.name}' was left out: those before it, which are not yet "
                 f"written, take more than {MOST_SPOOL_BYTES // 2**20} MB; make pre and post shorter, or give a holdoff"
             )
+            found.left_out.append((options.name, text))
             return
         buffer = CaptureBuffer(options, capture, self.reader, self.conditions)
         # at once, whatever was judged: the oldest rows are overwritten next

@@ -28,13 +28,17 @@ _MAGIC = b"silo judge 1\n"
 
 
 class Untold(msgspec.Struct, frozen=True):
-    """An event that clients and the log may not have got; `kind` is a word of EventKind, `tick` -1 for the newest."""
+    """An event that clients and the log may not have got; `kind` is a word of EventKind, `tick` -1 for the newest.
+
+    `about` is the trigger that it is of.
+    """
 
     kind: str
     text: str
     tick: int = -1
     stamp_ns: int = 0
     times: int = 1
+    about: str = ""
 
 
 class KeptCapture(msgspec.Struct, frozen=True):

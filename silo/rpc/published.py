@@ -160,7 +160,8 @@ class Event(msgspec.Struct, frozen=True):
     """Put on `.../event`; `text` is fit to show as it stands. `number` counts all events of a helper.
 
     `tick` and `stamp_ns` say where it stands in the data (-1, 0: nowhere), `logged` its number in the event log, 0 for
-    what is only news (the progress of a save).
+    what is only news (the progress of a save). `about` names the trigger that it is of; empty: of none, or told by an
+    older silo.
     """
 
     number: int
@@ -176,6 +177,7 @@ class Event(msgspec.Struct, frozen=True):
     stamp_ns: int = 0
     logged: int = 0
     run: str = ""
+    about: str = ""
 
     @classmethod
     def of(cls, line: LoggedEvent, number: int = 0, **more: Any) -> "Event":

@@ -221,11 +221,13 @@ class EventNotifier:
         time_ns: int = 0,
         logged: int = -1,
         times: int = 1,
+        about: str = "",
     ) -> LoggedEvent:
         """Publish an event with the present status; it stands at `tick`, or at the newest one, of `run` or the present.
 
         `stamp_ns` is the time stamp of that tick, `time_ns` the wall clock then, where they are known. `logged` is the
-        number of the line that tells it where that is written already. It happened so many `times`.
+        number of the line that tells it where that is written already. It happened so many `times`, and is
+        `about` a trigger.
         """
         status = self._replica.status()
         newest = status.ticks - 1 if run in ("", self._replica.run) else -1  # of another run nobody knows it here
@@ -247,7 +249,7 @@ class EventNotifier:
         if (came_by_network(by) or kind is EventKind.DENIED) and kind not in _QUIET:
             # whoever sits before the robot wants to know why it does what nobody there asked for
             log.warning("%s: %s, by %s", self._replica.now.robot.logger, event.text, plain(by))
-        self._put(event, by=plain(by), status=status, job=job, progress=progress, files=list(files))
+        self._put(event, by=plain(by), status=status, job=job, progress=progress, files=list(files), about=about)
         if kind in _OF_FILES:
             self.files_changed(files)
         return event

@@ -65,6 +65,7 @@ class TestTriggers:
         trigger(client, state=TriggerWord.ARMED)
         bench.ticks(60)
         fired = heard.wait(EventKind.TRIGGERED)
+        assert fired.about == "high"
         assert fired.text == "trigger 'high' fired at tick 149"
         assert trigger(client).fires == 1
 

@@ -107,7 +107,9 @@ def test_captures_that_wait_to_be_written_leave_no_room_for_more_and_it_is_said(
     robot.ticks(500, [(317, 1)])
     found = robot.judge.step()
     assert (found.whole, len(found.fired)) == ([], 1)
-    assert "capture 1 of 'spike' was left out" in found.blind[0]
+    ((name, text),) = found.left_out
+    assert name == "spike"
+    assert text.startswith("capture 1 of 'spike' was left out")
 
 
 @pytest.mark.parametrize(

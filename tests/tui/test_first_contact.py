@@ -278,6 +278,16 @@ async def test_news_of_the_robot_and_the_answer_to_a_key_have_a_line_each(fake, 
         await screen.until(lambda: "bob@lab" not in screen.text and "an answer to a key" not in screen.text)
 
 
+async def test_what_one_trigger_tells_again_counts_up_in_its_place_and_hides_nothing_of_another(fake, opened):
+    async with opened(fake.run(), size=(120, 30)) as screen:
+        for about, tick in (("hot", 1), ("fall", 2), ("hot", 3), ("hot", 4)):
+            fake.publish(EventKind.TRIGGERED, f"trigger '{about}' fired at tick {tick}", about=about)
+        await screen.shows("trigger 'fall' fired at tick 2 (1 more: :messages)")
+        for number in (1, 2):
+            fake.publish(EventKind.CAPTURED, f"capture {number} of 'hot' saved", about="hot")
+        await screen.shows("capture 2 of 'hot' saved (2 ×) (2 more: :messages)")
+
+
 LONG = " ".join(f"word{number}" for number in range(30))
 
 

@@ -234,4 +234,6 @@ class CaptureWriter:
     def _tell(self, buffer: "CaptureBuffer", kind: EventKind, text: str, files: Sequence[SavedFile] = ()) -> None:
         """Tell it of the capture's own run, which may be over, at the tick of what fired first."""
         fire = buffer.capture.fires[0]
-        self._events.publish(kind, text, files=files, tick=fire.tick, stamp_ns=fire.time_ns, run=buffer.run)
+        self._events.publish(
+            kind, text, files=files, tick=fire.tick, stamp_ns=fire.time_ns, run=buffer.run, about=buffer.trigger
+        )
