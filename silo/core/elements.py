@@ -499,6 +499,7 @@ class Status(msgspec.Struct, frozen=True):
     begun_ns: int = 0  # when the run began that cuts went on, and how many ticks it had before the last of them;
     before_ticks: int = 0  # both 0 without a cut: `started_ns` and `ticks` are since the last one
     program: str = ""  # drawn once in the life of a logger, as pids come again; empty from an older silo
+    part: int = 0  # which stretch of the run it is since the last cut, as its file will be called; 0 without a cut
 
     def is_of_program(self, other: "Status") -> bool:
         """Whether both are of one life of a robot program."""

@@ -368,6 +368,7 @@ class Replica:
             # all within: another thread closes the reader of a run that is replaced
             reader, durable, problem = self._reader, self.durable_ticks(self.run), ""
             size_bytes, started_ns = (reader.size_bytes, reader.schema.started_ns) if reader else (0, 0)
+            cut = reader.schema.cut if reader else None
             try:
                 read = _read(reader, self._kept)
                 saved = reader is None or (read.ticks <= self._saved_ticks(reader) and not robot.cut_off)
@@ -418,6 +419,7 @@ class Replica:
             held_bytes=self.held.size_bytes,
             held_runs_most=self.held.most_runs,
             held_bytes_most=self.held.most_bytes,
+            part=cut.part if cut is not None else 0,
         )
 
 

@@ -59,6 +59,7 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions, FakeParameters):
         self._state, self.now_ns, self.started_ns, self.lost = State.STOPPED, START_NS, 0, 0
         self.saved, self.may_edit, self.connected, self.reason = True, True, True, ""
         self.durable_ticks = -1  # as without storage="disk"
+        self.part = 0  # as before the first cut
         self.calls: list[tuple[Any, ...]] = []
         self.files: dict[str, str] = {"robot.yaml": format_script(self.elements), "quiet.yaml": QUIET_SCRIPT}
         self.save_error = ""
@@ -250,7 +251,7 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions, FakeParameters):
             folder="/home/ann/logs", script=f"{FOLDER}/robot.yaml", reason=self.reason, saved=self.saved,
             durable_ticks=self.durable_ticks, held_samples=sum(self._kept()), held_s=max(self._kept(), default=0) / HZ,
             recorders=sum(not one.state.over for one in self.recorder_infos), control=self.controlled,
-            clients=list(self.clients), program=self.program,
+            clients=list(self.clients), program=self.program, part=self.part,
         )  # fmt: skip
 
     def table(self) -> Table:

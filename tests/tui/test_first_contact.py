@@ -63,6 +63,22 @@ async def test_the_save_dialog_is_walked_through_left_and_ticked_by_letters_that
         assert fake.calls == [("save", [FileType.CSV], "bcs")]
 
 
+async def test_the_save_dialog_says_the_name_that_a_part_of_a_run_that_was_cut_gets(fake, opened):
+    fake.run(20)
+    fake.part = 2
+    async with opened(fake, size=(80, 24)) as screen:
+        await screen.press("w", "c")
+        await screen.shows("robot_…_part2.silo, robot_…_part2.csv: ")
+        await screen.shows("each part before it goes to")
+        fake.part = 3
+        await screen.press("up", "up", "up", *"runa.silo")
+        await screen.shows("runa_part3.silo, runa_part3.csv: ")
+        fake.part = 0
+        await screen.press("backspace")
+        await screen.shows("runa.sil.silo, runa.sil.csv: ")
+        assert "each part" not in screen.text
+
+
 async def test_a_name_that_can_be_no_file_is_said_at_once_and_stays_to_be_mended(fake, opened):
     fake.run(20)
     async with opened(fake) as screen:

@@ -80,3 +80,17 @@ def test_what_was_cut_off_and_stands_in_no_file_is_unsaved(new_logger) -> None:
     log.collect()
     replica.take(msgspec.structs.replace(state, table=None))
     assert not replica.status().saved
+
+
+def test_a_status_says_of_which_part_of_a_run_a_save_would_be(new_logger, tmp_path) -> None:
+    log = new_logger("bot", frequency=100)
+    log.array("x")
+    log.start()
+    parts = []
+    for divider in (2, 3, 4):
+        log.collect()
+        parts.append((Replica(robot_state(log, "", -1)).status().part, log.save(name=f"by{divider}")[-1].path))
+        log.set("x", divider=divider, cut=True)
+    assert parts == [
+        (0, str(tmp_path / "by2.silo")), (2, str(tmp_path / "by3_part2.silo")), (3, str(tmp_path / "by4_part3.silo")),
+    ]  # fmt: skip

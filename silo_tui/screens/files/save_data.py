@@ -20,6 +20,7 @@ from silo.core.elements import FileType, SavedFile
 from silo.core.quantities.writing import duration, size_text
 from silo.errors import SiloError
 from silo.files.formats import SAVED, SAVED_NAMES
+from silo.files.naming import custom_path, with_part
 from silo.rpc.published import Event, EventKind
 from silo_tui.actions import key_of
 from silo_tui.context import Context
@@ -161,8 +162,10 @@ class SaveDialog(Form[list[SavedFile]]):
         if self._stands():  # also of a save that began meanwhile
             return self._told
         files, status = self.made(), session.status
-        names = ", ".join(f"{one.path or status.logger + '_…'}{SAVED[one.type].ending}" for one in files)
+        paths = [custom_path("", one.path or f"{status.logger}_…", SAVED[one.type].ending) for one in files]
+        names = ", ".join(with_part(path, status.part).name for path in paths)
         held = f"{text.count(status.held_samples)} samples of up to {duration(status.held_s)}"
+        held += "; each part before it goes to a file of its own" * (status.part > 1)
         return f"{names}: {held}" if status.held_samples else f"{names}: would have no sample, none is held"
 
     def _stands(self) -> bool:
