@@ -386,10 +386,7 @@ async def view_shown(context: Context, name: str) -> str:
             return await view_left(context, context.left_view)
         if preset is not None and name == NEAR:
             await context.session.refresh_conditions()
-            layout, words = near_limit(context.session.limits)
-            context.session.near = layout.filter
-            missing = await views.show(context, layout)
-            return "; ".join(filter(None, [words, missing]))
+            return await _near_limit_shown(context)
         if preset is not None:
             layout = preset.layout
         elif name.startswith(ROBOT):
@@ -403,6 +400,19 @@ async def view_shown(context: Context, name: str) -> str:
         raise RefusedError(str(error)) from error
     missing = await views.show(context, layout)
     return "; ".join(filter(None, [f"view {name}", missing, *problems[:1]]))
+
+
+async def _near_limit_shown(context: Context) -> str:
+    """Filter for what is near a limit, in the columns and order that are shown; leave the table where nothing is."""
+    session = context.session
+    if not session.limits:
+        return f"no signal has limits: {context.key_in_table('limits_of_row')} sets some"
+    passing, words = near_limit(session.limits)
+    session.near = passing
+    if passing:
+        shown = views.capture(context) or KeptLayout()
+        await views.show(context, msgspec.structs.replace(shown, filter=passing, plots=(), most=0))
+    return words
 
 
 async def robots_names(context: Context) -> list[str]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import msgspec
 
 from silo.conditions.standing import LimitStatus
+from silo.core.quantities.writing import many
 from silo_tui.layouts.layout import KeptLayout
 from silo_tui.model.plots.limits import between
 
@@ -59,9 +60,11 @@ def is_near(one: LimitStatus) -> bool:
     return (low is not None and one.value <= low + reach) or (high is not None and one.value >= high - reach)
 
 
-def near_limit(limits: Sequence[LimitStatus]) -> tuple[KeptLayout, str]:
-    """Return the view of what is near a limit now, and what to say of it."""
+def near_limit(limits: Sequence[LimitStatus]) -> tuple[str, str]:
+    """Return the filter for what is near a limit now, empty where nothing is, and what to say of it."""
     found = [one.name for one in limits if is_near(one)]
-    words = f"{len(found)} of {len(limits)} signals with limits are within a tenth of one, or beyond"
+    of = f"of {many(len(limits), 'signal')} with limits"
+    if not found:
+        return "", f"none {of} is within a tenth of one"
     pattern = "|".join(f"{re.escape(name)}$" for name in found)
-    return KeptLayout(filter=f"~{pattern}" if found else "alarm -nan"), words  # of nothing near nothing is beyond
+    return f"~{pattern}", f"{len(found)} {of} are within a tenth of one, or beyond"

@@ -29,10 +29,10 @@ def test_near_a_limit_is_within_a_tenth_of_it(bounds, near, far):
 def test_what_is_near_a_limit_is_a_filter_for_just_that():
     hot = LimitStatus("/log/a.b", "/log/a.b", LimitWord.OK, value=79.0, bounds=(None, None, None, 80.0))
     cold = LimitStatus("/log/a.bc", "/log/a.bc", LimitWord.OK, value=9.0, bounds=(None, None, None, 80.0))
-    layout, words = near_limit([hot, cold])
-    assert layout.filter == r"~/log/a\.b$"
+    passing, words = near_limit([hot, cold])
+    assert passing == r"~/log/a\.b$"
     assert words.startswith("1 of 2 signals with limits")
-    assert near_limit([cold])[0].filter == "alarm -nan"  # a table without rows says why in words that people know
+    assert near_limit([cold]) == ("", "none of 1 signal with limits is within a tenth of one")
 
 
 async def test_the_line_below_tells_of_what_is_near_a_limit_in_words(fake, opened):
@@ -48,6 +48,31 @@ async def test_the_line_below_tells_of_what_is_near_a_limit_in_words(fake, opene
         await screen.enter("/*torque")  # another filter is told as it is typed
         await screen.shows(f"/*torque: {len(names)} of")
         assert "near a limit:" not in screen.text
+
+
+async def test_where_nothing_is_near_a_limit_the_table_stays_and_a_key_that_sets_limits_is_named(fake, opened):
+    async with opened(fake.run()) as screen:
+        rows = screen.session.rows
+        await screen.press(*"vc")
+        await screen.enter("/torque")
+        await screen.press(*"ov")
+        await screen.until(lambda: rows.sort == "value")
+        shown = rows.filter.text, rows.sort, screen.app.screen.table.column_set
+        await screen.press(*"vvl")
+        await screen.shows("no signal has limits: e a sets some")
+        assert (rows.filter.text, rows.sort, screen.app.screen.table.column_set) == shown
+        name = next(one.name for one in fake.elements if one.name.endswith("/torque"))
+        status = LimitStatus(name, name, LimitWord.OK, value=9.0, bounds=(None, None, None, 80.0))
+        fake.limit_statuses = [status]
+        await screen.press(*"vvl")
+        await screen.shows("none of 1 signal with limits is within a tenth of one")
+        assert (rows.filter.text, rows.sort, screen.app.screen.table.column_set) == shown
+        fake.limit_statuses = [replace(status, value=79.0)]
+        await screen.press(*"vvl")
+        await screen.shows("near a limit: 1 of")
+        assert (rows.sort, screen.app.screen.table.column_set) == shown[1:]
+        await screen.press("escape")
+        await screen.until(lambda: rows.filter.text == "torque")
 
 
 async def test_the_menu_names_some_views_where_it_leads_to_them(fake, opened):
