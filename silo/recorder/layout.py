@@ -26,7 +26,7 @@ from silo.files.bags.writer import MAX_CHANNELS, Utf8Entry, definitions, recordi
 from silo.files.parts.metadata import EVENTS_RING, PART_VERSION, PartFacts, RingFacts
 from silo.files.texts import presentable
 from silo.judging.checks import table_catalogue
-from silo.segment.layout import ElementSchema, SegmentSchema
+from silo.segment.layout import ElementSchema, RingSchema, SegmentSchema
 from silo.segment.rows import Rows
 
 
@@ -39,9 +39,9 @@ class ChannelLayout:
     as_bytes: frozenset[str] = frozenset()
 
     @cached_property
-    def rings(self) -> tuple[int, ...]:
-        """The rings that are read."""
-        return tuple(sorted({element.watch_ring for element in self.elements}))
+    def rings(self) -> dict[int, RingSchema]:
+        """The rings that are read, by number."""
+        return {ring: self.schema.rings[ring] for ring in sorted({element.watch_ring for element in self.elements})}
 
     @cached_property
     def template(self) -> Recording:
@@ -103,7 +103,7 @@ class ChannelLayout:
     def facts(self, recorder: str, begin: Mapping[int, int], since: Mapping[int, int]) -> PartFacts:
         """What a part says of itself that begins with these rows, of a run that is recorded since those."""
         rings = [
-            RingFacts(ring, self.schema.rings[ring].divider, begin.get(ring, 0), list(channels))
+            RingFacts(ring, self.rings[ring].divider, begin.get(ring, 0), list(channels))
             for ring, channels in self.ring_channels.items()
             if channels
         ]
@@ -134,12 +134,11 @@ class ChannelLayout:
         """Rows with which a run goes on, with those of signals that were derived after what told them: as was noted for
         them, or where the others are. None are from the start.
         """
-        dividers = {ring: self.schema.rings[ring].divider for ring in self.rings}
-        ticks = [(row - 1) * dividers[ring] + 1 for ring, row in begin.items() if ring in dividers]
+        ticks = [(row - 1) * self.rings[ring].divider + 1 for ring, row in begin.items() if ring in self.rings]
         if not ticks:
             return begin
         tick = max(0, *ticks)
-        return {ring: noted.get(ring, -(-tick // divider)) for ring, divider in dividers.items()} | begin
+        return {number: noted.get(number, ring.rows_before(tick)) for number, ring in self.rings.items()} | begin
 
     def with_conditions(self, conditions: Conditions) -> "ChannelLayout":
         """The same with other limits and triggers; what is computed stays as it is."""

@@ -424,7 +424,7 @@ class Recorder:
         if known is not None:
             return dict(known)
         if schema.run == order.run:
-            return {ring.ring: -(-order.tick // ring.divider) for ring in schema.rings}
+            return {ring.ring: ring.rows_before(order.tick) for ring in schema.rings}
         self._look_for_missed(schema.number)
         return {}
 

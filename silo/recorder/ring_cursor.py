@@ -52,7 +52,7 @@ class Drained:
         """What came before a tick, with what is missing, and what came from it on."""
         before, after = [], []
         for rows in self.rows:
-            count = max(0, -(-tick // rows.ring.divider) - rows.first)
+            count = max(0, rows.ring.rows_before(tick) - rows.first)
             before.append(Rows(rows.ring, rows.first, rows.words[:count]))
             after.append(Rows(rows.ring, rows.first + count, rows.words[count:]))
         return Drained([*filter(len, before)], self.losses, self.complete), Drained([*filter(len, after)])
@@ -65,8 +65,7 @@ class RingCursor:
         """`begin` are the rows to begin with, by ring; None: with what comes from now on."""
         self.reader, self.layout = reader, layout
         ticks = reader.ticks
-        rings = layout.schema.rings
-        now = {ring: -(-ticks // rings[ring].divider) for ring in layout.rings}
+        now = {number: ring.rows_before(ticks) for number, ring in layout.rings.items()}
         self.cursors = now if begin is None else {ring: begin.get(ring, 0) for ring in layout.rings}
         self.begun_with = dict(self.cursors)
         self.is_held_up = False  # by the disk: there was no room for rows since the last read
@@ -81,9 +80,10 @@ class RingCursor:
     def period_s(self) -> float:
         """How often to come: a quarter of the time after which the shortest ring is overwritten."""
         frequency_hz = self.layout.schema.frequency_hz
-        rings = [self.layout.schema.rings[ring] for ring in self.layout.rings]
         spans = [
-            ring.capacity * ring.divider / frequency_hz for ring in rings if ring.buffer_type is BufferType.LOOPING
+            ring.capacity * ring.divider / frequency_hz
+            for ring in self.layout.rings.values()
+            if ring.buffer_type is BufferType.LOOPING
         ]
         return min(MOST_PERIOD_S, max(LEAST_PERIOD_S, min(spans, default=1.0) / 4))
 
@@ -94,10 +94,9 @@ class RingCursor:
         ticks = min(self.reader.ticks, until)
         found = Drained()
         complete, again = True, False
-        for ring in self.layout.rings:
-            schema = self.layout.schema.rings[ring]
+        for ring, schema in self.layout.rings.items():
             # a full buffer and the memory limit end a ring before the ticks end
-            due = min(-(-ticks // schema.divider), self.reader.head(ring))
+            due = min(schema.rows_before(ticks), self.reader.head(ring))
             most = max(1, room_bytes // (len(self.layout.rings) * 8 * schema.row_words))
             cursor = self.cursors[ring]
             if due <= cursor:
@@ -133,7 +132,7 @@ class RingCursor:
         count = min((len(rows) if rows.first == begin else 0 for rows in sources.values()), default=0)
         if not count:
             return None
-        schema = self.layout.schema.rings[ring]
+        schema = self.layout.rings[ring]
         words = np.zeros((count, schema.row_words), np.uint64)
         for element in elements:
             rows = sources[element.ring]
@@ -154,8 +153,7 @@ class RingCursor:
         """Whether the run is over and all of it was read."""
         over = self.is_over()
         ticks = self.reader.ticks
-        rings = self.layout.schema.rings
         return over and all(
-            self.cursors[ring] >= min(-(-ticks // rings[ring].divider), self.reader.head(ring))
-            for ring in self.layout.rings
+            self.cursors[number] >= min(ring.rows_before(ticks), self.reader.head(number))
+            for number, ring in self.layout.rings.items()
         )

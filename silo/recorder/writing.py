@@ -43,6 +43,7 @@ from silo.recorder.layout import ChannelLayout
 from silo.recorder.orders import News, Progress, RecordOrder, Report
 from silo.recorder.ring_cursor import TOO_SLOW, Drained, Loss
 from silo.recovery.parts import finished_part
+from silo.segment.layout import RingSchema
 from silo.segment.rows import Rows
 
 SYNC_S, SYNC_BYTES = 5.0, 64 << 20  # how often what was written is put on the disk: a power cut loses no more
@@ -150,7 +151,7 @@ class OpenPart:
     def note_lost(self, ring: int, begin: int, end: int, why: str) -> None:
         """Write in place which rows are missing."""
         names = [element.info.name for element in self.layout.elements if element.watch_ring == ring]
-        divider = self.layout.schema.rings[ring].divider
+        divider = self.layout.rings[ring].divider
         self._mcap.add_metadata(
             LOST_METADATA,
             {
@@ -467,10 +468,13 @@ class Writing:
     @property
     def _next_tick(self) -> int:
         """The first tick of which a row is still to come, those left out that are full."""
-        layout = self._present_layout
-        rings = [(layout.schema.rings[ring], self._next_rows.get(ring, 0)) for ring in layout.rings]
+        rings = self._next_of(self._present_layout)
         ticks = [row * ring.divider for ring, row in rings if not ring.is_full_at(row)]
         return min(ticks, default=max((row * ring.divider for ring, row in rings), default=0))
+
+    def _next_of(self, layout: ChannelLayout) -> list[tuple[RingSchema, int]]:
+        """The rings that are read, each with its next row."""
+        return [(ring, self._next_rows.get(number, 0)) for number, ring in layout.rings.items()]
 
     @property
     def _line_before(self) -> int:
@@ -482,9 +486,7 @@ class Writing:
         What became of them at later ticks is for the next part.
         """
         if self._part is not None and self._happening is not None:
-            layout = self._part.layout
-            dividers = {ring: layout.schema.rings[ring].divider for ring in layout.rings}
-            ends = [(self._next_rows.get(ring, 0) - 1) * divider + 1 for ring, divider in dividers.items()]
+            ends = [(row - 1) * ring.divider + 1 for ring, row in self._next_of(self._part.layout)]
             self._add_told(self._happening.changes_until(max([until, *ends]), self._next_tick))
 
     def _add_told(self, told: Sequence[LoggedEvent]) -> None:
@@ -549,7 +551,7 @@ class Writing:
         self._why_lost = loss.why
         part.note_lost(loss.ring, loss.begin, loss.end, loss.why)
         lost = (loss.end - loss.begin) * len(layout.ring_channels[loss.ring])
-        divider = layout.schema.rings[loss.ring].divider
+        divider = layout.rings[loss.ring].divider
         text = f"{lost} samples were lost, of ticks {loss.begin * divider} to {(loss.end - 1) * divider}: {loss.why}"
         if loss.why == TOO_SLOW:
             text += "; record fewer elements, make buffers larger, or record to another disk"
@@ -603,10 +605,8 @@ class Writing:
     def _note_end(self) -> None:
         """Have the last words stand at the last tick that it recorded: others may have come by now, of other runs."""
         if self._layout is not None:
-            schema = self._layout.schema
-            rows = ((schema.rings[ring].divider, self._next_rows.get(ring, 0)) for ring in self._layout.rings)
-            last = max((divider * (row - 1) for divider, row in rows if row), default=-1)
-            self.end_news = News(Report, told_run=schema.run, told_tick=last)
+            last = max((ring.divider * (row - 1) for ring, row in self._next_of(self._layout) if row), default=-1)
+            self.end_news = News(Report, told_run=self._layout.schema.run, told_tick=last)
 
     def _fail(self, text: str) -> None:
         """End by itself: what was written is finished, if the disk lets it."""
@@ -615,13 +615,11 @@ class Writing:
         except OSError as error:
             text += f"; the last part can't be finished now ({reason(error)}): `silo recover {self._folder}` does it"
         if self._layout is not None:  # what came after the last row, and still comes, nobody counts
-            schema = self._layout.schema
-            ticks = max(
-                (self._next_rows.get(ring, 0) * schema.rings[ring].divider for ring in self._layout.rings), default=0
-            )
-            self.end_news = News(Report, told_run=schema.run, told_tick=ticks)
+            run = self._layout.schema.run
+            ticks = max((row * ring.divider for ring, row in self._next_of(self._layout)), default=0)
+            self.end_news = News(Report, told_run=run, told_tick=ticks)
             with contextlib.suppress(OSError):
-                self._ledger.end_run(schema.run, {}, done=False, gone=text)
+                self._ledger.end_run(run, {}, done=False, gone=text)
         self.totals.text = text
         self.totals.state = RecorderState.FAILED
 

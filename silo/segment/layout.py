@@ -115,6 +115,10 @@ class RingSchema(msgspec.Struct, frozen=True):
         """Whether there is no row of this number, nor any later: a buffer that keeps its first samples is full."""
         return self.buffer_type is BufferType.FIXED and row >= self.capacity
 
+    def rows_before(self, tick: int) -> int:
+        """How many rows the ticks before this one have."""
+        return -(-tick // self.divider)
+
 
 class ElementSchema(msgspec.Struct, frozen=True, gc=False):
     """One enabled element: `ring` holds its buffer; `live_ring` passes every sample, -1 if it isn't published.

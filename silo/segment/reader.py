@@ -301,7 +301,7 @@ class SegmentReader:
         if ORDERED_STORES or self._writer_gone or not self.running:
             return head
         whole_ticks = self._ring_word(TIME_RING, RingControl.LIVE)
-        return min(head, -(-whole_ticks // self.schema.rings[ring].divider))
+        return min(head, self.schema.rings[ring].rows_before(whole_ticks))
 
     def first(self, _ring: int) -> int:
         """The oldest row that can have been kept: any, in a segment."""

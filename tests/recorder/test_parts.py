@@ -205,7 +205,7 @@ def test_what_a_slow_disk_costs_is_counted_at_its_place(robot, tmp_path, truth, 
     while direct.writing.room_bytes:
         robot.ticks(200)
         direct.put()
-    full_at = direct.drain.cursors[direct.drain.layout.rings[-1]]
+    full_at = direct.drain.cursors[max(direct.drain.layout.rings)]
     robot.ticks(7000)  # the rings, of 2000 and some rows, are overwritten
     assert not direct.put()  # there is no room for them
     gate.set()
