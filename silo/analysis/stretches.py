@@ -147,12 +147,16 @@ def _own_between(element: RecordedElement, own: NDArray[np.int64], kept: slice |
 
 
 def _cut(element: RecordedElement, kept: slice | NDArray[np.bool_], count: int) -> tuple[RecordedEntry, ...]:
-    """Some of the samples, read when they are asked for."""
+    """Some of the samples."""
+    return _entries(element, lambda place: element.entries[place].values[kept], count)
 
-    def values(entry: RecordedEntry) -> NDArray[Any]:
-        return entry.values[kept]
 
-    return tuple(lazy_entry(e.name, e.entry, partial(values, e), e.dtype, count) for e in element.entries)
+def _entries(element: RecordedElement, values: Callable[[int], NDArray[Any]], count: int) -> tuple[RecordedEntry, ...]:
+    """The entries of an element with so many other values, which are read when they are asked for."""
+    return tuple(
+        lazy_entry(one.name, one.entry, partial(values, place), one.dtype, count)
+        for place, one in enumerate(element.entries)
+    )
 
 
 @dataclass(frozen=True)
@@ -239,11 +243,7 @@ def _over_cuts(whole: Recording, cuts: Sequence[int]) -> Recording:
     def over(element: RecordedElement) -> RecordedElement:
         if element.name not in looks_back:
             return element
-        entries = tuple(
-            lazy_entry(entry.name, entry.entry, partial(values, element, number), entry.dtype, entry.count)
-            for number, entry in enumerate(element.entries)
-        )
-        return replace(element, entries=entries)
+        return replace(element, entries=_entries(element, partial(values, element), element.count))
 
     return replace(whole, elements=tuple(map(over, whole.elements)))
 
@@ -443,6 +443,13 @@ def _as_one(
     if not steps and layout not in own:
         ticks = np.concatenate([first + np.arange(count) * step for first, step, count in layout])
         own[layout] = time_ns[ticks], ticks
+
+    def values(number: int) -> NDArray[Any]:
+        parts = [one.entries[number].values for _, one in pieces]
+        masked = any(isinstance(part, np.ma.MaskedArray) for part in parts)  # values that are none
+        found: NDArray[Any] = np.ma.concatenate(parts) if masked else np.concatenate(parts)  # type: ignore[no-untyped-call]
+        return found
+
     spans = tuple((low + piece.shift, high + piece.shift) for piece, one in pieces for low, high in one.failures.spans)
     if len(pieces) == 1:
         return replace(last, first=begin, failures=Failures(last.failures.count, spans))
@@ -453,7 +460,7 @@ def _as_one(
         own_ns=None if steps else own[layout][0],
         own_ticks=None if steps else own[layout][1],
         holds=() if steps else tuple(pair for place in layout for pair in _holds(*place, ends)),
-        entries=tuple(_one_entry([one.entries[number] for _, one in pieces]) for number in range(len(last.entries))),
+        entries=_entries(last, values, sum(one.count for _, one in pieces)),
         lost=sum(one.lost for _, one in pieces),
         failures=Failures(sum(one.failures.count for _, one in pieces), spans),
     )
@@ -465,18 +472,6 @@ def _holds(first: int, divider: int, count: int, ends: Sequence[int]) -> list[tu
     at = bisect_right(ends, last)
     ticks = min(divider, ends[at] - last) if at < len(ends) else divider
     return [(divider, count - 1), (ticks, 1)] if count > 1 else [(ticks, 1)] * count
-
-
-def _one_entry(entries: list[RecordedEntry]) -> RecordedEntry:
-    def values() -> NDArray[Any]:
-        parts = [entry.values for entry in entries]
-        masked = any(isinstance(part, np.ma.MaskedArray) for part in parts)  # values that are none
-        found: NDArray[Any] = np.ma.concatenate(parts) if masked else np.concatenate(parts)  # type: ignore[no-untyped-call]
-        return found
-
-    return lazy_entry(
-        entries[-1].name, entries[-1].entry, values, entries[-1].dtype, sum(entry.count for entry in entries)
-    )
 
 
 def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) -> Recording:
@@ -654,16 +649,13 @@ def _at(recording: Recording, element: RecordedElement, time_ns: NDArray[np.int6
         columns = np.stack([e.values[order].astype(float) for e in element.entries], axis=-1)
         return between(element.kind, (own - zero).astype(float), columns, (wanted - zero).astype(float))
 
-    def values(place: int, entry: RecordedEntry) -> NDArray[Any]:
-        held = not smooth or not len(own)
+    def values(place: int) -> NDArray[Any]:
+        entry, held = element.entries[place], not smooth or not len(own)
         found: NDArray[Any] = entry.values[order][places] if held else straight()[:, place].astype(entry.dtype)
         return found if off is None or not off.any() else masked(found, off)
 
     first = begin if len(places) else 0
-    entries = tuple(
-        lazy_entry(e.name, e.entry, partial(values, place, e), e.dtype, len(places))
-        for place, e in enumerate(element.entries)
-    )
+    entries = _entries(element, values, len(places))
     if element.own_ns is not None:
         return alike(RecordedElement, element, own_ns=None, holds=(), divider=1, first=first, entries=entries)
     return replace(element, divider=1, first=first, entries=entries, buffer_type=BufferType.GROWING)
