@@ -15,7 +15,7 @@ from silo.errors import ElementError, ExpressionError, SaveError
 from silo.expressions.binding import BoundExpression, Catalogue, Known, bind
 from silo.expressions.derived_signals import binds, placed
 from silo.judging.limits import LimitRule, limit_rule
-from silo.judging.triggers import NO_END, BufferSpan, Slope, TriggerMode, TriggerRule, check_length, check_pre
+from silo.judging.triggers import NO_END, Slope, TriggerMode, TriggerRule, check_length, check_pre
 
 MOST_DERIVED = 200
 MOST_LIMITS = 1000
@@ -199,41 +199,28 @@ def check_held(one: TriggerOptions, elements: Sequence[ElementInfo], frequency_h
 
     Likewise where a capture would take more memory than one may.
     """
-    rule = trigger_rule(one, frequency_hz)
-    check_pre(rule.pre, frequency_hz, held_by(elements))
+    rule, saved = trigger_rule(one, frequency_hz), _saved(elements)
+    check_pre(rule.pre, frequency_hz, saved)
     if one.save:
-        check_length(rule.pre + rule.post + 1, frequency_hz, _bytes_per_tick(elements))
+        check_length(rule.pre + rule.post + 1, frequency_hz, _bytes_per_tick(saved))
 
 
-def _bytes_per_tick(elements: Sequence[ElementInfo]) -> float:
+def _saved(elements: Sequence[ElementInfo]) -> list[ElementInfo]:
+    return [info for info in elements if info.options.enabled and info.options.action.saves]
+
+
+def _bytes_per_tick(saved: Sequence[ElementInfo]) -> float:
     """Of what captures hold, without what keeps its first samples: that has an end."""
     return WORD_BYTES + sum(
-        sum(np.dtype(entry.dtype).itemsize for entry in info.entries) / now.divider
-        for info in elements
-        if (now := info.options).enabled and now.action.saves and now.buffer is not BufferType.FIXED
+        sum(np.dtype(entry.dtype).itemsize for entry in info.entries) / info.options.divider
+        for info in saved
+        if info.options.buffer is not BufferType.FIXED
     )
-
-
-def held_by(elements: Sequence[ElementInfo]) -> list[BufferSpan]:
-    """Return what buffers of the elements that are saved hold, for `check_pre`.
-
-    Left out is what keeps its first samples, as somebody wanted: no size would hold the past.
-    """
-    return [
-        BufferSpan(info.name, now.divider, now.size, now.buffer is BufferType.LOOPING,
-             now.buffer is BufferType.GROWING)
-        for info in elements
-        if (now := info.options).enabled and now.action.saves and now.buffer is not BufferType.FIXED
-    ]  # fmt: skip
 
 
 def fixed_text(elements: Sequence[ElementInfo]) -> str:
     """Return how many elements captures lack once their buffers are full, in words; empty where there are none."""
-    fixed = [
-        info.name
-        for info in elements
-        if (now := info.options).enabled and now.action.saves and now.buffer is BufferType.FIXED
-    ]
+    fixed = [info.name for info in _saved(elements) if info.options.buffer is BufferType.FIXED]
     if not fixed:
         return ""
     more = f" and {len(fixed) - 1} more keep" if len(fixed) > 1 else " keeps"

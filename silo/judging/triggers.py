@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.conditions import TriggerWord
+from silo.core.elements import BufferType, ElementInfo
 from silo.errors import ElementError
 from silo.expressions.evaluation import FALSE, TRUE, UNOBSERVABLE
 
@@ -256,20 +257,6 @@ class Trigger:
             self._new.append(capture)
 
 
-@dataclass(frozen=True)
-class BufferSpan:
-    """What one buffer holds: of `name` every `divider` ticks, the newest `size` samples if `looping`, else the first.
-
-    `grows` where it keeps all.
-    """
-
-    name: str
-    divider: int
-    size: int
-    looping: bool
-    grows: bool = False
-
-
 def longest_capture(bytes_per_tick: float) -> int:
     """Return how many ticks a capture may have, by the bytes that rows take per tick."""
     return max(1, int(MOST_CAPTURE_BYTES // max(bytes_per_tick, 1.0)))
@@ -286,22 +273,21 @@ def check_length(ticks: int, frequency_hz: float, bytes_per_tick: float) -> None
         )
 
 
-def check_pre(pre: int, frequency_hz: float, buffers: Sequence[BufferSpan]) -> None:
-    """Raise ElementError where buffers can't hold `pre` ticks with their slack, and the size, or pre, that would."""
+def check_pre(pre: int, frequency_hz: float, saved: Sequence[ElementInfo]) -> None:
+    """Raise ElementError where buffers can't hold `pre` ticks with their slack, and the size, or pre, that would.
+
+    Left out is what keeps its first samples, as somebody wanted: no size would hold the past.
+    """
     slack = round(SLACK_S * frequency_hz)
     problems, longest = [], pre
-    for held in buffers:
-        if held.grows:
-            continue
+    for info in saved:
+        size, divider = info.options.size, info.options.divider
         # two rows that may be under way in the slots of the oldest
-        needed = -(-(pre + slack) // held.divider) + 2
-        if not held.looping:
-            longest = -1
-            problems.append(f"'{held.name}' keeps its first samples, not its newest: set buffer=looping size={needed}")
-        elif held.size < needed:
-            longest = min(longest, (held.size - 2) * held.divider - slack)
-            spans = f"{held.size} samples, {held.size * held.divider / frequency_hz:.4g} s at divider {held.divider}"
-            problems.append(f"'{held.name}' holds {spans}: set size={needed}")
+        needed = -(-(pre + slack) // divider) + 2
+        if info.options.buffer is BufferType.LOOPING and size < needed:
+            longest = min(longest, (size - 2) * divider - slack)
+            spans = f"{size} samples, {size * divider / frequency_hz:.4g} s at divider {divider}"
+            problems.append(f"'{info.name}' holds {spans}: set size={needed}")
     if problems:
         more = f", and {len(problems) - 3} more" if len(problems) > 3 else ""
         seconds = pre / frequency_hz

@@ -9,11 +9,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from silo.core.conditions import TriggerWord
+from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import Action, BufferType, ElementInfo, ElementOptions
 from silo.errors import ElementError
-from silo.judging.checks import fixed_text, held_by
-from silo.judging.triggers import BufferSpan, Slope, Trigger, TriggerMode, TriggerRule, check_pre
+from silo.judging.checks import check_held, fixed_text
+from silo.judging.triggers import Slope, Trigger, TriggerMode, TriggerRule, check_pre
 from tests.examples import examples
 
 T, F, U = 1, 0, -1
@@ -210,22 +210,21 @@ def test_states_tell_what_it_does():
 
 
 def test_a_pre_longer_than_a_buffer_is_refused_with_the_size_that_would_do():
-    check_pre(
-        500,
-        1000,
-        [BufferSpan("/log/q", 1, 1502, looping=True), BufferSpan("/log/all", 1, 10, looping=False, grows=True)],
-    )
+    check_pre(500, 1000, [_kept(1, 1502), _kept(1, 10, BufferType.GROWING), _kept(1, 10, BufferType.FIXED)])
     with pytest.raises(ElementError, match=r"'/log/q' holds 1501 samples, 1.501 s at divider 1: set size=1502"):
-        check_pre(500, 1000, [BufferSpan("/log/q", 1, 1501, looping=True)])
-    with pytest.raises(ElementError, match="keeps its first samples"):
-        check_pre(500, 1000, [BufferSpan("/log/q", 1, 10**6, looping=False)])
+        check_pre(500, 1000, [_kept(1, 1501)])
     with pytest.raises(ElementError, match="size=152"):
-        check_pre(500, 1000, [BufferSpan("/log/q", 10, 151, looping=True)])
+        check_pre(500, 1000, [_kept(10, 151)])
+
+
+def _kept(divider, size, buffer=BufferType.LOOPING):
+    options = ElementOptions(divider=divider, buffer=buffer, size=size)
+    return ElementInfo("/log/q", "", "scalar", (), (), options)
 
 
 @pytest.mark.parametrize("spans", [[(1, 1501)], [(10, 151), (1, 1400)], [(7, 40), (1, 280)], [(1, 20)]])
 def test_a_pre_that_is_refused_is_told_with_the_longest_that_all_buffers_hold(spans):
-    buffers = [BufferSpan(f"/log/q{size}", divider, size, looping=True) for divider, size in spans]
+    buffers = [_kept(divider, size) for divider, size in spans]
     held = [pre for pre in range(2000) if all(size >= -(-(pre + 1000) // divider) + 2 for divider, size in spans)]
     with pytest.raises(ElementError, match="too short for pre of 2 s") as refused:
         check_pre(2000, 1000, buffers)
@@ -234,12 +233,6 @@ def test_a_pre_that_is_refused_is_told_with_the_longest_that_all_buffers_hold(sp
         check_pre(max(held), 1000, buffers)
     else:
         assert "all hold" not in str(refused.value)
-
-
-def test_no_pre_is_offered_where_a_buffer_keeps_its_first_samples():
-    with pytest.raises(ElementError, match="keeps its first") as refused:
-        check_pre(9, 10, [BufferSpan("/log/q", 1, 12, looping=True), BufferSpan("/log/r", 1, 9, looping=False)])
-    assert "all hold" not in str(refused.value)
 
 
 def test_single_spikes_at_random_places_are_all_caught_and_nothing_else():
@@ -268,6 +261,10 @@ SEEN = replace(KEPT, name="/log/seen", options=ElementOptions(divider=2, buffer=
 def test_captures_tell_what_keeps_first_samples_only_and_ask_the_past_of_all_else_that_is_saved(why_not):
     assert fixed_text([KEPT, SEEN]) == "'/log/kept' keeps first samples only (buffer=fixed), in captures too"
     assert fixed_text([KEPT, SEEN, KEPT]).startswith("'/log/kept' and 1 more keep")
-    assert held_by([KEPT, SEEN]) == [BufferSpan("/log/seen", 2, 30, looping=False, grows=True)]
-    not_saved = [replace(one, options=replace(one.options, **why_not)) for one in (KEPT, SEEN)]
-    assert (fixed_text(not_saved), fixed_text([SEEN]), held_by(not_saved)) == ("", "", [])
+    looping = replace(SEEN, options=replace(SEEN.options, buffer=BufferType.LOOPING))
+    asked = TriggerOptions("slip", "q > 1", pre_s=9.0)
+    with pytest.raises(ElementError, match="'/log/seen' holds 30 samples"):
+        check_held(asked, [KEPT, looping], 10)
+    not_saved = [replace(one, options=replace(one.options, **why_not)) for one in (KEPT, looping)]
+    check_held(asked, [KEPT, SEEN, *not_saved], 10)
+    assert (fixed_text(not_saved), fixed_text([SEEN])) == ("", "")
