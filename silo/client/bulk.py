@@ -17,8 +17,6 @@ from silo.state.requests import Unsaved
 
 AT_ONCE = 32
 
-__all__ = ["Outcome", "loading", "outcomes", "restarting", "saving", "starting", "stopping", "stopping_and_saving"]
-
 
 @dataclass(frozen=True)
 class Outcome:

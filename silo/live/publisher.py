@@ -147,8 +147,6 @@ class Publisher:
     def __init__(
         self, session: zenoh.Session, root: keys.Root, replica: Replica, events: EventNotifier, held: HeldRuns
     ) -> None:
-        self._session = session
-        self._root = root
         self._replica = replica
         self._events = events
         self._held, self._reading = held, set[str]()  # runs that streams and topics are at

@@ -340,6 +340,3 @@ def _layout(dtype: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ..
 
 
 _few_layout = functools.lru_cache(maxsize=1024)(_layout)
-
-
-__all__ = ["Element", "Plan", "RingPlan", "TimeBuffer", "make_plan", "size_tiers", "time_buffer"]

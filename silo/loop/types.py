@@ -25,7 +25,7 @@ from silo.core.arrays.values import is_without_unit
 from silo.core.calls import told
 from silo.core.elements import Entry
 from silo.errors import ElementError, SiloError, SourceError
-from silo.loop.sources import PathStep, Reference, Source, ValuePath, can_refer, express, read_steps, refer
+from silo.loop.sources import PathStep, Reference, Source, can_refer, express, read_steps, refer
 
 MAX_ENTRIES = 1_000_000
 KEPT_BYTES = 512  # of a source whose scalars are remembered: 10,000 elements have few layouts
@@ -417,6 +417,4 @@ def label_map(labels: type[enum.Enum] | Mapping[int, str] | None) -> Mapping[int
 
 def strides_of(source: Source) -> tuple[int, ...]:
     """Byte strides of a source; an expression is stored in C order."""
-    if isinstance(source, Reference):
-        return source.view.strides
-    return np.empty(source.shape, source.dtype).strides if isinstance(source, ValuePath) else ()
+    return (source.view if isinstance(source, Reference) else np.empty(source.shape, source.dtype)).strides

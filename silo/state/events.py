@@ -185,8 +185,6 @@ _OF_FILES = (
     EventKind.RECORDING_FAILED, EventKind.DELETED, EventKind.FILES_DELETED,
 )  # fmt: skip
 
-log = logging.getLogger("silo.helper")
-
 
 def plain(text: str, limit: int = MAX_BY) -> str:
     """Return a client's words, safe to show on a terminal: no control characters, not too long."""
