@@ -100,7 +100,6 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         self._shown_rows = 0  # of the screen, for which the cursor was brought there
         self._strips: dict[tuple[object, ...], Strip] = {}
         self._masks_of = (-1, -1)
-        self._settings: dict[int, bytes] = {}
         self._painted: dict[int, Content] = {}
         self._ready: dict[int, Content] = {}  # found to differ, not painted yet
         self._told: Told | None = None
@@ -193,7 +192,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
     @property
     def titles(self) -> list[str]:
         """The titles of the columns that are shown."""
-        return [column.title for column, _ in (*self.laid.steady, *self.laid.measured)]
+        return [column.title for column, _, _ in self.laid.spans]
 
     @property
     def shows_trends(self) -> bool:
@@ -215,12 +214,8 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
 
     def field_spans(self) -> dict[Field, tuple[int, int]]:
         """Return first column and width of each field that is shown and can be edited."""
-        spans, start = {}, FLAGS + self.laid.names
-        for column, width in self.laid.steady:
-            if column.field is not None and self.session.at_s is None:
-                spans[column.field] = (start + 1, width)
-            start += 1 + width
-        return spans
+        shown = self.laid.spans if self.session.at_s is None else ()
+        return {column.field: (start, width) for column, start, width in shown if column.field is not None}
 
     def field_at(self, x: int) -> Field | None:
         """Return the editable field in a column of the screen."""
@@ -399,7 +394,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         return (
             row, int(self.field) if is_cursor else -1, bool(rows.marked[row]), bool(self._range[row]),
             rows.tree.depth(position), rows.sort == TREE, row in rows.leaving,
-            self.session.table.names[row] in rows.unfolded, self._alone(row), self._settings_of(row),
+            self.session.table.names[row] in rows.unfolded, self._alone(row), self.session.table.version,
         )  # fmt: skip
 
     def _content(self, y: int, laid: Layout, height: int) -> Content:
@@ -416,13 +411,6 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         if is_cursor:  # grey on the cursor's line is hard to read in 16 colours
             pieces = [(words, "" if style == "table--quiet" else style) for words, style in pieces]
         return Content(key, is_cursor, tuple(pieces), self._rail(y, top, height))
-
-    def _settings_of(self, row: int) -> bytes:
-        """Return the values of a row, and which are pending or in conflict; made once until the table changes."""
-        if row not in self._settings:
-            told = (self._values[:, row], self._pending[:, row], self._conflicts[:, row])
-            self._settings[row] = b"".join(each.tobytes() for each in told)
-        return self._settings[row]
 
     def _rail(self, y: int, top: int, height: int) -> str:
         total, height = len(self.rows.tree.lines), max(1, height)
@@ -469,7 +457,6 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         self._range = np.zeros(len(table), np.bool_)
         self._range[self.rows.range_rows()] = True
         self._masks_of = (table.version, anchor)
-        self._settings.clear()
 
     def _other_segments(self, line: int, position: int, laid: Layout, *, is_cursor: bool) -> Iterator[Segment]:
         """Yield a branch, or one entry of a vector."""
@@ -597,12 +584,8 @@ class TableHead(Guarded, ScrollView):
 
     def on_click(self, event: events.Click) -> None:
         laid = self._table.laid
-        start = FLAGS + laid.names
-        order = NAME if event.x < start else ""
-        for column, width in (*laid.steady, *laid.measured):
-            order = column.order if start < event.x <= start + width else order
-            start += 1 + width
-        if order:
+        order = NAME if event.x < FLAGS + laid.names else ""
+        if order := next((one.order for one, start, width in laid.spans if start <= event.x < start + width), order):
             self.post_message(self.Picked(order))
 
     def render_line(self, y: int) -> Strip:
@@ -614,7 +597,7 @@ class TableHead(Guarded, ScrollView):
         mark = f" {space_words(title, laid.told.space, laid.names, arrow)}"
         steady = [Segment(" " * (FLAGS - 1) + mark.ljust(laid.names + 1), plain)]
         measured: list[Segment] = []
-        for column, width in (*laid.steady, *laid.measured):
+        for column, _, width in laid.spans:
             arrow = rows.arrow if column.gives(sort) else ""
             word = arrow + (column.head(table.sight, width - len(arrow)) if column.head is not None else column.title)
             style = chosen if column.field is table.field and table.session.at_s is None else plain

@@ -5,7 +5,7 @@ The table widget, the orders, the filter and the user's settings read what stand
 column touches its entry and its test; how its cells read stands in `cells.py`.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import msgspec
@@ -281,6 +281,14 @@ class Layout(NamedTuple):
     rest: int
     measured: list[ColumnShown]
     left_out: tuple[str, ...]
+
+    @property
+    def spans(self) -> Iterator[tuple[TableColumn, int, int]]:
+        """Each column from left to right, with its first cell and how many it has."""
+        start = FLAGS + self.names
+        for column, width in (*self.steady, *self.measured):
+            yield column, start + 1, width
+            start += 1 + width
 
 
 def laid_out(
