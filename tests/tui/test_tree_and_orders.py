@@ -150,6 +150,19 @@ def test_a_range_over_a_folded_branch_has_all_of_it(rows):
     assert found == ["/log/base/velocity", "/log/imu/acceleration", "/log/imu/temperature"]
 
 
+@pytest.mark.parametrize("order", ["name", "tree"])
+def test_a_range_that_begins_at_an_entry_has_no_vector_whose_line_is_not_in_it(rows, order):
+    rows.order_by(order)
+    rows.unfolded = {"/log/base/velocity": 3}
+    rows.refresh()
+    rows.move_to_row(rows.table.row("/log/base/velocity"))
+    rows.move_to(rows.position + 3)
+    rows.begin_range()
+    rows.move_to(rows.position + 2)
+    found = [rows.table.elements[row].name for row in rows.range_rows().tolist()]
+    assert found[0] == "/log/imu/acceleration"
+
+
 NAMES = st.lists(
     st.lists(st.sampled_from(["a", "b", "B", "a1", "a10"]), min_size=1, max_size=4).map(lambda p: "/" + "/".join(p)),
     unique=True, max_size=12,

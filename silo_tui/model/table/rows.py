@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -63,6 +64,7 @@ class RowList:
         self.anchor: int | None = None  # line where a range began
         self._order: Rows = np.zeros(0, np.intp)
         self._names: list[str] = []
+        self._orders_made: dict[bool, tuple[list[str], str, Rows]] = {}  # by name: of which names, with which prefix
         self._passed_s: dict[int, float] = {}  # when rows that are leaving passed last
         self._was_measured = False  # as the filter was judged last: else all were shown
 
@@ -383,20 +385,15 @@ class RowList:
             return np.zeros(0, np.intp)
         found = np.flatnonzero(self.tree.lines == self.anchor)
         first = int(found[0]) if len(found) else self.position
-        lines = self.tree.lines[min(first, self.position) : max(first, self.position) + 1]
-        if not len(lines) or lines.min() >= 0:
-            elements = [row for line in lines.tolist() if entry_of(line) is None and (row := row_of(line)) is not None]
-            return np.array(elements, np.intp)
-        found_rows: dict[int, None] = {}
-        for line in lines.tolist():
+        rows: list[int] = []
+        for line in self.tree.lines[min(first, self.position) : max(first, self.position) + 1].tolist():
             row = row_of(line)
             # an open branch stands for the lines of the range that lie below it, a folded one for all it hides
-            hidden = self.tree.branches[-1 - line] if row is None else None
-            if hidden is not None and hidden.path in self.folded:
-                found_rows.update(dict.fromkeys(hidden.rows.tolist()))
-            elif row is not None:
-                found_rows[row] = None
-        return np.array(list(found_rows), np.intp)
+            if row is None and (hidden := self.tree.branches[-1 - line]).path in self.folded:
+                rows += hidden.rows.tolist()
+            elif row is not None and entry_of(line) is None:
+                rows.append(row)
+        return np.array(rows, np.intp)
 
     def targets(self) -> Rows:
         """Return what an edit is about: the range, else what is marked, else the cursor's element or branch."""
@@ -434,7 +431,7 @@ class RowList:
 
     def _sorted(self) -> Rows:
         if self.sort == TREE:
-            return self._by_tree()
+            return self._by_name(as_tree=True)
         by_name, order = self._by_name(), self.orders[self.sort]
         if self.sort == NAME:
             return by_name[:: -1 if self.turned else 1]
@@ -447,21 +444,16 @@ class RowList:
         unknown = np.isnan(keys) & ~is_nan
         return ordered(keys, by_name, falling=order.falling != self.turned, unknown=unknown)
 
-    def _by_tree(self) -> Rows:
+    def _by_name(self, *, as_tree: bool = False) -> Rows:
         names, prefix = self.table.names, self.table.prefix
-        if getattr(self, "_tree_order_of", None) != (id(names), prefix):
-            keys = [[(natural_key(level), level) for level in parts_of(name)] for name in self._short_names()]
-            self._tree_order: Rows = np.array(sorted(range(len(names)), key=keys.__getitem__), np.intp)
-            self._tree_order_of = (id(names), prefix)
-        return self._tree_order
-
-    def _by_name(self) -> Rows:
-        names = self.table.names
-        if getattr(self, "_name_order_of", None) is not names:
-            keys = [natural_key(name) for name in names]
-            self._name_order: Rows = np.array(sorted(range(len(names)), key=keys.__getitem__), np.intp)
-            self._name_order_of: Sequence[str] = names
-        return self._name_order
+        known = self._orders_made.get(as_tree)
+        if known is None or known[0] is not names or known[1] != prefix:
+            shown = self._short_names()
+            levels = ([(natural_key(level), level) for level in parts_of(name)] for name in shown)
+            keys: list[Any] = list(levels if as_tree else map(natural_key, shown))
+            known = names, prefix, np.array(sorted(range(len(keys)), key=keys.__getitem__), np.intp)
+            self._orders_made[as_tree] = known
+        return known[2]
 
     def _place(self, line: int | None, row: int | None, path: str | None) -> None:
         if path is not None and self._move_to_branch(path):
