@@ -152,7 +152,7 @@ def test_a_range_over_a_folded_branch_has_all_of_it(rows):
 
 @pytest.mark.parametrize("order", ["name", "tree"])
 def test_a_range_that_begins_at_an_entry_has_no_vector_whose_line_is_not_in_it(rows, order):
-    rows.order_by(order)
+    rows.sort = order
     rows.unfolded = {"/log/base/velocity": 3}
     rows.refresh()
     rows.move_to_row(rows.table.row("/log/base/velocity"))
