@@ -16,13 +16,13 @@ from silo.analysis import reports
 from silo.analysis.log import Log
 from silo.analysis.opening import alone_of, open_log
 from silo.conditions.requests import TriggerTried
-from silo.core.arrays.columns import ColumnPiece, coarser
+from silo.core.arrays.columns import coarser
 from silo.core.elements import ElementInfo, State, Status, Table
 from silo.core.quantities.writing import EPOCH_FROM_NS, many, size_text, wall_clock
 from silo.core.recording import Recording
 from silo.errors import ElementError, FileFormatError, LogWarning
 from silo.judging.checks import bind_limits, scalar_names, table_catalogue
-from silo_tui.model.drawing.plots import trend
+from silo_tui.model.drawing.plots import trend_lines
 from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
 from silo_tui.model.plots.limits import Bounds4
 from silo_tui.model.samples.recorded import WHOLE, RecordingSource
@@ -110,15 +110,12 @@ class FileSession(Session):
 
     def trends(self, rows: Sequence[int], width: int) -> dict[int, str]:
         """Return all columns that there are, drawn together until they fit."""
-        store, found = self.columns, dict.fromkeys(rows, " " * width)
-        begins = np.linspace(0, store.count, 2 * width, endpoint=False).astype(np.intp)
-        for row in rows:
-            name = self.table.drawn_name(row)
-            place = store.row(name) if name and not store.empty else None
-            if place is not None:
-                together = coarser(store.low[place], store.high[place], store.marks[place], begins)
-                found[row] = trend(ColumnPiece(*together, store.bases[place]), width)
-        return found
+        store, drawn = self.columns, list[str]()
+        places = {row: at for row in rows if (at := store.row(self.table.drawn_name(row))) is not None}
+        if places and not store.empty:
+            of, begins = list(places.values()), np.linspace(0, store.count, 2 * width, endpoint=False).astype(np.intp)
+            drawn = trend_lines(*coarser(store.low[of], store.high[of], store.marks[of], begins))
+        return {**dict.fromkeys(rows, " " * width), **dict(zip(places, drawn, strict=False))}
 
     @property
     def seconds(self) -> float:

@@ -1,14 +1,17 @@
 """Trends of all rows at once show what each by itself would."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from silo.core.arrays.columns import ColumnStore
+from silo.core.arrays.columns import ColumnStore, Gap, hole_mark
 from silo.core.elements import Table
-from silo_tui.model.drawing.plots import HOLD, hold_piece, trend, trends
+from silo_tui.model.drawing import braille
+from silo_tui.model.drawing.plots import HOLD, hold_piece, trends
 from silo_tui.model.table.state import TableState
 from tests.stand_ins.fake_signals import scalar, vector
 
@@ -17,17 +20,28 @@ VALUES = st.one_of(
     st.just(np.nan), st.sampled_from([0.0, 1.0, -1.0, 1e308, -1e308, 5e-324]), st.floats(-10, 10, allow_nan=False)
 )
 
+MARKS = st.sampled_from([0, 0, 0, 1, 2, 4, *(hole_mark(hole) for hole in Gap)])
 
-@given(arrays.arrays(np.float64, (4, 2 * WIDTH), elements=VALUES), st.integers(0, 2 * WIDTH))
+
+@given(
+    arrays.arrays(np.float64, (4, 2 * WIDTH), elements=VALUES), st.integers(0, 2 * WIDTH),
+    arrays.arrays(np.uint8, (4, 2 * WIDTH), elements=MARKS), st.booleans(),
+)  # fmt: skip
 @settings(max_examples=60, deadline=None)
-def test_trends_drawn_together_are_those_drawn_one_by_one(values, filled):
+def test_trends_drawn_together_are_those_drawn_one_by_one(values, filled, marks, marked):
     names = ["/a", "/b", "/c", "/d"]
     store = ColumnStore(names, 2 * WIDTH, 1)
     low = values.copy()
     low[:, : 2 * WIDTH - filled] = np.nan
-    store.merge(names, 0, low, low + 0.25)
-    expected = [trend(hold_piece(store.piece(name, store.end, 2 * WIDTH), HOLD), WIDTH) for name in names]
+    store.merge(names, 0, low, low + 0.25, marks * marked)
+    expected = [one_trend(hold_piece(store.piece(name, store.end, 2 * WIDTH), HOLD)) for name in names]
     assert trends(store, names, WIDTH) == expected
+
+
+def one_trend(piece):
+    low, high = braille.value_range(piece.low, piece.high) or (math.nan, math.nan)
+    scale = (low - 1, high + 1) if braille.is_constant(low, high) else (low, high)
+    return braille.rasterise(piece.low, piece.high, scale, WIDTH, 1, piece.marks)[0]
 
 
 def test_a_signal_with_nan_keeps_its_mark_among_others():

@@ -11,7 +11,7 @@ from silo.core.arrays.columns import HOLE_TEXTS, ColumnGrid, ColumnStore, Gap, N
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo_tui.model.drawing import braille
 from silo_tui.model.drawing.dots import BLANK
-from silo_tui.model.drawing.plots import Plotted, draw, trend
+from silo_tui.model.drawing.plots import Plotted, draw, trends
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.samples.live import entry_text, offset_text
 from silo_tui.model.words import text
@@ -239,8 +239,8 @@ def test_any_marks_give_a_picture_of_the_right_size(marks):
 
 
 def test_a_trend_shows_nan_and_inf_too():
-    piece = store_of([0, 45, 90], [np.nan, np.inf, -np.inf], 20).piece("/a", 20, 20)
-    assert trend(piece, 10).replace(braille.SHADE, " ").split() == [braille.NAN, braille.POS_INF, braille.NEG_INF]
+    (line,) = trends(store_of([0, 45, 90], [np.nan, np.inf, -np.inf], 20), ["/a"], 10)
+    assert line.replace(braille.SHADE, " ").split() == [braille.NAN, braille.POS_INF, braille.NEG_INF]
 
 
 # ---------------------------------------------------------------------------------------------------------- texts

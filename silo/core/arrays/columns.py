@@ -143,10 +143,10 @@ def reduce(values: NDArray[Any], bins: Bins) -> ColumnPiece:
 
 
 def coarser(low: Floats, high: Floats, marks: Marks, starts: NDArray[np.intp]) -> tuple[Floats, Floats, Marks]:
-    """Return several columns as one: new column k begins at old column `starts[k]`."""
-    low, high = np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)
-    flags = np.bitwise_or.reduceat(marks & FLAGS, starts)
-    return low, high, _with_holes(low, flags, np.maximum.reduceat(marks & HOLES, starts))
+    """Return several columns as one, of one signal or of many: new column k begins at old column `starts[k]`."""
+    low, high = np.fmin.reduceat(low, starts, axis=-1), np.fmax.reduceat(high, starts, axis=-1)
+    flags = np.bitwise_or.reduceat(marks & FLAGS, starts, axis=-1)
+    return low, high, _with_holes(low, flags, np.maximum.reduceat(marks & HOLES, starts, axis=-1))
 
 
 def _with_holes(low: Floats, flags: Marks, holes: Marks) -> Marks:

@@ -35,10 +35,15 @@ def rasterise(
         return []
     cells = dots.cells(curve(low, high, scale, width, height))
     if marks is not None and len(marks):
-        draw_marks(cells, marks)
-        for hole in holes(low, marks, width):
-            draw_hole(cells, hole)
+        draw_over(cells, low, marks)
     return dots.lines_of(cells)
+
+
+def draw_over(cells: Cells, low: Floats, marks: Marks) -> None:
+    """Draw marks and holes of a signal over what was drawn of it."""
+    draw_marks(cells, marks)
+    for hole in holes(low, marks, cells.shape[1]):
+        draw_hole(cells, hole)
 
 
 def curve(low: Floats, high: Floats, scale: Scales, width: int, height: int) -> Dots:
