@@ -237,7 +237,9 @@ class ElementsScreen(SiloScreen):
 
     def command_mark_shown(self) -> None:
         if not self._is_empty():
-            self.session.rows.mark_shown()
+            rows = self.session.rows
+            done = "marked" if rows.mark_shown() and rows.marked[rows.shown].all() else "unmarked"
+            self.say(f"{done} all {len(rows.shown)} that are shown")
             self._marks_changed()
 
     def command_range(self) -> None:

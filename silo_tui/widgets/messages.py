@@ -182,7 +182,7 @@ class InfoLine(MessageLine):
             order = f"by {rows.sort} {rows.arrow}{since}"
             held = f" ({HELD})" * rows.held
             back = f"; {key_of('sort')} {rows.orders[NAME].letter}: by name"
-            parts.append(LinePart(7, f"{order}{held}{back}", "", (order + held, order)))
+            parts.append(LinePart(3, f"{order}{held}{back}", "", (order + held, order)))
         if not parts and not self.said and len(rows.tree.lines):
             branches = len(rows.tree.branches)
             in_spaces = f"{len(rows.shown)} in {many(branches, 'name space')}"

@@ -63,6 +63,18 @@ async def test_the_save_dialog_is_walked_through_left_and_ticked_by_letters_that
         assert fake.calls == [("save", [FileType.CSV], "bcs")]
 
 
+async def test_how_many_are_marked_is_said_at_once_and_stays_before_how_the_order_is_left(fake, opened):
+    async with opened(fake.run(), size=(80, 24)) as screen:
+        await screen.press(*"ov")
+        await screen.enter("/LF torque")
+        await screen.press("*")
+        await screen.shows("marked all 3 that are shown")
+        screen.app.screen.info.say("")  # it stood long enough
+        assert "3 marked │ /LF torque: 3 of 72 │ by value ↓" in screen.app.screen.info.words().plain
+        await screen.press("*")
+        await screen.shows("unmarked all 3 that are shown")
+
+
 async def test_the_save_dialog_says_the_name_that_a_part_of_a_run_that_was_cut_gets(fake, opened):
     fake.run(20)
     fake.part = 2
