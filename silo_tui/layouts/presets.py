@@ -41,8 +41,8 @@ PRESETS = (
     Preset(
         "stuck",
         "s",
-        "Stuck: no change in the statistics; what changed before on top",
-        KeptLayout(sort="state", filter="frozen|std=0", set="statistics"),
+        "Stuck: frozen, or never another value; last change on top",
+        KeptLayout(sort="changed", filter="frozen|std=0", set="timing"),
     ),
     Preset("edited", "e", "Edited: other settings than the program began with", KeptLayout(filter="edited")),
     Preset(NEAR, "l", "Near a limit: within a tenth of one, or beyond", KeptLayout()),  # as they are now: `near_limit`

@@ -163,17 +163,19 @@ async def test_a_view_that_nothing_passes_says_where_esc_leads(fake, opened):
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
 async def test_what_stands_still_from_the_first_sample_on_is_seen_below_what_changed_before(size, fake, opened):
-    stopped, dead, moves = (element.name for element in fake.elements[2:5])
-    still = dict.fromkeys((element.name for element in fake.elements), 1.0) | {dead: 0.0, stopped: 0.5}
-    fake.facts = {"std": still, "signs": {stopped: FROZEN}}
+    dead, stopped, moves, just_now = (element.name for element in fake.elements[2:6])
+    still = dict.fromkeys((element.name for element in fake.elements), 1.0) | {dead: 0.0}
+    changed = {dead: 999.0, stopped: 50.0, just_now: 5.0}
+    fake.facts = {"std": still, "signs": dict.fromkeys((stopped, just_now), FROZEN), "changed": changed}
     async with opened(fake.run(), size=size) as screen:
         await screen.do("view")
-        await screen.shows("Stuck: no change in the statistics; what changed before on top  (s)")
+        await screen.shows("Stuck: frozen, or never another value; last change on top  (s)")
         await screen.press("s")
         await screen.until(lambda: screen.session.short_name(moves) not in screen.text, "what stands still alone")
-        names = [screen.session.short_name(each) for each in (stopped, dead)]
-        assert all(each in screen.text for each in names)
-        assert screen.text.index(names[0]) < screen.text.index(names[1])
+        await screen.shows("↑changed")
+        lines = [line for line in screen.text.splitlines() if line.rstrip("▐ ").endswith((" 5 s", " 50 s", " 17 min"))]
+        assert ["frozen" in line for line in lines] == [True, True, False], "by last change, what never did below"
+        assert lines == sorted(lines, key=lambda line: [" 5 s" in line, " 50 s" in line, True].index(True))
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
