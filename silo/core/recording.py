@@ -387,6 +387,11 @@ def samples_between(first: int, divider: int, count: int, begin: int, end: int) 
     return low, min(count, max(low, -((first - end) // divider)))
 
 
+def are_samples_of(ticks: int, first: int, divider: int, count: int) -> bool:
+    """Whether `count` samples, at `first` and every `divider`-th tick from there, are all at one of so many ticks."""
+    return count >= 0 and divider >= 1 and (not count or 0 <= first <= first + (count - 1) * divider < ticks)
+
+
 def places_of_ticks(recording: Recording, first: int, last: int) -> tuple[int, int]:
     """Where the kept ones of the ticks `first ... last` stand among the stamps: the first, and the one after the last.
 

@@ -17,7 +17,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from silo.core.recording import DamageNotes, Recording, alike
+from silo.core.recording import DamageNotes, Recording, alike, are_samples_of
 from silo.errors import FileFormatError, LogNotFoundError, SiloError, reason
 from silo.files.bags.index import BagElements, lost_chunk
 from silo.files.bags.metadata import (
@@ -206,8 +206,7 @@ def _attached(data: memoryview, index: Index, name: str, unpack: Callable[[bytes
 def _check(facts: RecordingFacts, ticks: int) -> None:
     """Raise `_LostFactsError` for samples without a time stamp."""
     for one in facts.elements:
-        last = one.first + (one.count - 1) * one.divider
-        if one.count < 0 or one.divider < 1 or (one.count and not 0 <= one.first <= last < ticks):
+        if not are_samples_of(ticks, one.first, one.divider, one.count):
             raise _LostFactsError(f"'{one.name}' has samples without a time stamp")
 
 

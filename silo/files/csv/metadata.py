@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import Entry, LoggedEvent
-from silo.core.recording import RecordedElement, Recording, alike, lazy_entry, masked
+from silo.core.recording import RecordedElement, Recording, alike, are_samples_of, lazy_entry, masked
 from silo.decoding import json_decoder
 from silo.errors import FileFormatError
 from silo.files.csv.cells import OTHERS, POINTS, QUOTE, Words, as_numbers
@@ -179,8 +179,7 @@ def _in_step(places: NDArray[np.intp], facts: CsvElement, ticks: int) -> NDArray
     first, divider = facts.first or 0, facts.divider
     if max(abs(first), divider, facts.count) >= _LARGEST_TICK:
         return None
-    last = first + (facts.count - 1) * divider
-    if divider < 1 or facts.count < len(places) or first < 0 or (facts.count and last >= ticks):
+    if facts.count < len(places) or not are_samples_of(ticks, first, divider, facts.count):
         return None
     samples = (places - first) // divider
     inside = (samples >= 0) & (samples < facts.count) & (samples * divider + first == places)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import Entry
-from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike, lazy_entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike, are_samples_of, lazy_entry
 from silo.decoding import json_decoder
 from silo.errors import FileFormatError, LogNotFoundError, SiloError, reason
 from silo.files.csv.metadata import CsvFacts, table_facts
@@ -112,7 +112,7 @@ def restored(
             if len(own) != one.count:
                 raise FileFormatError(f"'{path}': '{one.name}' has {one.count:,} samples, and {len(own):,} time stamps")
             element = alike(RecordedElement, element, own_ns=own)
-        elif one.count < 0 or one.divider < 1 or (one.count and not 0 <= element.first <= _last(one, len(stamps))):
+        elif not are_samples_of(len(stamps), element.first, one.divider, one.count):
             raise FileFormatError(f"'{path}': '{one.name}' has samples without a time stamp")
         entries = [_entry(path, entry, next(places), element, one.count, arrays) for entry in one.entries]
         elements.append(alike(RecordedElement, element, entries=tuple(entries)))
@@ -120,11 +120,6 @@ def restored(
         Recording, facts.log, time_ns=stamps, elements=tuple(elements), offset=facts.offset, events=facts.events,
         time_looping=facts.time_looping,
     )  # fmt: skip
-
-
-def _last(one: Any, stamps: int) -> int:
-    last: int = (one.first or 0) + (one.count - 1) * one.divider
-    return last if last < stamps else -1
 
 
 def _entry(
