@@ -102,7 +102,7 @@ class ParameterTail:
                 self._unmatched[_identity(self._start)] = None
                 self._values = {name: new for name, _, new in _values(self._start)}
                 self._seen = 0
-                kept = [one for one in found if not _is_image(one)]
+                kept = [one for one in found if one.change is not None and not one.change.is_image]
                 if found and (len(kept) < len(found) or kept[0].number > 1):  # the oldest are overwritten
                     found = [*self._told_by_the_log(kept[0].time_ns if kept else time.time_ns()), *found]
             self._seen = found[-1].number if found else self._seen
@@ -180,10 +180,6 @@ class ParameterTail:
         self._look()
         since = [one for one in self._changes if self._has_begun or one.tick >= tick or not tick]
         return any(_identity(one) not in self._told for one in since)
-
-
-def _is_image(event: LoggedEvent) -> bool:
-    return event.change is None or event.change.is_image
 
 
 def _identity(event: LoggedEvent) -> tuple[int, int, str]:
