@@ -4,6 +4,7 @@ Time stamps keep their nanoseconds. Enumerations become categories, ticks withou
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -65,7 +66,7 @@ def log_to_pandas(signals: Mapping[str, Samples], time_ns: NDArray[np.int64]) ->
         for name, column in _columns(signal).items():
             series = _pandas_column(pandas, column, places)
             whole = len(column) == len(time_ns)
-            if not whole and column.values.dtype.kind in "iu" and column.texts is None:
+            if not whole and column.values.dtype.kind in "iu" and not column.labels:
                 # pandas' nullable integers: as doubles, large ones would change
                 series = series.astype({"i": "Int64", "u": "UInt64"}[column.values.dtype.kind])
             columns[name] = series if whole else series.reindex(range(len(time_ns)))
@@ -101,32 +102,19 @@ def log_to_xarray(signals: Mapping[str, Samples], time_ns: NDArray[np.int64]) ->
     return xarray.Dataset(variables)
 
 
-class _Column:
-    """One scalar: its values, or for an enumeration the labels."""
-
-    def __init__(self, values: NDArray[Any], labels: Mapping[int, str], texts: NDArray[np.str_] | None) -> None:
-        self.values, self.labels, self.texts = values, labels, texts
-
-    def __len__(self) -> int:
-        return len(self.values)
-
-
-def _columns(signal: Samples) -> dict[str, _Column]:
-    if not signal.components:
-        if signal.values.ndim > 1:
-            raise ElementError(f"'{signal.name}' of shape {signal.values.shape} doesn't fit a table")
-        return {signal.name: _column(signal)}
-    parts = [signal.component(index) for index in range(len(signal.components))]
+def _columns(signal: Samples) -> dict[str, Samples]:
+    """The scalars of a signal, their floats as tables have them."""
+    if not signal.components and signal.values.ndim > 1:
+        raise ElementError(f"'{signal.name}' of shape {signal.values.shape} doesn't fit a table")
+    parts = [signal.component(index) for index in range(len(signal.components))] or [signal]
     return {part.name: _column(part) for part in parts}
 
 
-def _column(signal: Samples) -> _Column:
-    values = signal.values
-    if values.dtype.kind == "f" and values.dtype.itemsize == 2:
-        values = values.astype(np.float32)
-    elif values.dtype.kind == "f" and values.dtype.itemsize > 8:
-        values = values.astype(np.float64)
-    return _Column(values, signal.labels, signal.texts if signal.labels else None)
+def _column(scalar: Samples) -> Samples:
+    dtype = scalar.values.dtype
+    if dtype.kind != "f" or dtype.itemsize in (4, 8):
+        return scalar
+    return replace(scalar, values=scalar.values.astype(np.float32 if dtype.itemsize == 2 else np.float64))
 
 
 def _ticks(signal: Samples, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -146,12 +134,13 @@ def _ticks(signal: Samples, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
     return places_on(time_ns, signal.time_ns)
 
 
-def _pandas_column(pandas: Any, column: _Column, index: Any) -> Any:
-    if column.texts is not None:
-        categories = list(dict.fromkeys([*column.labels.values(), *column.texts[~missing_in(column.values)].tolist()]))
-        return pandas.Series(pandas.Categorical(column.texts, categories=categories), index=index)
+def _pandas_column(pandas: Any, column: Samples, index: Any) -> Any:
     values = column.values
     missing = missing_in(values)
+    if column.labels:
+        texts = column.texts
+        categories = list(dict.fromkeys([*column.labels.values(), *texts[~missing].tolist()]))
+        return pandas.Series(pandas.Categorical(texts, categories=categories), index=index)
     if missing.any():
         # pandas' nullable types
         data, kind = np.asarray(values.data), {"i": "Int64", "u": "UInt64", "b": "boolean"}[values.dtype.kind]
@@ -160,15 +149,17 @@ def _pandas_column(pandas: Any, column: _Column, index: Any) -> Any:
     return pandas.Series(values.tolist() if values.dtype.kind in "UV" else values.copy(), index=index)
 
 
-def _polars_column(polars: Any, name: str, column: _Column) -> Any:
+def _polars_column(polars: Any, name: str, column: Samples) -> Any:
     missing = missing_in(column.values)
-    if missing.any():
-        whole = _Column(np.asarray(column.values.data), column.labels, column.texts)
-        series = _polars_column(polars, name, whole)
-        return polars.select(polars.when(polars.Series(~missing)).then(series).alias(name)).to_series()
-    if column.texts is not None:
+    if not missing.any():
+        return _whole_column(polars, name, column, column.values)
+    series = _whole_column(polars, name, column, np.asarray(column.values.data))
+    return polars.select(polars.when(polars.Series(~missing)).then(series).alias(name)).to_series()
+
+
+def _whole_column(polars: Any, name: str, column: Samples, values: NDArray[Any]) -> Any:
+    if column.labels:
         return polars.Series(name, column.texts.tolist(), dtype=polars.String).cast(polars.Categorical)
-    values = column.values
     if values.dtype.kind in "UV":
         cells = [v if isinstance(v, str) else bytes(v) for v in values.tolist()]
         return polars.Series(name, cells, dtype=polars.String if values.dtype.kind == "U" else polars.Binary)
