@@ -72,7 +72,7 @@ def append_events(folder: str | os.PathLike[str], logger: str, events: Sequence[
         # that a program died says whoever comes first
         died = [one for one in events if one.kind == CRASHED]
         told = [one for one in died if not lacking([one], read_events(folder, logger, one.run))]
-        _append(descriptor, [one for one in events if one not in told])
+        append_lines(descriptor, [one for one in events if one not in told])
         if os.fstat(descriptor).st_size > MOST_BYTES:
             path.rename(older_event_log(folder, logger))
     return higher
@@ -83,11 +83,12 @@ def renumbered(events: Iterable[LoggedEvent], higher: int) -> list[LoggedEvent]:
     return [msgspec.structs.replace(one, number=one.number + higher) for one in events]
 
 
-def _append(descriptor: int, events: Sequence[LoggedEvent]) -> None:
-    lines = b"".join(_encoder.encode(event) + b"\n" for event in events)
+def append_lines(descriptor: int, told: Sequence[msgspec.Struct]) -> None:
+    """Append a line of JSON for each to a file that is open for it; a line that nobody ended stays one of its own."""
+    lines = b"".join(_encoder.encode(one) + b"\n" for one in told)
     before = os.fstat(descriptor).st_size
     if before and os.pread(descriptor, 1, before - 1) != b"\n":
-        lines = b"\n" + lines  # a helper process was killed within a line
+        lines = b"\n" + lines  # a process was killed within a line, or by a power cut
     try:
         append_all(descriptor, lines)
     except OSError:
@@ -106,7 +107,7 @@ def add_missing(folder: str | os.PathLike[str], logger: str, run: str, events: S
         with _locked(event_log_path(folder, logger)) as descriptor:
             fresh = lacking(events, read_events(folder, logger, run))
             numbered = enumerate(fresh, newest_number(folder, logger) + 1)
-            _append(descriptor, [msgspec.structs.replace(one, number=number) for number, one in numbered])
+            append_lines(descriptor, [msgspec.structs.replace(one, number=number) for number, one in numbered])
     except OSError as error:
         if Path(folder).is_dir():
             log.warning("the event log in %s can't be written (%s)", folder, reason(error))

@@ -16,7 +16,8 @@ from silo.core.arguments import line
 from silo.core.runtime import closing_file
 from silo.decoding import converted, json_decoder
 from silo.errors import ElementError, SaveError, reason
-from silo.files.atomic import lock, write_all
+from silo.files.atomic import lock
+from silo.files.event_log import append_lines
 
 NAME = "silo-labels.jsonl"
 MOST_BYTES = 64 << 20
@@ -122,12 +123,10 @@ def _add(folder: Path, labels: list[Label]) -> None:
     """Add lines in one piece, behind those of any other writer."""
     path = folder / NAME
     try:
-        with closing_file(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)) as descriptor:
+        flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+        with closing_file(os.open(path, flags, 0o666)) as descriptor:
             lock(descriptor)
-            end = os.fstat(descriptor).st_size
-            torn = end > 0 and os.pread(descriptor, 1, end - 1) != b"\n"  # by a power cut: that line stays damaged
-            data = b"".join(msgspec.json.encode(label) + b"\n" for label in labels)
-            write_all(descriptor, [memoryview(b"\n" * torn + data)], end)
+            append_lines(descriptor, labels)
             os.fsync(descriptor)
     except OSError as error:
         raise SaveError(f"'{path}' can't be written: {reason(error)}; nothing was changed") from error
