@@ -166,8 +166,7 @@ def put_back(folder: str | os.PathLike[str]) -> list[Path]:
         with _dead(swap) as dead:
             if not dead:
                 continue
-            for held in _held(swap):
-                final = Path(folder, held.name if held != swap else _bag_name(swap))
+            for held, final in _held(swap):
                 with suppress(OSError):
                     if not os.path.lexists(final):
                         held.rename(final)
@@ -177,20 +176,16 @@ def put_back(folder: str | os.PathLike[str]) -> list[Path]:
 
 def set_aside(folder: str | os.PathLike[str]) -> list[Path]:
     """Return the folders that `put_back` would give their names back, by these names."""
-    names = [
-        Path(folder, held.name if held != swap else _bag_name(swap))
-        for swap in _left(folder, (SWAP_ENDING, _OLD_ENDING))
-        for held in _held(swap)
-    ]
-    return [name for name in names if not os.path.lexists(name)]
+    every = [final for swap in _left(folder, (SWAP_ENDING, _OLD_ENDING)) for _, final in _held(swap)]
+    return [final for final in every if not os.path.lexists(final)]
 
 
-def _held(swap: Path) -> list[Path]:
-    """The old folder that is to get its name back."""
+def _held(swap: Path) -> list[tuple[Path, Path]]:
+    """The old folder that is to get its name back, and the path by that name."""
     if swap.suffix == _OLD_ENDING:
-        return [] if _is_being_replaced(swap) else [swap]
+        return [] if _is_being_replaced(swap) else [(swap, swap.parent / _bag_name(swap))]
     with suppress(OSError):
-        return list((swap / "old").iterdir())
+        return [(held, swap.parent / held.name) for held in (swap / "old").iterdir()]
     return []
 
 
@@ -250,7 +245,7 @@ def _removed_if_dead(part: Path) -> bool:
 
 def _nameless(swap: Path) -> bool:
     """Whether it holds the only copy of what has no name."""
-    return any(not os.path.lexists(swap.parent / held.name) for held in _held(swap))
+    return any(not os.path.lexists(final) for _, final in _held(swap))
 
 
 class WholeFile(io.FileIO):
