@@ -75,6 +75,7 @@ class CaptureEntry(msgspec.Struct, frozen=True, omit_defaults=True):
     let_go: bool = False
 
 
+_Key = tuple[str, str, int]  # run, trigger, number
 _decode_capture = json_decoder(CaptureEntry).decode
 
 
@@ -88,7 +89,7 @@ class CaptureList:
 
     def __init__(self, folder: str, logger: str) -> None:
         self._folder, self._path = Path(folder), captures_path(folder, logger)
-        self._entries: dict[tuple[str, str, int], CaptureEntry] = {}
+        self._entries: dict[_Key, CaptureEntry] = {}
         self._inode = self._read_to = 0
         self._tail = b""
         self._looked_at = MOST_BYTES  # bytes: below nobody looks what of it is gone
@@ -154,7 +155,7 @@ class CaptureList:
                 self._shorten(descriptor, entries)
         return removed
 
-    def _shorten(self, descriptor: int, entries: dict[tuple[str, str, int], CaptureEntry]) -> None:
+    def _shorten(self, descriptor: int, entries: dict[_Key, CaptureEntry]) -> None:
         """Write the file anew where most of what it tells is gone."""
         # what was begun only may be under way: its name is all that keeps it from being written twice
         begun = [key for key, one in entries.items() if not one.files][-MOST_BEGUN:]
@@ -168,15 +169,14 @@ class CaptureList:
             os.ftruncate(descriptor, len(lines))
         self._looked_at = max(MOST_BYTES, os.fstat(descriptor).st_size * 5 // 4)  # thousands may be there for good
 
-    def _read(self, descriptor: int) -> dict[tuple[str, str, int], CaptureEntry]:
+    def _read(self, descriptor: int) -> dict[_Key, CaptureEntry]:
         """All captures, oldest first; a damaged line is left out. What was read before is not read again."""
         status = os.fstat(descriptor)
         tail = os.pread(descriptor, len(self._tail), self._read_to - len(self._tail)) if self._read_to else b""
         if status.st_ino != self._inode or status.st_size < self._read_to or tail != self._tail:
             self._entries, self._inode, self._read_to = {}, status.st_ino, 0
         text = os.pread(descriptor, status.st_size - self._read_to, self._read_to)
-        for entry in _decoded(text):
-            self._entries[entry.run, entry.trigger, entry.number] = entry
+        self._entries.update(_decoded(text))
         self._read_to = status.st_size
         begin = max(0, status.st_size - _TAIL)
         self._tail = os.pread(descriptor, status.st_size - begin, begin)
@@ -192,20 +192,19 @@ class CaptureList:
             yield descriptor
 
 
-def _decoded(text: bytes) -> Iterator[CaptureEntry]:
+def _decoded(text: bytes) -> Iterator[tuple[_Key, CaptureEntry]]:
     """The captures of lines; a damaged line is left out."""
     for line in text.splitlines():
         with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError):
-            yield _decode_capture(line)
+            entry = _decode_capture(line)
+            yield (entry.run, entry.trigger, entry.number), entry
 
 
 def read_captures(folder: str | os.PathLike[str], logger: str) -> list[CaptureEntry]:
     """Return the captures of a logger as its list has them, without touching it. Raises OSError."""
-    found: dict[tuple[str, str, int], CaptureEntry] = {}
     with contextlib.suppress(FileNotFoundError):
-        for entry in _decoded(read_own(captures_path(folder, logger))):
-            found[entry.run, entry.trigger, entry.number] = entry
-    return list(found.values())
+        return list(dict(_decoded(read_own(captures_path(folder, logger)))).values())
+    return []
 
 
 def _append(descriptor: int, entry: CaptureEntry) -> None:
