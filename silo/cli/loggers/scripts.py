@@ -156,8 +156,7 @@ def load(words: Target, dry_run: bool, cut: bool, everyone: bool) -> None:
             _diff(client, path)
             return
         applied = client.load_script(path, cut=cut)
-    _warn(applied.warnings)
-    _warn_unknown(applied.unknown)
+    _warn(applied.warnings, applied.unknown)
     click.echo(f"loaded: {many(applied.changed, 'element')} changed (revision {applied.revision})")
 
 
@@ -200,8 +199,7 @@ def diff(words: Target, exit_code: bool, as_json: bool) -> int:
 def _diff(client: "Client", path: str) -> bool:
     found = client.diff_script(path)
     show_changes([*found.changes, *found.conditions])
-    _warn(found.warnings)
-    _warn_unknown(found.unknown)
+    _warn(found.warnings, found.unknown)
     names = len({change.name for change in found.changes})
     others = len({change.name for change in found.conditions})
     told = [many(names, "element")] * bool(names)
@@ -210,13 +208,9 @@ def _diff(client: "Client", path: str) -> bool:
     return bool(told)
 
 
-def _warn(warnings: Sequence[str]) -> None:
-    for warning in warnings:
+def _warn(warnings: Sequence[str], unknown: Sequence[str] = ()) -> None:
+    """Say them, and which names of a script the logger doesn't have."""
+    lacking = [f"the script lists '{name}', which the logger doesn't have" for name in unknown[:20]]
+    more = [f"and {len(unknown) - 20} more"] if len(unknown) > 20 else []
+    for warning in [*warnings, *lacking, *more]:
         click.echo(f"warning: {warning}", err=True)
-
-
-def _warn_unknown(names: list[str]) -> None:
-    for name in names[:20]:
-        click.echo(f"warning: the script lists '{name}', which the logger doesn't have", err=True)
-    if len(names) > 20:
-        click.echo(f"warning: and {len(names) - 20} more", err=True)
