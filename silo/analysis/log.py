@@ -418,8 +418,8 @@ class Log(Mapping[str, Signal]):
         Raises:
             ElementError: a pattern matches nothing, or there is no sample.
         """
-        from silo.analysis.plots.charts import ChartSpec, make_chart
-        from silo.analysis.plots.showing import MOST_CURVES, show
+        from silo.analysis.plots.charts import MOST_CURVES, ChartSpec, make_chart
+        from silo.analysis.plots.showing import show
 
         if not patterns:
             raise ElementError(

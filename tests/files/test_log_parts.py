@@ -114,7 +114,7 @@ def test_a_log_is_plotted_by_pattern(log, capsys, tmp_path):
 
 
 def test_more_than_fits_a_plot_is_told_of(log, monkeypatch):
-    monkeypatch.setattr("silo.analysis.plots.showing.MOST_CURVES", 1)
+    monkeypatch.setattr("silo.analysis.plots.charts.MOST_CURVES", 1)
     with pytest.warns(silo.LogWarning, match="not drawn: 1 more signal of these patterns$"):
         log.plot("q", terminal=True)
     log.plot("x", terminal=True)

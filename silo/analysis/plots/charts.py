@@ -19,6 +19,8 @@ from silo.core.arrays.values import numbers
 from silo.core.recording import Recording
 from silo.errors import ElementError
 
+MOST_CURVES = 20
+
 
 @dataclass(frozen=True)
 class ChartSpec:
@@ -33,7 +35,7 @@ class ChartSpec:
     transform: str = ""
     start: float | None = None
     stop: float | None = None
-    most: int = 20
+    most: int = MOST_CURVES
 
 
 def make_chart(recording: Recording, spec: ChartSpec, title: str = "") -> tuple[Chart, int]:

@@ -8,13 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from silo.analysis.compute.samples import Samples
-from silo.analysis.plots.charts import chart_of
+from silo.analysis.plots.charts import MOST_CURVES, chart_of
 from silo.analysis.plots.drawing import Chart, draw_axes, draw_png, draw_text
 from silo.core.arguments import shown
 from silo.errors import ElementError
 from silo.files.optional_packages import need
-
-MOST_CURVES = 20
 
 
 def signal_chart(signals: Sequence[Samples], title: str = "") -> Chart:

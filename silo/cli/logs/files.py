@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from silo.core.recording import Recording
 
 
-_MOST_CURVES = 20
 MOST_CHECKED_BYTES = 10**9  # by a look at a file; a larger one is read whole by `silo verify` alone
 
 
@@ -438,7 +437,7 @@ def plot_command(
     path = find_saved(file)
     recording = _read(path, whole)
     transform = "derivative" if derivative else "spectrum" if spectrum else ""
-    spec = ChartSpec(patterns, right, x_pattern, transform, start, stop, _MOST_CURVES)
+    spec = ChartSpec(patterns, right, x_pattern, transform, start, stop)
     chart, left_out = make_chart(recording, spec, title=path.name)
     if png is not None:
         draw_png(chart, png)
@@ -449,7 +448,7 @@ def plot_command(
         print_chart(chart, width or size.columns, height or size.lines - 2)
     if left_out:
         click.echo(
-            f"not drawn: {many(left_out, 'more signal')} of these patterns, behind the first {_MOST_CURVES}", err=True
+            f"not drawn: {many(left_out, 'more signal')} of these patterns, behind the first {spec.most}", err=True
         )
     _warn(path, recording)
 
