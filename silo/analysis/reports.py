@@ -92,22 +92,21 @@ def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
     """Describe a whole log."""
     times = recording.time_ns
     elements = tuple(_describe(recording, element) for element in recording.elements)
-    return LogReport(
+    return alike(
+        LogReport,
+        recording,
         path=path,
         size_bytes=size_bytes,
-        logger=recording.logger,
         start_ns=int(times[0]) if len(times) else 0,
         duration_s=lasted_s(times),
         ticks=len(times) - recording.early,
         rate_hz=rate_of(times, recording.gaps) or None,
-        frequency_hz=recording.frequency_hz,
         lost=recording.lost,
         warnings=tuple(recording.warnings),
         elements=elements,
         failed=sum(element.failures.count for element in recording.elements),
         events=tuple(events_of(recording, int(times[0]) if len(times) else 0)),
         about=recording.told_about,
-        started_ns=recording.started_ns,
     )
 
 

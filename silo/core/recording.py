@@ -321,7 +321,7 @@ def with_stretch(recording: Recording) -> Recording:
     return replace(recording, about=about, stretch=Stretch(told[3], int(told[1] or 0), int(told[2] or 1)))
 
 
-def alike(kind: Callable[..., Made], source: object, **changes: Any) -> Made:
+def alike(kind: Callable[..., Made], source: object, /, **changes: Any) -> Made:
     """A struct or dataclass of another kind, of the fields that `source` has under the same names.
 
     What is known of an element or a log goes so from segments to recordings and files, and back: each file has a

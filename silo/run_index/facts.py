@@ -25,7 +25,7 @@ from silo.core.elements import MARKER, LoggedEvent
 from silo.core.episodes.words import Episode, said_by
 from silo.core.names import grouped
 from silo.core.quantities.writing import EPOCH_FROM_NS
-from silo.core.recording import Recording, lasted_s, places_of_ticks, rate_of, read_ahead, samples_of_ticks
+from silo.core.recording import Recording, alike, lasted_s, places_of_ticks, rate_of, read_ahead, samples_of_ticks
 from silo.core.tuning.parameters import ParameterValue
 from silo.errors import SiloError
 from silo.files.added import added_formats
@@ -173,9 +173,10 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
     happened = _happened(recording.events)
     # buffers hold the end
     began = max(recording.started_ns, int(stamps[0]) if ticks and stamps[0] >= EPOCH_FROM_NS else 0)
-    return RunFacts(
+    return alike(
+        RunFacts,
+        recording,
         path=name,
-        prefix=recording.prefix,
         kind="capture" if is_capture(path) else "run",
         robot=recording.logger,
         task=recording.about.get("task", ""),
@@ -184,12 +185,10 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
         ticks=ticks,
         elements=len(recording.elements),
         rate_hz=rate_of(stamps) or recording.frequency_hz or 0.0,
-        why=recording.why,
         marks=happened[0],
         limits=happened[1],
         triggers=happened[2],
         lost=recording.lost,
-        cut_off=recording.cut_off,
         failed=sum(element.failures.count for element in recording.elements),
         warnings=len(recording.warnings),
         size_bytes=size_bytes,
@@ -200,7 +199,6 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
         part=recording.stretch.part if recording.stretch is not None else 0,
         recorder=recording.stretch.recorder if recording.stretch is not None else "",
         stamp_ns=int(stamps[0]) if ticks else 0,
-        offset=recording.offset,
         dividers=Counter(one.divider for one in recording.elements),
         names=sha1("\n".join(sorted(one.name for one in recording.elements)).encode()).hexdigest()[:16],
     )
