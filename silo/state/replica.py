@@ -10,6 +10,7 @@ import os
 import socket
 import threading
 import time
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -335,11 +336,8 @@ class Replica:
         """Return the newest tick with a time stamp up to this one; -1 where none is held."""
         with self._lock, contextlib.suppress(SegmentError):
             if self._reader is not None:
-                low, high = 0, self._reader.ticks
-                while low < high:
-                    middle = (low + high) // 2
-                    low, high = (middle + 1, high) if self._reader.stamp_of(middle) <= at_ns else (low, middle)
-                return low - 1 if low and self._reader.stamp_of(low - 1) else -1
+                newest = bisect_right(range(self._reader.ticks), at_ns, key=self._reader.stamp_of) - 1
+                return newest if newest >= 0 and self._reader.stamp_of(newest) else -1
         return -1
 
     def idle_s(self, ticks: int) -> float:
