@@ -17,11 +17,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.arrays.spans import spans_text
 from silo.core.calls import no_attribute
 from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import BufferType, Entry, LoggedEvent, Stretch
 from silo.core.parameter_images import image_after, unknown_texts
-from silo.core.quantities.writing import html_table, many
+from silo.core.quantities.writing import html_table
 from silo.errors import ArgumentError, LogWarning
 
 Made = TypeVar("Made")
@@ -114,9 +115,7 @@ NO_FAILURES = Failures()
 
 def failures_text(failures: Failures) -> str:
     """What failed, fit to show: `could not be read at 3 ticks (12, 20-21): ...`."""
-    shown = ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in failures.spans[:5])
-    shown += ", ..." if len(failures.spans) > 5 else ""
-    ticks = f"{many(failures.count, 'tick')} ({shown})"
+    ticks = spans_text(failures.spans, failures.count)
     return f"could not be read at {ticks}: NaN, or its last value, stands there instead"
 
 

@@ -47,10 +47,10 @@ def doubled(spans: Iterable[Span]) -> list[Span]:
     return merged(found)
 
 
-def spans_text(spans: Iterable[Span]) -> str:
-    """Return the stretches as words: `12 ticks (3-9, 20-24)`."""
+def spans_text(spans: Iterable[Span], count: int | None = None) -> str:
+    """Return the stretches as words: `12 ticks (3-9, 20-24)`; with the count of all where these are not all of them."""
     found = list(spans)
     shown = [str(first) if first == last else f"{first}-{last}" for first, last in found[:_MOST_SHOWN]]
     more = ", ..." if len(found) > _MOST_SHOWN else ""
-    count = sum(last + 1 - first for first, last in found)
+    count = sum(last + 1 - first for first, last in found) if count is None else count
     return f"{many(count, 'tick')} ({', '.join(shown)}{more})"
