@@ -12,6 +12,8 @@ from silo.core.tuning.parameters import ParameterInfo, ParameterKind, decoded, v
 
 Set = Callable[[ParameterInfo, object], None]
 
+_NUMBERS = (ParameterKind.FLOAT, ParameterKind.INT, ParameterKind.BOOL)
+
 
 class Parameter(NDArrayOperatorsMixin):
     """A value that is tuned while the program runs: `kp.value`, `kp[...]`, or in expressions: `kp * error`.
@@ -29,11 +31,10 @@ class Parameter(NDArrayOperatorsMixin):
         """Show the value that stands in `words`; `array` is the same memory. `choices` is the enumeration, if any."""
         self.info, self.array, self._words, self._set, self.choices = info, array, words, set_value, choices
         self.array.setflags(write=False)
-        plain = info.kind in (ParameterKind.FLOAT, ParameterKind.INT, ParameterKind.BOOL) and not info.shape
-        self._item = array.item if plain else self._decoded
+        self._item = array.item if info.kind in _NUMBERS and not info.shape else self._decoded
 
     def _decoded(self) -> Any:
-        if self.info.shape and self.info.kind in (ParameterKind.FLOAT, ParameterKind.INT, ParameterKind.BOOL):
+        if self.info.shape and self.info.kind in _NUMBERS:
             return self.array.copy()
         value = decoded(self.info, self._words)
         if self.info.shape:
@@ -67,14 +68,10 @@ class Parameter(NDArrayOperatorsMixin):
         return self._shown()[key]
 
     def __setitem__(self, key: Any, value: Any) -> None:
-        if self.info.kind in (ParameterKind.FLOAT, ParameterKind.INT, ParameterKind.BOOL):
-            whole: Any = self.array.astype(np.result_type(self.array, np.asarray(value)))
-            whole[key] = value
-            self._set(self.info, whole.tolist())
-        else:
-            whole = np.array(self._shown(), object)
-            whole[key] = value
-            self._set(self.info, whole.tolist())
+        kept = np.result_type(self.array, np.asarray(value)) if self.info.kind in _NUMBERS else object
+        whole: Any = self._shown().astype(kept)
+        whole[key] = value
+        self._set(self.info, whole.tolist())
 
     def _shown(self) -> NDArray[Any]:
         return self.array if self.info.kind is not ParameterKind.STRING else np.asarray(self._decoded())
