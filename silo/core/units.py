@@ -173,12 +173,9 @@ def doubt(unit: str) -> str:
     ]
     if not unknown:
         return ""
-    meant = unit
+    meant = own = unit
     for word in unknown:
-        meant = meant.replace(word, _meant(word))
-    own = unit
-    for word in unknown:
-        own = own.replace(word, f"[{word}]")
+        meant, own = meant.replace(word, _meant(word)), own.replace(word, f"[{word}]")
     words = " and ".join(f"'{word}'" for word in unknown)
     close = f", did you mean '{meant}'?" if meant != unit else ""
     return f"unit '{unit}': silo doesn't know {words}{close}; a word of your own is written '{own}'"

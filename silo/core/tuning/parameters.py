@@ -11,6 +11,7 @@ from collections.abc import Collection, Sequence
 
 import msgspec
 
+from silo.core.arguments import shown
 from silo.core.names import did_you_mean, nearest
 from silo.core.quantities.writing import there_are
 from silo.errors import ElementError
@@ -210,7 +211,7 @@ def fitting(info: ParameterInfo, given: object) -> ParameterValue:
     items = _flat(given, info.shape)
     if items is None:
         shape = " x ".join(map(str, info.shape))
-        raise ElementError(f"parameter '{info.name}': takes {shape} values, got {_shown(given)}; nothing was changed")
+        raise ElementError(f"parameter '{info.name}': takes {shape} values, got {shown(given)}; nothing was changed")
     return tuple(_fitting_item(info, item) for item in items)
 
 
@@ -287,13 +288,8 @@ def _refuse(info: ParameterInfo, given: object, near: str = "") -> float:
     if info.kind is ParameterKind.STRING and isinstance(given, str) and not given.isprintable():
         takes += " without line breaks and other letters that can't be printed"
     raise ElementError(
-        f"parameter '{info.name}': {_shown(given)} doesn't fit, it takes {takes}{unit}{near}; nothing was changed"
+        f"parameter '{info.name}': {shown(given)} doesn't fit, it takes {takes}{unit}{near}; nothing was changed"
     )
-
-
-def _shown(given: object) -> str:
-    text = repr(given)
-    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 # ------------------------------------------------------------------------------------------------- in memory
