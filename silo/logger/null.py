@@ -9,7 +9,6 @@ import os
 from collections.abc import Callable, Iterator
 from functools import wraps
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
@@ -33,6 +32,7 @@ from silo.logger.tunables import Tunables
 from silo.loop.sources import VariableSet
 from silo.parameters.parameter import Parameter
 from silo.parameters.parameters import Parameters
+from silo.rpc.leases import Closing
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -82,7 +82,7 @@ class _NoFiles(SavedFiles):
     size_bytes = 0
 
 
-class NullServing:
+class NullServing(Closing):
     """What `NullLogger.serve` returns: nothing listens."""
 
     alive = False
@@ -91,16 +91,8 @@ class NullServing:
     def close(self) -> None:
         """Do nothing."""
 
-    def __enter__(self) -> "NullServing":
-        return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Do nothing."""
-
-
-class NullLogger(LoggerNames):
+class NullLogger(LoggerNames, Closing):
     """Takes every call of `Logger` and logs nothing. `array` returns ordinary zeros, so that the program works on."""
 
     is_running = False
@@ -242,11 +234,3 @@ class NullLogger(LoggerNames):
 
     def _repr_html_(self) -> str:
         return "<p><b>NullLogger</b>: logs nothing; silo.init() or silo.Logger() make one that does</p>"
-
-    def __enter__(self) -> "NullLogger":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Do nothing."""

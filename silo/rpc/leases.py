@@ -6,7 +6,6 @@ Views, streams, pins, triggers of clients, control, statistics: who keeps them s
 import threading
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import Generic, TypeVar
 
 import msgspec
@@ -67,7 +66,7 @@ class Leases(Generic[Key, Value]):
     def __enter__(self) -> None:
         self._lock.acquire()
 
-    def __exit__(self, _: type[BaseException] | None, __: BaseException | None, ___: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self._lock.release()
 
     def find(self, key: Key) -> Lease[Key, Value] | None:
