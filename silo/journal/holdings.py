@@ -5,12 +5,12 @@ segment of gigabytes while it is written.
 """
 
 from bisect import bisect_right
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import accumulate
 
-from silo.core.elements import BufferType
+from silo.core.elements import BufferType, ElementOptions
+from silo.core.names import grouped
 from silo.core.quantities.writing import duration, many
 from silo.core.recording import Recording
 from silo.journal.reader import JournalReader
@@ -60,20 +60,15 @@ class RetainedAlike:
     """Elements that are kept alike hold the same samples: `count` of them."""
 
     ring: int
-    divider: int
-    buffer: BufferType
-    size: int
-    count: int = 1
+    options: ElementOptions
+    count: int
 
 
 def kept_alike(schema: SegmentSchema) -> list[RetainedAlike]:
     """The saved elements of a segment, those that hold the same samples as one: few even of 10,000."""
-    counts = Counter(
-        (one.ring, one.info.options.divider, one.info.options.buffer, one.info.options.size)
-        for one in schema.elements
-        if one.info.options.action.saves
-    )
-    return [RetainedAlike(*how, count) for how, count in counts.items()]
+    saved = [(one.ring, one.info.options) for one in schema.elements if one.info.options.action.saves]
+    alike = grouped(((ring, how.divider, how.buffer, how.size), how) for ring, how in saved)
+    return [RetainedAlike(ring, some[0], len(some)) for (ring, *_), some in alike.items()]
 
 
 def segment_holdings(reader: SegmentReader | JournalReader, kept: list[RetainedAlike] | None = None) -> Holdings:
@@ -90,7 +85,7 @@ def segment_holdings(reader: SegmentReader | JournalReader, kept: list[RetainedA
     held = [(span, one) for span, one in spans if len(span)]
     if not held:
         return Holdings(ticks, 0, 0, 0.0, since)
-    ends = [(span[0] * one.divider, span[-1] * one.divider, one.count) for span, one in held]
+    ends = [(span[0] * one.options.divider, span[-1] * one.options.divider, one.count) for span, one in held]
     seconds, most_s = _lengths(ends, lambda tick: _stamp(reader, tick))
     elements, samples = sum(one.count for _, one in held), sum(len(span) * one.count for span, one in held)
     return Holdings(ticks, elements, samples, seconds, since, most_s, published_in(schema))
@@ -116,8 +111,9 @@ def _lengths(ends: list[tuple[int, int, int]], stamp_of: Callable[[int], int]) -
 
 def _samples(reader: SegmentReader | JournalReader, kept: RetainedAlike, ticks: int, first_tick: int) -> range:
     """Numbers of the samples that are kept: as in a snapshot, none without its time stamp."""
-    begin, end = kept_rows(kept, reader.first(kept.ring), min(-(-ticks // kept.divider), reader.head(kept.ring)))
-    return range(max(begin, -(-first_tick // kept.divider)), end)
+    divider = kept.options.divider
+    begin, end = kept_rows(kept.options, reader.first(kept.ring), min(-(-ticks // divider), reader.head(kept.ring)))
+    return range(max(begin, -(-first_tick // divider)), end)
 
 
 def _stamp(reader: SegmentReader | JournalReader, tick: int) -> int:

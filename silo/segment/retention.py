@@ -3,11 +3,10 @@
 import functools
 import re
 from collections.abc import Iterable, Mapping
-from typing import Protocol
 
 import numpy as np
 
-from silo.core.elements import BufferType, ElementInfo
+from silo.core.elements import BufferType, ElementInfo, ElementOptions
 from silo.core.quantities.writing import and_more
 
 LARGE_BYTES = 1_000_000_000  # of one run: so much takes seconds to allocate and to touch, and not every robot has it
@@ -15,19 +14,7 @@ LARGE_BYTES = 1_000_000_000  # of one run: so much takes seconds to allocate and
 _DTYPE = re.compile(r"[<>=|]?(b1|[iu][1248]|f(2|4|8|12|16)|c(8|16|24|32)|[SU]\d{1,9}|[mM]8(\[\d{0,9}[A-Za-z]{1,2}\])?)")
 
 
-class Buffer(Protocol):
-    """What decides: of an element's options, or of several that are kept alike."""
-
-    @property
-    def buffer(self) -> BufferType:
-        """Which samples are kept."""
-
-    @property
-    def size(self) -> int:
-        """How many, or how many to begin with."""
-
-
-def kept_rows(options: Buffer, begin: int, end: int) -> tuple[int, int]:
+def kept_rows(options: ElementOptions, begin: int, end: int) -> tuple[int, int]:
     """Return which of the rows `begin <= row < end` of its ring belong to an element's buffer, as begin and end."""
     if options.buffer is BufferType.FIXED:
         end = min(end, options.size)
@@ -36,7 +23,7 @@ def kept_rows(options: Buffer, begin: int, end: int) -> tuple[int, int]:
     return begin, max(begin, end)
 
 
-def most_kept(options: Buffer) -> int:
+def most_kept(options: ElementOptions) -> int:
     """Return how many samples the buffer can keep; a number beyond any for one that grows."""
     return 2**62 if options.buffer is BufferType.GROWING else options.size
 
