@@ -16,7 +16,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import zenoh
 from msgspec.structs import replace
@@ -34,6 +34,7 @@ from silo.net import keys
 from silo.net.found import LoggerAddress
 from silo.net.session import check_unforked, owner_is_gone, undeclare
 from silo.net.sessions import SessionLease, borrow, give_back
+from silo.net.subscribed import Subscribed
 from silo.rpc.clocks import TheirClock
 from silo.rpc.declaring import Do, Request, request_of
 from silo.rpc.foreign import Foreign
@@ -60,16 +61,6 @@ log = logging.getLogger("silo.client")
 _event_decoder = msgpack_decoder(Event)
 
 
-class Attachable(Protocol):
-    """What lives on across sessions: views and topics."""
-
-    def attach(self, session: zenoh.Session, root: keys.Root, client: keys.ClientId) -> None:
-        """Subscribe in a new session."""
-
-    def detach(self) -> None:
-        """The session is about to be closed."""
-
-
 class Connection:
     """A watched session to one logger."""
 
@@ -79,7 +70,7 @@ class Connection:
         self._who, self._read_only = who, read_only
         self._lock = threading.Lock()
         self._stop = threading.Event()
-        self._attached: set[Attachable] = set()
+        self._attached: set[Subscribed] = set()
         # called in its thread: for every event; with False when the link is lost, with True when it is there again
         self.event_callbacks: list[Callable[[Event], None]] = []
         self.link_callbacks: list[Callable[[bool], None]] = []
@@ -125,7 +116,7 @@ class Connection:
         borrowed = borrow(found.socket, found.config, max(REACH_S, timeout_s), timeout_s)
         session = borrowed.session
         declared: list[Any] = []
-        attached: list[Attachable] = []
+        attached: list[Subscribed] = []
         try:
             root = root_at(borrowed, found, timeout_s)
             # an id of its own: the end of the session before may reach the helper late, and ends the views of its id
@@ -277,7 +268,7 @@ class Connection:
             self._clock.learn(reply.clock_s)
         return reply
 
-    def attach(self, one: Attachable) -> None:
+    def attach(self, one: Subscribed) -> None:
         """Subscribe something now and in every later session."""
         mine = self.borrowed()
         try:

@@ -6,12 +6,15 @@ from typing import Any
 
 import zenoh
 
+from silo.net.keys import ClientId, Root
 from silo.net.session import undeclare
 from silo.rpc.leases import Closing
 
 
 class Subscribed(Closing):
     """What is sent to this client until it is closed. A child subscribes in `attach`; `_changed` guards all of it."""
+
+    attach: Callable[[zenoh.Session, Root, ClientId], None]
 
     def __init__(self, on_close: Callable[[Any], None]) -> None:
         self._on_close = on_close
