@@ -63,14 +63,6 @@ class _Stream:
     commits: dict[int, tuple[int, int, int]] = field(default_factory=dict)  # file, offset, bytes
 
 
-@dataclass(frozen=True)
-class _Record:
-    """A whole record: its payload begins at `offset`."""
-
-    header: NDArray[np.int64]
-    offset: int
-
-
 class JournalReader:
     """What a journal proves: a `RowSource`. The journal may be written meanwhile; this is its state at opening."""
 
@@ -123,20 +115,20 @@ class JournalReader:
     def _take(self, stream: _Stream, number: int) -> None:
         """Note what stands in a file. Raises ValueError, IndexError, MsgspecError for what its schema can't mean."""
         uncommitted: list[tuple[int, ...]] = []
-        for record in _records(self._files[number], seed_of(self.schema.run)):
-            size = int(record.header[RecordWord.PAYLOAD_BYTES])
-            if record.header[RecordWord.KIND] == RecordKind.ROWS:
-                ring = self.schema.rings[int(record.header[RecordWord.RING])]
-                count = int(record.header[RecordWord.COUNT])
+        for header, offset in _records(self._files[number], seed_of(self.schema.run)):
+            size = header[RecordWord.PAYLOAD_BYTES]
+            if header[RecordWord.KIND] == RecordKind.ROWS:
+                ring = self.schema.rings[header[RecordWord.RING]]
+                count = header[RecordWord.COUNT]
                 if count * 8 * ring.row_words != size:
                     raise ValueError(f"{count} rows of ring {ring.ring} in {size} bytes")
-                uncommitted.append((ring.ring, int(record.header[RecordWord.FIRST]), count, number, record.offset))
+                uncommitted.append((ring.ring, header[RecordWord.FIRST], count, number, offset))
                 continue
-            ticks = msgpack_decoder(_Ticks).decode(self._read(number, record.offset, size)).ticks
+            ticks = msgpack_decoder(_Ticks).decode(self._read(number, offset, size)).ticks
             for ring_number, *block in uncommitted:
                 stream.blocks.setdefault(ring_number, array("q")).extend([*block, ticks])
             uncommitted = []
-            stream.commits[ticks] = number, record.offset, size
+            stream.commits[ticks] = number, offset, size
 
     def _commit_at(self, number: int, offset: int, size: int) -> Commit:
         try:
@@ -268,8 +260,10 @@ def read_head(path: Path) -> Head:
     return head
 
 
-def _records(descriptor: int, seed: int) -> Iterator[_Record]:
-    """The whole records of a file in order, until the first that isn't. Raises OSError."""
+def _records(descriptor: int, seed: int) -> Iterator[tuple[list[int], int]]:
+    """The headers of the whole records of a file in order, until the first that isn't, each with where its payload
+    begins. Raises OSError.
+    """
     length = os.fstat(descriptor).st_size
     at, number = 0, None
     while (begin := at + 8 * HEADER_WORDS) <= length:
@@ -284,7 +278,7 @@ def _records(descriptor: int, seed: int) -> Iterator[_Record]:
         if number is not None and header[RecordWord.NUMBER] != number + 1:
             return
         number = int(header[RecordWord.NUMBER])
-        yield _Record(header, begin)
+        yield header.tolist(), begin
         at = begin + size + -size % 8
 
 

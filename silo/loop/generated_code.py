@@ -14,7 +14,6 @@ import marshal
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from types import CodeType
 from typing import Any, Protocol
 
@@ -122,14 +121,6 @@ class SlowReads:
         return self._segment.words, schema.offset // 8 + (head - 1) % schema.capacity * schema.row_words
 
 
-@dataclass(frozen=True)
-class Generated:
-    """`collect` logs a tick; after `retire()` it does so no more, also where somebody kept it."""
-
-    collect: Collect
-    retire: Callable[[], None]
-
-
 class _Names:
     """Objects that the generated code refers to, each under a name of its own."""
 
@@ -170,12 +161,13 @@ def generate(
     *,
     serialized: bool = False,
     landing: LandsChanges | None = None,
-) -> Generated:
-    """`collect()` for one run. `on_stop` is called, once, by the tick with which the logger stops by itself.
+) -> tuple[Collect, Callable[[], None]]:
+    """`collect()` for one run, and what retires it: then it logs no tick more, also where somebody kept it.
 
-    `after_end` is what a `collect` that somebody kept calls once the run was retired. The run belongs to the thread of
-    its first tick; `serialized` lets threads take turns. `landing` is where changes of parameters wait; without it the
-    text is what it was before there were any.
+    `on_stop` is called, once, by the tick with which the logger stops by itself. `after_end` is what a `collect` that
+    somebody kept calls once the run was retired. The run belongs to the thread of its first tick; `serialized` lets
+    threads take turns. `landing` is where changes of parameters wait; without it the text is what it was before there
+    were any.
     """
     addresses = np.concatenate([ring.words for ring in plan.rings])
     memory, base = memory_window(addresses, plan.scratch.words)
@@ -198,9 +190,9 @@ def generate(
     namespace: dict[str, Any] = dict(names.objects)
     exec(_code(source), namespace)  # of names made here and checked identifiers
     # without its maker in its own namespace, `collect` is no cycle: old buffers are freed at once, not some day
-    made = Generated(*namespace.pop("make")())
-    made.collect.__qualname__ = "log.collect"  # as it stands in what Python says of a wrong call
-    return made
+    collect, retire = namespace.pop("make")()
+    collect.__qualname__ = "log.collect"  # as it stands in what Python says of a wrong call
+    return collect, retire
 
 
 def _code(source: str) -> CodeType:

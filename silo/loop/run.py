@@ -119,8 +119,7 @@ class Run:
         self.segment.make()
         if self._announced:
             announce_segment(self.segment.path)
-        generated = self._generate(self.plan, self.segment)
-        self.collect, self._retire = generated.collect, generated.retire
+        self.collect, self._retire = self._generate(self.plan, self.segment)
 
     def go_live(self) -> None:
         """Be the one whose ticks come next."""

@@ -12,7 +12,6 @@ import contextlib
 import itertools
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
@@ -200,21 +199,13 @@ def is_live(program: Program) -> bool:
 # ------------------------------------------------------------------------------------------------------------ the bound
 
 
-@dataclass(frozen=True)
-class HeldRunsLimit:
-    """How much may be held of one logger."""
-
-    runs: int
-    size_bytes: int
-
-
-def bound_of(folder: Path) -> HeldRunsLimit:
-    """Return how much may be held in this folder."""
+def bound_of(folder: Path) -> tuple[int, int]:
+    """Return how many runs of one logger may be held in this folder, and how many bytes of them."""
     try:
         _, size_bytes = disk_room(folder)
     except OSError:
-        return HeldRunsLimit(HELD_RUNS, HELD_BYTES)
-    return HeldRunsLimit(HELD_RUNS, min(HELD_BYTES, int(HELD_SHARE * size_bytes)))
+        return HELD_RUNS, HELD_BYTES
+    return HELD_RUNS, min(HELD_BYTES, int(HELD_SHARE * size_bytes))
 
 
 def bytes_of(path: Path) -> int:
@@ -247,10 +238,10 @@ def trim(paths: Sequence[Path], *, in_memory: bool, room_bytes: int = 0) -> list
         remove(path)
     whole = [path for path in there[-STUBS:] if not _is_stub(path)]
     gone: list[Path] = []
-    bound = bound_of(whole[0].parent) if whole else HeldRunsLimit(0, 0)
+    most_runs, most_bytes = bound_of(whole[0].parent) if whole else (0, 0)
     while whole and (
-        len(whole) > bound.runs
-        or sum(map(bytes_of, whole)) > bound.size_bytes
+        len(whole) > most_runs
+        or sum(map(bytes_of, whole)) > most_bytes
         or _free_bytes(whole[0].parent, in_memory=in_memory) < room_bytes
     ):
         gone.append(whole.pop(0))

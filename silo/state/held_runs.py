@@ -143,7 +143,7 @@ class HeldRuns:
         paths = [_held(reader) for run, reader in self._runs.items() if run != self._replica.run]
         with contextlib.suppress(SegmentError):
             bound = bound_of(paths[0].parent if paths else runtime_dir())
-            self._replica.held = HeldNow(len(paths), sum(map(bytes_of, paths)), bound.runs, bound.size_bytes)
+            self._replica.held = HeldNow(len(paths), sum(map(bytes_of, paths)), *bound)
 
     # --------------------------------------------------------------------------------------------- by any thread
 

@@ -20,7 +20,6 @@ from silo.recovery.runs import look_back
 from silo.recovery.segments import claimed, discard, sweep_segments
 from silo.segment import held_runs as held
 from silo.segment.held_runs import (
-    HeldRunsLimit,
     Program,
     all_runs,
     child_of,
@@ -131,18 +130,18 @@ def test_growing_rings_of_a_stub_have_no_row_either(new_logger) -> None:
 
 def test_the_oldest_make_room_first(held_run, monkeypatch) -> None:
     paths = [held_run(600) for _ in range(4)]
-    monkeypatch.setattr(held, "bound_of", lambda _: HeldRunsLimit(3, 1 << 40))
+    monkeypatch.setattr(held, "bound_of", lambda _: (3, 1 << 40))
     assert trim(paths, in_memory=True) == paths[:1]
     assert trim(paths, in_memory=True) == []
     size = sum(held.bytes_of(path) for path in paths[2:])
-    monkeypatch.setattr(held, "bound_of", lambda _: HeldRunsLimit(3, size))
+    monkeypatch.setattr(held, "bound_of", lambda _: (3, size))
     assert trim(paths, in_memory=True) == paths[1:2]
     assert trim(paths, in_memory=True, room_bytes=1 << 60) == paths[2:]
     assert [SegmentReader(path).dropped for path in paths] == [True] * 4
 
 
 def test_a_small_run_makes_room_once(new_logger, monkeypatch) -> None:
-    monkeypatch.setattr(held, "bound_of", lambda folder: HeldRunsLimit(1, 10**12))
+    monkeypatch.setattr(held, "bound_of", lambda folder: (1, 10**12))
     log = new_logger("small", frequency=1000, max_time=0)
     log.array("x", 1, buffer="looping", size=100)
     paths, gone = [], []
@@ -308,7 +307,7 @@ def test_a_segment_of_a_log_folder_is_held_there_and_found_by_its_link(new_logge
 def test_of_runs_that_make_room_at_each_start_is_told_once_and_in_one_number_when_it_is_over(
     new_logger, monkeypatch, caplog
 ) -> None:
-    monkeypatch.setattr(held, "bound_of", lambda _: HeldRunsLimit(1, 1 << 40))
+    monkeypatch.setattr(held, "bound_of", lambda _: (1, 1 << 40))
     log = new_logger("bot", frequency=1000, max_time=0)
     log.array("x", 1, buffer="looping", size=100)
     wanted = [True] * 6 + [False] * 2

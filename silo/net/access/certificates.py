@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from silo.net.configuration import from_file, written
 
@@ -47,41 +47,38 @@ def not_valid_today(config: str) -> Iterator[str]:
     tls, now_s = tls_of(config), time.time()
     for kind in _KINDS:
         try:
-            found = _PEM.search(pem_of(tls, kind) or "")
-            dates = _dates_of(base64.b64decode(found[1])) if found is not None else None
+            if (found := _PEM.search(pem_of(tls, kind) or "")) is None:
+                continue
+            begin_s, end_s = _dates_of(base64.b64decode(found[1]))
         except (OSError, ValueError, IndexError):
             continue
-        if dates is None or dates.begin_s <= now_s <= dates.end_s:
+        if begin_s <= now_s <= end_s:
             continue
         name = tls.get(kind) or kind
-        if now_s < dates.begin_s:
+        if now_s < begin_s:
             yield (
-                f"{name}: this certificate is valid from {_day(dates.begin_s)} on, and here it is {_day(now_s)}: is "
+                f"{name}: this certificate is valid from {_day(begin_s)} on, and here it is {_day(now_s)}: is "
                 "the clock of this computer right? Until then nobody gets in over the network"
             )
         else:
             yield (
-                f"{name}: this certificate ran out on {_day(dates.end_s)}: nobody gets in over the network; renew it "
+                f"{name}: this certificate ran out on {_day(end_s)}: nobody gets in over the network; renew it "
                 "(`silo remote init FOLDER` where it was made, copy the server folder here again) and start anew"
             )
 
 
-class _Dates(NamedTuple):
-    """From when until when a certificate is valid, in s since 1970."""
+def _dates_of(der: bytes) -> tuple[float, float]:
+    """Return from when until when a certificate is valid, in s since 1970: RFC 5280, 4.1.
 
-    begin_s: float
-    end_s: float
-
-
-def _dates_of(der: bytes) -> _Dates:
-    """Return the dates of a certificate: RFC 5280, 4.1. Raises ValueError, IndexError for what is none."""
+    Raises ValueError, IndexError for what is none.
+    """
     _, at, _ = _part(der, 0)  # the certificate
     _, at, _ = _part(der, at)  # what is signed of it: version, number, algorithm, issuer, validity
     for _ in range(4 if der[at] == _VERSION else 3):
         _, _, at = _part(der, at)
     _, at, _ = _part(der, at)
     begin, at = _time(der, at)
-    return _Dates(begin, _time(der, at)[0])
+    return begin, _time(der, at)[0]
 
 
 def _part(der: bytes, at: int) -> tuple[int, int, int]:
