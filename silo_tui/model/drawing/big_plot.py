@@ -14,7 +14,7 @@ from silo.core.arrays.columns import bins_at, reduce
 from silo.core.arrays.values import Floats, as_floats
 from silo_tui.model.drawing import axes, braille, dots
 from silo_tui.model.drawing.dots import BLANK
-from silo_tui.model.drawing.plots import NOBODY, Owners
+from silo_tui.model.drawing.plots import NOBODY, Owners, over_one_another
 from silo_tui.model.words import text
 
 
@@ -135,7 +135,7 @@ def of_spectra(
     else:
         scale = axes.round_scale(min(low, 0.0) if way == "linear" else low, high, height)
     lit = [braille.curve(*curve, scale, width, height) for curve in curves]
-    cells, owners = _over_one_another(lit)
+    cells, owners = over_one_another(lit, reversed(range(len(lit))))
     words, origin = axes.tick_words(axes.ticks_of(scale, height), 0, 9)
     if way == "log":
         words = axes.words_of(axes.LogAxis(), scale, height)
@@ -202,15 +202,6 @@ def _curve(spectrum: Spectrum, way: str, top_hz: float, columns: int) -> tuple[F
     return low, high
 
 
-def _over_one_another(lit: Sequence[dots.Dots]) -> tuple[dots.Cells, Owners]:
-    rows, columns = lit[0].shape
-    owners = np.full((rows // 4, columns // 2), NOBODY, np.int8)
-    for place in reversed(range(len(lit))):
-        owners[lit[place].reshape(rows // 4, 4, columns // 2, 2).any(axis=(1, 3))] = place
-    every: dots.Dots = np.any(np.stack(lit), axis=0)
-    return dots.cells(every), owners
-
-
 def of_pair(pair: Pair, size: tuple[int, int]) -> BigPlot:
     """Return y over x, a sign per cell: the newest in it tells how old it is."""
     width, height = size
@@ -237,7 +228,8 @@ def of_histogram(histogram: Histogram, size: tuple[int, int]) -> BigPlot:
     heights = histogram.counts[np.arange(columns) * len(histogram.counts) // columns].astype(np.float64)
     scale = axes.round_scale(0.0, float(max(1, heights.max())), height)
     high = np.where(heights > 0, heights, np.nan)
-    cells, owners = _over_one_another([braille.curve(np.where(heights > 0, 0.0, np.nan), high, scale, width, height)])
+    bars = braille.curve(np.where(heights > 0, 0.0, np.nan), high, scale, width, height)
+    cells, owners = over_one_another([bars], [0])
     left, _ = axes.tick_words(axes.ticks_of(scale, height), 0, 9)
     end = histogram.first + histogram.step * len(histogram.counts)
     below = _quarters(histogram.first, end)

@@ -1,7 +1,7 @@
 """What a plot is of, and how it is drawn: the dots of each signal, its axis, what stands at the cursor."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 
 import msgspec
@@ -236,21 +236,25 @@ def _picture(window: PlotWindow, piece: ColumnPiece, axis: Axis, width: int, hei
 NOBODY, HOLE = -1, -2
 
 
+def over_one_another(lit: Sequence[dots.Dots], order: Iterable[int]) -> tuple[dots.Cells, Owners]:
+    """Return the cells of curves, drawn in this order, the last one in front, and which of them each cell is of."""
+    rows, columns = lit[0].shape
+    owners = np.full((rows // 4, columns // 2), NOBODY, np.int8)
+    for at in order:
+        owners[lit[at].reshape(rows // 4, 4, columns // 2, 2).any(axis=(1, 3))] = at
+    every: dots.Dots = np.any(np.stack(lit), axis=0)
+    return dots.cells(every), owners
+
+
 def together(pictures: Sequence[Picture], front: int = 0, ghosts: int = 0) -> tuple[dots.Cells, Owners]:
     """Return the cells of pictures over one another, shape `(height, width)`, and whose colour each cell has.
 
     The one in `front` is drawn last, the last `ghosts` pictures first. NOBODY owns an empty cell, HOLE one that is
     shaded.
     """
-    lit = np.zeros_like(pictures[0].lit)
-    rows, columns = lit.shape
-    owners = np.full((rows // 4, columns // 2), NOBODY, np.int8)
-    behind = range(len(pictures) - ghosts, len(pictures))
-    for at in [*behind, *(at for at in range(len(pictures) - ghosts) if at != front), front]:
-        lit |= pictures[at].lit
-        mine = pictures[at].lit.reshape(rows // 4, 4, columns // 2, 2).any(axis=(1, 3))
-        owners[mine] = at
-    cells = dots.cells(lit)
+    begin = len(pictures) - ghosts
+    others = (*range(begin, len(pictures)), *(at for at in range(begin) if at != front))
+    cells, owners = over_one_another([picture.lit for picture in pictures], (*others, front))
     for at, picture in enumerate(pictures):
         marked = cells.copy()
         braille.draw_marks(marked, picture.piece.marks)
