@@ -75,7 +75,7 @@ async def restart(context: Context) -> None:
         answer = await _ask_around(
             context, "Restart logging?", Text(SPLIT), [Choice("", "Don't restart")], "restart", "y"
         )
-        if answer is None or (answer == "save" and not await _stop_and_save(context)):
+        if answer is None:
             return
         unsaved = _decided(answer)
     elif _is_unsaved(context.session):
@@ -121,7 +121,7 @@ async def _ask_around(
 ) -> str | None:
     """Ask before a running logger is stopped and started again; None, an answer of the others, "save", "drop" or "go".
 
-    "save": what was logged is to be saved in between. "drop": it is to be dropped. "go": there is nothing to save.
+    "save": it was stopped, and what was logged is saved. "drop": it is to be dropped. "go": there is nothing to save.
     """
     await context.session.refresh_status()  # it may have been saved, and gone on since
     choices = [*first]
@@ -131,7 +131,7 @@ async def _ask_around(
     else:
         choices.append(Choice("go", steps[:1].upper() + steps[1:], key))
     answer: str | None = await context.app.push_screen_wait(Question(title, body, [*choices, *last]))
-    return answer
+    return None if answer == "save" and not await _stop_and_save(context) else answer
 
 
 async def _stop_and_save(context: Context) -> bool:
@@ -173,8 +173,6 @@ async def apply(context: Context) -> None:
             session.table.discard(list(range(len(session.table))))
             context.say(f"all pending edits discarded; {context.key_in_table('undo')} brings them back")
         if answer not in {"apply", "cut", "save", "drop", "go"}:
-            return
-        if answer == "save" and not await _stop_and_save(context):
             return
         around = answer not in {"apply", "cut"}
         if await _carry_out(context, around=around, cut=answer == "cut", unsaved=_decided(answer)):
@@ -325,7 +323,7 @@ async def load_script(context: Context, path: str = "") -> None:
         go_on = Choice("cut", "Load and go on: no tick is lost", "l")
         first, steps = [go_on, Choice("", "Don't load")], "stop, load, start again"
         answer = await _ask_around(context, f"Load {name} while it runs?", body_text, first, steps, "y")
-        if not answer or (answer == "save" and not await _stop_and_save(context)):
+        if answer is None:
             return
         cut, unsaved = answer == "cut", _decided(answer)
         around = not cut
