@@ -3,6 +3,7 @@
 A line is a number: an element's row itself; `-1 - b` for branch b; `row + (entry + 1) * ENTRY` for an entry of it.
 """
 
+import itertools
 from collections.abc import Mapping, Sequence
 
 import msgspec
@@ -69,39 +70,28 @@ def tree_of(shown: Rows, names: Sequence[str], folded: frozenset[str], unfolded:
     """Return the lines of a tree; `shown` in the order of the tree, `names` those of all elements as they are shown."""
     lines: list[int] = []
     depths: list[int] = []
-    members: list[list[int]] = []
-    places: list[tuple[str, int]] = []
-    open_branches: list[tuple[str, int]] = []  # (path, number) from the root to the present one
-    hidden_from = -1  # depth of the folded branch that hides what follows
+    branches: list[tuple[str, int, list[int]]] = []  # path, depth and elements
+    within: list[tuple[str, int, list[int]]] = []  # those that hold the present element, from the root on
+    space, hidden = "", False
     for row in shown.tolist():
-        levels = parts_of(names[row])
-        path = ""
-        for depth, level in enumerate(levels[:-1]):
-            path = f"{path}/{level}"
-            if depth < len(open_branches) and open_branches[depth][0] == path:
-                continue
-            del open_branches[depth:]
-            if hidden_from >= depth:
-                hidden_from = -1
-            number = len(places)
-            open_branches.append((path, number))
-            places.append((path, depth))
-            members.append([])
-            if hidden_from < 0:
-                lines.append(-1 - number)
-                depths.append(depth)
-                if path in folded:
-                    hidden_from = depth
-        del open_branches[len(levels) - 1 :]
-        if hidden_from >= len(open_branches):
-            hidden_from = -1
-        for _, number in open_branches:
-            members[number].append(row)
-        if hidden_from < 0:
+        levels = parts_of(names[row])[:-1]
+        if (now := "/".join(["", *levels])) != space:
+            space, paths = now, list(itertools.accumulate(levels, "{}/{}".format, initial=""))[1:]
+            while len(within) > len(paths) or (within and within[-1][0] != paths[len(within) - 1]):
+                within.pop()
+            hidden = any(path in folded for path, _, _ in within)
+            for depth, path in enumerate(paths[len(within) :], len(within)):
+                if not hidden:
+                    lines.append(-1 - len(branches))
+                    depths.append(depth)
+                within.append((path, depth, []))
+                branches.append(within[-1])
+                hidden = hidden or path in folded
+        for _, _, rows in within:
+            rows.append(row)
+        if not hidden:
             entries = unfolded.get(row, 0)
             lines += (row, *(row + (entry + 1) * ENTRY for entry in range(entries)))
-            depths += [len(levels) - 1] + [len(levels)] * entries
-    branches = tuple(
-        Branch(path, depth, np.array(rows, np.intp)) for (path, depth), rows in zip(places, members, strict=True)
-    )
-    return Tree(np.array(lines, np.int64), branches, tuple(depths))
+            depths += [len(within)] + [len(within) + 1] * entries
+    made = tuple(Branch(path, depth, np.array(rows, np.intp)) for path, depth, rows in branches)
+    return Tree(np.array(lines, np.int64), made, tuple(depths))
