@@ -41,7 +41,6 @@ _TERM = re.compile(r"(\|?[A-Za-z]+\|?)(>=|<=|!=|>|<|=|:)(.*)", re.DOTALL)
 _MEASURED_WORDS = ("problem", "alarm", "nan", "frozen", "slow")
 _MONOTONE = "monotone"
 _OF_MONOTONE = frozenset({"value", "min", "max"})
-_FLAGS = ("dirty", "pending", "marked", "edited", "conflict", "live", "derived", "off", _MONOTONE, *_MEASURED_WORDS)
 TERMS = (*(term for column in LIVE_COLUMNS for term in column.terms), *OTHER_TERMS)
 
 
@@ -187,7 +186,7 @@ def _word(word: str) -> Test | str | None:
     if not word:
         return None
     if not quoted and word.lower() in _FLAGS:
-        return _flag(word.lower())
+        return _FLAGS[word.lower()]
     if not quoted and set(word) & set("(){}"):
         return "brackets group nothing here: LF|RF is either, ~ begins a regular expression"
     folded = word.casefold()
@@ -249,30 +248,30 @@ def _of_names(find: Callable[[TableState], Mask]) -> Test:
     return test
 
 
-def _flag(word: str) -> Test:
-    if word == "marked":
-        return lambda table, marked, settings: marked.copy()
-    if word == "conflict":
-        return lambda table, marked, settings: np.asarray(table.conflicts.any(axis=0))
-    if word == "edited":
-        return lambda table, marked, settings: table.edited
-    if word == "derived":
-        return lambda table, marked, settings: table.derived
-    if word == "live":
-        return lambda table, marked, settings: table.live
-    if word == _MONOTONE:
-        return lambda table, marked, settings: _is_extreme(table.facts.quantities)
-    if word == "off":
-        return lambda table, marked, settings: np.asarray(settings[Field.ENABLED] == 0)
-    if word in _MEASURED_WORDS:
-        bits = BITS.get(word, -1)
-        return lambda table, marked, settings: np.asarray((table.signs & bits) != 0)
-    return lambda table, marked, settings: np.asarray(table.pending.any(axis=0))
-
-
 def _is_extreme(measured: Mapping[str, Floats]) -> Mask:
     found: Mask = (measured["value"] >= measured["max"]) | (measured["value"] <= measured["min"])
     return found
+
+
+def _pending(table: TableState, marked: Mask, settings: Ints) -> Mask:
+    return np.asarray(table.pending.any(axis=0))
+
+
+def _signed(bits: int) -> Test:
+    return lambda table, marked, settings: np.asarray((table.signs & bits) != 0)
+
+
+_FLAGS: Mapping[str, Test] = {
+    "dirty": _pending, "pending": _pending,
+    "marked": lambda table, marked, settings: marked.copy(),
+    "edited": lambda table, marked, settings: table.edited,
+    "conflict": lambda table, marked, settings: np.asarray(table.conflicts.any(axis=0)),
+    "live": lambda table, marked, settings: table.live,
+    "derived": lambda table, marked, settings: table.derived,
+    "off": lambda table, marked, settings: np.asarray(settings[Field.ENABLED] == 0),
+    _MONOTONE: lambda table, marked, settings: _is_extreme(table.facts.quantities),
+    **{word: _signed(BITS.get(word, -1)) for word in _MEASURED_WORDS},
+}  # fmt: skip
 
 
 def _term(key: str, sign: str, value: str, raw: str) -> Test | str:
