@@ -83,8 +83,8 @@ def test_a_date_has_a_year_where_it_is_of_another_one():
     ],
 )  # fmt: skip
 def test_a_row_says_why_there_is_a_recording_or_whose_it_is(more, why):
-    assert rows.row(one(**more), "robot", 160).startswith(
-        f"{'robot':<{rows.row(one(), 'robot', 160).index('of another')}}{why} "
+    assert rows.row(one(**more), "robot", 160, 0.0).startswith(
+        f"{'robot':<{rows.row(one(), 'robot', 160, 0.0).index('of another')}}{why} "
     )
 
 

@@ -402,11 +402,11 @@ def test_a_name_of_a_run_has_the_room_that_nobody_needs():
     made = runs.widths([one], 80, 0)
     assert one.said == "capture"
     assert made.name == 80 - 41 - len(" capture")
-    assert len("  " + runs.row(one, "x" * made.name, made)) == 79
+    assert len("  " + runs.row(one, "x" * made.name, made, 0.0)) == 79
 
 
 @pytest.mark.parametrize("width", [80, 120])
 def test_a_row_of_the_list_of_runs_has_room_beside_a_scrollbar(width):
     one = ListedRun(RunFacts(f"{'long' * 20}.silo", begun_ns=BEGIN, span_s=7.25, lost=12, limits=345), Path("runs"))
     made = runs.widths([one], width, 0)
-    assert len("  " + runs.row(one, "x" * made.name, made)) == width - 1
+    assert len("  " + runs.row(one, "x" * made.name, made, 0.0)) == width - 1

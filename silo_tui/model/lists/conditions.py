@@ -1,7 +1,6 @@
 """How triggers and limits stand, in the words of their screens: rows of plain text, and what the head says. Pure."""
 
 import math
-import time
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -40,12 +39,11 @@ def when_width(width: int, name: int) -> int:
     return max(12, width - 54 + NAME - name)
 
 
-def trigger_row(one: TriggerStatus, width: int, name: str, when: str, now_ns: int | None = None) -> str:
+def trigger_row(one: TriggerStatus, width: int, name: str, when: str, now_ns: int) -> str:
     """Return a trigger as a line of so many cells; `name` is as long as the names of all are, `when` as it fits."""
     options = one.options
     state = one.state.value.upper() + (f" {one.holdoff_s:.0f}" if one.holdoff_s else "")
-    since = ((time.time_ns() if now_ns is None else now_ns) - one.last_ns) / 1e9
-    last = text.ago(since) if one.last_ns else "never"
+    last = text.ago((now_ns - one.last_ns) / 1e9) if one.last_ns else "never"
     room = when_width(width, len(name))
     pre, post = (text.span(value) if value else "0 s" for value in (options.pre_s, options.post_s))
     return f"  {state:<10} {name} {when:<{room}} {pre:>6} {post:>6} {one.fires:>5}  {last}"
@@ -97,9 +95,9 @@ def since_width(found: Sequence[LimitStatus], now_ns: int) -> int:
     return max([SINCE, *(len(since_words(one, now_ns)) for one in found)])
 
 
-def limit_row(one: LimitStatus, short: str, room: int, now_ns: int | None = None, wide: int = SINCE) -> str:
+def limit_row(one: LimitStatus, short: str, room: int, now_ns: int, wide: int = SINCE) -> str:
     """Return a scalar with limits as a line; `short` is its name, which has `room` cells, `wide` since when it is."""
-    since = since_words(one, time.time_ns() if now_ns is None else now_ns)
+    since = since_words(one, now_ns)
     seen = f"{one.since_seen} NEW" if one.alarm and one.since_seen else one.seen.split("@")[0]
     count = one.count + one.stale_count
     stale = one.word is LimitWord.STALE

@@ -1,7 +1,6 @@
 """Endless recordings as rows of text: what runs, for how long, how fast, how much of its budget is full. Pure."""
 
 import math
-import time
 from collections.abc import Sequence
 
 import msgspec
@@ -51,13 +50,12 @@ def row(
     pace: WritingPace | None,
     folder: str,
     width: int,
-    now_ns: int | None = None,
+    now_ns: int,
     among: Sequence[RecorderInfo] = (),
 ) -> str:
     """Return one `among` recorders as a line of so many cells; `names` are of all elements, `folder` the logger's."""
     places = tuple(_place(each, folder) for each in among)
     name = fitted_among(_place(one, folder), places, _room(width))
-    since_s = ((time.time_ns() if now_ns is None else now_ns) - one.since_ns) / 1e9
     known = pace is not None and not math.isnan(pace.bytes_s)
     if one.state.over:
         rate, budget = one.text or "ended", ""
@@ -65,7 +63,7 @@ def row(
         rate = f"{size_text(pace.bytes_s)}/s" if pace is not None and known else "…"
         budget = budget_text(one)
     cells = (
-        WORDS[one.state], name, str(len(matching(names, one.patterns))), _since(since_s),
+        WORDS[one.state], name, str(len(matching(names, one.patterns))), _since((now_ns - one.since_ns) / 1e9),
         rate, budget, str(one.parts + bool(one.part)), text.count(one.lost),
     )  # fmt: skip
     return _line(cells, width)

@@ -4,7 +4,6 @@ Plain functions of what a robot told; nothing is asked or drawn here.
 """
 
 import re
-import time
 from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime
@@ -88,7 +87,7 @@ def head(width: int) -> str:
     return "  " + _line(("saved", "why", "types", "begun", "span", "size", "marks"), width)
 
 
-def row(one: SavedRecording, name: str, width: int, now_s: float | None = None) -> str:
+def row(one: SavedRecording, name: str, width: int, now_s: float) -> str:
     """Return a row of `width` cells, without the gutter; `name` as it fits."""
     why = "not looked into yet" if one.unread else one.why or ("" if one.logger else "of another program")
     if one.unfinished:
@@ -96,7 +95,7 @@ def row(one: SavedRecording, name: str, width: int, now_s: float | None = None) 
     span = text.span(one.span_s, 3) if one.span_s else "-"
     cells = (
         name, why.removeprefix("saved "), " ".join(file.type.name.lower() for file in one.files),
-        begun_text(begun_ns(one), time.time() if now_s is None else now_s), span,
+        begun_text(begun_ns(one), now_s), span,
         "part" if one.unfinished else size_text(one.size_bytes), marks_text(one),
     )  # fmt: skip
     return _line(cells, width)

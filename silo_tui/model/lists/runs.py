@@ -4,7 +4,6 @@ Plain functions; nothing is asked or drawn here.
 """
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -76,12 +75,12 @@ def head(widths: Widths, columns: Sequence[str] = ()) -> str:
     return "  " + _line(titles, fitting_names(columns, VALUE_WIDTH), widths)
 
 
-def row(one: ListedRun, name: str, widths: Widths, values: Sequence[float] = (), now_s: float | None = None) -> str:
+def row(one: ListedRun, name: str, widths: Widths, now_s: float, values: Sequence[float] = ()) -> str:
     """Return a row, without the gutter; `name` as it fits."""
     facts = one.facts
     good = sum(each.success is True for each in facts.episodes)
     told = (
-        name, begun_text(facts.begun_ns, time.time() if now_s is None else now_s), text.span(facts.span_s, 3),
+        name, begun_text(facts.begun_ns, now_s), text.span(facts.span_s, 3),
         text.count(facts.lost) if facts.lost else "", str(facts.limits or ""),
         f"{good}/{len(facts.episodes)}" if facts.episodes else "", text.clean(facts.task),
         one.said,

@@ -85,7 +85,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         return f"{limit_word(one.word)} {self.session.short_name(one.name)} {one.seen} {one.why}"
 
     def row_of(self, one: LimitStatus, width: int) -> Text:
-        line = Text(limit_row(one, self._names[one.name], self._room, wide=self._since))
+        line = Text(limit_row(one, self._names[one.name], self._room, time.time_ns(), self._since))
         red = one.word in (LimitWord.RED_HIGH, LimitWord.RED_LOW)
         if one.is_over or one.word is LimitWord.BLIND:
             line.stylize(bold(self.app.theme_variables, "alarm" if red else "warning"), 2, 2 + WIDEST)

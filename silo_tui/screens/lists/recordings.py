@@ -1,6 +1,7 @@
 """The recordings in the logger's folder on the robot: listed, opened in place, fetched, deleted."""
 
 import asyncio
+import time
 from collections.abc import Coroutine, Sequence
 from functools import partial
 from pathlib import Path
@@ -71,7 +72,7 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
         self._names = rows.fitting_stems([one.stem for one in found], own, room)
 
     def row_of(self, one: SavedRecording, width: int) -> Text:
-        words = Text("  " + rows.row(one, self._names[one.stem], max(40, width)))
+        words = Text("  " + rows.row(one, self._names[one.stem], max(40, width), time.time()))
         if one.unfinished or one.unread or not self.session.connected:
             words.stylize("dim")
         return words
@@ -154,7 +155,7 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
         found = [Text(recorders.head(width), "dim", no_wrap=True)]
         for one in session.recorders:
             pace, folder = session.paces.get(one.name), session.status.folder
-            row = recorders.row(one, session.table.names, pace, folder, width, among=session.recorders)
+            row = recorders.row(one, session.table.names, pace, folder, width, time.time_ns(), session.recorders)
             line = Text(row, no_wrap=True, overflow="ellipsis")
             full = one.keep_bytes and one.size_bytes >= recorders.FULL_SHARE * one.keep_bytes
             caution = one.state in recorders.CAUTION or full or one.lost

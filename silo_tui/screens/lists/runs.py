@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+import time
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -92,7 +93,7 @@ class RunsScreen(ComparesTwo[ListedRun]):
 
     def row_of(self, one: ListedRun, width: int) -> Text:
         values = [column[one.facts.path] for column in self.values.values()]
-        words = Text("  " + rows.row(one, self._names[one.facts.path], self._widths, values))
+        words = Text("  " + rows.row(one, self._names[one.facts.path], self._widths, time.time(), values))
         if one.facts.problem:
             words.stylize("dim")
         return words

@@ -1,5 +1,6 @@
 """The triggers of a logger: how each stands, armed and off, set and tried."""
 
+import time
 from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -78,7 +79,9 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
 
     def row_of(self, one: TriggerStatus, width: int) -> Text:
         name = "alarm" if one.state in LOUD else "warning" if one.state in CAUTION else "success"
-        line = Text(trigger_row(one, width, self._names[one.options.name], self._whens[one.options.when]))
+        line = Text(
+            trigger_row(one, width, self._names[one.options.name], self._whens[one.options.when], time.time_ns())
+        )
         quiet = one.state in (TriggerWord.OFF, TriggerWord.WAITING)
         line.stylize(bold(self.app.theme_variables, "" if quiet else name), 2, 12)
         return line
