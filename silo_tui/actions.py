@@ -602,13 +602,13 @@ def typed_on_file(command: Command) -> bool:
     return command.id in TYPED_ON_FILES or any(scope == "any" or scope in FILE_SCOPES for scope in command.scopes)
 
 
-def places_of(commands: Sequence[Command], *, on_file: bool = False) -> str:
+def places_of(commands: Sequence[Command]) -> str:
     """Return the screens where the keys of commands count, some of many; those of files where they count there alone.
 
     Empty for none, and for all.
     """
     scopes = dict.fromkeys(each for command in commands for each in command.scopes if each != "any")
-    near = [each for each in scopes if (each in FILE_SCOPES) == on_file] or list(scopes)
+    near = [each for each in scopes if each not in FILE_SCOPES] or list(scopes)
     places = [PLACES.get(each, each) for each in near]
     return f"{', '.join(places[:3])}{' and others' * (len(places) > 3)}"
 

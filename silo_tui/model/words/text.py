@@ -150,9 +150,9 @@ def _short_power(words: str) -> str:
     return words.replace("e+0", "e").replace("e+", "e").replace("e-0", "e-")
 
 
-def compact(value: float, digits: int = 3) -> str:
+def compact(value: float) -> str:
     """Return a number in a few characters, for lists and axes."""
-    return f"{value:.0f}" if digits <= 4 and 1e3 <= abs(value) < 1e4 else engineering(value, digits)
+    return f"{value:.0f}" if 1e3 <= abs(value) < 1e4 else engineering(value)
 
 
 def ago(seconds: float) -> str:
