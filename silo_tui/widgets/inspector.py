@@ -21,7 +21,7 @@ from silo.rpc.published import NOT_LIVE_TEXTS
 from silo_tui.actions import key_of
 from silo_tui.model.drawing import braille
 from silo_tui.model.drawing.plots import hold_piece, signs_of
-from silo_tui.model.samples.live import Reading, entry_text, fill_share
+from silo_tui.model.samples.live import Reading, fill_share
 from silo_tui.model.table import cells
 from silo_tui.model.table.cells import Sight, span_words, type_word
 from silo_tui.model.table.fields import Field, phrase_for
@@ -274,22 +274,17 @@ class Inspector(Guarded, Widget):
         if reading.why is not None:
             pane.append(f"{NOT_LIVE_TEXTS[reading.why]}\n", style=quiet)
         style = "" if self.session.fresh and self.session.running else quiet
-        table = self.session.table
-        for position, name in enumerate(table.entry_names(row)[:MAX_VALUES]):  # of the moment of its row
-            reading = reading.with_value(position, table.facts.detail(name, "value"))
-        sight = Sight(table, self.session.live, lambda _: 0, str, room=30, value_room=30)
+        table, live, running = self.session.table, self.session.live, self.session.running
+        sight = Sight(table, live, lambda _: 0, str, at_s=at_s, running=running, room=30, value_room=30)
         if len(element.entries) == 1:
-            entry, digits = element.entries[0], cells.digits(sight, row, 0)
-            word = entry_text(entry, float(reading.newest[0]), reading.texts.get(0), 30, digits)
-            pane.append(word + "\n", style=style)
+            pane.append(cells.value(sight, row, 30)[0] + "\n", style=style)
             return
         entries = element.entries[:MAX_VALUES]
         called = [component_name(entry.suffix) for entry in entries]
         left = min(18, max(map(len, called)) + 1)
         sight.room = sight.value_room = room = min(16, max(8, self.content_size.width - left))
-        for position, entry in enumerate(entries):
-            digits = cells.digits(sight, row, position + 2, alone=True)
-            word = entry_text(entry, float(reading.newest[position]), reading.texts.get(position), room, digits)
+        for position in range(len(entries)):
+            word, _ = cells.entry_value(sight, row, position, room)
             pane.append(called[position][: left - 1].ljust(left), style=quiet)
             pane.append(f"{word:>{room}}\n", style=style)
         if len(element.entries) > MAX_VALUES:
