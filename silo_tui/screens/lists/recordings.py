@@ -15,13 +15,13 @@ from silo.core.quantities.writing import many, size_text
 from silo.errors import SiloError
 from silo.recordings.requests import Recordings, SavedRecording
 from silo_tui.actions import key_of
-from silo_tui.modal import ask, run_alone, run_aside
+from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.lists import recorders
 from silo_tui.model.lists import recordings as rows
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.model.words.paths import typed_path
 from silo_tui.screens.dialogs import recorder
-from silo_tui.screens.dialogs.questions import Choice, Prompt, Question, ask_line
+from silo_tui.screens.dialogs.questions import Prompt, ask_line, confirmed
 from silo_tui.screens.files.opened import brought_here, open_recording, overlay_recording
 from silo_tui.screens.lists.list_screen import ComparesTwo, LoggerList, Opener
 from silo_tui.sessions.live import Session
@@ -307,23 +307,19 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
                 why = "is a part of an endless recording, whose budget (keep) deletes the oldest"
             self.say(f"{foreign[0].stem} {why}: delete it on the robot; it is kept")
         else:
-            size = size_text(sum(one.size_bytes for one in targets))
-            what = targets[0].stem if len(targets) == 1 else many(len(targets), "recording")
-            where = f"{self.session.status.host}:{self.found.folder}" if self.found is not None else ""
-            names = [f"{file.name}  {size_text(file.size_bytes)}" for one in targets for file in one.files]
-            more = [f"and {len(names) - 8} more"] if len(names) > 8 else []
-            body = "\n".join([f"From {where}, for good:", *names[:8], *more])
-            choices = [
-                Choice("", "Keep it" if len(targets) == 1 else "Keep them"),
-                Choice("yes", f"Delete {size}", "y", loses=True),
-            ]
-            question = Question(f"Delete {what}, {size}?", body, choices)
-            ask(self, question, lambda _: run_aside(self, "deleting", self._deleted, targets))
+            self.context.run_flow(self._delete(targets))
 
-    async def _deleted(self, targets: list[SavedRecording]) -> None:
-        self.say("deleting …")
-        with self.context.telling():
+    async def _delete(self, targets: Sequence[SavedRecording]) -> None:
+        """Ask, and delete them."""
+        size = size_text(sum(one.size_bytes for one in targets))
+        what = targets[0].stem if len(targets) == 1 else many(len(targets), "recording")
+        where = f"{self.session.status.host}:{self.found.folder}" if self.found is not None else ""
+        names = [f"{file.name}  {size_text(file.size_bytes)}" for one in targets for file in one.files]
+        more = [f"and {len(names) - 8} more"] if len(names) > 8 else []
+        body = "\n".join([f"From {where}, for good:", *names[:8], *more])
+        keep = "Keep it" if len(targets) == 1 else "Keep them"
+        if await confirmed(self.app, f"Delete {what}, {size}?", body, f"Delete {size}", keep):
+            self.say("deleting …")
             for one in targets:
                 self.say(await self.session.delete_recording(one.stem))
                 self._deleted_here.add(one.stem)
-        self.read_again()
