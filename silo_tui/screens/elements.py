@@ -393,7 +393,7 @@ class ElementsScreen(SiloScreen):
             here = self.session.short_name(rows.table.names[rows.row])
             choices.append(Choice("here", f"Only {here}, where the cursor is; the marks go", "c"))
 
-        def answered(answer: str | None) -> None:
+        def answered(answer: str) -> None:
             if answer == "shown":
                 hide = rows.marked.copy()
                 hide[rows.shown] = False
@@ -401,10 +401,9 @@ class ElementsScreen(SiloScreen):
             if answer == "here":
                 rows.clear_marks()
             self._marks_changed()
-            if answer in {"all", "shown", "here"}:
-                then()
+            then()
 
-        self.app.push_screen(Question(title, body, choices), answered)
+        ask(self, Question(title, body, choices), answered)
 
     def show_plots(self, screen: "PlotScreen") -> None:
         """Show plots of what is marked or under the cursor; of a vector whose entry is looked at alone, that one."""

@@ -213,11 +213,8 @@ class PlotStack(Guarded, Styled):
         found: list[Segment] = []
         for place in range(line * side_by_side, min(len(panel), (line + 1) * side_by_side)):
             plotted = panel[place]
-            chosen = plotted == self.chosen_plot
-            style = self._style("plot--chosen" if chosen else "plot--title")
+            head, unit, style = self._head(plotted)
             now = self._short_fact(at, place)
-            unit = "" if plotted.element.unit == "-" else f" {plotted.element.unit}"
-            head = f"{'>' if chosen else ' '}{self.letter(plotted)} "
             when = self.facts.when_of(self._panel(at).pictures[place])
             if len(f"{head}{self._short(plotted)} {when} {now}{unit}") + 3 <= room:
                 now = f"{when} {now}"
@@ -232,6 +229,13 @@ class PlotStack(Guarded, Styled):
             rest = room - len(head) - len(words) - len(now) - len(unit) - 1
             found.append(Segment(" " * max(1, rest), self._style("plot--quiet")))
         return found
+
+    def _head(self, plotted: Plotted) -> tuple[str, str, Style]:
+        """Return what stands before the name of a signal, its unit behind, and how the name looks."""
+        chosen, letter = plotted == self.chosen_plot, self.letter(plotted)
+        unit = "" if plotted.element.unit == "-" else f" {plotted.element.unit}"
+        style = self._style("plot--chosen" if chosen else "plot--title")
+        return f"{'>' if chosen else ' '}{letter}{' ' * bool(letter)}", unit, style
 
     @property
     def facts(self) -> PlotFacts:
@@ -250,22 +254,16 @@ class PlotStack(Guarded, Styled):
         return below(self.prefix, plotted.name)
 
     def _single_title(self, at: int, plotted: Plotted) -> list[Segment]:
-        chosen = plotted == self.chosen_plot
-        style = self._style("plot--chosen" if chosen else "plot--title")
-        quiet = style + Style(bold=False)
-        unit = "" if plotted.element.unit == "-" else f" {plotted.element.unit}"
-        facts = ""
-        if plotted.numeric and self.source.is_live(plotted.element.name):
-            facts = self._facts(at, plotted)
-        letter = self.letter(plotted)
-        mark = (">" if chosen else " ") + (f"{letter} " if letter else "")
+        mark, unit, style = self._head(plotted)
+        is_drawn = plotted.numeric and self.source.is_live(plotted.element.name)
+        facts = self._facts(at, plotted) if is_drawn else ""
         room = self.size.width - len(facts) - len(unit) - len(mark) - 3
         name = self._fitted(plotted, max(8, room))
         origin = self._panel(at).origins[0] if facts and kind_of(plotted) is CurveKind.CURVE else ""
         if origin and len(name) + len(origin) + 7 <= room:
             name += f"  from {origin}"
         gap = max(1, self.size.width - 1 - len(mark) - len(name) - len(unit) - len(facts))
-        return [Segment(mark + name, style), Segment(unit + " " * gap + facts + " ", quiet)]
+        return [Segment(mark + name, style), Segment(unit + " " * gap + facts + " ", style + Style(bold=False))]
 
     def _facts(self, at: int, plotted: Plotted) -> str:
         """The numbers at the right end of a title."""

@@ -36,7 +36,7 @@ from silo_tui.model.drawing import big_plot
 from silo_tui.model.drawing.big_plot import BigPlot, histogram_of, pair_of
 from silo_tui.model.drawing.plots import Plotted
 from silo_tui.model.drawing.window import SECOND_NS
-from silo_tui.model.plots.panels import LETTERS
+from silo_tui.model.plots.panels import LETTERS, MAX_SERIES
 from silo_tui.model.samples.source import Samples
 from silo_tui.model.words import text
 from silo_tui.model.words.names import fitted_among
@@ -48,7 +48,6 @@ from silo_tui.widgets.detail_plot import DetailPlot
 MODES = ("time", "x-y", "spectrum", "histogram")
 CURSOR_MODES = ("time", "spectrum")
 LEVELS = ("linear", "log", "dB")
-MAX_SERIES = 8
 DEBOUNCE_S = 0.15
 LIVE_S = 1.0  # so often what goes on is drawn again, or
 LIVE_SHARE = 0.25  # as often as that takes such a share of the time
