@@ -6,8 +6,7 @@ screens call this in a thread, for a few elements at a time, and what needs no m
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -23,22 +22,6 @@ from silo_tui.model.table.facts import STATISTICS
 
 BLOCK = 1 << 16  # samples that are looked at together
 UNKNOWN = ("fill", "held")  # how large a buffer was is not in a file
-
-
-@dataclass(frozen=True)
-class _Signal:
-    """What statistics are of: an entry, or several of which the norm counts."""
-
-    element: RecordedElement
-    entries: tuple[NDArray[Any], ...]
-
-    def values(self, begin: int, stop: int) -> Floats:
-        """Return shape `(stop - begin,)`."""
-        if len(self.entries) == 1:
-            return with_nan(self.entries[0][begin:stop]).astype(float)
-        with np.errstate(over="ignore", invalid="ignore"):
-            squares = [np.square(with_nan(values[begin:stop]).astype(float)) for values in self.entries]
-            return cast(Floats, np.sqrt(np.sum(squares, axis=0)))
 
 
 class FileFacts:
@@ -95,8 +78,8 @@ class FileFacts:
             return self._changed_s(place, position, at, at_ns)
         if quantity == "signs":
             return self._signs(place, at)
-        signal = _signal(self._elements[place], position)
-        return float(signal.values(at, at + 1)[0]) if signal is not None and at >= 0 else math.nan
+        entries = _entries(self._elements[place], position)
+        return float(_values(entries, at, at + 1)[0]) if entries and at >= 0 else math.nan
 
     def _nominal_s(self, place: int) -> float:
         """The time between two samples, as the logger meant it; NaN where it didn't say, or changed its mind."""
@@ -105,8 +88,7 @@ class FileFacts:
     def _statistics_of(self, place: int, position: int) -> dict[str, float]:
         key = (place, position)
         if key not in self._statistics:
-            signal = _signal(self._elements[place], position)
-            self._statistics[key] = _statistics(signal) if signal is not None else _statistics_of(iter(()))
+            self._statistics[key] = _statistics_of(_entries(self._elements[place], position))
         return self._statistics[key]
 
     def _of_entries(self, place: int, position: int, quantity: str) -> float:
@@ -142,8 +124,8 @@ class FileFacts:
     def _signs(self, place: int, at: int) -> float:
         """Return what was the matter at a moment: whether it came at its rate and was lost is told of the whole run."""
         element = self._elements[place]
-        signal = _signal(element, -1)
-        finite = at < 0 or signal is None or bool(np.isfinite(signal.values(at, at + 1)[0]))
+        entries = _entries(element, -1)
+        finite = at < 0 or not entries or bool(np.isfinite(_values(entries, at, at + 1)[0]))
         rate, _ = self._timing_of(place)
         period_s = self._nominal_s(place)
         share = rate * period_s
@@ -164,24 +146,26 @@ class FileFacts:
         return float(bits[0])
 
 
-def _signal(element: RecordedElement, position: int) -> _Signal | None:
-    """Return the entry, or all of them for their norm; None where they are no numbers."""
-    entries = element.entries if position < 0 else element.entries[position : position + 1]
-    if not entries or any(entry.values.dtype.kind not in "biuf" for entry in entries):
-        return None
-    return _Signal(element, tuple(entry.values for entry in entries))
+def _entries(element: RecordedElement, position: int) -> Sequence[NDArray[Any]]:
+    """Return the samples of an entry, or of all of them for their norm; none where they are no numbers."""
+    found = [one.values for one in (element.entries if position < 0 else element.entries[position : position + 1])]
+    return found if all(values.dtype.kind in "biuf" for values in found) else ()
 
 
-def _statistics(signal: _Signal) -> dict[str, float]:
-    count = signal.element.count
-    return _statistics_of(signal.values(begin, min(begin + BLOCK, count)) for begin in range(0, count, BLOCK))
+def _values(entries: Sequence[NDArray[Any]], begin: int, stop: int) -> Floats:
+    """Return some samples of an entry, or the norm of several, shape `(n,)`."""
+    some = [with_nan(values[begin:stop]).astype(float) for values in entries]
+    if len(some) == 1:
+        return some[0]
+    with np.errstate(over="ignore", invalid="ignore"):
+        return cast(Floats, np.sqrt(np.sum(np.square(some), axis=0)))
 
 
-def _statistics_of(blocks: Iterator[Floats]) -> dict[str, float]:
+def _statistics_of(entries: Sequence[NDArray[Any]]) -> dict[str, float]:
     """Return statistics of all samples but NaN."""
     running = RunningStatistics(1)
-    for block in blocks:
-        running.add(slice(0, 1), block[:, None], all_finite=False)
+    for begin in range(0, len(entries[0]) if entries else 0, BLOCK):
+        running.add(slice(0, 1), _values(entries, begin, begin + BLOCK)[:, None], all_finite=False)
     return {name: float(running.of(name)[0]) for name in (*STATISTICS, "count", "bad")}
 
 

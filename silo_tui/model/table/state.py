@@ -287,16 +287,16 @@ class TableState:
 
     def kept(self) -> list[KeptEdit]:
         """Return the pending edits as they may be taken up again later."""
-        return [
-            KeptEdit(self.names[row], int(field), int(self._based_on[field, row]), int(self._wanted[field, row]))
-            for row, field in np.argwhere(self.pending.T)
-        ]
+        return self._as_edits(self._based_on, self._wanted, self.pending)
 
     def applied(self) -> list[KeptEdit]:
         """Return what the logger has otherwise than its program began with, as edits of that."""
+        return self._as_edits(self.given, self.server, self.given != self.server)
+
+    def _as_edits(self, old: Ints, new: Ints, which: Mask) -> list[KeptEdit]:
         return [
-            KeptEdit(self.names[row], int(field), int(self.given[field, row]), int(self.server[field, row]))
-            for row, field in np.argwhere((self.given != self.server).T)
+            KeptEdit(self.names[row], int(field), int(old[field, row]), int(new[field, row]))
+            for row, field in np.argwhere(which.T)
         ]
 
     def take_up(self, edits: Sequence[KeptEdit]) -> int:

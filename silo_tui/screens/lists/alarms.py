@@ -139,8 +139,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
             self.say(f"{self.session.short_name(one.name)} is no longer in the table")
             return None
         monitor = MonitorScreen(self.session, [element])
-        places = [place for place, plotted in enumerate(monitor.stack.plots) if plotted.name == one.name]
-        monitor.stack.chosen = places[0] if places else 0
+        monitor.stack.chosen = next((at for at, each in enumerate(monitor.stack.plots) if each.name == one.name), 0)
         self.app.push_screen(monitor)
         return monitor
 

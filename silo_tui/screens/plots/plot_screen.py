@@ -57,8 +57,7 @@ class PlotScreen(SiloScreen):
         self.window = PlotWindow() if self.file is None else self.file.window_of(names)
         self.stack = self.new_stack(plots_of(elements))
         self.stack.ended = session.dead
-        places = [place for place, plotted in enumerate(self.stack.plots) if plotted.element.name == chosen]
-        self.stack.chosen = places[0] if places else 0
+        self.stack.chosen = next((at for at, each in enumerate(self.stack.plots) if each.element.name == chosen), 0)
         self._asked = self.stack.store  # where the live columns should go
         self.paused_alone = True  # not by a key that took the cursor there too
         self._mending = False
