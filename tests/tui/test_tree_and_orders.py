@@ -32,7 +32,7 @@ def words(rows):
     for line in rows.tree.lines.tolist():
         row, entry = row_of(line), entry_of(line)
         if row is None:
-            found.append(rows.tree.branches[-1 - line].label + "/")
+            found.append(rows.tree.branches[-1 - line].path.rpartition("/")[2] + "/")
         elif entry is not None:
             found.append(rows.table.elements[row].entries[entry].suffix)
         else:
@@ -47,7 +47,7 @@ def measure(rows, **quantities):
 def test_a_tree_has_a_line_per_name_space(rows):
     rows.order_by("tree")
     assert words(rows)[:7] == ["base/", "orientation", "position", "velocity", "imu/", "acceleration", "temperature"]
-    assert [branch.label for branch in rows.tree.branches if branch.depth == 0] == ["base", "imu", "legs", "state"]
+    assert [each.path for each in rows.tree.branches if each.depth == 0] == ["/base", "/imu", "/legs", "/state"]
     legs = next(branch for branch in rows.tree.branches if branch.path == "/legs")
     assert len(legs.rows) == 64
 

@@ -22,11 +22,6 @@ class Branch(msgspec.Struct, frozen=True):
     depth: int
     rows: Rows
 
-    @property
-    def label(self) -> str:
-        """The last level of its path."""
-        return self.path.rpartition("/")[2]
-
 
 class Tree(msgspec.Struct, frozen=True):
     """Lines with what their branches are and how deep each line lies."""
