@@ -348,6 +348,7 @@ async def test_a_cursor_is_offered_only_where_one_is_and_the_key_that_led_here_s
         for keys in (["tab"], ["tab", "tab"]):  # one over the other, a histogram
             await screen.press(*keys)
             await screen.until(lambda: "←→ Cursor" not in screen.text)
+            assert "By ten" not in screen.text
             await screen.press("left")
             await screen.shows("the cursor is over time and in spectra: Tab leads there")
 

@@ -284,7 +284,11 @@ async def test_scrolling_back_by_less_than_half_a_window_says_how_far_it_went_an
         await screen.press("m")
         await screen.until(lambda: not store_of(screen).empty, "history in the plot")
         await screen.press("pageup")
-        await screen.shows(" s back: that is the oldest that is held")
+        await screen.shows(" s back: what is shown reaches the oldest that is held; ⇧← cursor by ten")
+        await screen.shows("⇧← By ten")
+        monitor(screen).line.say("")
+        await screen.press("pageup")
+        await screen.until(lambda: monitor(screen).line.said.startswith("what is shown reaches the oldest"))
 
 
 async def test_buffers_that_hold_more_than_they_were_asked_to_are_looked_back_in(fake, opened, monkeypatch):

@@ -326,7 +326,7 @@ class DetailScreen(MonitorScreen):
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
         """Return what a pause or a cursor asks for, and what moves in a spectrum."""
-        found = [each for each in super().mode_keys() if self.mode in CURSOR_MODES or each[0] != "cursor_left"]
+        found = [each for each in super().mode_keys() if self.mode in CURSOR_MODES or not each[0].startswith("cursor_")]
         if self.mode == "spectrum":  # most of what moves lies in the first cells
             found += (("closer", OF_SPECTRA["closer"]), ("wider", OF_SPECTRA["wider"]))
         return found

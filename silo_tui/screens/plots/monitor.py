@@ -111,10 +111,13 @@ class MonitorScreen(PlotScreen):
         self.moved()
         whole = newest_ns - oldest_ns <= span_ns  # then there is nothing to go back in
         far = key_of("cursor_far_left" if direction < 0 else "cursor_far_right")
-        zooms = f": all is shown; {key_of('closer')} closer, {far} cursor by ten" if whole else ""
+        edge, cursor = self._edge(direction), f"{far} cursor by ten"
+        reaches = (
+            f"that is {edge}: all is shown; {key_of('closer')} closer, " if whole else f"what is shown reaches {edge}; "
+        )
         short = f"{text.span(by_ns / 1e9, 2)} {'on' if direction > 0 else 'back'}: " if moved else ""
         at_edge = not moved or by_ns < span_ns // 2 - column_ns
-        self.say(f"{short}that is {self._edge(direction)}{zooms}" if at_edge else "")
+        self.say(f"{short}{reaches}{cursor}" if at_edge else "")
 
     async def _look_behind(self) -> None:
         """Hold all that the buffers have, which tells how much that is, and go back in it."""
@@ -442,7 +445,8 @@ class MonitorScreen(PlotScreen):
         joins = (("join_plots", "Join"),) if self.scope.endswith("monitor") and len(self.stack.panels) == 2 else ()
         if self.came_with_file:  # its table was not asked for
             return (("back", "Back"), ("go_home", "Its table"), *joins)
-        return (*paused, ("cursor_left", "Cursor"), ("back", back), *joins) if back else (*paused, *joins)
+        cursor = (("cursor_left", "Cursor"), ("cursor_far_left", "By ten"))
+        return (*paused, *cursor, ("back", back), *joins) if back else (*paused, *joins)
 
     def way_back(self) -> tuple[str, Callable[[], None]]:
         """Return what Esc leaves, in words for the key bar, and how: B, the cursor, the pause; empty: the screen.
