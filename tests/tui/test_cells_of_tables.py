@@ -151,7 +151,8 @@ def test_how_full_a_buffer_is(name, reading, cell):
     ("name", "title", "told", "more", "cell"),
     [
         ("/t", "mean", {"/t": {"mean": 2.5}}, {}, "2.5000"),
-        ("/t", "mean", {}, {}, ""),
+        ("/t", "mean", {}, {}, ""),  # not asked yet
+        ("/t", "mean", {"/t": {"mean": np.nan}}, {}, "-"),  # it has none yet
         ("/t", "mean", {"/t": {"mean": 2.5, "min": 0.0, "max": 90.0}}, {}, "2.50"),
         ("/t", "std", {"/t": {"min": 2.0**60, "max": 2.0**60 + 1024, "std": 231.5}}, {}, "231.5000"),  # not 0.000e18
         ("/n", "min", {"/n": {"min": 5.0}}, {}, "5"),
@@ -163,8 +164,8 @@ def test_how_full_a_buffer_is(name, reading, cell):
         ("/on", "mean", {"/on": {"mean": 0.25}}, {}, "0.2500"),
         ("/v", "min", {"/v": {"least": -2.0}}, {}, "-2.0000"),
         ("/v", "max", {"/v": {"least": 0.0, "most": 90.0}}, {}, "90.00"),
-        ("/v", "mean", {"/v": {"mean": 3.0}}, {}, ""),
-        ("/p", "min", {"/p": {"least": -2.0}}, {}, ""),  # of several units
+        ("/v", "mean", {"/v": {"mean": 3.0}}, {}, "-"),
+        ("/p", "min", {"/p": {"least": -2.0}}, {}, "-"),  # of several units
         ("/v", "mean", {"/v": {"mean": 3.0}}, {"chosen": 1}, "3.0000"),
         ("/v", "mean", {"/v_x": {"mean": 4.0}}, {"chosen": 2}, "4.0000"),
         ("/m", "min", {"/m_n": {"min": 4.0}}, {"chosen": 2}, "4"),

@@ -326,7 +326,7 @@ def statistic(sight: Sight, row: int, width: int, title: str) -> Cell:
     if len(sight.table.elements[row].entries) == 1 or chosen:
         return _number(sight, row, chosen, title, width)
     quantity = {"min": "least", "max": "most"}.get(title)
-    return ("", "quiet") if quantity is None or sight.table.mixed[row] else _number(sight, row, 0, quantity, width)
+    return ("-", "quiet") if quantity is None or sight.table.mixed[row] else _number(sight, row, 0, quantity, width)
 
 
 def entry_statistic(sight: Sight, row: int, entry: int, width: int, title: str) -> Cell:
@@ -344,9 +344,10 @@ def statistic_head(sight: Sight, title: str, width: int) -> str:
 
 
 def _number(sight: Sight, row: int, chosen: int, quantity: str, width: int, *, alone: bool = False) -> Cell:
-    found = sight.table.facts.detail(_told_of(sight, row, chosen), quantity)
+    name = _told_of(sight, row, chosen)
+    found = sight.table.facts.detail(name, quantity)
     if math.isnan(found):
-        return "", "quiet"
+        return "-" * (quantity in sight.table.facts.details.get(name, {})), "quiet"  # blank till it was asked for
     entry = None if chosen == 1 else sight.table.elements[row].entries[max(0, chosen - 2)]
     written = digits(sight, row, chosen, alone=alone)
     if entry is not None and (entry.labels or entry.dtype[1:2] == "b"):
