@@ -1,6 +1,7 @@
 """A saved log on the screen, driven by keys."""
 
 import asyncio
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -210,6 +211,13 @@ async def test_the_cursor_reads_the_value_that_held_and_steps_from_sample_to_sam
         assert to(screen) == 0
         await screen.do("previous_sample")
         await screen.shows("first sample")
+
+
+async def test_the_moment_of_the_cursor_has_as_many_decimals_as_tell_samples_apart(path, on_file):
+    async with on_file(path) as screen:
+        await plot(screen, "torque")
+        await screen.press("left", "left", "left")
+        await screen.until(lambda: re.search(r"cursor at 1\d\.\d{3} s", screen.text))
 
 
 async def test_before_its_curves_are_read_a_plot_has_its_times(path, on_file, monkeypatch):

@@ -189,6 +189,23 @@ async def test_the_head_of_a_spectrum_has_units_whole_and_its_cursor_is_the_only
         assert " A " not in screen.text.splitlines()[-2]
 
 
+async def test_views_of_one_signal_of_a_vector_say_which_and_name_the_key_of_the_next_and_x_y_which_is_which(
+    new_fake, opened
+):
+    elements = [vector("/log/a", "m/s^2", "xyz"), scalar("/log/w", "rad/s")]
+    async with opened(new_fake(elements).run(20), size=(80, 24)) as screen:
+        await screen.press("asterisk", "m")
+        await screen.press("enter", "tab", "tab")
+        await screen.shows("/a_x [m/s^2]  SPECTRUM")
+        await screen.shows("j Next of 4")
+        await screen.press("j")
+        await screen.shows("/a_y [m/s^2]  SPECTRUM")
+        await screen.press("j", "tab", "tab", "tab")
+        await screen.shows("x /a_z [m/s^2]  y /w [rad/s]  X-Y")
+        await screen.press("tab", "tab", "tab")
+        await screen.until(lambda: "Next of 4" not in screen.text)
+
+
 async def test_a_spectrum_of_a_short_time_says_that_more_seconds_make_it_finer(fake, opened):
     async with opened(fake.run(20)) as screen:
         await open_large(screen)
@@ -198,7 +215,7 @@ async def test_a_spectrum_of_a_short_time_says_that_more_seconds_make_it_finer(f
 
 TOLD = {
     "xy": [
-        "x  a /a [rad]", "y  b /b [rad/s] over x", "r = -0.264  slope -0.319 rad/s/rad", "loop area 12.2 rad^2/s",
+        "x  /a [rad]", "y  /b [rad/s] over x", "r = -0.264  slope -0.319 1/s", "loop area 12.2 rad^2/s",
         "newest ●  older • ∙ ·   1 200 samples in 2.998 s",
     ],
     "spectrum": [
@@ -233,16 +250,16 @@ async def test_where_there_is_too_little_for_a_way_of_drawing_that_is_said(new_f
         await screen.shows("7 held, none is a finite number")
 
 
-async def test_in_an_x_y_plot_signals_have_the_letters_that_they_had_in_the_plots(new_fake, opened):
+async def test_in_an_x_y_plot_signals_are_told_by_their_axis_and_no_letter_says_another_thing(new_fake, opened):
     names = [f"/log/{name}" for name in ("position", "velocity")]
     async with opened(new_fake([scalar(name, "rad") for name in names]).run(3), size=(120, 40)) as screen:
         await screen.press("asterisk", "m")
         await screen.curves()
         await screen.press("j")  # that of the cursor is x
         await screen.press("enter", "tab")
-        await screen.shows("x  b /velocity")
-        await screen.shows("b /velocity [rad]  a /position [rad]  X-Y")
-        assert "y  a /position" in screen.text
+        await screen.shows("x  /velocity")
+        await screen.shows("x /velocity [rad]  y /position [rad]  X-Y")
+        assert "y  /position" in screen.text
 
 
 async def test_what_the_cursor_reads_has_room_on_a_small_screen(fake, opened):

@@ -27,7 +27,7 @@ from silo.analysis.compute.spectra import (
 from silo.core.arrays.columns import MAX_COLUMNS, Floats
 from silo.core.arrays.values import as_floats
 from silo.core.quantities.writing import duration, many
-from silo.core.units import product
+from silo.core.units import product, quotient
 from silo.errors import SiloError
 from silo.rpc.frames import Frame
 from silo_tui.actions import Command, key_of, key_text
@@ -150,7 +150,7 @@ class DetailScreen(MonitorScreen):
         self._title()
 
     def _title(self) -> None:
-        shown = self.plots[: self.count if self.mode == "spectrum" else 2 if self.mode == "x-y" else 1]
+        shown = self._shown_plots
         level = f" {self.level}" if self.mode == "spectrum" else ""
         parts = [f"{self.mode.upper()}{level}", *([self._found.kind] if self._found.kind else []), self._place()]
         if self.mode == MODES[0]:
@@ -158,7 +158,8 @@ class DetailScreen(MonitorScreen):
         room = self.size.width - len("  ".join(parts)) - 6
         names = tuple(self.session.short_name(plotted.name) for plotted in shown)
         units = list(map(_unit, shown))
-        begins = [("  " if place else "") + self._letter(place) for place in range(len(shown))]
+        letters = ("x ", "y ") if self.mode == "x-y" else tuple(map(self._letter, range(len(shown))))
+        begins = [("  " if place else "") + letters[place] for place in range(len(shown))]
         if len("".join((*begins, *names, *units))) > room:
             width = (room - len("".join((*begins, *units)))) // len(shown)
             names = tuple(fitted_among(name, names, width) for name in names)
@@ -166,10 +167,12 @@ class DetailScreen(MonitorScreen):
         for title in self.query("#detail-title").results(Static):  # none while the screen goes
             title.update("  ".join(filter(None, parts)))
 
+    @property
+    def _shown_plots(self) -> Sequence[Plotted]:
+        """Those that a view of other than time is of."""
+        return self.plots[: self.count if self.mode == "spectrum" else 2 if self.mode == "x-y" else 1]
+
     def _letter(self, place: int) -> str:
-        if self.mode == "x-y":  # they stand alone below each other: the letters are those that they had there
-            letter = self.below.stack.letter(self.plots[place])
-            return f"{letter} " if letter else ""
         return f"{LETTERS[place]} " if self.count > 1 else ""
 
     def _place(self) -> str:
@@ -271,13 +274,13 @@ class DetailScreen(MonitorScreen):
         if len(found.x) < 2:
             raise ValueError(f"{len(found.x)} held, 2 needed of both at the same time")
         drawn = big_plot.of_pair(found, self.plot.plot_size)
-        units = [plotted.element.unit for plotted in (x, y)]
-        notes = [f"x  {self._letter(0)}{self._label(x)}", f"y  {self._letter(1)}{self._label(y)} over x"]
+        units = [plotted.element.unit for plotted in (y, x)]
+        notes = [f"x  {self._label(x)}", f"y  {self._label(y)} over x"]
         if math.isnan(found.correlation):
             notes.append("r: one of them is constant")
         else:
-            per = "" if units == ["-", "-"] else f" {units[1]}/{units[0]}"
-            notes.append(f"r = {found.correlation:.3f}  slope {text.compact(found.slope)}{per}")
+            slope = f"slope {text.compact(found.slope)} {quotient(*units).removeprefix('-')}".rstrip()
+            notes.append(f"r = {found.correlation:.3f}  {slope}")
         is_work = sorted(units) == ["Nm", "rad"] or sorted(units) == ["N", "m"]
         unit = "J (hysteresis)" if is_work else product(*units).removeprefix("-")
         notes.append(f"loop area {text.compact(found.area)} {unit}".rstrip())
@@ -327,6 +330,8 @@ class DetailScreen(MonitorScreen):
     def mode_keys(self) -> Sequence[tuple[str, str]]:
         """Return what a pause or a cursor asks for, and what moves in a spectrum."""
         found = [each for each in super().mode_keys() if self.mode in CURSOR_MODES or not each[0].startswith("cursor_")]
+        if self.mode != MODES[0] and len(self.plots) > len(self._shown_plots):
+            found.append(("detail_down", f"Next of {len(self.plots)}"))
         if self.mode == "spectrum":  # most of what moves lies in the first cells
             found += (("closer", OF_SPECTRA["closer"]), ("wider", OF_SPECTRA["wider"]))
         return found

@@ -259,7 +259,7 @@ class PlotScreen(SiloScreen):
         """Where in time cursor A is; empty where there is none."""
         if self.file is not None:
             clock = f" ({self.file.clock})" if self.file.clock and self.size.width >= 100 else ""
-            return f"cursor at {text.short(self.file.seconds, 9)} s{clock}"
+            return f"cursor at {self.file.seconds:.{self._decimals}f} s{clock}"
         if self.window.paused and self.window.at_ns is not None:
             return f"A {self.moment_words(self.window.at_ns)}"
         if self.window.cursor is None:
