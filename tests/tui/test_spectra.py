@@ -206,6 +206,18 @@ def test_of_peaks_in_one_cell_the_highest_is_named_and_no_lower_one_in_its_place
     assert plot.spots[0][0] < plot.spots[1][0], "at the height of its own"
 
 
+@pytest.mark.parametrize("way", ["linear", "log", "dB"])
+def test_the_number_of_a_low_peak_on_the_skirt_of_a_high_one_stands_at_its_own_height(way):
+    amplitudes = np.full(200, 0.01)
+    amplitudes[99:110] = 2.0  # beside the highest line, in the cell where the low peak is told
+    cell_hz = 200 / SIZE[0]
+    peaks = [Peak(100.0, 2.0), Peak(100.0 + 1.5 * cell_hz, 0.05)]
+    plot = big_plot.of_spectra([Spectrum(amplitudes, 1.0)], peaks, way, SIZE, None)
+    heights = {sign: line for line, _, sign in plot.spots}
+    alone = big_plot.of_spectra([Spectrum(amplitudes, 1.0)], [peaks[0], Peak(180.0, 0.05)], way, SIZE, None)
+    assert heights["2"] == {sign: line for line, _, sign in alone.spots}["2"] > heights["1"]
+
+
 def test_the_log_axis_names_powers_of_ten():
     plot = big_plot.of_spectra([Spectrum(np.array([1.0, 1e-3, 0.1] * 30), 1.0)], [], "log", SIZE, None)
     assert set(plot.left.values()) == {"1e0", "1e-1", "1e-2", "1e-3"}

@@ -146,10 +146,9 @@ def of_spectra(
         if cell in named:
             continue
         named.add(cell)
-        lines = np.flatnonzero(owners[:, cell] == 0)
-        if not len(lines):  # it is drawn at the border of a cell
-            lines = np.flatnonzero((owners[:, max(0, cell - 1) : cell + 2] == 0).any(axis=1))
-        line = max(0, int(lines[0]) - 1) if len(lines) else 0
+        # above its own height: its cell may be filled by the skirt of a higher one
+        top = 4 * height - 1 - int(braille.row_of(levels(np.array([peak.amplitude]), way), scale, 4 * height)[0])
+        line = max(0, top // 4 - 1)
         sign = f"{at + 1}" if at != chosen else f"[{at + 1}]"
         if all(line != taken or cell > first + len(other) or first > cell + len(sign) for taken, first, other in spots):
             spots.append((line, cell, sign))
