@@ -445,8 +445,8 @@ class Recorder:
             self._tell_clients(f"nothing of this run is recorded: no element matches {' '.join(self._order.patterns)}")
         elif names := ending(layout):
             self._tell_clients(
-                f"elements come to an end when their buffers are full ({and_more(names, 5)}), those that "
-                "grow when there is no memory: set buffer=looping to record them without end"
+                "set buffer=looping to record without end: elements come to an end when their buffers are full "
+                f"({and_more(names, 5)}), those that grow when there is no memory"
             )
         self._happening = EventTail(drain.reader, since)
         begin = {**drain.begun_with, EVENTS_RING: since}

@@ -289,8 +289,8 @@ def test_what_no_buffer_has_any_more_is_told_as_lost_for_want_of_a_recorder(reco
     [
         ([], [], ["nothing of this run is recorded: no element matches joints/* imu"]),
         (["x"], [], []),
-        (["x"], ["/log/x"], ["elements come to an end when their buffers are full (/log/x), those that grow when there "
-                             "is no memory: set buffer=looping to record them without end"]),
+        (["x"], ["/log/x"], ["set buffer=looping to record without end: elements come to an end when their buffers "
+                             "are full (/log/x), those that grow when there is no memory"]),
     ],
 )  # fmt: skip
 def test_what_of_a_run_is_not_recorded_without_end_is_told(tmp_path, monkeypatch, names, full, words) -> None:
