@@ -275,9 +275,9 @@ class Banner(Guarded, Widget):
             kept = ", pending edits are kept" if session.table.pending_count[0] else ""
             return f"No link to {session.name}. Values are {since_words(session.lost_s)} old{kept}.{tries}"
         if session.dead:
-            reason = session.status.reason
-            opens = f" {self._opens()}" if left_a_file(session) else ""
-            words = f"{session.name} died: {reason or 'nothing is known of why'}{opens}"
+            words = f"{session.name} died: {session.status.reason or 'nothing is known of why'}"
+            if left_a_file(session):
+                words = f"{words.rstrip('.')}. {self._opens()}"
             if cast(Any, self.app).context.has_demo():
                 words = f"{words.rstrip('.')}; {key_of('loggers')}, then {key_of('demo')} starts the demo again."
             return words

@@ -353,11 +353,11 @@ def test_a_robot_program_that_closed_its_logger_left_no_broken_link(desk):
     [
         ("", [], "table", "nothing is known of why"),
         ("killed by SIGSEGV", [], "table", "killed by SIGSEGV"),
-        ("killed; saved a.silo", [], "table", "killed; saved a.silo m opens it."),
-        ("killed: saved a.silo", [], "table", "killed: saved a.silo m opens it."),
-        ("killed", [SAVED], "monitor", "killed Enter opens it."),
-        ("killed", [SAVED], "recordings", "killed It is in this list."),
-        ("killed", [SAVED], "settings", "killed g r lists it."),
+        ("killed; saved a.silo", [], "table", "killed; saved a.silo. m opens it."),
+        ("killed: saved a.silo", [], "table", "killed: saved a.silo. m opens it."),
+        ("killed", [SAVED], "monitor", "killed. Enter opens it."),
+        ("killed", [SAVED], "recordings", "killed. It is in this list."),
+        ("killed", [SAVED], "settings", "killed. g r lists it."),
     ],
 )
 def test_how_a_robot_program_died_is_told_with_how_its_file_is_opened(reason, files, scope, words, desk):
