@@ -179,14 +179,15 @@ KEPT = "Its last part is finished, those that are kept stay where they are."
         ([recording("a", keep_bytes=5 * 10**7)], ESC,
          f"{KEPT}\n() Keep recording\n(y) Stop a: 2 parts, 1 MB so far, lost 0", ""),
         ([msgspec.structs.replace(recording("a"), state=RecorderState.FAILED)], "y",
-         f"{STAY}\n() Leave them\n(y) Take off the list a: 2 parts, 1 MB, lost 0", "recording 'a' ended: 1 files"),
+         f"{STAY}\n() Leave it\n(y) Take off the list a: 2 parts, 1 MB, lost 0", "recording 'a' ended: 1 files"),
     ],
 )  # fmt: skip
 def test_which_recording_is_to_end_is_asked_with_how_each_stands(infos, answer, asked, said, fake):
     fake.recorder_infos = infos
     desk = Desk(fake, answer)
     assert desk.does(recorder.end(desk, desk.session)) == said
-    assert desk.asked == [f"Stop which recording of robot?\n{asked}"]
+    title = "Stop which recording of robot?" if len(infos) > 1 else f"Stop recording {infos[0].name} of robot?"
+    assert desk.asked == [f"{title}\n{asked}"]
     assert (desk.done == "stop_recorder") is bool(said)
     assert len(desk.session.recorders) == len(infos) - bool(said)
 
@@ -283,7 +284,7 @@ def test_a_recording_is_begun_with_what_is_marked_else_with_all(desk, monkeypatc
     desk.session.rows.marked[1] = True
     record = desk.fake.record
     desk.fake.record = lambda *given: msgspec.structs.replace(record(*given), text="b/z is off")
-    assert desk.does(recorder.begin(desk, desk.session)).endswith("; b/z is off")
+    assert desk.does(recorder.begin(desk, desk.session)) == "recording 'mine'; b/z is off; to /home/ann/logs/to"
     desk.does(recorder.begin(desk, desk.session, 0, "imu/*"))
     assert begun == ["all", "marked", "imu/*"]
 

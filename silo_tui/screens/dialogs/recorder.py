@@ -139,9 +139,8 @@ async def end(context: Context, session: Session) -> None:
         return
 
     def choices() -> list[Choice]:
-        harmless = Choice(
-            "", "Keep recording" if any(not one.state.over for one in session.recorders) else "Leave them"
-        )
+        leave = "Leave it" if len(session.recorders) == 1 else "Leave them"
+        harmless = Choice("", "Keep recording" if any(not one.state.over for one in session.recorders) else leave)
         keys = "y" if len(session.recorders) == 1 else "123456789"  # yes is y wherever one thing is asked
         return [harmless] + [
             Choice(one.name, _words(one), keys[place : place + 1]) for place, one in enumerate(session.recorders)
@@ -153,7 +152,8 @@ async def end(context: Context, session: Session) -> None:
 
     all_stay = not any(one.keep_bytes or one.written_bytes > one.size_bytes for one in session.recorders)
     body = f"Its last part is finished, {'all its parts' if all_stay else 'those that are kept'} stay where they are."
-    title = f"Stop which recording of {session.name}?"
+    (first, *others) = session.recorders
+    title = f"Stop {'which recording' if others else f'recording {first.name}'} of {session.name}?"
     name = await context.app.push_screen_wait(Question(title, body, choices(), newer=newer))
     if name:
         context.say(await context.link.call(lambda client: client.stop_recorder(name)))
