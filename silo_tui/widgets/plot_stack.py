@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
 from rich.segment import Segment
 from rich.style import Style
 from textual import events
@@ -40,7 +39,7 @@ from silo_tui.model.plots.panels import (
     title_lines,
 )
 from silo_tui.model.plots.picture import AXIS, LIMIT, RED, YELLOW, Drawn, PanelSource, drawn
-from silo_tui.model.plots.time_axis import axis_line, axis_word
+from silo_tui.model.plots.time_axis import axis_line, axis_word, file_axis_word
 from silo_tui.model.samples.live import Reading, offset_text
 from silo_tui.model.samples.source import PlotSource
 from silo_tui.model.words import text
@@ -342,7 +341,8 @@ class PlotStack(Guarded, Styled):
         """The cells of a line, with the cursors where nothing is drawn."""
         chars = list(cells)
         for at in self._event_cells(shown):
-            if chars[at] in (BLANK, " ", LIMIT):
+            is_of_words = any(each.isalnum() for each in chars[max(0, at - 1) : at + 2])
+            if chars[at] == LIMIT or (chars[at] == BLANK and not is_of_words):
                 chars[at], styles[at] = EVENT_LINE, self._style("plot--quiet")
         for cursor, sign in ((self.other_cursor, CURSOR_B), (self.window.cursor, CURSOR_A)):
             if cursor is not None:
@@ -570,6 +570,5 @@ class RecordedStack(PlotStack):
         end_ns = store.end * store.column_ns
         if store.empty:  # nothing is read yet
             end_ns, width_ns = self.window.paused_end_ns or source.end_ns, self.window.span_ns
-        at = end_ns - width_ns * (1 - share) - source.begin_ns
-        digits = max(0, min(9, 2 - int(np.floor(np.log10(self.window.span_s / 4)))))
-        return f"{at / 1e9 + 0.0:.{digits}f} s"
+        at_ns = end_ns - width_ns * (1 - share) - source.begin_ns
+        return file_axis_word(at_ns, self.window.span_s, width_ns / max(1, self.plot_width))

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from silo_tui.model.plots.time_axis import moment_of
+from silo_tui.model.plots.time_axis import file_axis_word, moment_of
 
 S = 10**9
 NEWEST = 1_700_000_039 * S + S // 2  # 22:13:59.5 UTC
@@ -62,3 +62,10 @@ async def test_the_cursor_goes_to_a_moment_that_is_typed(fake, opened):
         plots = screen.app.screen
         assert plots.window.paused
         assert plots.held_ns[1] - plots.window.at_ns == 3 * S
+
+
+@pytest.mark.parametrize(
+    ("at_s", "word"), [(-0.1, "0.00 s"), (-0.5, ""), (0.0, "0.00 s"), (131.0, "131.00 s"), (-0.29, "0.00 s")]
+)
+def test_the_axis_of_a_file_does_not_begin_before_it(at_s, word):
+    assert file_axis_word(at_s * 10**9, 10.0, 0.15 * 10**9) == word

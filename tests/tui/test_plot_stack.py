@@ -282,6 +282,15 @@ def test_of_words_it_is_drawn_since_when_which_is_and_which_is_now():
     stack.redraw()
     assert stack.text[1].rstrip().endswith("│walk")
     assert stack.text[3].rstrip() == f"        b │{'ann of the lab':<42}│ann o…"
+    at_ns = (stack.store.end - 2 * (stack.plot_width - 3) + 1) * COLUMN_NS  # below the blank of `ann of`
+    stack.source.happened = [LoggedEvent("marker", "fell", at_ns, 0, at_ns, "ann", "run1", 1)]
+    stack.redraw()
+    assert (stack.text[1][AXIS + 4], stack.text[3][AXIS + 1 : AXIS + 15]) == ("n", "ann of the lab")
+    at_ns += 2 * (20 - 3) * COLUMN_NS
+    stack.source.happened = [LoggedEvent("marker", "fell", at_ns, 0, at_ns, "ann", "run1", 2)]
+    stack.redraw()
+    assert stack.text[3].index("╎") == AXIS + 1 + 20
+    stack.source.happened = []
     stack.events = {OPERATOR.name: [(0, "bob"), (6 * 10**9, "ann of the lab")]}
     stack.redraw()
     assert stack.text[3].startswith("        b │bob  ")
