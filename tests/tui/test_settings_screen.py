@@ -261,3 +261,15 @@ def test_rows_of_keys_that_do_the_same_say_on_which_screens_they_count():
         "Plot (triggers, alarms, parameters): plot what the line, or what is marked, is about",
         "Help: this page",
     ]
+
+
+async def test_enter_after_an_arrow_keeps_what_the_arrow_chose(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("f2")
+        await screen.until(lambda: screen.app.screen.scope == "settings", "settings")
+        await screen.press("right", "enter")
+        await screen.shows("theme is light already; ")
+        await screen.press("enter")
+        assert screen.app.context.settings.theme == "light"
+        await screen.press("down", "up", "enter")
+        await screen.until(lambda: screen.app.context.settings.theme == "contrast", "the next one")

@@ -101,6 +101,7 @@ class SettingsScreen(ListScreen[SettingRow]):
         super().__init__()
         self._take = take
         self._typed_of: Option | None = None  # what is typed in the line is of
+        self._arrows_at = ""  # the row in which arrows chose last
 
     def above(self) -> ComposeResult:
         yield Static(f" silo settings  {_shown(path())}", id="settings-title", markup=False)
@@ -125,6 +126,10 @@ class SettingsScreen(ListScreen[SettingRow]):
     def row_of(self, one: SettingRow, width: int) -> Text:
         return row_text(one, self.context.settings, self.context.saved_settings, width=width)
 
+    def move(self, place: int) -> None:
+        self._arrows_at = ""
+        super().move(place)
+
     def follow(self, known: str, place: int | None) -> int | None:
         """Return where the cursor goes: first to a setting, below what is wrong with the file."""
         if not known and not self.asked:
@@ -145,7 +150,11 @@ class SettingsScreen(ListScreen[SettingRow]):
             command = row.command
             ask(self, KeyDialog(command, self.context.settings), lambda key: self._take_key(command, key))
         elif row.option is not None and row.option.words and not row.option.several:
-            self.command_choose_word(1)
+            if self._arrows_at == row.id:  # who chose with the arrows says yes to that
+                word = getattr(self.context.settings, row.option.name)
+                self.say(f"{row.option.name} is {word} already; {key_of('write_settings')} writes it to the file")
+                return
+            self._choose(row.option, 1)
         elif row.option is not None:
             self._typed_of, value = row.option, getattr(self.context.settings, row.option.name)
             line = self.query_one("#settings-value", Line)
@@ -163,6 +172,10 @@ class SettingsScreen(ListScreen[SettingRow]):
         if option is None or not option.words:
             self.say(f"{key_of('change_setting')} changes this one")
             return
+        self._arrows_at = option.name
+        self._choose(option, step)
+
+    def _choose(self, option: Option, step: int) -> None:
         place = option.words.index(getattr(self.context.settings, option.name))
         word = option.words[(place + step) % len(option.words)]
         self._change(f"{option.name}: {word}", **{option.name: word})
