@@ -428,9 +428,11 @@ class TableScreen(ElementsScreen):
         return None
 
     def command_limits_of_row(self) -> None:
-        if (here := self._entry_here()) is not None:
-            self.say(self._of_this_alone())
-            self._ask_limits(here[2])
+        if len(self.session.rows.targets()) > 1:
+            names, rows = self.session.table.names, self.session.rows
+            self.sure_of_hidden(lambda: self._ask_limits([names[row] for row in rows.targets()]))
+        elif (here := self._entry_here()) is not None:
+            self._ask_limits([here[2]])
 
     def _of_this_alone(self) -> str:
         """Return that what comes is about the row under the cursor, where others are marked."""
@@ -471,13 +473,13 @@ class TableScreen(ElementsScreen):
         elif answer == "derived":
             self.derive("", self.session.short_name(name).lstrip("/"))
         elif answer == "limits":
-            self._ask_limits(name)
+            self._ask_limits([name])
 
-    def _ask_limits(self, name: str) -> None:
+    def _ask_limits(self, names: Sequence[str]) -> None:
         from silo_tui.screens.dialogs.form import told
         from silo_tui.screens.dialogs.limits import ask_limits
 
-        self.context.run_flow(ask_limits(self.context, name, partial(told, self.context, place="alarms")))
+        self.context.run_flow(ask_limits(self.context, names, partial(told, self.context, place="alarms")))
 
     def _targets_known(self) -> bool:
         if len(self.session.rows.targets()) and not (why := self.session.why_fixed()):
@@ -576,7 +578,7 @@ class TableScreen(ElementsScreen):
     def value_now(self, command_id: str) -> str:
         """Return the value that a command would change, or that those that it is about have several."""
         field = FIELDS_BY_COMMAND.get(command_id)
-        if command_id in ("limits_of_row", "new_of_row") and len(self.session.rows.targets()) > 1:
+        if command_id == "new_of_row" and len(self.session.rows.targets()) > 1:
             return "of one row"  # whatever is marked
         if field is None:
             return super().value_now(command_id)

@@ -80,6 +80,14 @@ class TestWords:
         assert row.index("NEW") == over.index("NEW") == limit_head(20, "", wide).index("seen by")
         assert since_width([HOT], NOW_NS) == 8
 
+    def test_what_is_within_its_limits_shows_the_bound_it_is_nearest_to(self):
+        well = LimitStatus("/x", "/x", LimitWord.OK, value=38.0, bounds=(None, 1.0, None, 40.0))
+        assert limit_row(well, "/x", 20, NOW_NS).split() == ["OK", "/x", "38.0000", "40.0000"]
+        assert limit_row(replace(well, value=3.0), "/x", 20, NOW_NS).split() == ["OK", "/x", "3.0000", "1.0000"]
+        assert limit_row(replace(well, value=None), "/x", 20, NOW_NS).split() == ["OK", "/x", "1.0000"]
+        stale = LimitStatus("/x", "/x", LimitWord.OK, value=3.0, stale_s=0.5)
+        assert limit_row(stale, "/x", 20, NOW_NS).split() == ["OK", "/x", "3.0000", "500", "ms"]
+
     def test_who_saw_an_alarm_has_the_cells_that_names_spare(self):
         assert signal_width(["/LF/HAA/torque", "/x"], 160) == len("/LF/HAA/torque")
         assert signal_width(["/LF/HAA/torque" * 9], 160) == 160 - 52 - WIDEST
@@ -500,6 +508,76 @@ class TestScreens:
         assert next(call for call in fake.calls if call[0] == "set_limits")[1] == SignalLimits(
             "/log/LF/HAA/torque", (None, None, 50.0, 70.0), 3, 1.0, 0.5, "x > 1"
         )
+
+    async def test_limits_of_what_is_marked_are_of_all_of_it_by_the_pattern_that_means_it(self, fake, opened):
+        async with opened(fake.run(20), size=(120, 40)) as screen:
+            await screen.enter("/torque")
+            await screen.press("asterisk")
+            await screen.shows("12 marked")
+            screen.app.screen.action_command("limits_of_row")
+            await screen.shows("Limits of /legs/*/*/torque on")
+            assert screen.app.screen.fields["signal"] == "legs/*/*/torque"
+            screen.app.screen.field("HH").value = "60"
+            await screen.shows("12 signals: would have been violated")
+            screen.app.screen.field("signal").value = "legs/LF/*/torque"
+            await screen.shows("Limits of legs/LF/*/torque on")
+            await screen.shows("3 signals: would have been violated")
+            await screen.press("enter")
+            await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
+        assert fake.calls[-1][1].name == "legs/LF/*/torque"
+
+    async def test_limits_of_marked_signals_that_no_pattern_means_are_set_one_by_one(self, fake, opened):
+        bounds = (None, None, None, 60.0)
+        names = ["/log/legs/LF/HAA/torque", "/log/legs/RH/KFE/torque", "/log/imu/temperature"]
+        fake.limit_statuses = [LimitStatus(name, name, LimitWord.OK, bounds=bounds) for name in names]
+        async with opened(fake.run(20), size=(120, 40)) as screen:
+            await screen.until(lambda: screen.session.limits)
+            rows = screen.session.rows
+            rows.marked[[screen.session.table.names.index(name) for name in names]] = True
+            screen.app.screen.action_command("limits_of_row")
+            await screen.until(lambda: isinstance(screen.app.screen, LimitsDialog), "the form")
+            assert screen.app.screen.fields["HH"] == "60", "what all of them have"
+            screen.app.screen.field("HH").value = "70"
+            await screen.press("enter")
+            await screen.until(lambda: len([call for call in fake.calls if call[0] == "set_limits"]) == 3)
+            assert {call[1] for call in fake.calls if call[0] == "set_limits"} == {
+                SignalLimits(name, (None, None, None, 70.0)) for name in names
+            }
+            await screen.until(lambda: not screen.app.screen.is_modal)
+            screen.app.screen.action_command("limits_of_row")
+            await screen.until(lambda: isinstance(screen.app.screen, LimitsDialog), "the form")
+            screen.app.screen.field("HH").value = ""
+            await screen.shows("takes the limits")
+            await screen.press("enter")
+            await screen.until(lambda: len([call for call in fake.calls if call[0] == "remove_limits"]) == 3)
+
+    async def test_who_gives_a_signal_limits_of_a_second_name_is_told_that_it_has_some(self, fake, opened):
+        torque, pattern = "/log/legs/LF/HAA/torque", "legs/*/*/torque"
+        fake.limit_statuses = [LimitStatus(torque, pattern, LimitWord.OK, bounds=(None, None, None, 60.0))]
+        async with opened(fake.run(20), size=(120, 40)) as screen:
+            await screen.until(lambda: screen.session.limits)
+            await screen.enter("/torque")
+            screen.app.screen.action_command("limits_of_row")
+            await screen.shows("Limits of /legs/LF/HAA/torque")
+            screen.app.screen.field("HH").value = "60"
+            await screen.shows("1 signal would have two limits: those of legs/*/*/torque stay, too")
+            screen.app.screen.field("signal").value = pattern
+            await screen.shows("12 signals: would")
+            assert "two limits" not in screen.text
+
+    async def test_limits_that_were_given_to_a_short_name_are_found_by_the_whole_one(self, fake, opened):
+        torque = "/log/legs/LF/HAA/torque"
+        given = LimitStatus(torque, "legs/LF/HAA/torque", LimitWord.OK, bounds=(None, None, None, 60.0))
+        fake.limit_statuses = [given]
+        async with opened(fake.run(20), size=(120, 40)) as screen:
+            await screen.until(lambda: screen.session.limits)
+            await screen.enter("/torque")
+            screen.app.screen.action_command("limits_of_row")
+            await screen.until(lambda: isinstance(screen.app.screen, LimitsDialog), "the form")
+            assert screen.app.screen.fields["HH"] == "60"
+            await screen.press("enter")
+            await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
+        assert fake.calls[-1][1] == given.options
 
     async def test_without_a_link_a_dialog_says_that_and_nothing_of_what_is_typed(self, fake, opened, monkeypatch):
         async with opened(fake) as screen:

@@ -438,7 +438,7 @@ async def test_what_failed_is_read_before_a_filter_takes_its_place(fake, opened)
         assert "the disk of the robot is full" in screen.text
 
 
-async def test_where_several_are_marked_it_is_said_that_limits_and_triggers_are_of_one(fake, opened):
+async def test_where_several_are_marked_it_is_said_that_a_new_thing_is_of_one(fake, opened):
     async with opened(fake.run()) as screen:
         await screen.enter("/torque")
         await screen.do("new_of_row")
@@ -449,10 +449,3 @@ async def test_where_several_are_marked_it_is_said_that_limits_and_triggers_are_
         await screen.do("new_of_row")
         await screen.shows("New for /legs/LF/HAA/torque?")
         await screen.shows("not of the 12 elements that are")
-        await screen.press("escape")
-        screen.app.screen.action_command("limits_of_row")
-        await screen.shows("Limits of /legs/LF/HAA/torque")
-        await screen.press("escape")
-        await screen.until(
-            lambda: "Of the row under the cursor alone" in [told.words for told in screen.app.context.told][-1], "it"
-        )

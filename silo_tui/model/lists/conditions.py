@@ -100,16 +100,24 @@ def limit_row(one: LimitStatus, short: str, room: int, now_ns: int, wide: int = 
     since = since_words(one, now_ns)
     seen = f"{one.since_seen} NEW" if one.alarm and one.since_seen else one.seen.split("@")[0]
     count = one.count + one.stale_count
-    stale = one.word is LimitWord.STALE
-    limit = None if stale else one.limit
+    near = _nearest(one) if one.limit is None else one.limit
+    stale = one.word is LimitWord.STALE or (near is None and one.stale_s > 0)
+    limit = None if stale else near
     # the newest value comes and goes: the other two say how all three are written
     digits = text.digits_for([each for each in (limit, one.worst) if each is not None] or [one.value or 0.0], 7)
     value, bound, worst = ("" if each is None else digits.write(each, 8) for each in (one.value, limit, one.worst))
-    bound = text.span(one.limit) if stale and one.limit is not None else bound
+    bound = text.span(one.stale_s if one.limit is None else one.limit) if stale else bound
     return (
         f"  {limit_word(one.word):<{WIDEST}} {short:<{room}} {value:>8} {bound:>7} {worst:>8} {since:>{wide}} "
         f"{count or '':>5} {seen}"
     )
+
+
+def _nearest(one: LimitStatus) -> float | None:
+    """Return the bound that a scalar is nearest to which never was beyond one; None where it has none."""
+    value = one.value
+    given = [bound for bound in one.bounds if bound is not None]
+    return min(given, key=lambda bound: abs(bound - value) if value is not None else 0.0, default=None)
 
 
 def waits_for(one: LimitStatus) -> str:

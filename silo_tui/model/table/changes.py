@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 
 from silo.core.elements import Action, BufferType, ElementInfo, FieldChange
+from silo.core.names import grouped, matching
 from silo_tui.model.table.fields import Field, Ints
 from silo_tui.model.words.names import below
 
@@ -53,6 +54,17 @@ def _joined(groups: Sequence[Group]) -> list[Group]:
             found.append(Group(f"{branch}/*", sum(group.count for group in members), fields))
         else:
             found += members
+    return found
+
+
+def patterns_of(names: Sequence[str], among: Sequence[str], prefix: str) -> list[str]:
+    """Return patterns that mean these names and no others of `among`; the names themselves where there is none."""
+    alike = grouped(((name.count("/"), name.rpartition("/")[2]), name) for name in names)
+    found: list[str] = []
+    for some in alike.values():
+        pattern = _pattern([name.split("/") for name in some])
+        is_these = {*matching(among, [pattern], prefix)} == {*some}
+        found += [pattern] if is_these else some
     return found
 
 

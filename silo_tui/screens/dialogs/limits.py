@@ -1,14 +1,18 @@
-"""Edit the limits of a signal: a line each, and below how often they would have been violated in what is held."""
+"""Edit the limits of signals: a line each, and below how often they would have been violated in what is held."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
+
+from msgspec.structs import astuple
+from textual.widgets import Static
 
 from silo.conditions.requests import TriggerTried
 from silo.core.arrays.columns import ColumnStore
 from silo.core.conditions import SignalLimits, TriggerOptions
+from silo.core.quantities.writing import and_more, many
 from silo.errors import SiloError
-from silo.judging.checks import bind_limits, rule_of, table_catalogue
+from silo.judging.checks import bind_limits, rule_of, scalar_names, table_catalogue
 from silo_tui.model.drawing.dots import BLANK
 from silo_tui.model.drawing.plots import draw, plots_of
 from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
@@ -16,6 +20,7 @@ from silo_tui.model.lists.conditions import NOW, held_axis, tried_lines
 from silo_tui.model.plots.limit_line import BOUNDS, fields_of, limits_of_fields
 from silo_tui.model.plots.limits import between, lines_of
 from silo_tui.model.plots.picture import LIMIT
+from silo_tui.model.table.changes import patterns_of
 from silo_tui.model.table.derived import present
 from silo_tui.screens.dialogs.form import Form, taken
 from silo_tui.sessions.live import Session
@@ -38,32 +43,45 @@ TAKES_AWAY = "no bound and nothing stale: Enter takes the limits of it away"
 
 @dataclass(frozen=True)
 class LimitsWish:
-    """What a signal is to have; `limits` None: none any more. `shown` is its short name."""
+    """What signals are to have, as they are `shown` in the form; `takes_away`: none any more."""
 
     shown: str
-    name: str
-    limits: SignalLimits | None
+    limits: tuple[SignalLimits, ...]
+    takes_away: bool = False
 
 
 async def ask_limits(
-    context: "Context", name: str, carry_out: "Callable[[Callable[[Client], str]], Awaitable[None]]"
+    context: "Context", names: Sequence[str], carry_out: "Callable[[Callable[[Client], str]], Awaitable[None]]"
 ) -> None:
-    """Ask for limits of a signal, of which one without a name, with those that it has; `carry_out` sends the wish."""
-    session, shown = context.session, context.session.short_name(name).lstrip("/")
-    given = next((one.options for one in session.limits if name == one.limits), None)
+    """Ask for limits of signals, of which one without names, with those that they have; `carry_out` sends the wish."""
+    session, table = context.session, context.session.table
+    patterns = patterns_of(names, table.names[: table.own], table.prefix)
+    called = {session.short_name(one).lstrip("/"): one for one in patterns}
+    given = {shown: _present(session, shown) for shown in called}
+    whole = {shown: one.name if (one := given[shown]) else name for shown, name in called.items()}
+    alike = {one and astuple(one)[1:] for one in given.values()}
+    first = next(iter(given.values()), None) if len(alike) == 1 else None
 
     def form(wish: LimitsWish | None, problem: str) -> LimitsDialog:
         if wish is None:
-            return LimitsDialog(session, shown, name, given)
-        return LimitsDialog(session, wish.shown, wish.name, wish.limits, problem)
+            return LimitsDialog(session, whole, first)
+        return LimitsDialog(session, whole, None if wish.takes_away else wish.limits[0], problem, wish.shown)
 
     def send(wish: LimitsWish) -> Awaitable[None]:
-        made = wish.limits
-        if made is None:
-            return carry_out(lambda client: client._remove_limits(wish.name))
-        return carry_out(lambda client: client._set_limits(made))
+        def each(client: "Client") -> str:
+            if wish.takes_away:
+                return and_more([client._remove_limits(one.name) for one in wish.limits], 1)
+            return and_more([client._set_limits(one) for one in wish.limits], 1)
+
+        return carry_out(each)
 
     await taken(context, form, send)
+
+
+def _present(session: Session, shown: str) -> SignalLimits | None:
+    """Return the limits that were given to what is called so."""
+    known = [one.options for one in session.limits]
+    return next((one for one in known if shown in (one.name, session.short_name(one.name).lstrip("/"))), None)
 
 
 class LimitsDialog(Form[LimitsWish]):
@@ -74,7 +92,7 @@ class LimitsDialog(Form[LimitsWish]):
     AFTER_S = 0.5
     NEEDED: ClassVar = {"signal": "the name of a signal, as the table shows it"}
     ABOUT: ClassVar = {
-        "signal": "a name as the table shows it",
+        "signal": "a name as the table shows it; of several a pattern, legs/*/torque, or names with commas between",
         "LL": "red below this", "L": "yellow below this", "H": "yellow above this", "HH": "red above this",
         "persist": "so many samples in a row beyond a bound make an alarm: 1 at the first",
         "hyst": "an alarm ends only so far inside the bound, in its unit: calms one that flaps",
@@ -82,53 +100,84 @@ class LimitsDialog(Form[LimitsWish]):
         "when": "judged only while this holds, as controller/mode == WALK; empty: always",
     }  # fmt: skip
 
-    def __init__(self, session: Session, shown: str, name: str, limits: SignalLimits | None, problem: str = "") -> None:
-        """`name` is the whole name of the signal that is `shown`; without one it is to be typed."""
-        title = f"Limits of {session.short_name(name) or 'a signal'} on {session.name}"
-        given = {"signal": shown, **(fields_of(limits) if limits is not None else {})}
-        super().__init__(title, LINES, given, HINTS, problem, "LL" if shown else "signal", session.table)
-        self._session, self._shown, self._name = session, shown, name
+    def __init__(
+        self,
+        session: Session,
+        whole: Mapping[str, str],
+        limits: SignalLimits | None,
+        problem: str = "",
+        shown: str = "",
+    ) -> None:
+        """`whole` has whole names by what is shown of them; `shown` is what was typed instead, a moment ago."""
+        self._session, self._whole, self._shown = session, whole, ", ".join(whole)
+        given = {"signal": shown or self._shown, **(fields_of(limits) if limits is not None else {})}
+        start = "LL" if given["signal"] else "signal"
+        super().__init__(self._titled(given["signal"]), LINES, given, HINTS, problem, start, session.table)
+
+    def _titled(self, shown: str) -> str:
+        return f"Limits of {f'/{shown}' if shown in self._whole else shown or 'a signal'} on {self._session.name}"
+
+    def changed(self) -> None:
+        super().changed()
+        self.query_one(".dialog-title", Static).update(self._titled(self.fields["signal"]))
 
     def made(self) -> LimitsWish:
-        """Return what is typed; of another signal than it began with, what is not typed stays as that one has it."""
+        """Return what is typed; of other signals than it began with, what is not typed stays as those have it."""
         fields, shown = self.fields, self.fields["signal"]
         is_same = shown == self._shown
-        name = self._name if is_same and self._name else shown
-        before = None if is_same else self._present(shown)
-        limits = limits_of_fields(fields, before or SignalLimits(name))
-        if any(bound is not None for bound in limits.bounds) or limits.stale_s:
-            rule_of(limits)  # its bounds make sense together
-            return LimitsWish(shown, limits.name, limits)
-        if self._present(limits.name) is None:
+        words = self._whole if is_same else [word for each in shown.split(",") if (word := each.strip())]
+        before = {word: _present(self._session, word) for word in words}
+        limits = [
+            limits_of_fields(fields, (None if is_same else before[word]) or SignalLimits(self._whole.get(word, word)))
+            for word in words
+        ]
+        if any(bound is not None for bound in limits[0].bounds) or limits[0].stale_s:
+            rule_of(limits[0])  # its bounds make sense together
+            return LimitsWish(shown, tuple(limits))
+        gone = tuple(one for one, had in zip(limits, before.values(), strict=True) if had is not None)
+        if not gone:
             raise ValueError(HELP)
-        return LimitsWish(shown, limits.name, None)
-
-    def _present(self, shown: str) -> SignalLimits | None:
-        known = [one.options for one in self._session.limits]
-        short = self._session.short_name
-        return next((one for one in known if shown in (one.name, short(one.name).lstrip("/"))), None)
+        return LimitsWish(shown, gone, takes_away=True)
 
     async def look(self) -> str:
         if not self.fields["signal"]:
             return HELP
-        limits = self.made().limits
-        if limits is None:
+        wish, table = self.made(), self._session.table
+        if wish.takes_away:
             return TAKES_AWAY
-        (low, high), shown, table = between(limits.bounds), self.fields["signal"], self._session.table
+        limits = wish.limits[0]
         catalogue = table_catalogue(table.elements[: table.own], table.prefix, present(table))
-        signal = bind_limits(limits, catalogue)[1][0]  # as Enter has it: a name, which may mean several values
-        beyond = f"any({signal.expression.text} {{}})" if signal.width else f"{signal.expression.text} {{}}"
-        tests = [beyond.format(f"< {low!r}")] if low is not None else []
-        tests += [beyond.format(f"> {high!r}")] if high is not None else []
+        # as Enter has it: a name, which may mean several values
+        signals = [(bind_limits(one, catalogue)[1][0], one.name) for one in wish.limits]
+        names = {name for signal, given in signals for name in scalar_names(signal, catalogue, given)}
+        (low, high), twice = between(limits.bounds), self._twice(wish.limits, names)
+        beyond = [
+            f"any({one.expression.text} {{}})" if one.width else f"{one.expression.text} {{}}" for one, _ in signals
+        ]
+        tests = [each.format(f"< {low!r}") for each in beyond if low is not None]
+        tests += [each.format(f"> {high!r}") for each in beyond if high is not None]
         if not tests:
-            return STALE
+            return "\n".join([STALE, *twice])
         when = " or ".join(tests)
         wanted = TriggerOptions("new", f"({when}) and ({limits.when})" if limits.when else when)
         tried = await self._session.tried(wanted)
         width = self.told_width - MARKS + len(NOW)
         lasts = "one violation, begun before that"
-        told = tried_lines(tried, width, "would have been violated", "beyond", lasts=lasts)
-        return "\n".join([*told, *await self._trend(limits, shown, tried, width)])
+        verb = f"{many(len(names), 'signal')}: " * (len(names) > 1) + "would have been violated"
+        told = tried_lines(tried, width, verb, "beyond", lasts=lasts)
+        trend = await self._trend(limits, wish.shown, tried, width) if len(names) == 1 else []
+        return "\n".join([*told, *trend, *twice])
+
+    def _twice(self, limits: Sequence[SignalLimits], names: Collection[str]) -> list[str]:
+        """Return that some of the scalars have other limits, too, which were given to another name."""
+        given = {one.name for one in limits}
+        others = [one for one in self._session.limits if one.name in names and one.limits not in given]
+        if not others:
+            return []
+        of = dict.fromkeys(self._session.short_name(one.limits).lstrip("/") for one in others)
+        return [
+            f"{many(len({one.name for one in others}), 'signal')} would have two limits: those of {and_more(list(of), 2)} stay, too"
+        ]
 
     async def _trend(self, limits: SignalLimits, shown: str, tried: TriggerTried, whole: int) -> list[str]:
         """Return the signal as lines of dots below the axis of what was tried, over dashes where bounds are; beside

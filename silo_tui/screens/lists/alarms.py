@@ -71,11 +71,11 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         return sorted(self.session.limits, key=_is_quiet)[:MOST_LINES]
 
     def key_of(self, one: LimitStatus) -> str:
-        return one.name
+        return one.name if one.limits == one.name else f"{one.name} of {one.limits}"  # it may have two
 
     def stands_by(self, one: LimitStatus) -> str:
         """Return its name, and whether it was always within its limits: it comes up as it is over them at first."""
-        return f"{one.name} {_is_quiet(one)}"
+        return f"{self.key_of(one)} {_is_quiet(one)}"
 
     def signals_of(self, one: LimitStatus) -> Sequence[str]:
         element = self._element_of(one)
@@ -85,7 +85,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         return f"{limit_word(one.word)} {self.session.short_name(one.name)} {one.seen} {one.why}"
 
     def row_of(self, one: LimitStatus, width: int) -> Text:
-        line = Text(limit_row(one, self._names[one.name], self._room, time.time_ns(), self._since))
+        line = Text(limit_row(one, self._names[self.key_of(one)], self._room, time.time_ns(), self._since))
         red = one.word in (LimitWord.RED_HIGH, LimitWord.RED_LOW)
         if one.is_over or one.word is LimitWord.BLIND:
             line.stylize(bold(self.app.theme_variables, "alarm" if red else "warning"), 2, 2 + WIDEST)
@@ -145,13 +145,13 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
 
     def command_alarm_limits(self) -> None:
         if (one := self.here()) is not None:
-            self._ask_limits(one.limits)
+            self._ask_limits([one.limits])
 
     def command_alarm_new(self) -> None:
-        self._ask_limits("")
+        self._ask_limits([])
 
-    def _ask_limits(self, name: str) -> None:
-        self.context.run_flow(ask_limits(self.context, name, self.carry_out))
+    def _ask_limits(self, names: Sequence[str]) -> None:
+        self.context.run_flow(ask_limits(self.context, names, self.carry_out))
 
     def command_alarm_remove(self) -> None:
         if names := list(dict.fromkeys(one.limits for one in self.targets())):
