@@ -587,3 +587,24 @@ async def test_in_the_palette_what_is_called_so_comes_first_and_is_shown_at_once
             assert screen.app.screen.scope == "detail"
             await screen.do("go_home")
             await screen.until(lambda: screen.app.screen.scope == "table", "the table")
+
+
+async def test_the_bar_of_plots_says_how_to_go_back_and_later_only_where_there_is_something(fake, opened):
+    def bar():
+        return screen.text.splitlines()[-1]
+
+    async with opened(fake.run(30), settings=Settings(keymap="two-layer"), size=(150, 40)) as screen:
+        await screen.enter("/LF/HAA/torque", "enter")
+        await screen.curves()
+        await screen.until(lambda: "PgUp Earlier" in bar())
+        assert "Later" not in bar()
+        assert "Newest" not in bar()
+        await screen.press("pageup")
+        await screen.until(lambda: "PgDn Later" in bar() and "End Newest" in bar())
+        await screen.press("space")
+        await screen.shows("held, all fetched")
+        await screen.press("plus", "plus", "end")
+        await screen.until(lambda: "Later" not in bar())
+        assert "PgUp Earlier" in bar()
+        await screen.press("home")
+        await screen.until(lambda: "PgUp" not in bar() and "PgDn Later" in bar())

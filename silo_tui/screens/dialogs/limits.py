@@ -175,9 +175,8 @@ class LimitsDialog(Form[LimitsWish]):
         if not others:
             return []
         of = dict.fromkeys(self._session.short_name(one.limits).lstrip("/") for one in others)
-        return [
-            f"{many(len({one.name for one in others}), 'signal')} would have two limits: those of {and_more(list(of), 2)} stay, too"
-        ]
+        count = many(len({one.name for one in others}), "signal")
+        return [f"{count} would have two limits: those of {and_more(list(of), 2)} stay, too"]
 
     async def _trend(self, limits: SignalLimits, shown: str, tried: TriggerTried, whole: int) -> list[str]:
         """Return the signal as lines of dots below the axis of what was tried, over dashes where bounds are; beside

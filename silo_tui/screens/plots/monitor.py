@@ -24,6 +24,7 @@ OF_PLOTS = {
 }  # fmt: skip
 
 ROOMY = 110  # cells in which keys have longer words
+OF_LATER = ("later", "newest")
 OF_WHAT_GOES_ON = {"add_plot": "adds", "all_entries": "plots them", "next_entry": "goes on to it"}
 
 
@@ -118,6 +119,15 @@ class MonitorScreen(PlotScreen):
         short = f"{text.span(by_ns / 1e9, 2)} {'on' if direction > 0 else 'back'}: " if moved else ""
         at_edge = not moved or by_ns < span_ns // 2 - column_ns
         self.say(f"{short}{reaches}{cursor}" if at_edge else "")
+
+    @property
+    def _has_earlier(self) -> bool:
+        return not self.window.paused or self.end_ns - self.window.span_ns > self.held_ns[0]
+
+    @property
+    def _has_later(self) -> bool:
+        """Whether something is later than what is shown: of a logger that goes on while the picture stands still."""
+        return self._looking_back or (self.window.paused and self.end_ns < self.held_ns[1])
 
     async def _look_behind(self) -> None:
         """Hold all that the buffers have, which tells how much that is, and go back in it."""
@@ -304,6 +314,8 @@ class MonitorScreen(PlotScreen):
             return "Plot more"
         if command.id == "find" and self.size.width >= ROOMY:  # what is found are moments, and no signals
             return "Find value"
+        if (command.id == "earlier" and not self._has_earlier) or (command.id in OF_LATER and not self._has_later):
+            return ""
         return "" if command.id == "arrange_plots" and len(self.stack.plots) < 2 else super().label_now(command)
 
     def why_not_now(self, command_id: str) -> str:
