@@ -146,12 +146,12 @@ _TABLE = (
 TWO_LAYERS = {command: keys for keys, commands in _TABLE for command in commands.split()}
 TWO_LAYERS |= {each.id: each.keys for each in COMMANDS if each.keys and each.id not in TWO_LAYERS}
 # the key bar, one order on every screen; and who gives way first where it has no room for all
-_BAR = (
-    "space enter r; m plus minus h,left pageup slash p e g v r o a u S w D full_stop escape"  # r; what stands in a menu
+_BAR = (  # r; what stands in a menu
+    "space enter r; m plus minus h,left pageup pagedown end slash p e g v r o a u S w D full_stop escape"
 )
 _GIVES_WAY = (
-    "full_stop add_plot o minus plus pageup h,left w D r v monitor mark S pause space save_data u p m slash e escape "
-    "turn_down g r; enter a"
+    "full_stop add_plot o minus plus end pagedown pageup h,left w D r v monitor mark S pause space save_data u p m "
+    "slash e escape turn_down g r; enter a"
 )
 BASES: dict[str, Mapping[str, str]] = {"two-layer": TWO_LAYERS, "classic": {}}
 # where the letters mean other things on lists, or are free for keys of the user's own

@@ -223,8 +223,7 @@ def _what_changes(context: Context, changes: Sequence[PendingChange], end: str) 
     frequency_hz = session.status.frequency_hz
     own = table.elements[: table.own]  # what is derived takes no memory
     edited = {change.name for change in changes}
-    now = cost_of(own, table.server[:, : table.own], frequency_hz, edited)
-    after = cost_of(own, table.values[:, : table.own], frequency_hz, edited)
+    now, after = (cost_of(table.elements, each, frequency_hz, edited) for each in (table.server, table.values))
     stops = bool(end_text(kept_by(own, table.values), session.status.max_time_s))
     cost = cost_text(now, after, session.short_name(after.shortest), session.status.room_bytes, stops=stops)
     first = Text(f"{end[:1].upper()}{end[1:]}.\n" if end else "", style="bold")

@@ -75,13 +75,13 @@ def test_what_somebody_else_changed_meanwhile_stands_at_the_end_as_far_as_it_has
     assert "!" not in diff_text(changes(2)).plain
 
 
-NOW = Cost(1e6, 8e3, 4e3, 10.0, 10.0, HEAT, 400.0)
+NOW = Cost(1e6, 8e3, 4e3, 10.0, 10.0, HEAT)
 
 
 @pytest.mark.parametrize(
     ("after", "room", "lines"),
     [
-        ({}, 0, ["memory 1 MB 1 MB", "to a file 8 kB/s 8 kB/s", "topics 4 kB/s 4 kB/s",
+        ({}, 0, ["memory 1 MB 1 MB", "recorded 8 kB/s 8 kB/s while a recording of all runs", "topics 4 kB/s 4 kB/s",
                  "held 10 s 10 s of these, shortest: t"]),
         ({"memory_bytes": 2e6}, 0, ["memory 1 MB 2 MB ▲"]),
         ({"memory_bytes": 2e6}, 3_000_000, ["memory 1 MB 2 MB ▲ of 3 MB available"]),
@@ -89,8 +89,9 @@ NOW = Cost(1e6, 8e3, 4e3, 10.0, 10.0, HEAT, 400.0)
         ({"memory_bytes": 4e6}, 3_000_000, ["memory 1 MB 4 MB !! of 3 MB available"]),
         ({"memory_bytes": 5e5}, 3_000_000, ["memory 1 MB 500 kB of 3 MB available"]),
         ({"memory_bytes": 1e6 + 1}, 0, ["memory 1 MB 1 MB"]),  # it reads the same
-        ({"disk_bytes_s": 9e3, "topic_bytes_s": 5e3}, 0, ["to a file 8 kB/s 9 kB/s ▲", "topics 4 kB/s 5 kB/s ▲"]),
-        ({"disk_bytes_s": 7e3}, 0, ["to a file 8 kB/s 7 kB/s"]),
+        ({"recorded_bytes_s": 9e3, "topic_bytes_s": 5e3}, 0,
+         ["recorded 8 kB/s 9 kB/s ▲ while a recording of all runs", "topics 4 kB/s 5 kB/s ▲"]),
+        ({"recorded_bytes_s": 7e3}, 0, ["recorded 8 kB/s 7 kB/s while a recording of all runs"]),
         ({"shortest_s": 5.0}, 0, ["held 10 s 5 … 10 s ▼ of these, shortest: t"]),
         ({"shortest_s": 50.0, "longest_s": 7200.0}, 0, ["held 10 s 50 s … 2 h of these, shortest: t"]),
         ({"shortest_s": math.inf, "longest_s": math.inf}, 0, ["held 10 s all until memory is full"]),
@@ -168,18 +169,20 @@ KEPT = "Its last part is finished, those that are kept stay where they are."
 @pytest.mark.parametrize(
     ("infos", "answer", "asked", "said"),
     [
-        ([recording("all")], "y", f"{STAY}\n() Keep recording\n(y) Stop all: 2 parts, 1 MB, lost 0",
+        ([recording("all")], "y", f"{STAY}\n() Keep recording\n(y) Stop recording 'all': 2 parts, 1 MB, lost 0",
          "recording 'all' ended: 1 files"),
-        ([recording("all")], ESC, f"{STAY}\n() Keep recording\n(y) Stop all: 2 parts, 1 MB, lost 0", ""),
+        ([recording("all")], ESC, f"{STAY}\n() Keep recording\n(y) Stop recording 'all': 2 parts, 1 MB, lost 0", ""),
         ([recording("a", part="", lost=1200), recording("b")], "2",
-         f"{STAY}\n() Keep recording\n(1) Stop a: 1 part, 1 MB, lost 1 200\n(2) Stop b: 2 parts, 1 MB, lost 0",
+         f"{STAY}\n() Keep recording\n(1) Stop recording 'a': 1 part, 1 MB, lost 1 200\n"
+         "(2) Stop recording 'b': 2 parts, 1 MB, lost 0",
          "recording 'b' ended: 1 files"),
         ([recording("a", written_bytes=10**7)], ESC,
-         f"{KEPT}\n() Keep recording\n(y) Stop a: 2 parts written, the newest 1 MB kept, lost 0", ""),
+         f"{KEPT}\n() Keep recording\n(y) Stop recording 'a': 2 parts written, the newest 1 MB kept, lost 0", ""),
         ([recording("a", keep_bytes=5 * 10**7)], ESC,
-         f"{KEPT}\n() Keep recording\n(y) Stop a: 2 parts, 1 MB so far, lost 0", ""),
+         f"{KEPT}\n() Keep recording\n(y) Stop recording 'a': 2 parts, 1 MB so far, lost 0", ""),
         ([msgspec.structs.replace(recording("a"), state=RecorderState.FAILED)], "y",
-         f"{STAY}\n() Leave it\n(y) Take off the list a: 2 parts, 1 MB, lost 0", "recording 'a' ended: 1 files"),
+         f"{STAY}\n() Leave it\n(y) Take recording 'a' off the list: 2 parts, 1 MB, lost 0",
+         "recording 'a' ended: 1 files"),
     ],
 )  # fmt: skip
 def test_which_recording_is_to_end_is_asked_with_how_each_stands(infos, answer, asked, said, fake):
@@ -249,16 +252,16 @@ def test_what_can_t_be_recorded_is_refused(typed, why, desk):
 @pytest.mark.parametrize(
     ("free_bytes", "typed", "words"),
     [
-        (0, {}, "3 signals, 1 of them off: about {rate}/s"),
-        (0, {"signals": "a/*"}, "2 signals: about {rate}/s"),
-        (0, {"signals": "b/z"}, "1 signal, 1 of them off: about 0 B/s"),
-        (10**9, {"signals": "b/z"}, "1 signal, 1 of them off: about 0 B/s"),
-        (10**9, {}, "3 signals, 1 of them off: about {rate}/s\nthe disk takes {day} of it, then it stops by itself"),
-        (10**9, {"keep": "4GB"}, "3 signals, 1 of them off: about {rate}/s\nkeeps about the newest {kept}, then the "
+        (0, {}, "3 signals, 1 of them off: about {rate}/s in .mcap files"),
+        (0, {"signals": "a/*"}, "2 signals: about {rate}/s in .mcap files"),
+        (0, {"signals": "b/z"}, "1 signal, 1 of them off: about 0 B/s in .mcap files"),
+        (10**9, {"signals": "b/z"}, "1 signal, 1 of them off: about 0 B/s in .mcap files"),
+        (10**9, {}, "3 signals, 1 of them off: about {rate}/s in .mcap files\nthe disk takes {day} of it, then it stops by itself"),
+        (10**9, {"keep": "4GB"}, "3 signals, 1 of them off: about {rate}/s in .mcap files\nkeeps about the newest {kept}, then the "
          "oldest parts of its name go"),
-        (10**9, {"keep": "1GB"}, "3 signals, 1 of them off: about {rate}/s\nkeeps about the newest {day}, then the "
+        (10**9, {"keep": "1GB"}, "3 signals, 1 of them off: about {rate}/s in .mcap files\nkeeps about the newest {day}, then the "
          "oldest parts of its name go\na part ends at 500 MB, half of it"),
-        (0, {"keep": "4GB", "to": "walks", "name": "robot"}, "3 signals, 1 of them off: about {rate}/s\nkeeps about "
+        (0, {"keep": "4GB", "to": "walks", "name": "robot"}, "3 signals, 1 of them off: about {rate}/s in .mcap files\nkeeps about "
          "the newest {kept}, then the oldest parts of its name go\n6.75 MB of earlier recordings 'robot' go first: "
          "another name keeps them"),
     ],

@@ -486,7 +486,10 @@ def test_the_cost_of_a_table_counts_what_is_on(robot):
     values[Field.ENABLED] = 0
     values[:, row] = [1, 2, 0, 0, 400]
     cost = cost_of(table.elements, values, 400.0)
-    assert (cost.disk_bytes_s, cost.topic_bytes_s, cost.shortest_s, cost.shortest) == (1600.0, 1600.0, 2.0, TORQUE)
+    assert (cost.topic_bytes_s, cost.shortest_s, cost.shortest) == (1600.0, 2.0, TORQUE)
+    assert cost.recorded_bytes_s == 200 * (8 + 18)
+    values[Field.ACTION, row] = int(Action.PUBLISH)
+    assert cost_of(table.elements, values, 400.0).recorded_bytes_s == 200 * (8 + 18), "published alone is recorded, too"
     assert cost.memory_bytes == 400 * 8 + 400 * 16
     assert cost_of(table.elements, np.zeros_like(values), 400.0).shortest == ""
 

@@ -194,10 +194,10 @@ def test_what_changes_something_is_refused_who_only_looks_and_needs_a_link_unles
 BARS = {
     ("two-layer", "table"): "mark monitor fold filter menu_edit menu_go menu_view menu_record sort apply undo "
     "start_stop save_data again back help command quit mark_shown",
-    ("two-layer", "monitor"): "pause detail add_plot closer wider cursor_left find menu_plots menu_go menu_view "
-    "menu_record apply start_stop export_plots again back earlier later arrange_plots newest help command quit",
-    ("two-layer", "detail"): "pause add_plot closer wider cursor_left find menu_plots menu_go menu_view "
-    "menu_record apply start_stop export_plots again back mode earlier detail_refresh later newest help command quit",
+    ("two-layer", "monitor"): "pause detail add_plot closer wider cursor_left earlier later newest find menu_plots "
+    "menu_go menu_view menu_record apply start_stop export_plots again back arrange_plots help command quit",
+    ("two-layer", "detail"): "pause add_plot closer wider cursor_left earlier later newest find menu_plots menu_go "
+    "menu_view menu_record apply start_stop export_plots again back mode detail_refresh help command quit",
     ("two-layer", "triggers"): "list_mark trigger_capture trigger_toggle trigger_new plot_conditions list_filter "
     "menu_edit menu_go menu_view menu_record list_order apply start_stop trigger_remove again back help command quit",
     ("two-layer", "file"): "mark plot fold filter menu_go menu_view sort again back help command quit mark_shown",

@@ -87,7 +87,7 @@ class TestScreens:
             await screen.do("enter", "asterisk", "escape", "recordings")
             await screen.shows("Nothing is saved")
             await screen.do("record")
-            await screen.shows("3 signals: about 31.2 kB/s")
+            await screen.shows("3 signals: about 31.2 kB/s in .mcap files")
             await screen.press("tab")
             await screen.type("walks")
             await screen.press("tab", "tab", "tab")
@@ -193,7 +193,7 @@ class TestScreens:
             await screen.until(lambda: screen.app.screen is screen.app.context.upper_screen)
             assert fake.recorder_infos == [WALK, FULL]
             await screen.do("stop_recording")
-            await screen.shows("Stop walk: 21 parts written, the newest 21 GB kept, lost 0")
+            await screen.shows("Stop recording 'walk': 21 parts written")
             await screen.shows("those that are kept stay")
             await screen.press("1")
             await screen.shows("recording 'walk' ended")
@@ -210,10 +210,10 @@ class TestScreens:
         fake.recorder_infos = [WALK, FULL]
         async with opened(fake) as screen:
             await screen.enter(":endrecording")
-            await screen.shows("Stop walk: 21 parts written, the newest 21 GB kept, lost 0")
+            await screen.shows("Stop recording 'walk': 21 parts written")
             await screen.press("j")
             fake.recorder_infos = [msgspec.structs.replace(WALK, parts=WALK.parts + 3, lost=7), FULL]
-            await screen.shows("Stop walk: 24 parts written, the newest 21 GB kept, lost 7  (1)")
+            await screen.shows("Stop recording 'walk': 24 parts written")
             await screen.press("enter")
             await screen.until(lambda: fake.recorder_infos == [FULL])
 

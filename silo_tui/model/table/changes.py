@@ -7,6 +7,7 @@ import numpy as np
 
 from silo.core.elements import Action, BufferType, ElementInfo, FieldChange
 from silo.core.names import grouped, matching
+from silo.recorder.requests import SAMPLE_BYTES
 from silo_tui.model.table.fields import Field, Ints
 from silo_tui.model.words.names import below
 
@@ -73,20 +74,18 @@ def _pattern(names: list[list[str]]) -> str:
 
 
 class Cost(msgspec.Struct, frozen=True):
-    """What a table takes: memory of its buffers, bytes per second to a file and to topics, seconds that are held.
+    """What a table takes: memory of its buffers, bytes per second of a recording and of topics, seconds that are held.
 
     The seconds are infinite for what grows. `shortest` is the element that holds the least, empty where nothing is
-    saved; `samples_s` are those that go to a
-    file per second, one of a vector being one.
+    saved.
     """
 
     memory_bytes: float
-    disk_bytes_s: float
+    recorded_bytes_s: float
     topic_bytes_s: float
     shortest_s: float
     longest_s: float
     shortest: str
-    samples_s: float
 
 
 def kept_by(elements: Sequence[ElementInfo], values: Ints) -> dict[str, BufferType]:
@@ -100,11 +99,14 @@ def cost_of(
 ) -> Cost:
     """Return what elements with the options `values`, shape `(5, n)`, take; about, for rows share their time stamps.
 
-    The seconds are those of the elements named in `held`, else of all.
+    A recording has all of them, also what is published alone, or derived, which takes nothing else. The seconds are
+    those of the elements named in `held`, else of all.
     """
     on = values[Field.ENABLED] != 0
     sizes = np.array([sum(np.dtype(entry.dtype).itemsize for entry in each.entries) for each in elements], float)
     rate = np.where(on, frequency_hz / np.maximum(1, values[Field.DIVIDER]), 0.0)
+    recorded = float(((sizes + SAMPLE_BYTES) * rate).sum())
+    on &= np.array([not each.expression for each in elements], np.bool_)
     saved = on & (values[Field.ACTION] != int(Action.PUBLISH))
     published = on & (values[Field.ACTION] != int(Action.SAVE))
     buffers = values[Field.SIZE].astype(float)
@@ -116,7 +118,7 @@ def cost_of(
     places = np.flatnonzero(meant)
     at = int(places[np.argmin(held_s[places])]) if len(places) else -1
     return Cost(
-        memory, float((sizes * rate)[saved].sum()), float((sizes * rate)[published].sum()),
+        memory, recorded, float((sizes * rate)[published].sum()),
         float(held_s[at]) if at >= 0 else 0.0, float(held_s[meant].max()) if at >= 0 else 0.0,
-        elements[at].name if at >= 0 else "", float(rate[saved].sum()),
+        elements[at].name if at >= 0 else "",
     )  # fmt: skip

@@ -347,8 +347,8 @@ def cost_text(now: Cost, after: Cost, short_name: str, room_bytes: int = 0, *, s
     room = f"of {size_text(room_bytes)} available" if room_bytes else ""
     over = bool(room_bytes) and after.memory_bytes > room_bytes
     _cost(lines, "memory", memory, after.memory_bytes > now.memory_bytes, room, over=over)
-    disk = [size_text(each.disk_bytes_s) + "/s" for each in (now, after)]
-    _cost(lines, "to a file", disk, after.disk_bytes_s > now.disk_bytes_s)
+    disk = [size_text(each.recorded_bytes_s) + "/s" for each in (now, after)]
+    _cost(lines, "recorded", disk, after.recorded_bytes_s > now.recorded_bytes_s, "while a recording of all runs")
     topics = [size_text(each.topic_bytes_s) + "/s" for each in (now, after)]
     _cost(lines, "topics", topics, after.topic_bytes_s > now.topic_bytes_s)
     note = f"of these, shortest: {short_name}" if short_name else ""

@@ -8,7 +8,7 @@ from silo.core.names import matching
 from silo.core.quantities.reading import read_keep, read_split
 from silo.core.quantities.writing import duration, many, size_text
 from silo.errors import SiloError
-from silo.recorder.requests import DEFAULT_FOLDER, SAMPLE_BYTES, RecorderInfo
+from silo.recorder.requests import DEFAULT_FOLDER, RecorderInfo
 from silo.recordings.requests import Recordings
 from silo_tui.actions import key_of
 from silo_tui.context import Context
@@ -47,7 +47,7 @@ class RecordDialog(Form[Wish]):
         "signals": "all, marked, or names of the table, with * for any part",
         "to": "a folder in that of the logger, on the robot; empty: recordings",
         "name": "of the recording and its files; empty: the logger's",
-        "split": "a part is finished and the next begun after so much or so long; empty: never",
+        "split": "a part ends at about so much, with a busy disk at up to half more, or after so long; empty: never",
         "keep": "beyond so much the oldest parts of this name are deleted; all: it stops when the disk is full",
     }
 
@@ -85,10 +85,9 @@ class RecordDialog(Form[Wish]):
         values = session.table.server[:, rows]
         on = int((values[Field.ENABLED] != 0).sum())
         off = f", {len(rows) - on} of them off" if on < len(rows) else ""
-        values[Field.ACTION] = 0  # it records what is published alone, too
-        cost = cost_of([session.table.elements[row] for row in rows], values, session.status.frequency_hz)
-        bytes_s = cost.disk_bytes_s + SAMPLE_BYTES * cost.samples_s
-        first = f"{many(len(rows), 'signal')}{off}: about {size_text(bytes_s)}/s"
+        elements = [session.table.elements[row] for row in rows]
+        bytes_s = cost_of(elements, values, session.status.frequency_hz).recorded_bytes_s
+        first = f"{many(len(rows), 'signal')}{off}: about {size_text(bytes_s)}/s in .mcap files"
         room = read_keep(wish.keep)
         if not bytes_s:
             return first
@@ -167,8 +166,8 @@ def _words(one: RecorderInfo) -> str:
         parts, size = f"{parts} written", f"the newest {size} kept"
     elif one.keep_bytes:  # they are deleted while it is asked, too
         size += " so far"
-    verb = "Take off the list" if one.state.over else "Stop"
-    return f"{verb} {one.name}: {parts}, {size}, lost {text.count(one.lost)}"
+    verb = f"Take recording '{one.name}' off the list" if one.state.over else f"Stop recording '{one.name}'"
+    return f"{verb}: {parts}, {size}, lost {text.count(one.lost)}"
 
 
 async def _look(session: Session) -> None:
