@@ -265,6 +265,7 @@ NOTED = (MARKER, PARAMETER)  # what the program notes in its segment
 SEEN = ("triggered", "captured", "limit", "limit ended")  # kinds of what is seen in samples, and told once it is judged
 TOLD_LATE_NS = 60_000_000_000  # so late is told, at most, what was before something else that is told already
 SEEN_LATE_NS = 3600_000_000_000  # told so much after its tick by the logger's clock: that clock isn't the wall's
+ROBOT_PROGRAM = "the robot program"  # who it was, where no client asked for it
 DAMAGED = "damaged"  # that of one in place of lines of the event log that can't be read
 GOES_ON = "goes on after a cut: its ticks count from 0"  # what the start of a stretch says that isn't the first
 CUT = "cut"  # that of one with which a run goes on in another stretch

@@ -12,7 +12,7 @@ from typing import ParamSpec
 
 from silo.core.arguments import path, text, texts
 from silo.core.calls import told_class
-from silo.core.elements import FileType, FileTypes, LoggerOptions, SavedFile
+from silo.core.elements import ROBOT_PROGRAM, FileType, FileTypes, LoggerOptions, SavedFile
 from silo.core.recording import Recording
 from silo.errors import ElementError, SegmentError, SiloError, StateError
 from silo.logger.conditions import LoggerConditions
@@ -302,7 +302,7 @@ class RunData:
             split_bytes=split_bytes,
             split_s=split_s,
             keep_bytes=read_keep(keep),
-            client="the robot program",
+            client=ROBOT_PROGRAM,
         )
         started = self._life.served("record").record(request)
         if started.text:

@@ -69,7 +69,7 @@ class TestWords:
 
     def test_an_alarm_is_a_line(self):
         row = limit_row(HOT, "/LF/HAA/torque", signal_width(["/LF/HAA/torque" * 9], 80), NOW_NS)
-        assert row.split() == ["HH", "/LF/HAA/torque", "84.200", "80.000", "86.310", "00:12", "2", "NEW"]
+        assert row.split() == ["HH", "/LF/HAA/torque", "84.200", "80.000", "86.310", "for", "12", "s", "2", "NEW"]
         assert len(row) <= 80
 
     def test_of_an_alarm_that_ended_it_is_told_how_long_it_was_and_columns_stay(self):

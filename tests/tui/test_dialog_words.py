@@ -256,12 +256,16 @@ def test_what_can_t_be_recorded_is_refused(typed, why, desk):
         (0, {"signals": "a/*"}, "2 signals: about {rate}/s in .mcap files"),
         (0, {"signals": "b/z"}, "1 signal, 1 of them off: about 0 B/s in .mcap files"),
         (10**9, {"signals": "b/z"}, "1 signal, 1 of them off: about 0 B/s in .mcap files"),
-        (10**9, {}, "3 signals, 1 of them off: about {rate}/s in .mcap files\nthe disk takes {day} of it, then it stops by itself"),
-        (10**9, {"keep": "4GB"}, "3 signals, 1 of them off: about {rate}/s in .mcap files\nkeeps about the newest {kept}, then the "
+        (10**9, {}, "3 signals, 1 of them off: about {rate}/s in .mcap files\n"
+         "the disk takes {day} of it, then it stops by itself"),
+        (10**9, {"keep": "4GB"}, "3 signals, 1 of them off: about {rate}/s in .mcap files\n"
+         "keeps about the newest {kept}, then the "
          "oldest parts of its name go"),
-        (10**9, {"keep": "1GB"}, "3 signals, 1 of them off: about {rate}/s in .mcap files\nkeeps about the newest {day}, then the "
+        (10**9, {"keep": "1GB"}, "3 signals, 1 of them off: about {rate}/s in .mcap files\n"
+         "keeps about the newest {day}, then the "
          "oldest parts of its name go\na part ends at 500 MB, half of it"),
-        (0, {"keep": "4GB", "to": "walks", "name": "robot"}, "3 signals, 1 of them off: about {rate}/s in .mcap files\nkeeps about "
+        (0, {"keep": "4GB", "to": "walks", "name": "robot"}, "3 signals, 1 of them off: about {rate}/s in .mcap files\n"
+         "keeps about "
          "the newest {kept}, then the oldest parts of its name go\n6.75 MB of earlier recordings 'robot' go first: "
          "another name keeps them"),
     ],

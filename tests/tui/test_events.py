@@ -171,6 +171,23 @@ def test_a_limit_that_is_crossed_again_and_again_is_one_line_with_how_often_and_
     assert (found[3].text, found[3].kind, found[6:]) == ("6 × in 8 s: /a is well", "limit", few)
 
 
+def test_the_parts_that_a_recording_finished_are_one_line():
+    parts = [
+        event("recording", f"recording 'demo': finished a part, it goes on in the next (it has 5 MB): /d/{at}.mcap",
+              at_ns=at * SECOND, number=at)
+        for at in range(1, 6)
+    ]  # fmt: skip
+    ended = event("recording", "recording 'demo' ended: 5 files", at_ns=6 * SECOND, number=6)
+    found = folded([*parts, ended])
+    assert [(one.number, one.times, one.kind) for one in found] == [(1, 5, "recording"), (6, 1, "recording")]
+    assert found[0].text.startswith("5 × in 4 s: recording 'demo': finished a part")
+    assert folded(parts[:3]) == parts[:3]
+
+
+def test_the_robot_program_is_named_whole():
+    assert line(event(who="the robot program"), "x", 80, "demo").endswith("  the robot program")
+
+
 def test_only_the_newest_run_is_on_the_clock_of_the_plots():
     old, new = event(run="a"), event(run="b", number=2)
     assert of_last_run([old, new, event("saved", run="")]) == [new]
@@ -348,7 +365,7 @@ async def test_limits_of_other_signals_hide_neither_plots_nor_marks(flickering, 
         await screen.shows('event, 1 of 1: "push 3"')
         await screen.do("events")
         await screen.shows(" × in 7.9 s: ")
-        await screen.shows("201 events in 3 lines (/limit shows each)")
+        await screen.shows("201 events in 3 lines (/ shows each)")
         await screen.do("write_events")
         await screen.shows("201 events as shown, to a CSV file")
         await screen.press("escape")

@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from silo.core.calls import told_class, told_names
-from silo.core.elements import FileType, SavedFile
+from silo.core.elements import ROBOT_PROGRAM, FileType, SavedFile
 from silo.errors import ConnectionLostError, SaveError, SiloError
 from silo.link.channel import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
 from silo.logger.serving.answers import Served, answer, robot_state
@@ -464,7 +464,7 @@ class Serving:
             conditions=conditions,
             segment=segment,
             why=why,
-            client="the robot program",
+            client=ROBOT_PROGRAM,
         )
         _, saving = self._asked(request, SaveStarted, "it saves nothing later")
         return self._wait(saving, "it had begun to save, and goes on when it wakes")
@@ -495,7 +495,7 @@ class Serving:
         Raises:
             SaveError: there is none, or none of that name, or several without a name; or the helper process died.
         """
-        return self._asked(StopRecorder(name=name, client="the robot program"), Done, _LATE_RECORDING)[0].text
+        return self._asked(StopRecorder(name=name, client=ROBOT_PROGRAM), Done, _LATE_RECORDING)[0].text
 
     def _asked(
         self, request: Save | StartRecorder | StopRecorder, wanted: type[_Result], then: str

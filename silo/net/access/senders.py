@@ -8,6 +8,8 @@ anna@robot3 silo 4714                         the Unix socket of the robot's own
 
 from typing import NamedTuple
 
+from silo.core.elements import ROBOT_PROGRAM
+
 PROVEN, SAYS_SO = " (proven)", " (says so)"
 
 
@@ -59,6 +61,8 @@ def _with(program: str) -> str:
 
 def short_words(who: str) -> str:
     """Return who it was, without place and program: `anna (proven)`, `bob (says so)`, `carol@robot3`."""
+    if who == ROBOT_PROGRAM:
+        return who
     name = who.partition(" ")[0]
     return next((name + mark for mark in (PROVEN, SAYS_SO) if who.startswith(name + mark)), name)
 

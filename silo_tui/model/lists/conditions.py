@@ -9,7 +9,7 @@ from silo.conditions.standing import SIDES, LimitStatus, LimitWord, TriggerStatu
 from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import ElementInfo, Entry, FileType
 from silo.core.names import Names
-from silo.core.quantities.writing import duration_text, many, share_words, size_text
+from silo.core.quantities.writing import many, share_words, size_text, whole_duration
 from silo.errors import ExpressionError
 from silo_tui.model.words import text
 from silo_tui.model.words.names import space_words
@@ -84,7 +84,7 @@ def signal_width(names: Sequence[str], width: int, wide: int = SINCE) -> int:
 def since_words(one: LimitStatus, now_ns: int) -> str:
     """Return since when a scalar is beyond its limits, or for how long it was."""
     if one.is_over and one.since_ns:
-        return duration_text((now_ns - one.since_ns) / 1e9)
+        return f"for {whole_duration((now_ns - one.since_ns) / 1e9)}"
     if one.count and one.last_ns >= one.since_ns > 0:
         return f"for {text.span(max((one.last_ns - one.since_ns) / 1e9, 1e-3), 2)}"
     return ""

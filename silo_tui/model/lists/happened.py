@@ -67,26 +67,37 @@ def in_time(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
 
 
 def folded(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
-    """Return events in time with those of the limits of one signal as one, where nothing but limits came between.
+    """Return events in time with those of the limits of one signal as one, and the parts that a recording finished.
+
+    Nothing but such came between.
 
     It is the newest of them, with how many there are in which time; its number is that of the first.
     """
     found: list[LoggedEvent] = []
-    for run, group in itertools.groupby(events, lambda event: event.run if event.kind in _LIMITS else ""):
-        by_signal: dict[str, list[LoggedEvent]] = {}
+    for run, group in itertools.groupby(events, lambda event: event.run if _about(event) else ""):
+        by_about: dict[str, list[LoggedEvent]] = {}
         for event in group if run else ():
-            by_signal.setdefault(event.text.split(" ", 1)[0], []).append(event)
-        found += in_time([one for like in by_signal.values() for one in _fold(like)]) if run else group
+            by_about.setdefault(_about(event), []).append(event)
+        found += in_time([one for like in by_about.values() for one in _fold(like)]) if run else group
     return found
+
+
+def _about(event: LoggedEvent) -> str:
+    """Return the signal whose limits it is about, or the recording of which it tells a part; empty for all else."""
+    if event.kind in _LIMITS:
+        return event.text.split(" ", 1)[0]
+    recording, finished, _ = event.text.partition(": finished a part")
+    return recording if finished and event.kind == "recording" else ""
 
 
 def _fold(like: Sequence[LoggedEvent]) -> Sequence[LoggedEvent]:
     if len(like) < FOLDED_FROM:
         return like
     first, last = like[0], like[-1]
+    kind = "limit" if last.kind in _LIMITS else last.kind  # however the newest of them left it
     count = sum(event.times for event in like)
     told = f"{count} × in {text.span((last.clock_ns - first.clock_ns) / 1e9, 2)}: {last.text}"
-    return [structs.replace(last, kind="limit", text=told, number=first.number, times=count)]
+    return [structs.replace(last, kind=kind, text=told, number=first.number, times=count)]
 
 
 def in_plots(

@@ -140,12 +140,12 @@ class EventsScreen(LoggerList[LoggedEvent]):
 
     def head(self, width: int) -> str:
         signs = f"   {GONE} no longer in memory" if any(map(self._is_gone, self.shown)) else ""
-        return f"{f'  time                tick kind and what{signs}':<{width - 5}}who"
+        return f"{f'  time                tick what it was{signs}':<{width - 5}}who"
 
     def going_on(self) -> Sequence[str]:
         count = many(len(self._all), "event")
         if len(self._folded) < len(self._all) and not self.asked:
-            count += f" in {many(len(self._folded), 'line')} ({key_of('list_filter')}limit shows each)"
+            count += f" in {many(len(self._folded), 'line')} ({key_of('list_filter')} shows each)"
         follows = "follows" if self._following else f"{key_of('list_top')} follows"
         one = self.chosen
         kind = NAMES.get(letter(one), "") if one is not None else ""
