@@ -592,7 +592,7 @@ class TableHead(Guarded, ScrollView):
         plain, chosen = self.get_component_rich_style("head--text"), self.get_component_rich_style("head--field")
         table, rows = self._table, self._table.rows
         laid, sort = table.laid, rows.sort
-        arrow = "↓" if sort == TREE else rows.arrow * (sort in (NAME, ADDED))
+        arrow = "↑" if sort == TREE else rows.arrow * (sort in (NAME, ADDED))
         title = sort if sort == ADDED else NAME
         mark = f" {space_words(title, laid.told.space, laid.names, arrow)}"
         steady = [Segment(" " * (FLAGS - 1) + mark.ljust(laid.names + 1), plain)]

@@ -456,7 +456,7 @@ async def test_the_palette_finds_what_the_help_has_a_line_for_and_tells_what_is_
         await screen.type("in a browser")
         await screen.shows("silo-tui --serve")
         await screen.press("enter", "enter")
-        await screen.shows("silo-tui --serve: in a shell: all of it in a browser")
+        await screen.shows("silo-tui --serve: in a shell: all of it as a web page, in a browser")
 
 
 async def test_the_palette_finds_a_spectrum_from_the_table_and_from_the_plots_and_leads_there(fake, opened):

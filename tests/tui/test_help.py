@@ -62,7 +62,7 @@ def test_the_words_of_options_and_filter_are_those_of_their_tables():
     for option in OPTIONS:
         assert all(word.word in text for word in option.words)
     assert all(term.names[0] in text for term in TERMS)
-    assert "silo-tui --serve in a shell: all of it in a browser" in text
+    assert "silo-tui --serve in a shell: all of it as a web page, in a browser" in text
     assert all(example in BY_ID["edit_divider"].help for example in ("50Hz", "*2"))
 
 
@@ -105,7 +105,7 @@ async def test_each_word_and_sign_of_the_first_screen_is_found_in_help(fake, ope
         for slow, busy in ((1.0, "BUSY drawn 1.2 of 5 Hz"), (0.9, "THIN 64 kbit/s")):
             session.measured_hz = slow * session.status.frequency_hz
             head = f"{screen.app.screen.status_bar._line().plain} {busy}".split()[2:]  # behind silo and its name
-            titles = next(line for line in screen.text.splitlines() if "↓name" in line).split()
+            titles = next(line for line in screen.text.splitlines() if "↑name" in line).split()
             for word in (*head, *titles):
                 assert _NUMBER.sub("0", word.casefold().strip("()↓↑,")) in told, word
 

@@ -319,7 +319,7 @@ def test_columns_are_chosen_by_their_titles(table):
 
 def test_the_head_names_columns_and_the_order(table):
     head = Head(table)
-    for order, begins in (("name", "  ↓name "), ("tree", "  ↓name "), ("div", "  name ")):
+    for order, begins in (("name", "  ↑name "), ("tree", "  ↑name "), ("div", "  name ")):
         table.rows.sort = order
         table.follow()
         assert head.render_line(0).text.startswith(begins), order
@@ -376,7 +376,7 @@ def test_names_that_share_a_name_space_are_told_below_it(new_fake):
     table = Table(Desk(new_fake(elements)), width=72)
     space = table.laid.told.space
     assert space == "/deep/deep/deep/deep"
-    assert "↓…deep/deep/deep  " in Head(table).render_line(0).text
+    assert "↑…deep/deep/deep  " in Head(table).render_line(0).text
     assert all(space not in line for line in table.text)
 
 

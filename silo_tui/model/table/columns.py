@@ -46,7 +46,8 @@ FILE_SETS = ("values", "statistics", "timing")  # what takes reading whole signa
 class TableOrder(msgspec.Struct, frozen=True):
     """An order: its name, the letter that picks it, a key per element (NaN: not known), its words where told whole.
 
-    One by what is measured (`quantity`) is made anew once a second; `falling` ones begin with the largest. By
+    One by what is measured (`quantity`) is made anew once a second; `falling` ones begin with the largest, names and
+    words with the first. By
     `of_norm` a vector stands where its norm does.
     """
 
@@ -109,7 +110,7 @@ ColumnShown = tuple[TableColumn, int]  # with its cells
 
 
 def _by(name: str, letter: str, field: Field, words: str = "") -> tuple[TableOrder, ...]:
-    return (TableOrder(name, letter, lambda table: table.values[field], words),)
+    return (TableOrder(name, letter, lambda table: table.values[field], words, falling=False),)
 
 
 def _by_number(name: str, letter: str, field: Field) -> tuple[TableOrder, ...]:
@@ -154,7 +155,11 @@ _SETTINGS, _IN_FILE = ("settings",), ("values",)
 COLUMNS: tuple[TableColumn, ...] = (
     TableColumn(
         "unit", 5, cells.unit, _ALL_SETS, leaves=10, wide=8,
-        orders=(TableOrder("unit", "u", lambda table: np.array([each.unit.casefold() for each in table.elements])),),
+        orders=(
+            TableOrder(
+                "unit", "u", lambda table: np.array([each.unit.casefold() for each in table.elements]), falling=False
+            ),
+        ),
         terms=(text_term("unit", lambda element, value: element.unit.casefold() == value),),
     ),
     TableColumn(
@@ -237,8 +242,9 @@ def orders_of(columns: Iterable[TableColumn]) -> Mapping[str, TableOrder]:
         return np.arange(len(table))
 
     steady = (
-        TableOrder(TREE, "n", place, "name, as a tree"), TableOrder(NAME, "l", place, "name, as a list"),
-        TableOrder(ADDED, "g", place, "as the program added them"),
+        TableOrder(TREE, "n", place, "name, as a tree", falling=False),
+        TableOrder(NAME, "l", place, "name, as a list", falling=False),
+        TableOrder(ADDED, "g", place, "as the program added them", falling=False),
     )  # fmt: skip
     return {order.name: order for order in (*steady, *(order for column in columns for order in column.orders))}
 

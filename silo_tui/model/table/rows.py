@@ -178,7 +178,7 @@ class RowList:
 
     @property
     def arrow(self) -> str:
-        """`↓` where the largest, or first, is on top; `↑` the other way round."""
+        """`↓` where it falls: the largest, or last, is on top; `↑` where it rises: names from a to z."""
         return "↓" if self.orders[self.sort].falling != self.turned else "↑"
 
     def wanted(self) -> set[str]:

@@ -73,7 +73,7 @@ SIGNS = (
     ("E", "edited: it has other settings than its program began with; /edited shows all, the inspector both"),
     (MARKED, f"marked: edits and plots are about all that is marked; {ON_MARKED} with the cursor on it"),
     ("…", "there is more than has room: the inspector has all of it"),
-    ("↓ ↑", "before a title: ordered by it, falling or rising"),
+    ("↓ ↑", "before a title: ordered by it, ↓ the largest on top, ↑ the smallest, or from a to z"),
     ("=", "derived: computed from others; its options are those of its signals"),
 )  # fmt: skip
 PLOT_SCOPES = ("monitor", "detail", "file_monitor", "file_detail")
@@ -124,7 +124,9 @@ def entries(scope: str, *, everywhere: bool) -> list[HelpLine]:
     for group in sorted(dict.fromkeys(command.group for command in commands), key=LAST_GROUPS.count):
         members = [command for command in commands if command.group == group and command.keys]
         found += [HelpLine(each.key_text, each.help, group, each.id, each.label) for each in members]
-        found += [HelpLine("silo-tui --serve", "in a shell: all of it in a browser", group)] * (group == "Go")
+        found += [HelpLine("silo-tui --serve", "in a shell: all of it as a web page, in a browser", group)] * (
+            group == "Go"
+        )
     on_file = scope in FILE_SCOPES
     of_table, of_plots = (everywhere or scope in scopes for scopes in (("table", "file"), PLOT_SCOPES))
     signs = FILE_SIGNS if on_file else (*SIGNS, *MEANINGS.items())
