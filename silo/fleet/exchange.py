@@ -182,9 +182,10 @@ def exchange(
         if (found := payload_of(reply, key)) is not None:
             return decode_reply(found, who, type(request))
     if replies:
-        within = f"{round(timeout_s, 1):g} s"
+        thin = "the link is too thin for the answer, or " if mine.slack_s else ""
         raise ConnectionLostError(
-            f"{who} did not answer within {within}: its helper process is frozen or overloaded; try again"
+            f"{who} did not answer within {round(timeout_s, 1):g} s: {thin}its helper process is frozen or "
+            "overloaded; try again"
         )
     right = "change anything" if changes else "ask"
     raise NoAnswerError(

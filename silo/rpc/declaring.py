@@ -124,9 +124,15 @@ class Caller:
         raise NotImplementedError
 
 
-def ask(wire: str = "", *, slow: bool = False) -> Callable[[F], F]:
-    """Declare a request that only reads, `slow` if files or gigabytes; `wire` names it where the method doesn't."""
-    return _declared(SlowAsk if slow else Ask, wire, {})
+def ask(wire: str = "", *, slow: bool = False, timeout_s: float | None = None) -> Callable[[F], F]:
+    """Declare a request that only reads.
+
+    Args:
+        wire: its name, where the method has another.
+        slow: it reads files or gigabytes.
+        timeout_s: how long a client waits, at least.
+    """
+    return _declared(SlowAsk if slow else Ask, wire, {} if timeout_s is None else {"timeout_s": timeout_s})
 
 
 def change(

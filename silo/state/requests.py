@@ -188,7 +188,7 @@ class TableRequests(Caller):
         """Return the element table with its revision."""
         return self._table().table
 
-    @ask("GetTable")
+    @ask("GetTable", timeout_s=15.0)  # of 4,000 elements, at 64 kbit/s
     def _table(self) -> TableReply:
         """Which elements are there, with which options?"""
 
