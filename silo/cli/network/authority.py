@@ -99,8 +99,7 @@ def make_network(
     made = {}
     for name, role in roles.items():
         made[name] = clients / f"{name}.json5"
-        text = _robot_text if role == ROBOT else _client_text
-        write_private(made[name], text(folder, hosts[0], port, name, passwords[name], role))
+        write_private(made[name], _client_text(folder, hosts[0], port, name, passwords[name], role))
     facts = {"hosts": hosts, "users": roles, "port": port, "listen": listen}
     write_private(folder / "network.json", json.dumps(facts, indent=2) + "\n")
     return Made(folder, server, made, tuple(name for name, role in roles.items() if role == ROBOT))
@@ -251,25 +250,12 @@ def _server_text(hosts: list[str], port: int, roles: dict[str, str], listen: str
 
 
 def _client_text(folder: Path, host: str, port: int, name: str, password: str, role: str) -> str:
-    return (
+    """The file of a user, or of a robot that connects to a router."""
+    words = (
         f"// Lets {name} in as {role}; it holds a password: for {name} alone.\n"
-        f"//     silo remote add robots {name}.json5\n" + _way(folder, host, port, name, password)
+        f"//     silo remote add robots {name}.json5\n"
     )
-
-
-def _robot_text(folder: Path, host: str, port: int, name: str, password: str, role: str) -> str:
-    whom = "robots" if name == SHARED else f"the robot {name}, and no other,"
-    own = {} if name == SHARED else {ROBOT_NAME: name}
-    return (
-        f"// Connects {whom} to the router on {host}; it holds a password.\n"
-        f'//     log.serve(config="{name}.json5")\n'
-        "// That router admits each user to its own name alone, so robots say of who changed something: proven.\n"
-        + _way(folder, host, port, name, password, {"metadata": {"silo": {CHECKED: True, **own}}})
-    )
-
-
-def _way(folder: Path, host: str, port: int, name: str, password: str, more: dict[str, Any] | None = None) -> str:
-    values = {
+    values: dict[str, Any] = {
         "connect": {"endpoints": [f"tls/{_at(host)}:{port}"]},
         "transport": {
             "auth": {"usrpwd": {"user": name, "password": password}},
@@ -277,6 +263,13 @@ def _way(folder: Path, host: str, port: int, name: str, password: str, more: dic
                 "tls": {"root_ca_certificate_base64": base64.b64encode((folder / "ca.pem").read_bytes()).decode()}
             },
         },
-        **(more or {}),
     }
-    return json.dumps(values, indent=2) + "\n"
+    if role == ROBOT:
+        whom, own = ("robots", {}) if name == SHARED else (f"the robot {name}, and no other,", {ROBOT_NAME: name})
+        words = (
+            f"// Connects {whom} to the router on {host}; it holds a password.\n"
+            f'//     log.serve(config="{name}.json5")\n'
+            "// That router admits each user to its own name alone, so robots say of who changed something: proven.\n"
+        )
+        values["metadata"] = {"silo": {CHECKED: True, **own}}
+    return words + json.dumps(values, indent=2) + "\n"
