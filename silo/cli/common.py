@@ -437,12 +437,12 @@ def show_json(value: object) -> None:
     click.echo(text if text.isprintable() else "".join(one if one.isprintable() else dumps(one)[1:-1] for one in text))
 
 
-def show(value: object, as_json: bool, text: Callable[[], str]) -> None:
-    """Print a value as JSON, or as text."""
+def show(value: object, as_json: bool, text: Callable[[], object]) -> None:
+    """Print a value as JSON, or what `text` gives; it may print itself, and give nothing."""
     if as_json:
         show_json(value)
-    else:
-        click.echo(text())
+    elif (words := text()) is not None:
+        click.echo(words)
 
 
 @contextmanager

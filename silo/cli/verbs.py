@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 import click
 
-from silo.cli.common import complete_logger, connect, json_option, show_json, show_rows
+from silo.cli.common import complete_logger, connect, json_option, show, show_rows
 from silo.core.names import did_you_mean, nearest
 
 if TYPE_CHECKING:
@@ -156,12 +156,7 @@ def verb(
             whom: Target = given.pop("words" if usage else "logger")
             with connect(whom.logger) as client:
                 found = ask(client, *whom.words, **given)
-            if as_json:
-                show_json(json(found))
-            elif shown is not None:
-                shown(found)
-            elif found is not None:
-                click.echo(found)
+            show(json(found), as_json, lambda: found if shown is None else shown(found))
 
         run.__doc__ = ask.__doc__
         options = vars(ask).pop("__click_params__", [])

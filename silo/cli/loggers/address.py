@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from silo.cli.common import TypedPath, complete_words, connect, discovered, json_option, show_json, split_logger
+from silo.cli.common import TypedPath, complete_words, connect, discovered, json_option, show, split_logger
 from silo.core.runtime import write_private
 from silo.errors import ConnectionLostError, SaveError, reason
 
@@ -70,10 +70,8 @@ def address(words: tuple[str, ...], zenoh: bool, to: Path | None, as_json: bool)
     taken = {word for one in discovered().loggers if one.root != found.root for word in one.addresses}
     url = url_of(next(word for word in found.addresses if "/" in word and word not in taken), element)
     key = found.root.topic(element) if element else found.root.key("topic", "**")
-    if as_json:
-        show_json({"url": url, "key": key, "zenoh": settings})
-    else:
-        click.echo(f"url    {url}\nkey    {key}\nzenoh  {json.dumps(settings)}")
+    facts = {"url": url, "key": key, "zenoh": settings}
+    show(facts, as_json, lambda: f"url    {url}\nkey    {key}\nzenoh  {json.dumps(settings)}")
 
 
 def shown(settings: Any) -> Any:

@@ -4,6 +4,7 @@ import math
 import shlex
 import time
 from collections.abc import Iterator, Sequence
+from functools import partial
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 import msgspec
 
-from silo.cli.common import LogWord, complete_logger, connect, find_saved, json_option, means_saved, show_json
+from silo.cli.common import LogWord, complete_logger, connect, find_saved, json_option, means_saved, show
 from silo.cli.verbs import Target, Words, by_count, verb
 from silo.core.elements import LoggedEvent, by_clock
 from silo.core.episodes.words import BEGIN, END, VERDICTS, next_marks
@@ -180,10 +181,7 @@ def _news(client: "Client", newest: int = 0) -> Iterator[Sequence[LoggedEvent]]:
 
 def _print(found: Sequence[LoggedEvent], as_json: bool) -> None:
     for event in by_clock(found):
-        if as_json:
-            show_json(msgspec.structs.asdict(event))
-        else:
-            click.echo(_line(event))
+        show(msgspec.structs.asdict(event), as_json, partial(_line, event))
 
 
 def _line(event: LoggedEvent) -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from silo.cli.codes import EXIT_BLIND, EXIT_FOUND
-from silo.cli.common import LogWord, TypedPath, find_saved, show_json, show_rows
+from silo.cli.common import LogWord, TypedPath, find_saved, show, show_rows
 from silo.cli.logs.files import _read, _warn, whole_option
 from silo.core.quantities.writing import count
 
@@ -71,7 +71,7 @@ def check_command(
     found = check(recording, asked, never, always) + guard(recording, held, baseline)
     if report is not None:
         junit(report, file, found)
-    _show(found, as_json=as_json)
+    show(found, as_json, lambda: _show(found))
     _warn(path, recording)
     if base is not None and baseline is not None:
         _warn(base, baseline)
@@ -96,10 +96,7 @@ def _limits(text: str, when: str) -> "SignalLimits":
     return SignalLimits(name.strip(), (low, warn_low, warn_high, high), when=when)
 
 
-def _show(found: "list[Finding]", *, as_json: bool) -> None:
-    if as_json:
-        show_json(found)
-        return
+def _show(found: "list[Finding]") -> None:
     worst_first = sorted(found, key=lambda one: (not one.violated, not one.worst.startswith(("RED", "VIOLATED"))))
     rows = [["what", "worst", "times", "samples", "first", "peak", "at"]]
     for one in worst_first:

@@ -375,10 +375,8 @@ def _compare_many(
     found = every[places[0] : places[-1] + 1].compare(*pattern, **options)
     none = [""] * 5
     rows = [(run.facts.path, str(len(one)), *(one.rows[0].cells[:5] if one.rows else none)) for run, one in found]
-    if as_json:
-        show_json([{"run": run.facts.path, "differ": [row.facts for row in one.rows]} for run, one in found])
-    else:
-        show_rows([("run", "differ", *HEADS[:5]), *rows], right=(1, 4, 5, 6))
+    facts = [{"run": run.facts.path, "differ": [row.facts for row in one.rows]} for run, one in found]
+    show(facts, as_json, lambda: show_rows([("run", "differ", *HEADS[:5]), *rows], right=(1, 4, 5, 6)))
     if png is not None and found[0][1].rows:
         worst = found[0][1].rows[0]
         others = [row.b for _, one in found for row in one.rows if row.name == worst.name]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.common import TypedPath, find_saved, progress, show_json, show_rows
+from silo.cli.common import TypedPath, find_saved, progress, show, show_json, show_rows
 from silo.core.arguments import shown
 from silo.core.quantities.writing import count, many, size_text
 from silo.errors import LogNotFoundError, LogWarning
@@ -95,7 +95,8 @@ def _show(
 
     found = narrowed(where)
     if against:
-        _show_apart(found.apart(narrowed(against)), as_json)
+        apart = found.apart(narrowed(against))
+        show(apart, as_json, lambda: _show_apart(apart))
         return
     columns = [(expression, found.values(expression)) for expression in shown]
     if as_json:
@@ -171,10 +172,7 @@ def _found(run: str) -> tuple[Path, str]:
     return path.absolute().parent, path.stem
 
 
-def _show_apart(found: "list[Apart]", as_json: bool) -> None:
-    if as_json:
-        show_json(found)
-        return
+def _show_apart(found: "list[Apart]") -> None:
     head = ("SIGNAL", "HOW", "UNIT", "THESE", "OTHERS", "APART")
     rows = [(one.what, one.how, one.unit, f"{one.these:.5g}", f"{one.others:.5g}", f"{one.apart:+.2f}")
             for one in found[:MOST_APART]]  # fmt: skip

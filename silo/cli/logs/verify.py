@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from silo.cli.codes import EXIT_FOUND
-from silo.cli.common import TypedPath, json_option, show_json, show_rows
+from silo.cli.common import TypedPath, json_option, show, show_rows
 from silo.core.quantities.writing import count, many
 from silo.printing import printable
 
@@ -39,10 +39,7 @@ def verify(folder: Path, as_json: bool) -> int:
     from silo.verify.folder import verify as held_against
 
     found = held_against(folder)
-    if as_json:
-        show_json(found)
-    else:
-        _show(found)
+    show(found, as_json, lambda: _show(found))
     return EXIT_FOUND if found.problems else 0
 
 

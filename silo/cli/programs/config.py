@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem
 
-from silo.cli.common import TypedPath, json_option, show_json
+from silo.cli.common import TypedPath, aligned, json_option, show
 from silo.cli.verbs import Verbs
 from silo.errors import SiloError
 
@@ -61,12 +61,7 @@ def ls(as_json: bool) -> None:
       silo config ls
     """
     found = examples()
-    if as_json:
-        show_json(found)
-        return
-    width = max(len(one.name) for one in found)
-    for one in found:
-        click.echo(f"{one.name:<{width}}  {one.summary}")
+    show(found, as_json, lambda: "\n".join(aligned([(one.name, one.summary) for one in found])))
 
 
 @config.command("cp")
