@@ -11,7 +11,7 @@ from silo.cli.common import (
     logger_argument,
     naming_ways_out,
     progress,
-    show_json,
+    show,
     types_option,
     unsaved,
     unsaved_options,
@@ -124,8 +124,4 @@ def save(logger: str | None, types: tuple[str, ...], name: str, timeout: float, 
         return
     with connect(logger) as client, progress("saving") as tell:
         files = client.wait_saved(client.save(chosen, name), timeout, tell)
-    if as_json:
-        show_json(files)
-        return
-    for file in files:
-        click.echo(f"{file.path}  {size_text(file.size_bytes)}")
+    show(files, as_json, lambda: "\n".join(f"{file.path}  {size_text(file.size_bytes)}" for file in files) or None)

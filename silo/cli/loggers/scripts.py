@@ -9,14 +9,14 @@ import click
 
 from silo.cli.bulk import carry_out, everyone_option, many_meant
 from silo.cli.codes import EXIT_FOUND
-from silo.cli.common import TypedPath, complete_logger, complete_script, connect, discovered, json_option, show_json
+from silo.cli.common import TypedPath, complete_logger, complete_script, connect, discovered, json_option, show
 from silo.cli.edits import show_changes
 from silo.cli.verbs import Target, Verbs, Words, target, verb
 from silo.core.quantities.writing import many
 
 if TYPE_CHECKING:
     from silo.client.client import Client
-    from silo.scripts.requests import Scripts
+    from silo.scripts.requests import ScriptDiff, Scripts
     from silo.settings.script import Script
 
 
@@ -69,7 +69,7 @@ def list_command(client: "Client") -> "Scripts":
 
 
 @verb(script, "show", "[PATH]", _BY_PATH, short="Print a script, or the present configuration as one.")
-def show(client: "Client", path: str) -> None:
+def show_command(client: "Client", path: str) -> None:
     """Print a script; without PATH, the present configuration as a script.
 
     \b
@@ -153,7 +153,7 @@ def load(words: Target, dry_run: bool, cut: bool, everyone: bool) -> None:
         return
     with connect(logger) as client:
         if dry_run:
-            _diff(client, path)
+            _show_diff(client.diff_script(path))
             return
         applied = client.load_script(path, cut=cut)
     _warn(applied.warnings, applied.unknown)
@@ -187,17 +187,12 @@ def diff(words: Target, exit_code: bool, as_json: bool) -> int:
     """
     logger, (path,) = words
     with connect(logger) as client:
-        if as_json:
-            found = client.diff_script(path)
-            show_json(found)
-            differs = bool(found.changes or found.conditions)
-        else:
-            differs = _diff(client, path)
-        return EXIT_FOUND if exit_code and differs else 0
+        found = client.diff_script(path)
+    show(found, as_json, lambda: _show_diff(found))
+    return EXIT_FOUND if exit_code and (found.changes or found.conditions) else 0
 
 
-def _diff(client: "Client", path: str) -> bool:
-    found = client.diff_script(path)
+def _show_diff(found: "ScriptDiff") -> None:
     show_changes([*found.changes, *found.conditions])
     _warn(found.warnings, found.unknown)
     names = len({change.name for change in found.changes})
@@ -205,7 +200,6 @@ def _diff(client: "Client", path: str) -> bool:
     told = [many(names, "element")] * bool(names)
     told += [f"{others} of derived signals, limits, triggers"] * bool(others)
     click.echo(f"{found.path}: {' and '.join(told)} would change" if told else f"{found.path}: no difference")
-    return bool(told)
 
 
 def _warn(warnings: Sequence[str], unknown: Sequence[str] = ()) -> None:
