@@ -101,7 +101,7 @@ async def test_escape_leaves_a_key_as_it_was_and_it_is_changed_by_pressing_it(fa
         await screen.press("e")
         await screen.shows("e is edit (Edit) already (table)")
         await screen.press("f")
-        await screen.shows("(yours; was /)")
+        await screen.shows("(yours; / no longer)")
         await screen.press("w", "escape", "escape")
         assert read_file()[0].keys == {"filter": "f"}
         await screen.until(lambda: "f Filter" in screen.text)
@@ -273,3 +273,17 @@ async def test_enter_after_an_arrow_keeps_what_the_arrow_chose(fake, opened):
         assert screen.app.context.settings.theme == "light"
         await screen.press("down", "up", "enter")
         await screen.until(lambda: screen.app.context.settings.theme == "contrast", "the next one")
+
+
+@pytest.mark.parametrize(
+    ("command", "key", "told"),
+    [
+        ("sort", "f12", "F12, v o  (yours; o no longer)"),  # its place in a menu stays
+        ("list_order", "v x", "v x  (yours; o, v o no longer)"),
+        ("inspector", "f12", "F12, v i  (yours)"),
+    ],
+)
+def test_the_line_of_a_key_says_all_that_it_is_now_and_which_no_longer(command, key, told):
+    settings = Settings(keymap="two-layer", keys={command: key})
+    line = row_text(SettingRow(f"key {command}", command=command), settings, Settings(), width=None)
+    assert f" {told}" in line.plain

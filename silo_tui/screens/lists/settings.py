@@ -56,16 +56,18 @@ def row_text(row: SettingRow, settings: Settings, saved: Settings, *, width: int
         line = Text(f" {'*' if is_new else ' '}{option.name:<{NAMES}} ")
         return _values(line, option, getattr(settings, option.name), width)
     if row.command:
-        command = msgspec.structs.replace(BY_ID[row.command], keys=keys_in(settings.keymap, row.command))
-        own = row.command in settings.keys
+        command, own = BY_ID[row.command], row.command in settings.keys
         is_new = settings.keys.get(row.command) != saved.keys.get(row.command)
         line = Text(f" {'*' if is_new else ' '}{'key ' + row.command:<{NAMES}} ")
-        now = (
-            msgspec.structs.replace(command, keys=settings.keys[row.command]) if own else with_keys(BY_ID[row.command])
-        )
-        line.append(now.key_text, style="bold")  # that of another screen, where the user gave the same there one
+        now = with_keys(command)  # that of another screen, where the user gave the same there one
         if own:
-            line.append(f"  (yours; was {command.key_text})")
+            keys = keys_in(settings.keymap, row.command, settings.keys)
+            now = msgspec.structs.replace(command, keys=keys)
+        line.append(now.key_text, style="bold")
+        if own:
+            before = keys_in(settings.keymap, row.command).split(",")
+            gone = ", ".join(key_text(each) for each in before if each not in keys.split(","))
+            line.append(f"  (yours; {gone} no longer)" if gone else "  (yours)")
         at = f" ({places})" if (places := places_of([command])) else ""
         line.append(f"  {command.label}{at}" + (f": {command.help}" if command.help != command.label else ""))
         return line
