@@ -361,8 +361,10 @@ class TableScreen(ElementsScreen):
             self.say(f"{self.table.field.label}: {and_more(now, 3)}; {key_of('edit')} edits it")
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
-        """Return what applies edits too, where a mode would leave it out."""
+        """Return what applies edits too, where a mode would leave it out; what starts a dead demo again."""
         keys, apply = super().mode_keys(), BY_ID["apply"]
+        if self.session.dead and self.context.has_demo():
+            return (("loggers", f"{key_of('demo')} Demo again"), *keys)
         return (*keys, (apply.id, label)) if keys and (label := self.label_now(apply)) else keys
 
     def label_now(self, command: Command) -> str:
