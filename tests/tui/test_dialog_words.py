@@ -22,7 +22,9 @@ from silo_tui.screens.dialogs.questions import (
     LARGEST,
     MAX_GROUPS,
     MAX_LINES,
+    Choice,
     OrderDialog,
+    Question,
     cost_text,
     diff_text,
     groups_text,
@@ -323,3 +325,9 @@ def test_a_save_that_failed_stands_as_such_however_often_it_is_said(monkeypatch,
     dialog._result("no room", failed=failed)
     dialog.tell(words, "quiet")
     assert told == [("no room", "failed" if failed else ""), (words, style)]
+
+
+def test_what_enter_does_stands_in_the_bar_from_the_first_moment_on():
+    choices = [Choice("", "Keep recording"), Choice("a", "Stop a: 2 parts", "y")]
+    assert Question("Stop?", "", choices).KEYS_HERE.startswith("Enter Keep recording  ")
+    assert Question("Stop?", "", choices, begin="a").KEYS_HERE.startswith("Enter Stop a  ")

@@ -97,6 +97,8 @@ class Question(Dialog[str | None]):
         self.loses = any(choice.loses for choice in choices)
         self._about, self._newer = about, newer
         self.told = ""  # the choice that more is told of
+        if choices:
+            self.KEYS_HERE = self._keys(self._begin)
 
     def compose(self) -> ComposeResult:
         tall = self._about is not None
@@ -193,10 +195,13 @@ class Question(Dialog[str | None]):
         if self._about is not None:
             run_alone(self, "about", self._tell, str(event.option.id), self._about)
 
+    def _keys(self, at: int) -> str:
+        return f"Enter {_begin_of(self._choices[at].label)}  {MOVES}"
+
     def _show_keys(self, before: str = "") -> None:
         """Show what the keys do here; `before` is what the one did that was pressed."""
         at = self.query_one(OptionList).highlighted or 0
-        self.KEYS_HERE = f"{before}Enter {_begin_of(self._choices[at].label)}  {MOVES}"
+        self.KEYS_HERE = before + self._keys(at)
         if (screen := cast(Any, self.app).context.upper_screen) is not None:
             screen.show_keys_above()
 
