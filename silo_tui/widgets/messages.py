@@ -161,7 +161,7 @@ class InfoLine(MessageLine):
         if fields:
             way = f" ({key_of('apply')} to apply)"
             parts.append(
-                LinePart(STAYS, f"{fields} pending in {many(elements, 'row')}{way}", "", (f"{fields} pending",))
+                LinePart(STAYS, f"{fields} pending in {many(elements, 'element')}{way}", "", (f"{fields} pending",))
             )
         if conflicts := int(session.table.conflicts.sum()):
             parts.append(LinePart(0, f"! {many(conflicts, 'conflict')}"))

@@ -531,7 +531,7 @@ def test_a_table_says_how_much_of_it_there_is(said):
     [
         (lambda rows, table: rows.set_filter("torque"), "/torque: 12 of 72"),
         (lambda rows, table: rows.marked.__setitem__(slice(0, 3), True), "3 marked │ v u unmarks"),
-        (lambda rows, table: table.edit([0, 1], Field.DIVIDER, 5), "2 pending in 2 rows (a to apply)"),
+        (lambda rows, table: table.edit([0, 1], Field.DIVIDER, 5), "2 pending in 2 elements (a to apply)"),
         (lambda rows, table: setattr(rows, "sort", "div"), "by div ↓; o l: by name"),
     ],
 )

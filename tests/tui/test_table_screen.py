@@ -79,7 +79,7 @@ async def test_t_switches_logging_off_as_a_pending_edit_space_marks_and_quit_ask
     async with opened(fake) as screen:
         await screen.do("toggle")
         assert screen.value(FIRST, Field.ENABLED) == "off"
-        await screen.shows("1 pending in 1 row (a to apply)")
+        await screen.shows("1 pending in 1 element (a to apply)")
         assert fake.calls == []
         await screen.press("space", "space")
         assert (screen.session.rows.marked_count, screen.session.rows.position) == (2, 2)
