@@ -13,7 +13,7 @@ from silo.core.arrays.columns import HOLE_TEXTS, Gap
 from silo.core.names import did_you_mean, glob_of_regex, nearest
 from silo.core.quantities.writing import and_more, many
 from silo.rpc.frames import Frame
-from silo_tui.actions import BY_ID, Command, commands_for, key_of
+from silo_tui.actions import BY_ID, Command, commands_for, key_of, with_keys
 from silo_tui.context import SiloScreen
 from silo_tui.modal import ask
 from silo_tui.model.drawing.braille import SHADE
@@ -460,11 +460,14 @@ class ElementsScreen(SiloScreen):
             return (*into, ("back", "Close"))
         if not rows.filter.text:
             return into
-        plot = next(BY_ID[each] for each in ("monitor", "plot") if self.scope in BY_ID[each].scopes)
-        all_shown = [("mark_shown", "Mark all")] if len(rows.shown) else []
-        then = [(plot.id, self.label_now(plot))] if rows.marked_count else all_shown
+        plot = next(each for each in ("monitor", "plot") if self.scope in BY_ID[each].scopes)
+        then = [plot] if rows.marked_count else ["mark_shown"] if len(rows.shown) else []
+        if then and not self.session.table.pending_count[0]:  # what edits ask for needs the room
+            then += ["mark", plot, *(["menu_view"] if with_keys(BY_ID["menu_view"]).keys else [])]
+        called = {"mark_shown": "Mark all", "menu_view": "View"}
+        each_once = [(each, called.get(each) or self.label_now(BY_ID[each])) for each in dict.fromkeys(then)]
         back = f"Back to {cut(before, BEFORE_ROOM)}" if (before := self.filter_before) else "No filter"
-        return (*into, ("filter", "Filter"), ("back", back), *then)
+        return (*into, ("filter", "Filter"), ("back", back), *each_once)
 
     def command_back(self) -> None:
         """Leave the inspector that was asked for, the range, the filter, the marks, the tour; never pending edits."""

@@ -139,7 +139,7 @@ class StatusBar(FittingLine):
         if self.mode:
             initials = " ".join(some.split()[0] for some in self.mode.split("  ") if some.strip())
             shorter = tuple(f" {words} " for words in (self.mode.partition(",")[0], initials) if words)
-            parts += [LinePart(0, "  "), LinePart(11, f" {self.mode} ", "reverse", shorter)]
+            parts += [LinePart(0, "  "), LinePart(9, f" {self.mode} ", "reverse", shorter)]
         if lost := session.lost_total:
             add(0, f"  lost {text.count(lost)}", bold(variables, "alarm"))
         elif session.fresh:  # of a dead program nobody knows what it would have logged

@@ -205,10 +205,10 @@ def test_since_when_is_told_in_whole_units(seconds, words):
     ("width", "line"),
     [
         (100, f"{RUNS[:-8]}   paused, 3 s ago  y held   lost 0{RATE}"),
-        (54, "silo robot  ● RUNNING 00:12   paused, 3 s ago  y held "),
-        (48, "silo robot  ● RUNNING   paused, 3 s ago  y held "),
-        (36, "silo robot  ● RUNNING   paused "),
-        (25, "robot  ● RUNNING   paused, y "),
+        (54, "silo robot  ● RUNNING 00:12   paused   lost 0"),
+        (42, "silo robot  ● RUNNING 00:12   paused, y "),
+        (36, "silo robot  ● RUNNING   paused, y "),
+        (28, "robot  ● RUNNING   paused, y "),
     ],
 )
 def test_a_mode_stands_behind_the_state_and_is_shortened_before_it_goes(width, line, desk):
@@ -283,7 +283,7 @@ def test_words_of_alarms_and_triggers_give_way_before_the_name_of_the_logger_and
     desk.session.triggers = [TriggerStatus(TriggerOptions("fall", "x > 1"), TriggerWord.FIRING)]
     desk.session.measured_hz = 200.0
     assert head(desk, 91) == at_end(f"{RUNS}  200.0 Hz slow", "1 alarm ended unseen  FIRES", 91)
-    assert head(desk, 77) == at_end(f"{RUNS[:-8]}  200.0 Hz slow", "1 alarm unseen  FIRES", 77)
+    assert head(desk, 77) == at_end(f"{RUNS[:-8]}  200.0 Hz slow", "1 ended unseen  FIRES", 77)
 
 
 def test_a_thin_link_is_told_at_the_end_with_as_much_as_has_room(desk, monkeypatch):

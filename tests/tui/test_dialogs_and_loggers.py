@@ -713,11 +713,14 @@ async def test_while_the_demo_starts_the_cursor_is_on_no_logger_of_others(fake, 
         await screen.shows("What is listed runs already, and is another one.")
         lister = screen.app.screen
         assert (lister.lines.highlighted, lister.chosen) == (None, None)
+        offered = screen.text.splitlines()[-1]
+        assert not any(key in offered for key in ("Enter", "Start/Stop", "Save", "Mark")), offered
         await screen.press("enter", "S")
         await screen.settled()
         assert screen.app.screen is lister and not fake.calls
         await screen.press("j")  # who wants one of them goes there
         await screen.until(lambda: lister.chosen is not None)
+        await screen.until(lambda: "Enter" in screen.text.splitlines()[-1])
 
 
 async def test_while_the_demo_starts_nobody_is_told_that_no_logger_runs(opened):

@@ -400,7 +400,7 @@ async def test_the_bar_has_room_for_what_commands_the_logger_and_says_what_waits
 async def test_with_a_filter_the_bar_has_what_one_does_next_with_them(fake, opened):
     async with opened(fake.run()) as screen:
         await screen.do("filter", "b", "enter")
-        assert bar(screen).startswith(" / Filter Esc No filter * Mark all ")
+        assert bar(screen).startswith(" / Filter Esc No filter * Mark all space Mark m Plot v View ")
         await screen.do("toggle")
         assert "* Mark all a Apply 1 " in bar(screen) and "u Undo" in bar(screen)
         await screen.do("mark_shown")

@@ -170,12 +170,12 @@ def head_words(
     alarm: tuple[str, ...] = ()
     if worst is not None:
         now = f"{many(len(over), 'alarm')} ({limit_word(worst)})"
-        more = [f", {missed} {how}" for how in ("unseen", "ended")] if missed else []
+        more = [f", {missed} ended"] if missed else []
         ended = f", {missed} ended unseen" if missed else ""
         words = (f"{now}{seen}{ended}", *(now + each for each in more), now, f"{limit_word(worst)} {len(over)}")
         alarm = tuple(dict.fromkeys(words))
     elif missed:
-        alarm = (f"{many(missed, 'alarm')} ended unseen", f"{many(missed, 'alarm')} unseen")
+        alarm = (f"{many(missed, 'alarm')} ended unseen", f"{missed} ended unseen")
     return alarm, worst in (LimitWord.RED_HIGH, LimitWord.RED_LOW), watching
 
 

@@ -212,9 +212,9 @@ class ListScreen(SiloScreen, Generic[LineT]):
         return "no line is here" if self._lacks_a_line(BY_ID[command_id]) else super().why_not_now(command_id)
 
     def _lacks_a_line(self, command: Command) -> bool:
-        """Whether a command is about lines, and there is none."""
+        """Whether a command is about lines, and there is none, or the cursor is on none."""
         about = TWO_LAYERS.get(command.id, "").split(",")[0] in OF_A_LINE or command.id in OF_LINES
-        return not self.shown and (about or command.does == "many") and self.scope in command.scopes
+        return self.chosen is None and (about or command.does == "many") and self.scope in command.scopes
 
     def _row(self, place: int) -> Text:
         line, key = self.row_of(self.shown[place], self.size.width), self.shown_keys[place]

@@ -97,7 +97,7 @@ class LoggersScreen(ListScreen[FoundLogger]):
 
     def label_now(self, command: Command) -> str:
         """Return it; all of the menu of edits is about loggers."""
-        return "" if command.id == "menu_edit" and not self.shown else super().label_now(command)
+        return "" if command.id == "menu_edit" and self.chosen is None else super().label_now(command)
 
     def key_of(self, one: FoundLogger) -> str:
         return one.key
