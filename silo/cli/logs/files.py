@@ -296,8 +296,7 @@ def diff_command(
         click.echo(f"equal{partly}: {many(a.entry_count, 'signal')}, {many(len(a.time_ns), 'tick')}")
     for path, recording in zip(paths, (a, b), strict=True):
         _warn(path, recording)
-    if not equal:
-        raise SystemExit(EXIT_FOUND)
+    _end(not equal)
 
 
 @click.command("compare")
@@ -354,10 +353,7 @@ def compare_command(
         _warn(path, recording)
     if png is not None and found.rows:
         click.echo(found.plot(path=png), err=as_json)
-    if found:
-        raise SystemExit(EXIT_FOUND)
-    if found.blind:
-        raise SystemExit(EXIT_BLIND)
+    _end(bool(found), found.blind)
 
 
 def _compare_many(
@@ -381,10 +377,7 @@ def _compare_many(
         worst = found[0][1].rows[0]
         others = [row.b for _, one in found for row in one.rows if row.name == worst.name]
         click.echo(worst.a.plot(*others, path=png, title=worst.name), err=as_json)
-    if any(one for _, one in found):
-        raise SystemExit(EXIT_FOUND)
-    if any(one.blind for _, one in found):
-        raise SystemExit(EXIT_BLIND)
+    _end(any(one for _, one in found), any(one.blind for _, one in found))
 
 
 @click.command("plot")
@@ -505,6 +498,12 @@ def _warn(path: Path, recording: "Recording") -> None:
 
     for warning in filter(None, (*recording.warnings, alone_of(path, recording))):
         click.echo(f"warning: {warning}", err=True)
+
+
+def _end(differs: bool, blind: bool = False) -> None:
+    """End with the code for what was found."""
+    if code := EXIT_FOUND if differs else EXIT_BLIND if blind else 0:
+        raise SystemExit(code)
 
 
 def _columns() -> int:
