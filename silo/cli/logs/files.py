@@ -419,7 +419,6 @@ def plot_command(
       silo plot run.silo imu/accel --spectrum --png accel.png
     """
     from silo.analysis.plots.charts import ChartSpec, make_chart
-    from silo.analysis.plots.drawing import draw_png
 
     if derivative and spectrum:
         raise click.UsageError("choose one of --derivative and --spectrum")
@@ -430,13 +429,7 @@ def plot_command(
     transform = "derivative" if derivative else "spectrum" if spectrum else ""
     spec = ChartSpec(patterns, right, x_pattern, transform, start, stop)
     chart, left_out = make_chart(recording, spec, title=path.name)
-    if png is not None:
-        draw_png(chart, png)
-        click.echo(str(png))
-    else:
-        size = shutil.get_terminal_size((80, 24))
-        # room for the prompt
-        print_chart(chart, width or size.columns, height or size.lines - 2)
+    draw([chart], png, width, height, 2)
     if left_out:
         click.echo(
             f"not drawn: {many(left_out, 'more signal')} of these patterns, behind the first {spec.most}", err=True
@@ -510,10 +503,17 @@ def _columns() -> int:
     return shutil.get_terminal_size((100, 24)).columns
 
 
-def print_chart(chart: "Chart", width: int, height: int) -> None:
-    """Print a chart, on a terminal that knows them in colours."""
-    from silo.analysis.plots.drawing import draw_text
+def draw(charts: "Sequence[Chart]", png: Path | None, width: int | None, height: int | None, besides: int) -> None:
+    """Draw charts to a picture, or print them, on a terminal that knows them in colours; `besides` lines are to fit."""
+    from silo.analysis.plots.drawing import draw_png, draw_text
 
+    if png is not None:
+        draw_png(charts, png)
+        click.echo(str(png))
+        return
+    size = shutil.get_terminal_size((80, 24))
+    rows = (height or size.lines - besides) // len(charts)
     terminal = sys.stdout is not None and sys.stdout.isatty()  # None where the shell closed it
     color = terminal and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
-    click.echo(draw_text(chart, width, height, color=color), file=drawing(sys.stdout))
+    for chart in charts:
+        click.echo(draw_text(chart, width or size.columns, rows, color=color), file=drawing(sys.stdout))

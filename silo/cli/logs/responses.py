@@ -1,7 +1,6 @@
 """`silo bode` and `silo step`: how one signal of a log answers to another."""
 
 import contextlib
-import shutil
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ from silo.cli.logs.files import (
     _complete_signal,
     _read,
     _warn,
-    print_chart,
+    draw,
     size_options,
     whole_option,
     window_options,
@@ -126,19 +125,10 @@ def _show(
     height: int | None,
     as_json: bool,
 ) -> None:
-    from silo.analysis.plots.drawing import draw_png
-
     if as_json:
         facts = {**found._asdict(), **({"excitation": of} if of else {})}.items()
         show_json({name: value.tolist() if hasattr(value, "tolist") else value for name, value in facts})
         return
-    size = shutil.get_terminal_size((80, 24))
-    rows = (height or size.lines - 4) // len(charts)
-    if png is not None:
-        draw_png(charts, png)
-        words = [str(png), *words]
-    else:
-        for chart in charts:
-            print_chart(chart, width or size.columns, rows)
+    draw(charts, png, width, height, 4)
     for line in words:
         click.echo(line)
