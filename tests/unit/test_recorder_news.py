@@ -6,13 +6,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from silo.core.elements import RecorderState
+from silo.core.elements import BufferType, RecorderState
 from silo.recorder import recorder
 from silo.recorder.orders import News, Progress, Report
 from silo.recorder.recorder import Recorder
 from silo.recorder.requests import StopRecorder
 from silo.recorder.ring_cursor import RingCursor
 from silo.recorder.server import EndlessRecordings
+from silo.segment.layout import RingSchema
 
 
 def test_of_a_disk_that_is_too_slow_for_ever_only_losses_are_left_out():
@@ -104,10 +105,10 @@ def test_who_stops_a_recording_that_had_ended_by_itself_is_told_why(state, why):
 
 @pytest.mark.parametrize(("ticks", "read", "done"), [(7, 3, False), (7, 4, True), (6, 3, True), (6, 2, False)])
 def test_a_run_is_read_to_its_end_once_the_row_of_its_last_tick_is(ticks, read, done):
-    schema = SimpleNamespace(rings=[SimpleNamespace(divider=1), SimpleNamespace(divider=2)])
+    ring = RingSchema(1, 2, BufferType.LOOPING, 9, 1, 0)
     of = SimpleNamespace(
         is_over=lambda: True, reader=SimpleNamespace(ticks=ticks, head=lambda _: 9), cursors={1: read},
-        layout=SimpleNamespace(schema=schema, rings=[1]),
+        layout=SimpleNamespace(rings={1: ring}),
     )  # fmt: skip
     assert RingCursor.done(of) is done
     of.is_over = lambda: False
