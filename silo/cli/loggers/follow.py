@@ -140,13 +140,9 @@ def _tell_changes(fleet: "Fleet", pattern: str, *, as_json: bool) -> None:
     while True:
         found = fleet.wait(number, 3600.0)
         number, now_s = found.number, time.monotonic()
-        for name, why in found.unreachable.items():
-            if told.get(name) != why and not as_json:
-                click.echo(f"{wall_clock(time.time_ns())}  {unreachable_text(name, why)}")
+        lines = [unreachable_text(name, why) for name, why in found.unreachable.items() if told.get(name) != why]
         told = dict(found.unreachable)
-        for router in found.routers:
-            if router.denied > refused.get(router.host, 0) and not as_json:
-                click.echo(printable(f"{wall_clock(time.time_ns())}  {router.words}"))
+        lines += [printable(one.words) for one in found.routers if one.denied > refused.get(one.host, 0)]
         refused = {router.host: router.denied for router in found.routers}
         chosen = meant(found, pattern)
         news = list(changed(found, chosen, known))
@@ -154,8 +150,8 @@ def _tell_changes(fleet: "Fleet", pattern: str, *, as_json: bool) -> None:
             for name, one in news:
                 show_json(_object(name, one, now_s))
         else:
-            for line in told_lines(news, chosen, now_s, time.time_ns()):
-                click.echo(printable(f"{wall_clock(time.time_ns())}  {line}"))
+            for line in [*lines, *map(printable, told_lines(news, chosen, now_s, time.time_ns()))]:
+                click.echo(f"{wall_clock(time.time_ns())}  {line}")
         print(end="", flush=True)
 
 
