@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.common import complete_words, connect, json_option, show_json, show_rows, split_logger
+from silo.cli.common import complete_words, connect, json_option, show, show_json, show_rows, split_logger
 from silo.core.quantities.writing import count, duration_text, many, size_text
 
 if TYPE_CHECKING:
@@ -49,7 +49,9 @@ def record(
         raise click.UsageError(f"write `silo record --{_OPTIONS[word]}`; nothing is recorded")
     logger, patterns = split_logger(words, or_pattern=True)
     if only_list:
-        _list(logger, as_json)
+        with connect(logger) as client:
+            infos = client.recorders()
+        show(infos, as_json, lambda: _show(infos))
     elif stop_name is not None:
         with connect(logger) as client:
             click.echo(client.stop_recorder(stop_name))
@@ -67,12 +69,7 @@ def record(
             click.echo(started.text, err=True)
 
 
-def _list(logger: str | None, as_json: bool) -> None:
-    with connect(logger) as client:
-        infos = client.recorders()
-    if as_json:
-        show_json(infos)
-        return
+def _show(infos: "list[RecorderInfo]") -> None:
     if not infos:
         click.echo("nothing is being recorded; `silo record` begins it")
         return
