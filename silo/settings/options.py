@@ -46,13 +46,12 @@ class ElementOption(msgspec.Struct, frozen=True):
     """One field of `ElementOptions`: `keys` may stand before the `=` (the first is shown), `words` are its values.
 
     The first of the words is the most wanted one: keys of `silo-tui` step through them in this order. An option without
-    words is a number; `examples` shows what else may be typed for it, `units` which units it takes. `head` is the title
-    of its column. In a script it stands under the key `script`, or in the group of that key: `buffer.type`; what is
-    `late` stands there behind those that are not.
+    words is a number; `examples` shows what else may be typed for it, `units` which units it takes. In a script
+    it stands under the key `script`, or in the group of that key: `buffer.type`; what is `late` stands there behind
+    those that are not.
     """
 
     name: str
-    head: str
     keys: tuple[str, ...]
     meaning: str
     words: tuple[OptionWord, ...] = ()
@@ -116,18 +115,18 @@ WIRE_NAMES = {field.name: field.encode_name for field in msgspec.structs.fields(
 # in the order of the fields of `ElementOptions`
 OPTIONS = (
     ElementOption(
-        "enabled", "on", ("enabled", "on", "log", "logging"), "log it or not",
+        "enabled", ("enabled", "on", "log", "logging"), "log it or not",
         (
             OptionWord(True, "on", "on", "log it", ("yes", "y", "true", "x")),
             OptionWord(False, "off", "off", "leave it out", ("no", "n", "false")),
         ),
     ),
     ElementOption(
-        "divider", "div", ("divider", "div"), "every fifth tick", units=("Hz",),
+        "divider", ("divider", "div"), "every fifth tick", units=("Hz",),
         examples=("5", "50Hz", "*2", "/2", "+1"), absolute=("50Hz",),
     ),
     ElementOption(
-        "action", "act", ("action", "act"), "what becomes of the samples",
+        "action", ("action", "act"), "what becomes of the samples",
         (
             OptionWord(Action.SAVE, "save", "save", "into files"),
             OptionWord(Action.SAVE_AND_PUBLISH, "both", "save+pub", "", ("save+publish",), "save and publish"),
@@ -136,7 +135,7 @@ OPTIONS = (
         late=True,
     ),
     ElementOption(
-        "buffer", "buf", ("buffer", "buf"), "which samples are kept",
+        "buffer", ("buffer", "buf"), "which samples are kept",
         (
             OptionWord(BufferType.LOOPING, "looping", "loop", "the newest samples"),
             OptionWord(BufferType.FIXED, "fixed", "fix", "the first samples"),
@@ -145,7 +144,7 @@ OPTIONS = (
         script="buffer.type",
     ),
     ElementOption(
-        "size", "size", ("size",), "samples, or a time", units=("s",),
+        "size", ("size",), "samples, or a time", units=("s",),
         examples=("1000", "10k", "10s", "*2", "/2", "+10"), absolute=("10k", "10s"), script="buffer.size",
     ),
 )  # fmt: skip
