@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.conditions.standing import LimitStatus, TriggerStatus
-from silo.core.arrays.columns import MAX_COLUMNS, ColumnStore, HistoryColumns
+from silo.core.arrays.columns import MAX_COLUMNS, ColumnStore, HistoryColumns, grid_of
 from silo.core.conditions import TriggerOptions, new_trigger
 from silo.core.elements import ElementInfo, LoggedEvent, SavedFile, State, Status
 from silo.core.episodes.words import next_marks
@@ -512,7 +512,8 @@ class Session:
         if frame.column_ns == self.columns.column_ns:  # else it is of the view before
             if frame.since_ns:
                 self.columns.live_since_ns = frame.since_ns
-            self.columns.merge(frame.plots, frame.first, frame.low, frame.high, frame.marks, frame.bases)
+            came = grid_of(frame.first, frame.low, frame.high, frame.marks, frame.bases)
+            self.columns.merge(frame.plots, came)
         return frame
 
     def take_values(self, frame: Frame) -> None:

@@ -5,7 +5,7 @@ import pytest
 
 import silo
 from silo.client.client import Client
-from silo.core.arrays.columns import ColumnGrid, ColumnStore, Gap, NonFinite, holes_of
+from silo.core.arrays.columns import ColumnGrid, ColumnStore, Gap, NonFinite, grid_of, holes_of
 from silo.core.elements import BufferType, Edit, ElementOptions
 from silo.history.requests import GetHistory
 from silo.history.server import _fill
@@ -77,7 +77,7 @@ def test_columns_of_a_counter_near_2_62_are_exact(odd, until, source):
 
         def follow():
             if (frame := view.frame()) is not None:
-                store.merge(frame.plots, frame.first, frame.low, frame.high, frame.marks, frame.bases)
+                store.merge(frame.plots, grid_of(frame.first, frame.low, frame.high, frame.marks, frame.bases))
             return frame is not None and frame.tick == 30
 
         until(follow)

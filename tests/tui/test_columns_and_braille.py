@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo.core.arrays.columns import ColumnStore
+from silo.core.arrays.columns import ColumnStore, grid_of
 from silo_tui.model.drawing import braille
 from silo_tui.model.drawing.dots import BLANK
 from silo_tui.model.drawing.plots import hold
@@ -17,7 +17,7 @@ values = st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, ma
 def store(*pieces, count=8):
     found = ColumnStore(["a"], count, 100)
     for first, low, high in pieces:
-        found.merge(["a"], first, np.array([low], float), np.array([high], float))
+        found.merge(["a"], grid_of(first, np.array([low], float), np.array([high], float)))
     return found
 
 
@@ -42,9 +42,9 @@ def test_pieces_may_come_in_any_order(pieces):
     for each in (one, other):
         each.advance_to(max(ends, 1))
     for first, low, high in pieces:
-        one.merge(["a"], first, np.array([low]), np.array([high]))
+        one.merge(["a"], grid_of(first, np.array([low]), np.array([high])))
     for first, low, high in reversed(pieces):
-        other.merge(["a"], first, np.array([low]), np.array([high]))
+        other.merge(["a"], grid_of(first, np.array([low]), np.array([high])))
     assert np.array_equal(one.low, other.low, equal_nan=True)
     assert np.array_equal(one.high, other.high, equal_nan=True)
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.color import ColorSystem
 
-from silo.core.arrays.columns import ColumnPiece, ColumnStore
+from silo.core.arrays.columns import ColumnPiece, ColumnStore, grid_of
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo_tui.model.drawing import axes, braille, dots, lanes
 from silo_tui.model.drawing.plots import Plotted, draw_panel, together
@@ -239,7 +239,7 @@ def store_of(**signals):
     store = ColumnStore([f"/{name}" for name in signals], count, 10)
     store.advance_to(count)
     values = np.array(list(signals.values()), float)
-    store.merge(store.names, 0, values, values)
+    store.merge(store.names, grid_of(0, values, values))
     return store
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from silo.core.arrays.columns import ColumnStore, Gap, hole_mark
+from silo.core.arrays.columns import ColumnStore, Gap, grid_of, hole_mark
 from silo.core.elements import Table
 from silo_tui.model.drawing import braille
 from silo_tui.model.drawing.plots import HOLD, hold_piece, trends
@@ -33,7 +33,7 @@ def test_trends_drawn_together_are_those_drawn_one_by_one(values, filled, marks,
     store = ColumnStore(names, 2 * WIDTH, 1)
     low = values.copy()
     low[:, : 2 * WIDTH - filled] = np.nan
-    store.merge(names, 0, low, low + 0.25, marks * marked)
+    store.merge(names, grid_of(0, low, low + 0.25, marks * marked))
     expected = [one_trend(hold_piece(store.piece(name, store.end, 2 * WIDTH), HOLD)) for name in names]
     assert trends(store, names, WIDTH) == expected
 
@@ -49,7 +49,7 @@ def test_a_signal_with_nan_keeps_its_mark_among_others():
     low = np.vstack([np.arange(20.0), np.arange(20.0)])
     marks = np.zeros((2, 20), np.uint8)
     marks[1, 9] = 1
-    store.merge(["/a", "/b"], 0, low, low, marks)
+    store.merge(["/a", "/b"], grid_of(0, low, low, marks))
     plain, marked = trends(store, ["/a", "/b"], 10)
     assert "×" in marked
     assert "×" not in plain
@@ -69,7 +69,7 @@ def test_time_without_samples_is_shaded_between_two_and_not_before_the_first():
 @pytest.mark.parametrize("width", [0, 5, 80])
 def test_trends_have_their_width_whatever_is_stored(width):
     store = ColumnStore(["/a"], 20, 1)
-    store.merge(["/a"], 0, np.ones((1, 20)), np.ones((1, 20)))
+    store.merge(["/a"], grid_of(0, np.ones((1, 20)), np.ones((1, 20))))
     assert [len(line) for line in trends(store, ["/a", "/not there"], width)] == [width, width]
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from silo.core.arrays.columns import HOLE_TEXTS, ColumnGrid, ColumnStore, Gap, NonFinite, bins_of, hole_mark
+from silo.core.arrays.columns import HOLE_TEXTS, ColumnGrid, ColumnStore, Gap, NonFinite, bins_of, grid_of, hole_mark
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo_tui.model.drawing import braille
 from silo_tui.model.drawing.dots import BLANK
@@ -36,7 +36,7 @@ def store_of(times, values, count=COLUMNS):
     store.advance_to(count)
     grid = ColumnGrid(1, 0, count)
     grid.add(0, bins_of(np.asarray(times, np.int64), 10), values)
-    store.merge(["/a"], 0, grid.low, grid.high, grid.marks, dict(enumerate(grid.bases)))
+    store.merge(["/a"], grid)
     return store
 
 
@@ -187,7 +187,7 @@ def with_hole(hole, start, stop, width=40):
     times = [10 * column for column in range(2 * width) if not start <= column < stop]
     grid.add(0, bins_of(np.array(times), 10), np.zeros(len(times)))
     grid.add_hole(0, 0, 2 * width, hole)
-    store.merge(["/a"], 0, grid.low, grid.high, grid.marks)
+    store.merge(["/a"], grid_of(0, grid.low, grid.high, grid.marks))
     return draw(store, PlotWindow(), plotted(), width, HEIGHT, 1)
 
 

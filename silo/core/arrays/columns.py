@@ -301,26 +301,17 @@ class ColumnStore(ColumnGrid):
             array[:, max(0, self.count - step) :] = nothing
         self.first += step
 
-    def merge(
-        self,
-        names: Sequence[str],
-        first: int,
-        low: Floats,
-        high: Floats,
-        marks: Marks | None = None,
-        bases: Mapping[int, int] | None = None,
-    ) -> None:
-        """Lay columns `first ...` of some entries over what is there; arrays of shape `(len(names), k)`."""
-        width = low.shape[1] if low.ndim == 2 else 0
-        if not width:
+    def merge(self, names: Sequence[str], grid: ColumnGrid) -> None:
+        """Lay columns of some entries over what is there; `names` are those of its rows."""
+        if not grid.count:
             return
-        self.advance_to(first + width)
+        self.advance_to(grid.first + grid.count)
         known = [(row, theirs) for theirs, name in enumerate(names) if (row := self.row(name)) is not None]
-        self.lay([mine for mine, _ in known], grid_of(first, low, high, marks, bases), [theirs for _, theirs in known])
+        self.lay([mine for mine, _ in known], grid, [theirs for _, theirs in known])
 
     def take(self, past: HistoryColumns) -> None:
         """Lay a history over what is there; it must be of this grid."""
-        self.merge(past.names, past.first, past.low, past.high, past.marks, past.bases)
+        self.merge(past.names, grid_of(past.first, past.low, past.high, past.marks, past.bases))
         self.past_until_ns = past.until_ns
 
     def stretch(self, until_ns: int | None) -> HistoryColumns:
@@ -344,8 +335,7 @@ class ColumnStore(ColumnGrid):
     def adopt(self, other: "ColumnStore") -> None:
         """Take over what another store of the same grid has about the same entries."""
         if other.column_ns == self.column_ns and not other.empty:
-            bases = dict(enumerate(other.bases))
-            self.merge(other.names, other.first, other.low, other.high, other.marks, bases)
+            self.merge(other.names, other)
 
 
 MIN_COLUMN_NS = 1_000
