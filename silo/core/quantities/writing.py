@@ -79,8 +79,9 @@ def there_are(value: int, noun: str = "") -> str:
 
 
 def and_more(words: Sequence[str], most: int, sign: str = ", ") -> str:
-    """Return the first of several, and how many more there are: `q, dq and 3 more`."""
-    return sign.join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")
+    """Return the first of several, and how many more there are: `q, dq and 3 more`; of lines as the last of them."""
+    before = "\n" if sign == "\n" else " "
+    return sign.join(words[:most]) + (f"{before}and {len(words) - most} more" if len(words) > most else "")
 
 
 def idle_words(idle_s: float) -> str:

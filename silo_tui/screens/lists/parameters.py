@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 from rich.text import Text
 
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import and_more, many
 from silo.core.tuning.parameters import ParameterInfo, ParameterValue, range_text, value_text
 from silo.net.access.senders import short_words
 from silo.settings.presets import read_preset, typed_value, write_preset
@@ -159,8 +159,7 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
             self.say(same)
             return
         lines = [line for line, _ in differs.values()]
-        more = [f"and {len(lines) - MOST_TOLD} more"] if len(lines) > MOST_TOLD else []
-        body = "\n".join([*lines[:MOST_TOLD], *more])
+        body = and_more(lines, MOST_TOLD, "\n")
         self.context.run_flow(self._asked(title, body, {name: value for name, (_, value) in differs.items()}))
 
     async def _asked(self, title: str, body: str, values: dict[str, ParameterValue]) -> None:

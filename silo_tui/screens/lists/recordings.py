@@ -11,7 +11,7 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.widgets import Static
 
-from silo.core.quantities.writing import many, size_text
+from silo.core.quantities.writing import and_more, many, size_text
 from silo.errors import SiloError
 from silo.recordings.requests import Recordings, SavedRecording
 from silo_tui.actions import key_of
@@ -315,8 +315,7 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
         what = targets[0].stem if len(targets) == 1 else many(len(targets), "recording")
         where = f"{self.session.status.host}:{self.found.folder}" if self.found is not None else ""
         names = [f"{file.name}  {size_text(file.size_bytes)}" for one in targets for file in one.files]
-        more = [f"and {len(names) - 8} more"] if len(names) > 8 else []
-        body = "\n".join([f"From {where}, for good:", *names[:8], *more])
+        body = f"From {where}, for good:\n" + and_more(names, 8, "\n")
         keep = "Keep it" if len(targets) == 1 else "Keep them"
         if await confirmed(self.app, f"Delete {what}, {size}?", body, f"Delete {size}", keep):
             self.say("deleting …")
