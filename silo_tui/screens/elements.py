@@ -377,12 +377,12 @@ class ElementsScreen(SiloScreen):
     def sure_of_hidden(self, then: Callable[[], None], verb: str = "Change") -> None:
         """Ask first where what is marked is hidden: nobody sees what would be changed, or plotted."""
         rows = self.session.rows
-        hidden, count = rows.hidden_targets, len(rows.targets())
+        names = [self.session.short_name(rows.table.names[row]) for row in rows.hidden_targets()]
+        hidden, count = len(names), len(rows.targets())
         if not hidden:
             then()
             return
-        names = [self.session.short_name(rows.table.names[row]) for row in rows.targets() if row not in set(rows.shown)]
-        body = "Hidden by the filter:\n" + "\n".join(names[:8]) + (f"\nand {hidden - 8} more" if hidden > 8 else "")
+        body = "Hidden by the filter:\n" + and_more(names, 8, "\n")
         title = f"{hidden} of the {many(count, 'marked element')} are hidden. {verb} all {count}?"
         choices = [Choice("", "No"), Choice("all", f"All {count}", "y")]
         if count > hidden:
@@ -395,9 +395,7 @@ class ElementsScreen(SiloScreen):
 
         def answered(answer: str) -> None:
             if answer == "shown":
-                hide = rows.marked.copy()
-                hide[rows.shown] = False
-                rows.marked &= ~hide
+                rows.marked[rows.hidden_targets()] = False
             if answer == "here":
                 rows.clear_marks()
             self._marks_changed()

@@ -147,13 +147,14 @@ def test_marks_survive_a_filter_and_are_counted_as_hidden(rows):
     rows.set_filter("torque")
     rows.mark_shown()
     rows.set_filter("velocity")
-    assert (rows.marked_count, rows.hidden_marked, rows.hidden_targets) == (12, 12, 12)
+    assert (rows.marked_count, rows.hidden_marked, len(rows.hidden_targets())) == (12, 12, 12)
     rows.toggle_mark()
     assert (rows.marked_count, rows.hidden_marked) == (13, 12)
+    assert all("torque" in rows.table.names[row] for row in rows.hidden_targets())
     rows.toggle_mark()
     assert (rows.marked_count, rows.hidden_marked) == (12, 12)
     rows.begin_range()  # which is about what is shown
-    assert rows.hidden_targets == 0
+    assert not len(rows.hidden_targets())
 
 
 def test_marking_all_twice_unmarks(rows):

@@ -422,10 +422,11 @@ class RowList:
             return ""
         return f", not of {self.table.names[row].rpartition('/')[2]}"
 
-    @property
-    def hidden_targets(self) -> int:
-        """How many of the targets the filter hides."""
-        return self.hidden_marked if self.anchor is None and self.marked.any() else 0
+    def hidden_targets(self) -> Rows:
+        """Return targets that the filter hides: marked ones."""
+        targets = self.targets()
+        marked = self.anchor is None and self.marked.any()
+        return targets[~np.isin(targets, self.shown)] if marked else targets[:0]
 
     # -------------------------------------------------------------------------------------------------- inside
 

@@ -117,5 +117,5 @@ def complete(line: str, words: Sequence[str], choices: Sequence[str]) -> list[st
     head, last = rest.rpartition(" ")[0], rest.rpartition(" ")[2]
     before = f"{word} {head} " if head else f"{word} "
     begin_so = [choice for choice in choices if choice.startswith(last) and choice != last]
-    inside = [choice for choice in choices if last and f"/{last}" in choice and choice not in set(begin_so)]
+    inside = [choice for choice in choices if last and f"/{last}" in choice and not choice.startswith(last)]
     return [before + choice for choice in [*begin_so, *inside]]

@@ -179,7 +179,7 @@ async def open_capture(context: Context, session: Session, trigger: TriggerStatu
     def plotted(file: "FileSession") -> list[str]:
         names = [name for name in file.rows_of if file.rows_of[name].samples]
         known = named_in(trigger.options.when, file.table.elements, file.status.prefix)
-        named = [name for name in known if name in set(names)]
+        named = [name for name in known if name in names]
         return (named or names)[:MOST_PLOTS]
 
     await open_saved(context, session, files, plotted)

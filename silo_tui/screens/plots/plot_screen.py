@@ -52,7 +52,7 @@ class PlotScreen(SiloScreen):
         self._waiting: list[str] = []  # elements that are off, left out until they are on
         if any(source.is_live(name) for name in names):
             self._waiting = [name for name in names if not source.is_live(name)]
-        shown = [name for name in names if name not in set(self._waiting)]
+        shown = [name for name in names if name not in self._waiting]
         elements = [element for name in shown if (element := source.element(name)) is not None]
         self.window = PlotWindow() if self.file is None else self.file.window_of(names)
         self.stack = self.new_stack(plots_of(elements))
