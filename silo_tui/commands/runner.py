@@ -404,14 +404,15 @@ async def view_shown(context: Context, name: str) -> str:
 
 async def _near_limit_shown(context: Context) -> str:
     """Filter for what is near a limit, in the columns and order that are shown; leave the table where nothing is."""
-    session = context.session
+    session, key = context.session, context.key_in_table("limits_of_row")
     if not session.limits:
-        return f"no signal has limits: {context.key_in_table('limits_of_row')} sets some"
+        return f"no signal has limits: {key} sets some"
     passing, words = near_limit(session.limits)
     session.near = passing
-    if passing:
-        shown = views.capture(context) or KeptLayout()
-        await views.show(context, msgspec.structs.replace(shown, filter=passing, plots=(), most=0))
+    if not passing:
+        return f"{words}; {key} sets more"
+    shown = views.capture(context) or KeptLayout()
+    await views.show(context, msgspec.structs.replace(shown, filter=passing, plots=(), most=0))
     return words
 
 
