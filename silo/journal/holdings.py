@@ -18,7 +18,7 @@ from silo.segment.layout import TIME_RING, SegmentSchema
 from silo.segment.reader import SegmentReader
 from silo.segment.retention import kept_rows
 
-_SINCE_CUT = "the last change"
+_SINCE_CUT = "the last applied change"
 
 
 @dataclass(frozen=True)

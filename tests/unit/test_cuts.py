@@ -580,9 +580,9 @@ def test_counts_are_of_all_stretches_and_a_start_begins_anew(new_logger, tmp_pat
     present = logger._present
     assert (logger.ticks, present.unsaved_ticks, logger.has_unsaved) == (13, 13, True)
     assert (present.ticks_before, present.begun_ns) == (12, present.cut_off[0].segment.schema.started_ns)
-    assert segment_holdings(present.run.reader).text.endswith("of 1 tick since the last change")
+    assert segment_holdings(present.run.reader).text.endswith("of 1 tick since the last applied change")
     logger.stop()
-    with pytest.raises(UnsavedError, match=r"of 1 tick since the last change, and 12 ticks before that.*='save'"):
+    with pytest.raises(UnsavedError, match=r"of 1 tick since the last applied change, and 12 ticks before that.*='save'"):
         logger.start(unsaved="refuse")
     logger.start(unsaved=unsaved)
     assert (logger.ticks, logger.has_unsaved, present.cut_off) == (0, False, [])
@@ -600,7 +600,7 @@ def test_a_start_that_refuses_tells_of_what_was_logged_before_the_cut_too(new_lo
         logger.set("x", divider=divider, cut=True)
     loop.turn(39)
     logger.stop()
-    words = r"of 39 ticks since the last change, and 60 ticks before that, .*unsaved='save' or 'clear'"
+    words = r"of 39 ticks since the last applied change, and 60 ticks before that, .*unsaved='save' or 'clear'"
     with pytest.raises(silo.errors.UnsavedError, match=words):
         logger.start(unsaved="refuse")
     assert logger.ticks == 99

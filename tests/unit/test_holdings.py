@@ -69,7 +69,7 @@ def test_a_stretch_is_told_by_what_it_has_since_its_cut(new_logger, ticks):
         logger.collect()
     reader = SegmentReader(logger._present.path)
     told = segment_holdings(reader)
-    assert (told.ticks, told.since) == (ticks, "the last change")
+    assert (told.ticks, told.since) == (ticks, "the last applied change")
     assert recording_holdings(reader.snapshot()) == told
 
 
