@@ -285,7 +285,7 @@ async def test_scrolling_back_by_less_than_half_a_window_says_how_far_it_went_an
         await screen.until(lambda: not store_of(screen).empty, "history in the plot")
         await screen.press("pageup")
         await screen.shows(" s back: what is shown reaches the oldest that is held; ⇧← cursor by ten")
-        await screen.shows("⇧← By ten")
+        await screen.shows("←→ ⇧← Cursor")
         monitor(screen).line.say("")
         await screen.press("pageup")
         await screen.until(lambda: monitor(screen).line.said.startswith("what is shown reaches the oldest"))

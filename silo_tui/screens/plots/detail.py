@@ -329,7 +329,7 @@ class DetailScreen(MonitorScreen):
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
         """Return what a pause or a cursor asks for, and what moves in a spectrum."""
-        found = [each for each in super().mode_keys() if self.mode in CURSOR_MODES or not each[0].startswith("cursor_")]
+        found = [each for each in super().mode_keys() if self.mode in CURSOR_MODES or each[0] != "cursor_left"]
         if self.mode != MODES[0] and len(self.plots) > len(self._shown_plots):
             found.append(("detail_down", f"Next of {len(self.plots)}"))
         if self.mode == "spectrum":  # most of what moves lies in the first cells
