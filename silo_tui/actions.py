@@ -479,7 +479,7 @@ COMMANDS: tuple[Command, ...] = (
                         "one operator at a time; without words, who is connected", 9)),
     _acts("derive", "", "Derive", "make or change a signal that is computed from others", "Look", _TABLE,
             typed=_read(("derive",), "derived", ":derive NAME EXPRESSION", "a signal computed from others", 10)),
-    _acts("restore", "", "Restore", "set again triggers, limits, derived signals that went with the program before",
+    _acts("restore", "", "Restore", "set again triggers, limits, derived signals and edits that went with the program",
             "Edit", _TABLE, typed=Typed(("restore",))),
     Command("go_home", "", "Home: table", "back to the table", "Go", ("any",), typed=Typed(("home",))),
     Command("tour", "", "Tour", "six steps to try on the logger that is open; again: ends it", "Go", ("any",),

@@ -94,7 +94,7 @@ def _is_unsaved(session: Session) -> bool:
 def _held(context: Context) -> str:
     """Return what the buffers hold, in words: the longest holds so much, of most ticks they may have forgotten all."""
     status = context.session.status
-    return f"{many(status.held_samples, 'sample')} of up to {duration(status.held_s)}"
+    return f"{many(status.held_samples, 'sample')}, of each signal up to {duration(status.held_s)}"
 
 
 def _decided(answer: str) -> Unsaved:
@@ -198,7 +198,7 @@ async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> s
 def _drops_one(context: Context) -> str:
     """Return how the edits of one element alone are dropped: with marks the key is about all of these."""
     unmark = f"{key_of('unmark') or ':unmark'}, then " if context.session.rows.marked_count else ""
-    return f"; {unmark}{context.key_in_table('discard')} on its line drops one"
+    return f"; to drop one: {unmark}{context.key_in_table('discard')} on its line"
 
 
 def _watching_again(session: Session) -> str:

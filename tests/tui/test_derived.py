@@ -18,7 +18,7 @@ from silo_tui.model.plots.limit_line import limits_of_fields
 from silo_tui.model.table import derived
 from silo_tui.model.table import filter as filters
 from silo_tui.model.table.cells import sign_of
-from silo_tui.model.table.facts import LIMIT_BITS
+from silo_tui.model.table.facts import LIMIT_BITS, Facts
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.state import TableState
 from silo_tui.screens.dialogs import derive, find, limits, recorder, trigger_editor
@@ -103,6 +103,16 @@ def test_an_example_is_one_of_signals_that_are_logged(table):
     assert hints_with({"is": "{0} * {1}"}, TableState())["is"] == "a * a"
     hint = hints_with({"when": "e.g. abs({0}) > 0.6 and {1} < 20"}, table)["when"]
     assert len(hint) < 60, "whole in a field at 80 columns"
+
+
+def test_an_example_is_of_small_numbers_so_that_it_does_not_hold_all_the_time(table):
+    hints = {"when": "{0} {1}"}
+    before = hints_with(hints, table)["when"].split()
+    large = [before[0] in table.shown(name) for name in table.names]
+    table.facts = Facts({"value": np.where(large, 2500.0, 0.1)})
+    after = hints_with(hints, table)["when"].split()
+    assert before[0] not in after
+    assert before[1] in after
 
 
 @pytest.mark.parametrize(

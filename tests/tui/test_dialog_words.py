@@ -83,8 +83,8 @@ NOW = Cost(1e6, 8e3, 4e3, 10.0, 10.0, HEAT)
 @pytest.mark.parametrize(
     ("after", "room", "lines"),
     [
-        ({}, 0, ["memory 1 MB 1 MB", "recorded 8 kB/s 8 kB/s while a recording of all runs", "topics 4 kB/s 4 kB/s",
-                 "held 10 s 10 s of these, shortest: t"]),
+        ({}, 0, ["memory 1 MB 1 MB", "recorded 8 kB/s 8 kB/s while recording all", "topics 4 kB/s 4 kB/s",
+                 "held 10 s 10 s the shortest: t"]),
         ({"memory_bytes": 2e6}, 0, ["memory 1 MB 2 MB ▲"]),
         ({"memory_bytes": 2e6}, 3_000_000, ["memory 1 MB 2 MB ▲ of 3 MB available"]),
         ({"memory_bytes": 2e6}, 2_000_000, ["memory 1 MB 2 MB ▲ of 2 MB available"]),
@@ -92,13 +92,13 @@ NOW = Cost(1e6, 8e3, 4e3, 10.0, 10.0, HEAT)
         ({"memory_bytes": 5e5}, 3_000_000, ["memory 1 MB 500 kB of 3 MB available"]),
         ({"memory_bytes": 1e6 + 1}, 0, ["memory 1 MB 1 MB"]),  # it reads the same
         ({"recorded_bytes_s": 9e3, "topic_bytes_s": 5e3}, 0,
-         ["recorded 8 kB/s 9 kB/s ▲ while a recording of all runs", "topics 4 kB/s 5 kB/s ▲"]),
-        ({"recorded_bytes_s": 7e3}, 0, ["recorded 8 kB/s 7 kB/s while a recording of all runs"]),
-        ({"shortest_s": 5.0}, 0, ["held 10 s 5 … 10 s ▼ of these, shortest: t"]),
-        ({"shortest_s": 50.0, "longest_s": 7200.0}, 0, ["held 10 s 50 s … 2 h of these, shortest: t"]),
+         ["recorded 8 kB/s 9 kB/s ▲ while recording all", "topics 4 kB/s 5 kB/s ▲"]),
+        ({"recorded_bytes_s": 7e3}, 0, ["recorded 8 kB/s 7 kB/s while recording all"]),
+        ({"shortest_s": 5.0}, 0, ["held 10 s 5 … 10 s ▼ the shortest: t"]),
+        ({"shortest_s": 50.0, "longest_s": 7200.0}, 0, ["held 10 s 50 s … 2 h the shortest: t"]),
         ({"shortest_s": math.inf, "longest_s": math.inf}, 0, ["held 10 s all until memory is full"]),
-        ({"longest_s": math.inf}, 0, ["held 10 s 10 s … all of these, shortest: t"]),
-        ({"shortest": ""}, 0, ["held 10 s nothing of these, shortest: t"]),
+        ({"longest_s": math.inf}, 0, ["held 10 s 10 s … all the shortest: t"]),
+        ({"shortest": ""}, 0, ["held 10 s nothing the shortest: t"]),
     ],
 )  # fmt: skip
 def test_what_a_table_costs_has_a_sign_at_what_gets_worse(after, room, lines):

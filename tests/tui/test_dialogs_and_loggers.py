@@ -323,8 +323,8 @@ async def test_a_save_says_that_it_is_of_all_elements_though_some_are_marked_and
         await screen.type("walk_part4")
         await screen.press("enter")
         await screen.shows("walk_part4.silo")
-        await screen.shows("a part: each change that is applied while it logs begins one, and")
-        await screen.shows("whoever opens one has the whole run")
+        await screen.shows("a part of a run: applying edits while it logs begins a new file;")
+        await screen.shows("any one of them opens all")
 
 
 def after(job, done):

@@ -148,7 +148,7 @@ async def test_equal_edits_stand_in_one_line_with_what_they_cost(fake, opened):
     async with opened(fake) as screen:
         await screen.enter("/torque", "asterisk", "d", "5", "enter", "a")
         await screen.shows("12 × /legs/*/*/torque  divider 1 → 5")
-        for words in ("memory", "to a file", "topics", "held", "shortest:"):
+        for words in ("memory", "recorded", "topics", "held", "shortest:"):
             assert words in screen.text
 
 
@@ -236,9 +236,9 @@ async def test_what_a_branch_costs_is_seen_at_once_in_a_small_terminal_too(fake,
         await screen.press("d", "7", "enter", "j", "d", "8", "enter", "j", "d", "9", "enter")
         await screen.press("j", "d", "6", "enter", "j", "d", "5", "enter", "a")
         await screen.until(lambda: isinstance(screen.app.screen, Question), "the question")
-        await screen.shows("of these, shortest:")
+        await screen.shows("the shortest:")
         body = screen.app.screen.query_one(".dialog-body")
-        line = next(at for at, line in enumerate(screen.text.splitlines()) if "of these, shortest:" in line)
+        line = next(at for at, line in enumerate(screen.text.splitlines()) if "the shortest:" in line)
         assert line < body.region.bottom
 
 
@@ -260,12 +260,12 @@ async def test_rows_stay_under_a_filter_by_the_setting_that_was_edited_until_it_
 async def test_the_question_that_applies_says_how_the_edits_of_one_element_are_dropped(size, fake, opened):
     async with opened(fake, size=size) as screen:
         await screen.do("mark", "mark", "edit_divider", "5", "enter", "apply")
-        await screen.shows(f"Keep them pending; :unmark, then {key_of('discard')} on its line drops one")
+        await screen.shows(f"Keep them pending; to drop one: :unmark, then {key_of('discard')} on its line")
         await screen.press("escape")
         await screen.shows("Keep them pending: nothing")
         await screen.enter(":unmark")
         await screen.do("up", "apply")
-        await screen.shows(f"Keep them pending; {key_of('discard')} on its line drops one")
+        await screen.shows(f"Keep them pending; to drop one: {key_of('discard')} on its line")
         await screen.press("escape")
         await screen.do("discard")
         await screen.shows("1 edit discarded")
@@ -277,4 +277,4 @@ async def test_the_question_that_applies_says_how_the_edits_of_one_element_are_d
 async def test_a_key_of_the_users_own_drops_one_edit_as_the_question_says(fake, opened):
     async with opened(fake, settings=Settings(keys={"discard": "Z"})) as screen:
         await screen.do("edit_divider", "5", "enter", "down", "edit_divider", "5", "enter", "apply")
-        await screen.shows("Keep them pending; Z on its line drops one")
+        await screen.shows("Keep them pending; to drop one: Z on its line")

@@ -110,7 +110,7 @@ def test_a_question_about_data_says_how_much_there_is(unsaved):
         f"\n(s) Save it, then start\n() Don't start\n(D) Drop {held} and start!"
     ]
     status = desk.session.status
-    assert held == f"{status.held_samples:,} samples of up to 10 s".replace(",", " ")
+    assert held == f"{status.held_samples:,}".replace(",", " ") + " samples, of each signal up to 10 s"
 
 
 def test_a_logger_that_never_ran_has_nothing_to_lose(fake):
@@ -164,7 +164,7 @@ def test_what_applying_asks_counts_edits_and_elements_and_says_what_goes_on(runn
         "and begins them empty. Stopping ends this run.\n"
     )
     assert desk.asked[0].endswith(
-        "\n(a) Apply and go on: no tick is lost\n() Keep them pending; e x on its line drops one"
+        "\n(a) Apply and go on: no tick is lost\n() Keep them pending; to drop one: e x on its line"
         "\n(r) Stop, apply, start again\n(x) Discard all edits; u brings them back"
     )
 

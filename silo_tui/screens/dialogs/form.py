@@ -35,20 +35,25 @@ NUMBER = f"signals, numbers with units, + - * ** and a / with blanks, {' '.join(
 CONDITION = f"the condition: signals, numbers with units, and or not, {' '.join(FUNCTIONS)}"
 
 
+SMALL = 0.6  # the level of an example
 LEFT = "as it was left; Esc, then the same key again, begins anew"
 # the last name of an expression that is being typed, or what may become one: what follows a number is its unit
 _LAST_NAME = re.compile(r"(?<![\w./])(?<!\d )/?([^\W\d][\w./]+)$")
 
 
 def hints_with(hints: Mapping[str, str], table: "TableState") -> dict[str, str]:
-    """Return hints with names of numbers that are logged in the place of `{0}` and `{1}`: short ones, to fit in."""
+    """Return hints with names of numbers that are logged in the place of `{0}` and `{1}`: short ones, to fit in.
+
+    Of small numbers rather than of large ones, as gains: `abs({0}) > 0.6` is not to hold all the time.
+    """
+    newest = table.facts.of("value", len(table))
     numbers = (
-        element.name + entry.suffix
-        for element in table.elements[: table.own]
+        (newest is not None and abs(newest[row]) > SMALL, len(element.name + entry.suffix), element.name + entry.suffix)
+        for row, element in enumerate(table.elements[: table.own])
         for entry in element.entries
         if entry.dtype[1:2] == "f"
     )
-    shortest = [table.shown(name).lstrip("/") for name in nsmallest(2, numbers, key=len)] or ["a"]
+    shortest = [table.shown(name).lstrip("/") for *_, name in nsmallest(2, numbers)] or ["a"]
     return {name: hint.format(shortest[0], shortest[-1]) for name, hint in hints.items()}
 
 

@@ -353,10 +353,10 @@ def cost_text(now: Cost, after: Cost, short_name: str, room_bytes: int = 0, *, s
     over = bool(room_bytes) and after.memory_bytes > room_bytes
     _cost(lines, "memory", memory, after.memory_bytes > now.memory_bytes, room, over=over)
     disk = [size_text(each.recorded_bytes_s) + "/s" for each in (now, after)]
-    _cost(lines, "recorded", disk, after.recorded_bytes_s > now.recorded_bytes_s, "while a recording of all runs")
+    _cost(lines, "recorded", disk, after.recorded_bytes_s > now.recorded_bytes_s, "while recording all")
     topics = [size_text(each.topic_bytes_s) + "/s" for each in (now, after)]
     _cost(lines, "topics", topics, after.topic_bytes_s > now.topic_bytes_s)
-    note = f"of these, shortest: {short_name}" if short_name else ""
+    note = f"the shortest: {short_name}" if short_name else ""
     until = "until it stops by itself" if stops else "until memory is full"
     note = until if math.isinf(after.shortest_s) else note
     _cost(lines, "held", held, after.shortest_s < now.shortest_s, note, sign="▼")

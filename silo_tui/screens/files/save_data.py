@@ -56,7 +56,7 @@ class CheckLine(Guarded, Widget, can_focus=True):
 
 FOLLOW_S = 0.05
 _PART = re.compile(r"_part\d+$")
-A_PART = "a part: each change that is applied while it logs begins one, and whoever opens one has the whole run"
+A_PART = "a part of a run: applying edits while it logs begins a new file; opening any one of them opens all"
 CONFIGURATION = "W"  # no small letter: names are typed here, too
 TICKS = " ".join(name[0] for name in SAVED_NAMES)
 KEYS = f"↑↓ Move  space {TICKS} Tick  {CONFIGURATION} Configuration  Enter Saves  Esc Back"
@@ -164,7 +164,7 @@ class SaveDialog(Form[list[SavedFile]]):
         files, status = self.made(), session.status
         paths = [custom_path("", one.path or f"{status.logger}_…", SAVED[one.type].ending) for one in files]
         names = ", ".join(with_part(path, status.part).name for path in paths)
-        held = f"{text.count(status.held_samples)} samples of up to {duration(status.held_s)}"
+        held = f"{text.count(status.held_samples)} samples, of each signal up to {duration(status.held_s)}"
         held += "; each part before it goes to a file of its own" * (status.part > 1)
         return f"{names}: {held}" if status.held_samples else f"{names}: would have no sample, none is held"
 
