@@ -94,7 +94,7 @@ def _is_unsaved(session: Session) -> bool:
 def _held(context: Context) -> str:
     """Return what the buffers hold, in words: the longest holds so much, of most ticks they may have forgotten all."""
     status = context.session.status
-    return f"{many(status.held_samples, 'sample')}, of each signal up to {duration(status.held_s)}"
+    return f"{many(status.held_samples, 'sample')}, {duration(status.held_s)} at most"
 
 
 def _decided(answer: str) -> Unsaved:

@@ -108,11 +108,10 @@ def test_an_example_is_one_of_signals_that_are_logged(table):
 def test_an_example_is_of_small_numbers_so_that_it_does_not_hold_all_the_time(table):
     hints = {"when": "{0} {1}"}
     before = hints_with(hints, table)["when"].split()
-    large = [before[0] in table.shown(name) for name in table.names]
+    large = [before[0].startswith(table.shown(name).lstrip("/")) for name in table.names]
     table.facts = Facts({"value": np.where(large, 2500.0, 0.1)})
     after = hints_with(hints, table)["when"].split()
-    assert before[0] not in after
-    assert before[1] in after
+    assert not {*before} & {*after}
 
 
 @pytest.mark.parametrize(

@@ -642,7 +642,7 @@ async def test_a_picture_is_an_svg_also_where_it_is_called_png_and_each_screen_s
 
 
 async def test_a_long_difference_leaves_the_choices_on_a_small_screen(fake, opened, monkeypatch):
-    monkeypatch.setattr(flows, "_held", lambda context: "1 426 433 samples of up to 13 min 27 s")  # wraps its choice
+    monkeypatch.setattr(flows, "_held", lambda context: "1 426 433 samples, 13 min 27 s at most")  # wraps its choice
     async with opened(fake.run()) as screen:
         await screen.press("*", "d", "5", "enter")
         for size in ((80, 24), (160, 24), (160, 50)):

@@ -47,7 +47,7 @@ async def test_the_save_dialog_is_walked_through_left_and_ticked_by_letters_that
         fake.run()
         await screen.until(lambda: screen.session.running)
         await screen.press("w")
-        await screen.shows(f"{fake.status().held_samples:,}".replace(",", " ") + " samples, of each signal up to 10 s")
+        await screen.shows(f"{fake.status().held_samples:,}".replace(",", " ") + " samples, 10 s at most")
         await screen.shows("> [x] silo")
         await screen.press("j")
         await screen.shows("> [ ] csv")

@@ -110,7 +110,7 @@ def test_a_question_about_data_says_how_much_there_is(unsaved):
         f"\n(s) Save it, then start\n() Don't start\n(D) Drop {held} and start!"
     ]
     status = desk.session.status
-    assert held == f"{status.held_samples:,}".replace(",", " ") + " samples, of each signal up to 10 s"
+    assert held == f"{status.held_samples:,}".replace(",", " ") + " samples, 10 s at most"
 
 
 def test_a_logger_that_never_ran_has_nothing_to_lose(fake):

@@ -164,7 +164,7 @@ class SaveDialog(Form[list[SavedFile]]):
         files, status = self.made(), session.status
         paths = [custom_path("", one.path or f"{status.logger}_…", SAVED[one.type].ending) for one in files]
         names = ", ".join(with_part(path, status.part).name for path in paths)
-        held = f"{text.count(status.held_samples)} samples, of each signal up to {duration(status.held_s)}"
+        held = f"{text.count(status.held_samples)} samples, {duration(status.held_s)} at most"
         held += "; each part before it goes to a file of its own" * (status.part > 1)
         return f"{names}: {held}" if status.held_samples else f"{names}: would have no sample, none is held"
 
