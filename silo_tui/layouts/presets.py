@@ -9,6 +9,7 @@ from silo.conditions.standing import LimitStatus
 from silo.core.quantities.writing import many
 from silo_tui.layouts.layout import KeptLayout
 from silo_tui.model.plots.limits import between
+from silo_tui.model.table.columns import NOISE
 
 NEAR = "near-limit"
 TEN = 10  # rows: a vector is one, by its norm, which the column shows then
@@ -34,8 +35,8 @@ PRESETS = (
     Preset(
         "noisiest",
         "n",
-        "Noisiest ten: largest std on top, no whole numbers, no ramps",
-        KeptLayout(sort="std", filter="type:f -monotone", set="statistics", most=TEN),
+        "Noisiest ten: std against the median of its unit; no whole numbers, no ramps",
+        KeptLayout(sort=NOISE, filter="type:f -monotone", set="statistics", most=TEN),
     ),
     Preset("problems", "p", "Problems: what the column state says something of", KeptLayout(filter="problem")),
     Preset(
@@ -67,4 +68,4 @@ def near_limit(limits: Sequence[LimitStatus]) -> tuple[str, str]:
     if not found:
         return "", f"none {of} is within a tenth of one"
     pattern = "|".join(f"{re.escape(name)}$" for name in found)
-    return f"~{pattern}", f"{len(found)} {of} are within a tenth of one, or beyond"
+    return f"~{pattern}", f"{len(found)} {of} {'is' if len(found) == 1 else 'are'} within a tenth of one, or beyond"

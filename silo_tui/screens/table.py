@@ -361,11 +361,12 @@ class TableScreen(ElementsScreen):
             self.say(f"{self.table.field.label}: {and_more(now, 3)}; {key_of('edit')} edits it")
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
-        """Return what applies edits too, where a mode would leave it out; what starts a dead demo again."""
-        keys, apply = super().mode_keys(), BY_ID["apply"]
+        """Return what applies edits too, or stops the logger, where a mode would leave it out; or what starts a dead demo."""
+        keys = super().mode_keys()
         if self.session.dead and self.context.has_demo():
             return (("loggers", f"{key_of('demo')} Demo again"), *keys)
-        return (*keys, (apply.id, label)) if keys and (label := self.label_now(apply)) else keys
+        wanted = next((each for each in ("apply", "start_stop") if self.label_now(BY_ID[each])), "")
+        return (*keys, (wanted, self.label_now(BY_ID[wanted]))) if keys and wanted else keys
 
     def label_now(self, command: Command) -> str:
         """Return it; nothing to take back where nothing was edited."""

@@ -133,7 +133,7 @@ def test_what_is_near_a_limit_is_looked_for_as_it_is_now(fake, shown):
         )
     ]
     said = typed(Desk(fake), "view near-limit")
-    assert said == "1 of 1 signals with limits are within a tenth of one, or beyond"
+    assert said == "1 of 1 signal with limits is within a tenth of one, or beyond"
     assert shown[0].filter == "~/log/imu/temperature$"
 
 

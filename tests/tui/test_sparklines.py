@@ -59,7 +59,7 @@ def test_time_without_samples_is_shaded_between_two_and_not_before_the_first():
     store = ColumnStore(["/a", "/b"], 20, 1)
     low = np.vstack([np.arange(20.0), np.arange(20.0)])
     low[0, 4:16] = low[1, :16] = np.nan
-    store.merge(["/a", "/b"], 0, low, low)
+    store.merge(["/a", "/b"], grid_of(0, low, low))
     gap, begun = trends(store, ["/a", "/b"], 10)
     assert gap.strip(braille.SHADE) == gap
     assert gap.count(braille.SHADE) == 4  # the value before holds for a while

@@ -38,6 +38,7 @@ FLAGS = 2  # cells before a name, for signs
 NAME_ROOM = 16  # columns are left out rather than that names get less, or less than tells them apart
 TREE, NAME, ADDED, STATE = "tree", "name", "added", "state"
 STEADY = (TREE, NAME, ADDED)
+NOISE = "std/unit"  # the order in which the noisier of siblings is on top, whatever their unit
 BEFORE = {"!": STATE}  # what an order was called, in views that somebody kept
 LIVE_SETS = ("settings", "statistics", "timing")
 FILE_SETS = ("values", "statistics", "timing")  # what takes reading whole signals is shown where it is asked for
@@ -133,16 +134,45 @@ def _measured(
     return TableOrder(name, letter, keys, words, quantity, falling, of_norm)
 
 
+def against_unit(known: Floats, units: Sequence[str]) -> Floats:
+    """Return how many times as large as the median of its unit each is: metres and newtons compare, and siblings do.
+
+    Of those that are 0 there is no median.
+    """
+    of = np.unique(np.array(units), return_inverse=True)[1]
+    found = np.full(len(known), np.nan)
+    for unit in range(int(of.max(initial=-1)) + 1):
+        same = of == unit
+        moving = known[same & (known > 0)]
+        found[same] = known[same] / np.median(moving) if len(moving) else known[same]
+    return found
+
+
+def _std_against_unit(table: TableState) -> Floats:
+    known = table.facts.of("std", len(table))
+    if known is None:
+        return np.full(len(table), np.nan)
+    return against_unit(np.where(table.mixed | table.labelled, np.nan, known), [one.unit for one in table.elements])
+
+
 def _sign_ranks(table: TableState) -> NDArray[Any]:
     return ranks(table.signs).astype(float) if table.signs_known else np.full(len(table), np.nan)
 
 
-def _statistic(title: str, letter: str, leaves: int, *, falling: bool = True, example: str = "60") -> TableColumn:
+def _statistic(
+    title: str,
+    letter: str,
+    leaves: int,
+    *,
+    falling: bool = True,
+    example: str = "60",
+    more: tuple[TableOrder, ...] = (),
+) -> TableColumn:  # fmt: skip
     """Of one number, of a vector of the norm or the entry that was asked for."""
     return TableColumn(
         title, 8, lambda sight, row, width: cells.statistic(sight, row, width, title), ("statistics", "wide"),
         right=True, wide=11, leaves=leaves, measured=True,
-        orders=(_measured(title, letter, title, falling=falling, of_norm=True),),
+        orders=(_measured(title, letter, title, falling=falling, of_norm=True), *more),
         terms=(fact_term((title,), title, example=example),), quantities=(title,),
         entry=lambda sight, row, entry, width: cells.entry_statistic(sight, row, entry, width, title),
         head=lambda sight, width: cells.statistic_head(sight, title, width) if title == "mean" else title,
@@ -209,7 +239,9 @@ COLUMNS: tuple[TableColumn, ...] = (
         head=cells.value_head,
     ),
     _statistic("min", "i", 5, falling=False), _statistic("max", "m", 4), _statistic("mean", "e", 3),
-    _statistic("std", "t", 2, example="1"),
+    _statistic("std", "t", 2, example="1", more=(
+        TableOrder(NOISE, "y", _std_against_unit, "std, in medians of its unit", "std", of_norm=True),
+    )),
     TableColumn(
         "rate", 7, cells.rate, ("timing", "wide"), right=True, measured=True, orders=(_measured("rate", "r", "rate"),),
         terms=(rate_term(),), quantities=("rate",),
