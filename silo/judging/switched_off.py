@@ -87,9 +87,9 @@ def without_off(bound: BoundExpression) -> tuple[BoundExpression, list[ScalarPla
     With the scalars that are left out. Where all of a function are off, it stays as it is.
     """
     root = _lessened(bound.root)
-    columns = tuple(dict.fromkeys(columns_of(root)))
+    columns = dict.fromkeys(columns_of(root))
     gone = [column for column in bound.columns if column not in columns]
-    return (replace(bound, root=root, columns=columns), gone) if gone else (bound, [])
+    return (replace(bound, root=root, columns=tuple(columns)), gone) if gone else (bound, [])
 
 
 def can_be(part: Part) -> tuple[bool, bool]:
@@ -136,7 +136,8 @@ def _dropped(part: Part) -> Part:
     shape = trailing(part)
     if not shape:
         return part
-    on = [place for place in range(shape[0]) if place not in _off(part, shape[0])]
+    off = _off(part, shape[0])
+    on = [place for place in range(shape[0]) if place not in off]
     return _kept(part, on) if 0 < len(on) < shape[0] else part
 
 

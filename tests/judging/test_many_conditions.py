@@ -10,8 +10,10 @@ from silo.core.elements import BufferType, Edit, ElementInfo, ElementOptions, En
 from silo.core.names import Names
 from silo.errors import ElementError
 from silo.expressions import derived_signals
+from silo.expressions.binding import Catalogue, Known, ScalarPlace, bind
 from silo.judging import checks
 from silo.judging.checks import MOST_DERIVED, MOST_LIMITS, MOST_TRIGGERS
+from silo.judging.switched_off import without_off
 from silo.settings.options import MAX_PROBLEMS
 from silo.settings.script_conditions import checked_conditions, fitting_conditions
 from silo.state.server import fitting
@@ -106,3 +108,17 @@ def test_conditions_of_a_script_fit_the_table_as_its_edits_leave_it() -> None:
     assert fitting(wanted, [Edit("/log/e0", looping)], now) == wanted
     with pytest.raises(ElementError, match="pre"):
         fitting(wanted, [Edit("/log/e0", msgspec.structs.replace(looping, size=50))], now)
+
+
+def test_what_is_off_of_a_wide_vector_is_found_without_comparing_each_scalar_with_each(monkeypatch):
+    entries = tuple(Entry(f"_{at}", "<f8") for at in range(1000))
+    bound = bind("any(wide > 1)", Catalogue([Known("/log/wide", entries, "-", 0, 1)])).condition()
+    compared = []
+
+    def equal(one, other):
+        compared.append(one)
+        return vars(one) == vars(other)
+
+    monkeypatch.setattr(ScalarPlace, "__eq__", equal)
+    assert without_off(bound) == (bound, [])
+    assert len(compared) < 20 * len(entries)
