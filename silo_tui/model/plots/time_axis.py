@@ -54,10 +54,10 @@ def axis_word(share: float, window: PlotWindow, newest_ns: int, columns: int) ->
 
 
 def file_axis_word(at_ns: float, span_s: float, cell_ns: float) -> str:
-    """Return what stands under a moment since the beginning of a file; nothing before it, but for the width of two
+    """Return what stands under a moment since the beginning of a file; nothing before it, but for the width of three
     cells: columns of a whole file may begin that much earlier.
     """
-    if at_ns < -2 * cell_ns:
+    if at_ns < -3 * cell_ns:
         return ""
     digits = max(0, min(9, 2 - math.floor(math.log10(span_s / 4))))
     return f"{max(0.0, at_ns) / SECOND_NS:.{digits}f} s"

@@ -274,12 +274,12 @@ class DetailScreen(MonitorScreen):
         if len(found.x) < 2:
             raise ValueError(f"{len(found.x)} held, 2 needed of both at the same time")
         drawn = big_plot.of_pair(found, self.plot.plot_size)
-        units = [plotted.element.unit for plotted in (y, x)]
+        units = [plotted.element.unit for plotted in (x, y)]
         notes = [f"x  {self._label(x)}", f"y  {self._label(y)} over x"]
         if math.isnan(found.correlation):
             notes.append("r: one of them is constant")
         else:
-            slope = f"slope {text.compact(found.slope)} {quotient(*units).removeprefix('-')}".rstrip()
+            slope = f"slope {text.compact(found.slope)} {quotient(*units[::-1]).removeprefix('-')}".rstrip()
             notes.append(f"r = {found.correlation:.3f}  {slope}")
         is_work = sorted(units) == ["Nm", "rad"] or sorted(units) == ["N", "m"]
         unit = "J (hysteresis)" if is_work else product(*units).removeprefix("-")
