@@ -177,7 +177,19 @@ async def test_sorting_leaves_out_what_files_don_t_tell(path, on_file):
         kept = [order.name for order in orders if not order.quantity]
         measured = [order.name for order in orders if order.quantity]
         assert kept == ["tree", "name", "added", "unit", "div", "size", "buf"]
-        assert measured == ["state", "value", "|value|", "min", "max", "mean", "std", "std/unit", "rate", "jitter", "changed"]
+        assert measured == [
+            "state",
+            "value",
+            "|value|",
+            "min",
+            "max",
+            "mean",
+            "std",
+            "std/unit",
+            "rate",
+            "jitter",
+            "changed",
+        ]
         await screen.press("o")
         await screen.shows("the other way round")
         assert "fill" not in screen.text  # how large a buffer was is not in a file

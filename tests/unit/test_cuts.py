@@ -582,7 +582,9 @@ def test_counts_are_of_all_stretches_and_a_start_begins_anew(new_logger, tmp_pat
     assert (present.ticks_before, present.begun_ns) == (12, present.cut_off[0].segment.schema.started_ns)
     assert segment_holdings(present.run.reader).text.endswith("of 1 tick since the last applied change")
     logger.stop()
-    with pytest.raises(UnsavedError, match=r"of 1 tick since the last applied change, and 12 ticks before that.*='save'"):
+    with pytest.raises(
+        UnsavedError, match=r"of 1 tick since the last applied change, and 12 ticks before that.*='save'"
+    ):
         logger.start(unsaved="refuse")
     logger.start(unsaved=unsaved)
     assert (logger.ticks, logger.has_unsaved, present.cut_off) == (0, False, [])
