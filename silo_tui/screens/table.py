@@ -361,7 +361,7 @@ class TableScreen(ElementsScreen):
             self.say(f"{self.table.field.label}: {and_more(now, 3)}; {key_of('edit')} edits it")
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
-        """Return what applies edits or stops the logger too, where a mode would leave it out, or starts a demo again."""
+        """Return what applies edits or stops the logger, where a mode would leave it out, or starts a demo again."""
         keys = super().mode_keys()
         if self.session.dead and self.context.has_demo():
             return (("loggers", f"{key_of('demo')} Demo again"), *keys)
