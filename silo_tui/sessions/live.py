@@ -310,9 +310,8 @@ class Session:
         return new_trigger(short.rpartition("/")[2], when)
 
     async def _beyond_all(self, name: str, short: str) -> str:
-        entries = (entry for info in self.table.elements for entry in info.entries if info.name + entry.suffix == name)
-        entry, end_ns = next(entries, None), self.source.end_ns
-        if entry is None or entry.dtype[1:2] in "SU":
+        scalar, end_ns = self.table.scalar(name), self.source.end_ns
+        if scalar is None or (entry := scalar[1]).dtype[1:2] in "SU":
             return ""
         past = await self.source.history([name], end_ns - QUIET_NS, end_ns, QUIET_NS // QUIET_COLUMNS)
         low, high = (edges[np.isfinite(edges)] + past.bases.get(0, 0) for edges in (past.low, past.high))
@@ -380,13 +379,10 @@ class Session:
 
     def _beyond(self) -> dict[str, str]:
         found: dict[str, str] = {}
-        over = [one for one in self.limits if one.is_over]
-        if over:
-            elements = {
-                info.name + entry.suffix: info.name for info in self.table.elements for entry in info.entries
-            }  # fmt: skip
-            for one in over:  # the worst come first
-                found.setdefault(elements.get(one.name, one.name), one.word.value)
+        for one in self.limits:  # the worst come first
+            if one.is_over:
+                scalar = self.table.scalar(one.name)
+                found.setdefault(scalar[0].name if scalar is not None else one.name, one.word.value)
         return found
 
     async def apply(self, *, cut: bool = False) -> EditsApplied:

@@ -224,3 +224,12 @@ def test_the_cursor_goes_to_the_first_element_where_its_own_is_filtered_out(rows
     rows.move_to(len(rows.shown) - 1)
     rows.set_filter("imu")
     assert rows.position == 0
+
+
+def test_a_scalar_is_found_in_the_table_as_it_is_now(table, robot):
+    several = next(one for one in robot if len(one.entries) > 1)
+    name = several.name + several.entries[1].suffix
+    assert table.scalar(name) == (several, several.entries[1])
+    assert table.scalar(f"{name}_too") is None
+    table.load(Table(2, [one for one in robot if one is not several]))
+    assert table.scalar(name) is None

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.conditions.standing import LimitStatus
-from silo.core.elements import Edit, ElementInfo, FieldChange, Table
+from silo.core.elements import Edit, ElementInfo, Entry, FieldChange, Table
 from silo.core.names import component_name, is_word
 from silo.core.quantities.writing import many
 from silo_tui.model.samples.live import has_norm
@@ -98,6 +98,7 @@ class TableState:
         self.labelled: Mask = np.zeros(0, np.bool_)  # which rows have words for numbers
         self.own = 0  # how many of the elements are the logger's own: the rows after them are derived
         self._row_of: dict[str, int] = {}
+        self._scalars: dict[str, tuple[ElementInfo, Entry]] = {}  # once one is asked for
         self.server: Ints = np.zeros((FIELDS, 0), np.int64)  # what the logger has; not to be written to
         self.given: Ints = self.server  # what its program began with
         self._edited = np.zeros((FIELDS, 0), np.bool_)
@@ -150,6 +151,12 @@ class TableState:
     def row(self, name: str) -> int | None:
         """Return the row of an element, None when there is none of that name."""
         return self._row_of.get(name)
+
+    def scalar(self, name: str) -> tuple[ElementInfo, Entry] | None:
+        """Return the element and the entry of it that a scalar is, None when there is none of that name."""
+        if not self._scalars:
+            self._scalars = {info.name + one.suffix: (info, one) for info in self.elements for one in info.entries}
+        return self._scalars.get(name)
 
     def shown(self, words: str) -> str:
         """Return words of the logger with the names of signals as they are shown: without what all names share."""
@@ -325,7 +332,7 @@ class TableState:
         server = rows_of([element.options for element in elements])
         if names != self.names:
             self._carry_over(names, server)
-        self.elements, self.own = elements, len(table.elements)
+        self.elements, self.own, self._scalars = elements, len(table.elements), {}
         self.described = [each.description.casefold() for each in elements]
         self.searched = [
             [

@@ -78,8 +78,8 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         return f"{self.key_of(one)} {_is_quiet(one)}"
 
     def signals_of(self, one: LimitStatus) -> Sequence[str]:
-        element = self._element_of(one)
-        return [element] if element is not None else []
+        scalar = self.session.table.scalar(one.name)
+        return [scalar[0].name] if scalar is not None else []
 
     def told(self, one: LimitStatus) -> str:
         return f"{limit_word(one.word)} {self.session.short_name(one.name)} {one.seen} {one.why}"
@@ -128,17 +128,12 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
 
     enter = command_alarm_worst
 
-    def _element_of(self, one: LimitStatus) -> str | None:
-        """Return the element that a scalar is of; None of what is derived."""
-        found = self.session.table.elements
-        return next((info.name for info in found for each in info.entries if info.name + each.suffix == one.name), None)
-
     def _plot(self, one: LimitStatus) -> MonitorScreen | None:
-        element = self._element_of(one)
-        if element is None:
+        elements = self.signals_of(one)
+        if not elements:
             self.say(f"{self.session.short_name(one.name)} is no longer in the table")
             return None
-        monitor = MonitorScreen(self.session, [element])
+        monitor = MonitorScreen(self.session, elements)
         monitor.stack.chosen = next((at for at, each in enumerate(monitor.stack.plots) if each.name == one.name), 0)
         self.app.push_screen(monitor)
         return monitor
