@@ -229,6 +229,7 @@ class ElementsScreen(SiloScreen):
             self.say(f"{many(len(branch.rows), 'element')} of {branch.path} {done}")
             self._marks_changed()
             return
+        self.info.give_way()
         rows.toggle_mark()
         if rows.entry is not None and rows.row is not None:
             done = "marked" if rows.marked[rows.row] else "no longer marked"
@@ -263,6 +264,7 @@ class ElementsScreen(SiloScreen):
         return "no element is here" if self._lacks_rows(command_id) else super().why_not_now(command_id)
 
     def command_unmark(self) -> None:
+        self.info.give_way()  # how many were marked is no longer so
         self.session.rows.clear_marks()
         self.context.table_changed()
 

@@ -73,6 +73,11 @@ async def test_how_many_are_marked_is_said_at_once_and_stays_before_how_the_orde
         assert "3 marked │ /LF torque: 3 of 72 │ by value ↓" in screen.app.screen.info.words().plain
         await screen.press("*")
         await screen.shows("unmarked all 3 that are shown")
+        for unmark in ([*":unmark", "enter"], ["space"]):  # what was said is no longer so
+            await screen.press("*")
+            await screen.until(lambda: screen.session.rows.marked_count == 3)
+            await screen.press(*unmark)
+            await screen.until(lambda: "marked all" not in screen.text)
 
 
 async def test_the_save_dialog_says_the_name_that_a_part_of_a_run_that_was_cut_gets(fake, opened):
