@@ -35,7 +35,7 @@ PRESETS = (
     Preset(
         "noisiest",
         "n",
-        "Noisiest ten: std against the median of its unit; no whole numbers, no ramps",
+        "Noisiest ten: largest std against siblings of the same last name; no ramps",
         KeptLayout(sort=NOISE, filter="type:f -monotone", set="statistics", most=TEN),
     ),
     Preset("problems", "p", "Problems: what the column state says something of", KeptLayout(filter="problem")),

@@ -517,10 +517,10 @@ class TestScreens:
             await screen.shows("Limits of /legs/*/*/torque on")
             assert screen.app.screen.fields["signal"] == "legs/*/*/torque"
             screen.app.screen.field("HH").value = "60"
-            await screen.shows("12 signals: would have been violated")
+            await screen.shows("any of 12 signals: would have been violated")
             screen.app.screen.field("signal").value = "legs/LF/*/torque"
             await screen.shows("Limits of legs/LF/*/torque on")
-            await screen.shows("3 signals: would have been violated")
+            await screen.shows("any of 3 signals: would have been violated")
             await screen.press("enter")
             await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
         assert fake.calls[-1][1].name == "legs/LF/*/torque"
@@ -561,7 +561,7 @@ class TestScreens:
             screen.app.screen.field("HH").value = "60"
             await screen.shows("1 signal would have two limits: those of legs/*/*/torque stay, too")
             screen.app.screen.field("signal").value = pattern
-            await screen.shows("12 signals: would")
+            await screen.shows("any of 12 signals: would")
             assert "two limits" not in screen.text
 
     async def test_limits_that_were_given_to_a_short_name_are_found_by_the_whole_one(self, fake, opened):

@@ -9,7 +9,7 @@ import pytest
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo.live.quantities import FROZEN, NOT_FINITE, SLOW
-from silo_tui.model.table.columns import against_unit
+from silo_tui.model.table.columns import against_siblings
 from silo_tui.screens import table
 from silo_tui.sessions.live import LiveSource
 from silo_tui.terminal.thinness import STEPS
@@ -566,13 +566,14 @@ async def test_who_finds_nothing_frozen_is_told_of_what_never_changed(fake, open
         await screen.until(lambda: screen.session.rows.shown.tolist() == [screen.session.table.row(TORQUE)], "it")
 
 
-def test_noise_compares_what_has_different_units_by_the_median_of_each():
+def test_noise_compares_what_has_different_units_by_the_median_of_siblings():
     known = np.array([1.0, 1.0, 9.0, 300.0, 290.0, 310.0, 0.0, np.nan])
     units = ["Nm", "Nm", "Nm", "J", "J", "J", "J", "V"]  # energies, which all rise alike
-    found = against_unit(known, units)
+    found = against_siblings(known, [("torque" if unit == "Nm" else "x", unit) for unit in units])
     assert found[:3].tolist() == [1.0, 1.0, 9.0]
     assert np.allclose(found[3:7], [1.0, 290 / 300, 310 / 300, 0.0])
     assert np.isnan(found[7])
     assert np.nanargmax(found) == 2, "one torque is louder than its siblings"
-    assert against_unit(np.zeros(0), []).tolist() == []
-    assert against_unit(np.zeros(2), ["", ""]).tolist() == [0.0, 0.0]
+    assert against_siblings(np.zeros(0), []).tolist() == []
+    assert against_siblings(np.zeros(2), [("a", ""), ("a", "")]).tolist() == [0.0, 0.0]
+    assert against_siblings(np.array([5.0, 1.0]), [("a", "us"), ("b", "us")]).tolist() == [1.0, 1.0], "no siblings"

@@ -38,7 +38,7 @@ FLAGS = 2  # cells before a name, for signs
 NAME_ROOM = 16  # columns are left out rather than that names get less, or less than tells them apart
 TREE, NAME, ADDED, STATE = "tree", "name", "added", "state"
 STEADY = (TREE, NAME, ADDED)
-NOISE = "std/unit"  # the order in which the noisier of siblings is on top, whatever their unit
+NOISE = "std/median"  # the order in which the noisier of siblings is on top, whatever their unit
 BEFORE = {"!": STATE}  # what an order was called, in views that somebody kept
 LIVE_SETS = ("settings", "statistics", "timing")
 FILE_SETS = ("values", "statistics", "timing")  # what takes reading whole signals is shown where it is asked for
@@ -134,25 +134,27 @@ def _measured(
     return TableOrder(name, letter, keys, words, quantity, falling, of_norm)
 
 
-def against_unit(known: Floats, units: Sequence[str]) -> Floats:
-    """Return how many times as large as the median of its unit each is: metres and newtons compare, and siblings do.
+def against_siblings(known: Floats, siblings: Sequence[tuple[str, str]]) -> Floats:
+    """Return how many times as large as the median of its siblings each is: so metres and newtons compare.
 
-    Of those that are 0 there is no median.
+    Those are siblings that are called alike here; of those that are 0 there is no median.
     """
-    of = np.unique(np.array(units), return_inverse=True)[1]
+    _, of = np.unique(np.array(["\n".join(each) for each in siblings]), return_inverse=True)
     found = np.full(len(known), np.nan)
-    for unit in range(int(of.max(initial=-1)) + 1):
-        same = of == unit
+    for one in range(int(of.max(initial=-1)) + 1):
+        same = of == one
         moving = known[same & (known > 0)]
         found[same] = known[same] / np.median(moving) if len(moving) else known[same]
     return found
 
 
-def _std_against_unit(table: TableState) -> Floats:
+def _std_against_siblings(table: TableState) -> Floats:
     known = table.facts.of("std", len(table))
     if known is None:
         return np.full(len(table), np.nan)
-    return against_unit(np.where(table.mixed | table.labelled, np.nan, known), [one.unit for one in table.elements])
+    # a torque of each leg is of one name, but for where it stands
+    siblings = [(one.name.rpartition("/")[2], one.unit) for one in table.elements]
+    return against_siblings(np.where(table.mixed | table.labelled, np.nan, known), siblings)
 
 
 def _sign_ranks(table: TableState) -> NDArray[Any]:
@@ -240,7 +242,7 @@ COLUMNS: tuple[TableColumn, ...] = (
     ),
     _statistic("min", "i", 5, falling=False), _statistic("max", "m", 4), _statistic("mean", "e", 3),
     _statistic("std", "t", 2, example="1", more=(
-        TableOrder(NOISE, "y", _std_against_unit, "std, in medians of its unit", "std", of_norm=True),
+        TableOrder(NOISE, "y", _std_against_siblings, "std against its siblings", "std", of_norm=True),
     )),
     TableColumn(
         "rate", 7, cells.rate, ("timing", "wide"), right=True, measured=True, orders=(_measured("rate", "r", "rate"),),

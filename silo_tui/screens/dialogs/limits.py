@@ -163,8 +163,8 @@ class LimitsDialog(Form[LimitsWish]):
         tried = await self._session.tried(wanted)
         width = self.told_width - MARKS + len(NOW)
         lasts = "one violation, begun before that"
-        verb = f"{many(len(names), 'signal')}: " * (len(names) > 1) + "would have been violated"
-        told = tried_lines(tried, width, verb, "beyond", lasts=lasts)
+        told = tried_lines(tried, width, "would have been violated", "beyond", lasts=lasts)
+        told[0] = f"any of {len(names)} signals: " * (len(names) > 1) + told[0]
         trend = await self._trend(limits, wish.shown, tried, width) if len(names) == 1 else []
         return "\n".join([*told, *trend, *twice])
 
