@@ -119,3 +119,9 @@ def test_the_head_and_the_row_tell_one_moment_of_an_alarm(judged, value, words, 
     assert sign_of(session.table, 0, reading) == ("HH" if "HH" in words else "")
     session.live.time_ns = 6  # it isn't on the screen any more
     assert Head(session).render().plain.endswith("1 alarm (HH)" if judged == "HH" else "1 alarm ended unseen")
+
+
+def test_two_limits_of_a_signal_are_two_lines_for_keys(alarms):
+    whole, short, other = (LimitStatus(HEAT, given, LimitWord.OK) for given in (HEAT, "imu/temperature", "imu/*"))
+    assert alarms.key_of(whole) == alarms.key_of(short) == HEAT
+    assert alarms.key_of(other) == f"{HEAT} of imu/*"

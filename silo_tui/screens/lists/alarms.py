@@ -71,7 +71,9 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         return sorted(self.session.limits, key=_is_quiet)[:MOST_LINES]
 
     def key_of(self, one: LimitStatus) -> str:
-        return one.name if one.limits == one.name else f"{one.name} of {one.limits}"  # it may have two
+        """Return its name, and of which limits it is where these are of a pattern: it may have two."""
+        short, limits = (self.session.short_name(each).lstrip("/") for each in (one.name, one.limits))
+        return one.name if short == limits else f"{one.name} of {one.limits}"
 
     def stands_by(self, one: LimitStatus) -> str:
         """Return its name, and whether it was always within its limits: it comes up as it is over them at first."""
