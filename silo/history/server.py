@@ -115,10 +115,9 @@ def _say_why_empty(
         grid.add_hole(signal, grid.first, start, Gap.BEFORE)
         if signal not in known:
             grid.add_hole(signal, start, newest + 1, Gap.OFF)
-    ends: dict[int, tuple[int, int, bool, bool]] = {}
+    rings = {ring for _, element in logged for ring in (element.ring, element.watch_ring)}
+    ends = {ring: _ends(reader, ring, ticks) for ring in rings}
     for signal, element in logged:
-        for ring in {element.ring, element.watch_ring}:
-            ends.setdefault(ring, _ends(reader, ring, ticks))
         oldest_ns, newest_ns, overwritten, cut = ends[element.ring]
         resumed = newest + 1
         if element.watch_ring != element.ring:
