@@ -63,8 +63,8 @@ def is_near(one: LimitStatus) -> bool:
 
 def near_limit(limits: Sequence[LimitStatus]) -> tuple[str, str]:
     """Return the filter for what is near a limit now, empty where nothing is, and what to say of it."""
-    found = [one.name for one in limits if is_near(one)]
-    of = f"of {many(len(limits), 'signal')} with limits"
+    found = list(dict.fromkeys(one.name for one in limits if is_near(one)))  # one signal may have two limits
+    of = f"of {many(len({one.name for one in limits}), 'signal')} with limits"
     if not found:
         return "", f"none {of} is within a tenth of one"
     pattern = "|".join(f"{re.escape(name)}$" for name in found)

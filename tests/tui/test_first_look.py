@@ -32,6 +32,8 @@ def test_what_is_near_a_limit_is_a_filter_for_just_that():
     passing, words = near_limit([hot, cold])
     assert passing == r"~/log/a\.b$"
     assert words.startswith("1 of 2 signals with limits")
+    twice = replace(hot, limits="imu/*")
+    assert near_limit([hot, twice, cold]) == (passing, words), "signals are counted, not the limits of each"
     assert near_limit([cold]) == ("", "none of 1 signal with limits is within a tenth of one")
 
 
