@@ -47,7 +47,7 @@ class RecordDialog(Form[Wish]):
         "signals": "all, marked, or names of the table, with * for any part",
         "to": "a folder in that of the logger, on the robot; empty: recordings",
         "name": "of the recording and its files; empty: the logger's",
-        "split": "a part ends at about so much, with a busy disk at up to half more, or after so long; empty: never",
+        "split": "a part ends at about so much, up to half more while it lags, or after so long; empty: never",
         "keep": "beyond so much the oldest parts of this name are deleted; all: it stops when the disk is full",
     }
 
