@@ -410,7 +410,7 @@ async def _near_limit_shown(context: Context) -> str:
     passing, words = near_limit(session.limits)
     session.near = passing
     if not passing:
-        return f"{words}; {key} sets more"
+        return f"{words}; {context.key_in_table('alarms')} lists them, {key} sets more"
     shown = views.capture(context) or KeptLayout()
     await views.show(context, msgspec.structs.replace(shown, filter=passing, plots=(), most=0))
     return words

@@ -631,6 +631,13 @@ class TestScreens:
             assert line.value == whole[:-1], "all but the last letter stays"
             await screen.press("tab", "up", "space", "b")
             assert line.value == f"{whole[:-1]} b", "also for who comes back to it"
+            if kind == "trigger":
+                other = screen.app.screen.field("pre")
+                assert other.value == "1 s"
+                other.focus()
+                await screen.press("2", "s")
+                assert other.value == "2s", "of what was not typed a key takes the place, as before"
+                line.focus()
             line.value = whole
             await screen.press("enter")
             await screen.until(lambda: not screen.app.screen.is_modal)

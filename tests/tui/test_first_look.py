@@ -68,7 +68,7 @@ async def test_where_nothing_is_near_a_limit_the_table_stays_and_a_key_that_sets
         fake.limit_statuses = [status]
         await screen.press(*"vvl")
         await screen.shows("none of 1 signal with limits is within a tenth")
-        await screen.shows("sets more")
+        await screen.shows("lists them, e a sets more")
         assert (rows.filter.text, rows.sort, screen.app.screen.table.column_set) == shown
         fake.limit_statuses = [replace(status, value=79.0)]
         await screen.press(*"vvl")

@@ -397,6 +397,17 @@ async def test_a_large_plot_that_was_opened_as_a_spectrum_is_left_by_one_esc(fak
         assert large(screen) is below
 
 
+async def test_how_many_signals_a_pattern_added_is_said(fake, opened):
+    async with opened(fake.run(20), size=(120, 30)) as screen:
+        below = await open_large(screen)
+        await screen.press("m")
+        await screen.enter("HFE/*")
+        await screen.until(lambda: len(below.stack.plots) > 2, "all that fit it")
+        added, here = len(below.stack.plots) - 1, len(large(screen).plots) - 1
+        await screen.shows(f"added {added}, {here} of them here: ")
+        assert 1 < here < added
+
+
 @pytest.mark.parametrize("mode", ["mode_time", "mode_spectrum"])
 async def test_a_signal_that_is_added_in_it_is_plotted_in_the_monitor_and_comes_next(fake, opened, mode):
     position = TORQUE.replace("torque", "position")

@@ -200,7 +200,7 @@ class TestScreens:
             assert fake.recorder_infos == [FULL]
             await screen.until(lambda: "REC " not in screen.text.splitlines()[0])
             await screen.do("stop_recording")
-            await screen.shows("Stop recording imu of robot?")
+            await screen.shows("Stop recording 'imu' of robot?")
             await screen.press("d")
             await screen.shows("d is no answer here  Enter Leave it")
             await screen.press("y")  # of one that is asked for, as anywhere
@@ -222,7 +222,7 @@ class TestScreens:
         async with opened(fake) as screen:
             assert counts(BY_ID["stop_recording"], "table")  # by the letters of the menu
             await screen.enter(":endrecording")
-            await screen.shows("Stop recording walk of robot?")
+            await screen.shows("Stop recording 'walk' of robot?")
             await screen.press("y")
             await screen.until(lambda: fake.recorder_infos == [])
 

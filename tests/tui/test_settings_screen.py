@@ -1,5 +1,6 @@
 """The settings screen: each change counts at once, `w` keeps it, mistakes of the file are told, keys can be changed."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,7 +10,7 @@ from click.testing import CliRunner
 from silo_tui.cli import _run, command
 from silo_tui.screens.lists.settings import SettingRow, row_text
 from silo_tui.settings.file import path
-from silo_tui.settings.options import OPTIONS, Settings
+from silo_tui.settings.options import OPTION, OPTIONS, Settings
 from silo_tui.settings.reading import read, read_file
 from silo_tui.settings.writing import write_file
 from silo_tui.theme import theme_name
@@ -273,6 +274,12 @@ async def test_enter_after_an_arrow_keeps_what_the_arrow_chose(fake, opened):
         assert screen.app.context.settings.theme == "light"
         await screen.press("down", "up", "enter")
         await screen.until(lambda: screen.app.context.settings.theme == "contrast", "the next one")
+
+
+def test_what_a_choice_means_stands_apart_from_the_words_to_choose_from():
+    settings = Settings(theme="contrast")
+    line = row_text(SettingRow("theme", option=OPTION["theme"]), settings, settings, width=90).plain
+    assert re.search(r"► contrast +16 +│ high contrast", line)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import re
 from abc import abstractmethod
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from functools import cached_property
 from heapq import nsmallest
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
@@ -116,6 +116,8 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         self._problem = problem
         self._given = {name: values.get(name, "").strip() for line in lines for name in line}
         self._refused = self._given if problem else None  # what was typed then
+        # to what was typed and refused just now the first key is added, of all else it takes the place
+        self.typed: Collection[str] = self._given if problem else ()
         self.about = (title, str(self._given))  # what it opens on, by which what was typed is kept
         self.begins_anew = False
         self._is_wrong = False  # what is said below: it is of what is typed no more as soon as that is another thing
@@ -150,9 +152,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
 
     def _line(self, name: str) -> Input:
         value, known = self._values.get(name, ""), f"form-{name}"
-        # the first key takes the place of what was given or left, and is added to what was typed and refused just now
-        selects = self._problem in ("", LEFT)
-        options: Any = {"placeholder": self._hints[name], "id": known, "select_on_focus": selects}
+        options: Any = {"placeholder": self._hints[name], "id": known, "select_on_focus": name not in self.typed}
         if self._table is not None and name in self.NAMING:
             return NamingLine(lambda typed: named_whole(typed, self._names), value, **options)
         return Input(value, compact=True, **options)
@@ -301,6 +301,7 @@ async def taken(
     if whole is not None and not problem:
         return
     dialog = form(refused, problem)
+    begun = dialog._given
     while (answer := await context.app.push_screen_wait(dialog)) is not None:
         problem = await refusal(send(answer))
         if not problem:
@@ -309,6 +310,7 @@ async def taken(
         about, dialog = dialog.about, form(refused, problem)
         dialog.about = about
         dialog._start = last or dialog._start  # where one was, as why it was refused stands below it
+        dialog.typed = [name for name, value in dialog._given.items() if value != begun[name]]
 
 
 async def told(context: "Context", job: "Callable[[Client], str]", place: str) -> None:

@@ -152,7 +152,8 @@ async def end(context: Context, session: Session) -> None:
     all_stay = not any(one.keep_bytes or one.written_bytes > one.size_bytes for one in session.recorders)
     body = f"Its last part is finished, {'all its parts' if all_stay else 'those that are kept'} stay where they are."
     (first, *others) = session.recorders
-    title = f"Stop {'which recording' if others else f'recording {first.name}'} of {session.name}?"
+    which = "which recording" if others else f"recording '{first.name}'"
+    title = f"Stop {which} of {session.name}?"
     name = await context.app.push_screen_wait(Question(title, body, choices(), newer=newer))
     if name:
         context.say(await context.link.call(lambda client: client.stop_recorder(name)))

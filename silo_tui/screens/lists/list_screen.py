@@ -283,8 +283,9 @@ class ListScreen(SiloScreen, Generic[LineT]):
         self.show_words()
 
     def on_lines_cursor_moved(self, event: Lines.CursorMoved) -> None:
-        self.show_words()
-        self.query_one(KeyBar).update()
+        if not self._pruning:  # as above
+            self.show_words()
+            self.query_one(KeyBar).update()
 
     def on_lines_line_picked(self, event: Lines.LinePicked) -> None:
         self.enter()

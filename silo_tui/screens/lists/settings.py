@@ -86,9 +86,11 @@ def _values(line: Text, option: Option, value: Any, width: int | None) -> Text:
     notes = [notes[place] for notes in (option.samples, option.meanings) if notes and place >= 0 and notes[place]]
     if option.several and not value:
         notes = ["none chosen: all"]
+    begin = "│ "  # else it reads as one of the words
     for note in [*notes, option.meaning] if width is None else notes or [option.meaning]:
-        if width is None or line.cell_len + len(note) < width - 4:
-            line.append(f"{note}  ")
+        if width is None or line.cell_len + len(begin + note) < width - 4:
+            line.append(f"{begin}{note}  ")
+            begin = ""
     return line
 
 

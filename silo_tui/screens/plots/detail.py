@@ -316,7 +316,8 @@ class DetailScreen(MonitorScreen):
         self.request_view()
         ways = {"detail_down": "shows it", "mode_xy": "is X-Y"} if come and self.count == 1 else {}
         ways["back"] = "leads to the plots"
-        self.say("added: " + ", ".join(f"{key_of(each)} {words}" for each, words in ways.items() if key_of(each)))
+        added = "added" if len(new) == 1 else f"added {len(new)}, {len(come)} of them here"
+        self.say(f"{added}: " + ", ".join(f"{key_of(each)} {words}" for each, words in ways.items() if key_of(each)))
 
     def command_mode(self) -> None:
         self.command_show_as(MODES[(MODES.index(self.mode) + 1) % len(MODES)])
