@@ -614,7 +614,7 @@ class SiloScreen(Leaving[None]):
     @cached_property
     def status_bar(self) -> StatusBar:
         """How the logger, or the file, of this screen stands."""
-        return StatusBar(self.session)
+        return StatusBar(self.session, beside_rows=self.scope == "table")
 
     def bars(self) -> ComposeResult:
         """Yield that, and what is the matter with it."""

@@ -88,9 +88,10 @@ class StatusBar(FittingLine):
 
     BETWEEN = ""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, *, beside_rows: bool = True) -> None:
         super().__init__()
         self.session = session
+        self._beside_rows = beside_rows  # whose numbers it tells alarms of; elsewhere they may be of long ago
         self._drawn = ""
         self.mode = ""  # stands reversed behind the state
 
@@ -146,7 +147,8 @@ class StatusBar(FittingLine):
             add(10, "  lost 0")
         if session.connected:
             parts += self._pace(wide=wide)
-        judged = ([], []) if session.dead else (session.triggers, session.limits_shown())  # nobody watches any more
+        limits = session.limits_shown() if self._beside_rows else session.limits
+        judged = ([], []) if session.dead else (session.triggers, limits)  # nobody watches any more
         alarm, is_red, watching = head_words(*judged)
         parts += thin
         for rank, forms, role in ((8, alarm, "alarm" if is_red else "warning"), (6, watching, "")):

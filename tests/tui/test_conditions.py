@@ -604,6 +604,19 @@ class TestScreens:
             await screen.shows("would have been violated 3 ×")
             assert "busy" not in screen.text
 
+    async def test_the_head_above_alarms_tells_what_these_do_and_not_what_rows_showed_before(self, fake, opened):
+        name, never = "/log/imu/temperature", (None, None, None, 80.0)  # which its row never shows
+        fake.limit_statuses = [
+            LimitStatus(name, name, LimitWord.RED_HIGH, value=81.0, count=1, alarm=True, bounds=never)
+        ]
+        async with opened(fake.run(20), size=(100, 24)) as screen:
+            await screen.shows("1 alarm ended unseen")
+            for keys in (("A",), ("escape", "m")):
+                await screen.press(*keys)
+                await screen.shows("1 alarm (HH)")
+            await screen.press("escape")
+            await screen.shows("1 alarm ended unseen")
+
     @pytest.mark.parametrize("kind", ["limits", "trigger"])
     async def test_what_is_refused_stays_as_it_was_typed(self, fake, opened, monkeypatch, kind):
         refusals = ["that is too much"]
