@@ -191,7 +191,7 @@ def test_which_recording_is_to_end_is_asked_with_how_each_stands(infos, answer, 
     fake.recorder_infos = infos
     desk = Desk(fake, answer)
     assert desk.does(recorder.end(desk, desk.session)) == said
-    title = "Stop which recording of robot?" if len(infos) > 1 else f"Stop recording {infos[0].name} of robot?"
+    title = "Stop which recording of robot?" if len(infos) > 1 else f"Stop recording '{infos[0].name}' of robot?"
     assert desk.asked == [f"{title}\n{asked}"]
     assert (desk.done == "stop_recorder") is bool(said)
     assert len(desk.session.recorders) == len(infos) - bool(said)
