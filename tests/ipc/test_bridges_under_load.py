@@ -83,17 +83,17 @@ def test_a_feed_remembers_what_was_passed_on_of_the_newest_run_alone() -> None:
 def test_a_viewer_that_says_good_bye_under_load_breaks_nothing() -> None:
     async def scene() -> None:
         viewers: list[Viewer] = []
-        gone = asyncio.Event()
+        met, gone = asyncio.Event(), asyncio.Event()
 
         async def meet(connection) -> None:
             viewers.append(Viewer(connection))
+            met.set()
             await connection.wait_closed()
             gone.set()
 
         async with serve(meet, "127.0.0.1", 0, close_timeout=60.0) as server:
             async with connect(f"ws://127.0.0.1:{server.sockets[0].getsockname()[1]}") as client:
-                while not viewers:
-                    await asyncio.sleep(0.001)
+                await met.wait()
                 viewers[0].write(b"\x81\x01a")
                 assert await client.recv() == "a"
                 client.transport.pause_reading()  # it is busy, and closes its link later

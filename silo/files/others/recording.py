@@ -35,7 +35,7 @@ from silo.files.others.message_types import (
     message_type,
     signals_of,
 )
-from silo.files.others.ros1_file import Ros1File
+from silo.files.others.ros1_file import RosbagFile
 from silo.files.others.sqlite_file import SqliteFile
 from silo.files.others.topics import SOME, Bad, Equal, FileTopic, Unpacked
 from silo.files.silo.values import file_recording
@@ -44,7 +44,7 @@ _HEADER: Path = ("header", "stamp")
 _JOINTS = "sensor_msgs/msg/JointState"
 _MOST_TOLD = 5
 _MOST_LOOKED_AT = 100_000  # messages of a list with keys
-_File: TypeAlias = McapFile | SqliteFile | Ros1File
+_File: TypeAlias = McapFile | SqliteFile | RosbagFile
 
 
 def open_others(path: FilePath) -> Recording:
@@ -151,7 +151,7 @@ def _files(path: FilePath, told: DamageNotes) -> list[tuple[_File, bool]]:
 def _file(path: FilePath, told: DamageNotes) -> _File:
     refuse_others(path)
     if starts_with(path, ROS1_MARK):
-        return Ros1File(path)
+        return RosbagFile(path)
     if path.suffix == ".db3":
         return SqliteFile(path)
     try:

@@ -26,7 +26,7 @@ _HEADER = "std_msgs/Header"
 _DAMAGE = (ValueError, KeyError, EOFError, OSError, AssertionError, struct.error)  # of the package, for damaged files
 
 
-class Ros1File:
+class RosbagFile:
     """One file."""
 
     def __init__(self, path: Path) -> None:
@@ -56,7 +56,7 @@ class Ros1File:
         for connection in self._reader.connections:
             if self._reader.indexes.get(connection.id):
                 definition = _as_of_ros2(connection.msgdef.data, connection.msgtype)
-                stored = Ros1Topic(self._reader, connection, definition)
+                stored = RosbagConnection(self._reader, connection, definition)
                 made.append(FileTopic(connection.topic, connection.msgtype, "cdr", "ros2msg", definition, stored))
         return made
 
@@ -71,7 +71,7 @@ def _converter(name: str, definition: str) -> Callable[[bytes], bytes]:
 
 
 @dataclass(frozen=True)
-class Ros1Topic:
+class RosbagConnection:
     """The messages of one publisher of a topic."""
 
     reader: Any  # of the package
