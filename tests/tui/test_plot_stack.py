@@ -91,7 +91,7 @@ def test_plots_stand_one_below_the_other_with_their_time_below_them(stack):
     lines = stack.text
     assert lines[0] == ">a /imu/temperature degC         min 0.00  max 10.00  now - "
     assert [line[: AXIS + 1] for line in lines[1:6]] == [
-        "     10.0 ┤", "      7.5 ┤", "      5.0 ┤", "      2.5 ┤", "      0.0 ┤",
+        "       10 ┤", "          │", "        5 ┤", "          │", "        0 ┤",
     ]  # fmt: skip
     assert lines[6] == " b /state/on                                          now - "
     assert lines[7].startswith("        b │▁")

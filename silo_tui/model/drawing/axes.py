@@ -5,7 +5,7 @@ By powers of ten any values have an axis: where there are zeros or negative ones
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import msgspec
 import numpy as np
@@ -15,91 +15,108 @@ from silo_tui.model.drawing import braille
 from silo_tui.model.words import text
 
 Scale = tuple[float, float]
-_FACTORS = (1, 1.5, 2, 2.5, 3, 4, 5, 6, 8)
-_COUNTED = {*_FACTORS, 7.5}
+_FACTORS = (1, 2, 5)  # steps between numbers that are read at a glance
 _MOST_TICKS = 8
-WASTE = 1.4
-_ODD = 1.2  # what a top that needs more digits than the numbers below it may cost
+_OPEN_END = 1.05  # what an end between two numbers may cost
+_FEW = 1.3  # and that there are but two numbers
 _EXTREME = 1e290  # beyond, and below its inverse, there is no room for powers of ten
 
 
 def round_scale(smallest: float, largest: float, lines: int) -> Scale:
-    """Return a range that holds both values, with ticks that are round and an even number of lines apart."""
-    extent, is_zero = largest / 2 - smallest / 2, smallest == largest == 0
+    """Return a range that holds both values, with numbers in steps of 1, 2 or 5 on whole lines of the plot."""
+    is_zero = smallest == largest == 0
     if braille.is_constant(smallest, largest):
         smallest, largest = braille.room_around(largest)
-        extent = largest / 2 - smallest / 2
-    # of numbers that differ in their last digits only, and of the largest and smallest there are, no step is round
-    if not 1 / _EXTREME < extent < _EXTREME or extent < 1e-9 * max(abs(smallest), abs(largest)):
+    if lines < 2 or not has_round(smallest, largest):
         return braille.nice_range(smallest, largest)
-    plain = braille.nice_range(smallest, largest)
-    found = [ends for apart in _distances(lines) if (ends := _range_of(smallest, largest, lines, apart))]
-    found = [ends for ends in found if not is_zero or ends[0] == -ends[1]]  # nothing but zeros lies in the middle
-    best = min(found, key=lambda ends: (ends[1] - ends[0]) * (1 if _reads(ends, lines) else _ODD), default=plain)
-    # a curve in the lower half of its plot costs more than the numbers in between are worth
-    return best if best[1] - best[0] <= WASTE * (plain[1] - plain[0]) else plain
+    plain = braille.nice_range(smallest, largest)  # its ends alone are round
+    found = [((plain[1] - plain[0]) * _FEW, plain), *_ranges(smallest, largest, lines)]
+    return min(each for each in found if not is_zero or each[1][0] == -each[1][1])[1]  # zeros lie in the middle
 
 
-def _distances(lines: int) -> range:
-    """How many lines can lie between two ticks: at least three ticks fit, and no more than can be read."""
-    least = 1 if lines <= 6 else 2
-    return range(max(least, -(-(lines - 1) // _MOST_TICKS)), max(1, (lines - 1) // 2) + 1)
-
-
-def _range_of(smallest: float, largest: float, lines: int, apart: int) -> Scale | None:
-    """Return the smallest range with a round step every `apart` lines, from the bottom on, that holds both values.
-
-    None where only much larger ones do.
+def has_round(low: float, high: float) -> bool:
+    """Whether there are round numbers in a range: not where they differ in their last digits only, nor at the ends of
+    what numbers there are.
     """
-    steps = (lines - 1) / apart
-    raw = (largest - smallest) / steps
-    power = 10.0 ** math.floor(math.log10(raw))
-    for step in (factor * size for size in (power, 10 * power) for factor in _FACTORS):
-        first = math.floor(smallest / step + 1e-9)
-        if step >= raw * 0.999 and (first + steps) * step >= largest - 1e-9 * step:
-            return first * step, (first + steps) * step
-    return None
+    extent = high / 2 - low / 2
+    return 1 / _EXTREME < extent < _EXTREME and extent >= 1e-9 * max(abs(low), abs(high))
+
+
+def _steps(least: float) -> Iterator[float]:
+    """Yield round steps that are as large as this, from the smallest on."""
+    power = 10.0 ** math.floor(math.log10(least))
+    steps = (factor * size for size in (power, 10 * power, 100 * power) for factor in _FACTORS)
+    return (step for step in steps if step >= least * (1 - 1e-9))
+
+
+def _closest(lines: int) -> int:
+    """How many lines lie between two numbers at least."""
+    return max(1 if lines <= 6 else 2, -(-(lines - 1) // _MOST_TICKS))
+
+
+def _ranges(smallest: float, largest: float, lines: int) -> Iterator[tuple[float, Scale]]:
+    """Yield ranges that hold both values and have round numbers on whole lines, each with what it costs."""
+    whole = lines - 1
+    for apart in range(_closest(lines), whole + 1):
+        for step in _steps((largest - smallest) / whole * apart):
+            per_line = step / apart
+            first = math.floor(smallest / per_line + 1e-9)
+            if (first + whole) * per_line >= largest - 1e-9 * step:
+                yield _cost(per_line, apart, first, whole), (first * per_line, (first + whole) * per_line)
+                break
+
+
+def _cost(per_line: float, apart: int, first: int, whole: int) -> float:
+    """Return how far a range of so many lines reaches, the more the worse it reads; a number every `apart` lines."""
+    last = first + whole
+    count = last // apart - -(-first // apart) + 1
+    open_ends = (first % apart > 0) + (last % apart > 0)
+    return whole * per_line * _OPEN_END**open_ends * _FEW ** (count < 3) if count > 1 else math.inf
+
+
+def zeros_met(scales: Sequence[Scale], lines: int) -> list[Scale]:
+    """Return ranges that hold others, which all have a zero, with the zeros on one line and round numbers on others."""
+    whole = lines - 1
+
+    def met(zero: int) -> list[Scale]:
+        units = []
+        for low, high in scales:
+            least = max(-low / zero if zero else 0.0, high / (whole - zero) if zero < whole else 0.0)
+            found = ((next(_steps(least * apart)) / apart, apart) for apart in range(_closest(lines), whole + 1))
+            units.append(min(found, key=lambda each: _cost(each[0], each[1], -zero, whole))[0])
+        return [(-zero * unit, (whole - zero) * unit) for unit in units]
+
+    def cost(found: list[Scale]) -> float:
+        return sum((top - bottom) / (high - low) for (bottom, top), (low, high) in zip(found, scales, strict=True))
+
+    below, above = any(low < 0 for low, _ in scales), any(high > 0 for _, high in scales)
+    return min((met(zero) for zero in range(below, lines - above)), key=cost)
 
 
 def ticks_of(scale: Scale, lines: int) -> list[tuple[int, float]]:
-    """Return the lines (0 on top) of a plot that have a number, and which: round ones, top and bottom always."""
+    """Return the lines (0 on top) of a plot that have a number, and which: in steps of 1, 2 or 5, on the lines that are
+    theirs or, where the range is of another plot, next to them; both ends where no step fits.
+    """
     bottom, top = scale
     if not (math.isfinite(bottom) and math.isfinite(top)) or lines < 2:
         return []
-    per_line = top / (lines - 1) - bottom / (lines - 1)
-    # first those that are counted in steps as one counts, then those that reach the top
-    order = sorted(
-        _distances(lines), key=lambda apart: (_mantissa(apart * per_line) not in _COUNTED, (lines - 1) % apart > 0)
-    )
-    for apart in order:
-        values = [bottom + place * per_line for place in range(0, lines, apart)]
-        if _is_round(apart * per_line, values):
-            ticks = [(lines - 1 - place * apart, value) for place, value in enumerate(values)][::-1]
-            return ticks if ticks[0][0] == 0 else [(0, top), *ticks]
+    if has_round(bottom, top) and bottom < top:
+        per_line = (top - bottom) / (lines - 1)
+        found = [(step / per_line, ticks) for step in _steps(per_line) if len(ticks := _at(scale, step, per_line)) > 1]
+
+        def badness(each: tuple[float, list[tuple[float, float]]]) -> tuple[bool, bool]:
+            return each[0] < _closest(lines) * (1 - 1e-9), any(abs(place - round(place)) > 1e-6 for place, _ in each[1])
+
+        if found:
+            return [(math.floor(place + 0.5), value) for place, value in min(found, key=badness)[1]]
     return [(0, top), (lines - 1, bottom)]
 
 
-def _reads(scale: Scale, lines: int) -> bool:
-    """Whether the top of a range needs one digit more than the numbers below it at most: 1.0222 isn't read."""
-    (_, top), (_, second), *_ = ticks = ticks_of(scale, lines)
-    if len(ticks) < 3:
-        return False
-    step = second - ticks[2][1]
-    last = 10.0 ** math.floor(math.log10(step) + 1e-9) / (10 if _mantissa(step).is_integer() else 100)
-    return abs(top / last - round(top / last)) < 1e-6
-
-
-def _mantissa(step: float) -> float:
-    """Return the digits of a step before its power of ten: 2.5 of 250."""
-    return float(f"{step:.6e}".partition("e")[0])
-
-
-def _is_round(step: float, values: list[float]) -> bool:
-    if not step > 0 or not math.isfinite(step):
-        return False
-    digits = step / 10.0 ** math.floor(math.log10(step)) if 1 / _EXTREME < step < _EXTREME else math.pi
-    even = all(abs(value / step - round(value / step)) < 1e-6 for value in values)
-    return even and abs(digits * 10 - round(digits * 10)) < 1e-6
+def _at(scale: Scale, step: float, per_line: float) -> list[tuple[float, float]]:
+    """Return how far below the top the multiples of a step lie, in lines, and which they are."""
+    bottom, top = scale
+    first, last = math.ceil(bottom / step - 1e-6), math.floor(top / step + 1e-6)
+    return [((top - count * step) / per_line, count * step) for count in range(last, first - 1, -1)]
 
 
 def tick_words(ticks: list[tuple[int, float]], base: int, width: int) -> tuple[dict[int, str], str]:

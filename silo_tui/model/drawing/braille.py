@@ -203,7 +203,7 @@ def nice_range(smallest: float, largest: float) -> tuple[float, float]:
     power = 10.0 ** math.floor(math.log10(raw)) if raw > _SMALLEST else 0.0
     if power <= _SMALLEST:  # powers of ten run out
         return smallest, largest
-    step = next(factor * power for factor in (1, 2, 2.5, 5, 10) if factor * power >= raw * 0.999)
+    step = next(factor * power for factor in (1, 2, 5, 10) if factor * power >= raw * 0.999)
     first, last = math.floor(smallest / step + 1e-9), math.ceil(largest / step - 1e-9)
     return max(first * step, -_HUGE), min(last * step, _HUGE)
 

@@ -164,21 +164,19 @@ def draw_panel(
             pieces[at] = _on_base(pieces[at], base)
         key = "|".join(series[at].name for at in members if at < len(series))
         found[side] = _axis_of(window, key, [pieces[at] for at in members], height, base, log=log)
-    found = _zeros_met(found)
+    found = _zeros_met(found, height)
     return [_picture(window, piece, found[side], width, height) for piece, side in zip(pieces, right, strict=True)]
 
 
-def _zeros_met(found: dict[bool, Axis]) -> dict[bool, Axis]:
+def _zeros_met(found: dict[bool, Axis], height: int) -> dict[bool, Axis]:
     """Return two axes, which both have a zero, with the zeros on one line: a curve below it is below that of both."""
     ends = [axis.scale for axis in found.values()]
     plain = all(axis.log is None and not axis.base for axis in found.values())
-    if len(found) < 2 or not plain or not all(low <= 0 <= high and 0 < high - low < math.inf for low, high in ends):
+    have_zeros = all(low <= 0 <= high and axes.has_round(low, high) for low, high in ends)
+    if len(found) < 2 or height < 3 or not plain or not have_zeros:
         return found
-    sizes = [max(-low, high) for low, high in ends]
-    down = max(-low / size for (low, _), size in zip(ends, sizes, strict=True))
-    up = max(high / size for (_, high), size in zip(ends, sizes, strict=True))
-    scales = [(-down * size, up * size) for size in sizes]
-    return {side: msgspec.structs.replace(found[side], scale=scale) for side, scale in zip(found, scales, strict=True)}
+    met = zip(found.items(), axes.zeros_met(ends, height), strict=True)
+    return {side: msgspec.structs.replace(axis, scale=scale) for (side, axis), scale in met}
 
 
 def _axis_of(window: PlotWindow, key: str, pieces: Sequence[ColumnPiece], height: int, base: int, *, log: bool) -> Axis:
