@@ -78,8 +78,7 @@ class DetailPlot(Guarded, Styled):
         if y < height:
             found = self._curve(self.plot, y)
         elif y == height:
-            below = self.plot.below
-            line = axis_line(width, lambda share: below[round(4 * share)], (), {})
+            line = axis_line(width, self.plot.below, (), {})
             found = [Segment(" " * (AXIS + 1) + line, quiet)]
         else:
             found = self._note(y - height - 1, self.size.width)

@@ -19,7 +19,7 @@ from silo_tui.actions import key_of
 from silo_tui.model.drawing import braille, lanes
 from silo_tui.model.drawing.dots import BLANK
 from silo_tui.model.drawing.plots import HOLE, NOBODY, Plotted, pieces_of
-from silo_tui.model.drawing.window import PlotWindow
+from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
 from silo_tui.model.lists.happened import EVENT_LINE, columns_of, in_plots
 from silo_tui.model.plots.facts import PlotFacts, missing
 from silo_tui.model.plots.limits import Bounds4
@@ -39,7 +39,7 @@ from silo_tui.model.plots.panels import (
     title_lines,
 )
 from silo_tui.model.plots.picture import AXIS, LIMIT, RED, YELLOW, Drawn, PanelSource, drawn
-from silo_tui.model.plots.time_axis import axis_line, axis_word, file_axis_word
+from silo_tui.model.plots.time_axis import axis_line, axis_words, seconds_words
 from silo_tui.model.samples.live import Reading, offset_text
 from silo_tui.model.samples.source import PlotSource
 from silo_tui.model.words import text
@@ -377,14 +377,15 @@ class PlotStack(Guarded, Styled):
     def _time_axis(self) -> list[Segment]:
         cursors = ((self.window.cursor, "A"), (self.other_cursor, "B")) if self.window.other_ns is not None else ()
         marks = [(max(0, self.plot_width - 1 - cursor // 2), sign) for cursor, sign in cursors if cursor is not None]
-        line = axis_line(self.plot_width, self._axis_word, marks, self._event_cells(self.on_screen()))
+        line = axis_line(self.plot_width, self._axis_words(), marks, self._event_cells(self.on_screen()))
         return [Segment(" " * (AXIS + 1) + line, self._style("plot--quiet"))]
 
-    def _axis_word(self, share: float) -> str:
-        """What stands under a place of the time axis, 0 ... 1 from left to right."""
-        if share == 1.0 and self.source.live and not self.window.paused:
-            return "end" if self.ended else "now"
-        return axis_word(share, self.window, self.source.end_ns, self.columns)
+    def _axis_words(self) -> list[tuple[float, str]]:
+        """What stands under the time axis, each at its share of the way from left to right."""
+        words = axis_words(self.window, self.source.end_ns, self.columns)
+        if self.source.live and not self.window.paused:
+            words[-1] = 1.0, "end" if self.ended else "now"
+        return words
 
     # --------------------------------------------------------------------------------------------------- mouse
 
@@ -565,10 +566,10 @@ class RecordedStack(PlotStack):
         mean = digits.write(facts.mean) if digits else offset_text(plotted.entry, round(facts.mean), facts.base, 12)
         return f"{words}  min {ends[0]}  max {ends[1]}  mean {mean}"
 
-    def _axis_word(self, share: float) -> str:
+    def _axis_words(self) -> list[tuple[float, str]]:
         store, source, width_ns = self.store, self._file.source, self.columns * self.store.column_ns
         end_ns = store.end * store.column_ns
         if store.empty:  # nothing is read yet
             end_ns, width_ns = self.window.paused_end_ns or source.end_ns, self.window.span_ns
-        at_ns = end_ns - width_ns * (1 - share) - source.begin_ns
-        return file_axis_word(at_ns, self.window.span_s, width_ns / max(1, self.plot_width))
+        last_s = (end_ns - source.begin_ns) / SECOND_NS
+        return [each for each in seconds_words(last_s - width_ns / SECOND_NS, last_s) if not each[1].startswith("-")]

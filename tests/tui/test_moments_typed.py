@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from silo_tui.model.plots.time_axis import file_axis_word, moment_of
+from silo_tui.model.plots.time_axis import moment_of, seconds_words
 
 S = 10**9
 NEWEST = 1_700_000_039 * S + S // 2  # 22:13:59.5 UTC
@@ -65,7 +65,19 @@ async def test_the_cursor_goes_to_a_moment_that_is_typed(fake, opened):
 
 
 @pytest.mark.parametrize(
-    ("at_s", "word"), [(-0.1, "0.00 s"), (-0.5, ""), (0.0, "0.00 s"), (131.0, "131.00 s"), (-0.44, "0.00 s")]
-)
-def test_the_axis_of_a_file_does_not_begin_before_it(at_s, word):
-    assert file_axis_word(at_s * 10**9, 10.0, 0.15 * 10**9) == word
+    ("first_s", "last_s", "words"),
+    [
+        (-0.1, 47.3, ["0 s", "10 s", "20 s", "30 s", "40 s"]),
+        (121.7, 131.7, ["122 s", "124 s", "126 s", "128 s", "130 s"]),
+        (0.0, 19.9975, ["0 s", "5 s", "10 s", "15 s", "20 s"]),
+        (0.0, 0.05, ["0.00 s", "0.01 s", "0.02 s", "0.03 s", "0.04 s", "0.05 s"]),
+        (-23.4, -13.4, ["-22 s", "-20 s", "-18 s", "-16 s", "-14 s"]),
+    ],
+)  # fmt: skip
+def test_seconds_below_what_stands_still_are_round_and_at_their_places(first_s, last_s, words):
+    found = seconds_words(first_s, last_s)
+    assert [word for _, word in found] == words
+    for share, word in found:
+        assert first_s + share * (last_s - first_s) == pytest.approx(
+            float(word.split()[0]), abs=5e-3 * (last_s - first_s)
+        )

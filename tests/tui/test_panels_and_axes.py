@@ -17,7 +17,7 @@ from silo_tui.model.drawing import axes, braille, dots, lanes
 from silo_tui.model.drawing.plots import Plotted, draw_panel, together
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.plots.panels import first_to_show, gathered, heights, isolate, join, least_height, sides, stacked
-from silo_tui.model.plots.time_axis import axis_line
+from silo_tui.model.plots.time_axis import QUARTERS, axis_line
 from silo_tui.widgets.styled import _style
 
 
@@ -58,7 +58,7 @@ def test_what_can_t_share_a_plot_says_why(plots, most, reason):
 
 def test_letters_leave_a_cell_beside_the_words_of_the_axis():
     events = dict.fromkeys([*range(15, 26), *range(35, 46), 77, 78], "T")
-    line = axis_line(80, lambda share: f"{share:.2f} s", [(18, "A")], events)
+    line = axis_line(80, [(share, f"{share:.2f} s") for share in QUARTERS], [(18, "A")], events)
     assert re.findall(r"[TA] ?[\d.]+ s ?[TA]", line) == re.findall(r"[TA] [\d.]+ s [TA]", line) != []
 
 

@@ -265,9 +265,14 @@ def test_every_value_is_in_the_histogram_once(values, most):
 
 def test_the_middle_of_a_histogram_about_zero_is_called_zero_and_a_small_value_itself():
     spread = np.linspace(-5.2, 5.201, 4000)
-    assert big_plot.of_histogram(histogram_of(spread, 40), SIZE).below == ["-5.2", "-2.6", "0.0", "2.6", "5.2"]
-    assert big_plot.of_histogram(histogram_of(spread + 5.201, 40), SIZE).below[0] == "0.0"  # beside 10.4
-    assert big_plot.of_histogram(histogram_of(1e-3 + spread / 1e4, 40), SIZE).below[2] == "0.00100"
+    assert big_plot.of_histogram(histogram_of(spread, 40), SIZE).below == [
+        (pytest.approx(0.5 + 0.5 * value / 5.2, abs=1e-3), word)
+        for value, word in ((-4, "-4"), (-2, "-2"), (0, "0"), (2, "2"), (4, "4"))
+    ]
+    assert big_plot.of_histogram(histogram_of(spread + 5.201, 40), SIZE).below[-1][1] == "10"
+    assert big_plot.of_histogram(histogram_of(1e-3 + spread / 1e4, 40), SIZE).below[2:4] == [
+        (pytest.approx(0.5, abs=1e-3), "0.0010"), (pytest.approx(0.692, abs=1e-3), "0.0012"),
+    ]  # fmt: skip
 
 
 def test_whole_numbers_have_a_step_each():
@@ -293,7 +298,7 @@ def test_a_bar_is_as_high_as_its_count_and_where_nothing_is_there_is_none():
     assert [line.replace(BLANK, " ")[::2] for line in plot.lines][-1] == "⣿⣿ ⣿"
     assert [(plot.owners[:, cell] == 0).sum() for cell in (0, 2, 4, 6)] == [5, 3, 0, 3]
     assert (plot.left[0], plot.left[4]) == ("2.0", "0.0")
-    assert [plot.below[0], plot.below[-1]] == ["-0.5", "3.5"]
+    assert plot.below == [(0.125, "0"), (0.375, "1"), (0.625, "2"), (0.875, "3")]  # bars are as wide as a number
 
 
 @pytest.mark.parametrize(
@@ -351,7 +356,7 @@ def test_a_spectrum_that_ends_before_the_other_is_drawn_no_farther(count):
 def test_of_a_spectrum_the_lower_frequencies_are_drawn_as_if_there_were_no_others(count):
     lines = np.random.default_rng(1).random(count)
     near = big_plot.of_spectra([Spectrum(lines, 1.0)], [], "linear", SIZE, None, count / 2)
-    assert near.below[-1] == f"{count // 2} Hz"
+    assert near.below[-1] == {90: (pytest.approx(40 / 45), "40 Hz"), 4000: (1.0, "2000 Hz")}[count]
     alone = big_plot.of_spectra([Spectrum(lines[: count // 2], 1.0)], [], "linear", SIZE, None)
     assert np.mean(near.owners == alone.owners) > 0.95  # what the first line beyond it is, is seen between lines
     assert big_plot.line_in(Spectrum(lines, 1.0), [], 30, count / 2, SIZE[0]).frequency_hz == pytest.approx(

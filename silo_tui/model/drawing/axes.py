@@ -119,6 +119,17 @@ def _at(scale: Scale, step: float, per_line: float) -> list[tuple[float, float]]
     return [((top - count * step) / per_line, count * step) for count in range(last, first - 1, -1)]
 
 
+def across(first: float, last: float, most: int = 6) -> list[tuple[float, float]]:
+    """Return the numbers of an axis along the bottom, so many steps at most, each with its share of the way from left
+    to right; both ends where no step is round. What is less than a cell beyond an end is at it.
+    """
+    extent = last - first
+    if not (has_round(first, last) and first < last):
+        return [(0.0, first), (1.0, last)]
+    found = _at((first - 0.005 * extent, last + 0.005 * extent), next(_steps(extent / most)), extent)
+    return [(min(1.0, max(0.0, (value - first) / extent)), value) for _, value in reversed(found)]
+
+
 def tick_words(ticks: list[tuple[int, float]], base: int, width: int) -> tuple[dict[int, str], str]:
     """Return what stands on which line of an axis, and from what it counts if that takes many digits."""
     if not ticks:

@@ -87,7 +87,7 @@ class BigPlot:
     lines: list[str]
     owners: Owners
     left: dict[int, str]
-    below: list[str]  # words under the quarters of the plot, its ends too
+    below: list[tuple[float, str]]  # words under the plot, each at its share of the way from left to right
     notes: tuple[str, ...] = ()
     spots: tuple[tuple[int, int, str], ...] = ()  # line, cell and sign of what is marked in it
     aged: bool = False
@@ -152,7 +152,7 @@ def of_spectra(
         sign = f"{at + 1}" if at != chosen else f"[{at + 1}]"
         if all(line != taken or cell > first + len(other) or first > cell + len(sign) for taken, first, other in spots):
             spots.append((line, cell, sign))
-    below = [f"{text.compact(share * top_hz)} Hz" for share in (0, 0.25, 0.5, 0.75, 1)]
+    below = _below(0.0, top_hz, " Hz")
     notes = (f"counted from {origin}",) if origin else ()
     return BigPlot(dots.lines_of(cells), owners, words, below, notes=notes, spots=tuple(spots))
 
@@ -215,7 +215,7 @@ def of_pair(pair: Pair, size: tuple[int, int]) -> BigPlot:
     owners[up[-1], across[-1]] = 3
     lines = ["".join(TRAIL[age] if age >= 0 else BLANK for age in line) for line in owners.tolist()]
     left, origin = axes.tick_words(axes.ticks_of(y_scale, height), 0, 9)
-    below = _quarters(*x_scale)
+    below = _below(*x_scale)
     notes = (f"y counted from {origin}",) if origin else ()
     return BigPlot(lines, owners, left, below, notes=notes, aged=True)
 
@@ -231,12 +231,12 @@ def of_histogram(histogram: Histogram, size: tuple[int, int]) -> BigPlot:
     cells, owners = over_one_another([bars], [0])
     left, _ = axes.tick_words(axes.ticks_of(scale, height), 0, 9)
     end = histogram.first + histogram.step * len(histogram.counts)
-    below = _quarters(histogram.first, end)
+    below = _below(histogram.first, end)
     return BigPlot(dots.lines_of(cells), owners, left, below)
 
 
-def _quarters(first: float, last: float) -> list[str]:
-    """Return what stands below an axis at its quarters; between its ends what is 0 but for a part of a cell is 0."""
-    places = [first + share * (last - first) for share in (0.25, 0.5, 0.75)]
-    between = [0.0 if abs(place) < 5e-4 * (last - first) else place for place in places]
-    return list(text.row(first, *between, last, width=9))
+def _below(first: float, last: float, unit: str = "") -> list[tuple[float, str]]:
+    """Return the round numbers between two values, each at its share of the way from left to right."""
+    places = axes.across(first, last)
+    words = text.row(*(value for _, value in places), width=9)
+    return [(share, f"{word}{unit}") for (share, _), word in zip(places, words, strict=True)]

@@ -1,15 +1,15 @@
-"""The line under plots: times at its quarters, and the letters of cursors and of what happened between them. Pure.
+"""The line under plots: times, and the letters of cursors and of what happened between them. Pure.
 
 And the way back: which moment is meant by what somebody types.
 """
 
-import math
 import re
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from silo.core.quantities.reading import seconds_of
 from silo.core.quantities.writing import EPOCH_FROM_NS
+from silo_tui.model.drawing import axes
 from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
 from silo_tui.model.lists.happened import RANK
 from silo_tui.model.words import text
@@ -18,16 +18,18 @@ MOMENTS = "-3s from the end, 12.5, +2s from the cursor, 13:07:32.5"
 _CLOCK = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)(?::([0-5]\d)(?:\.(\d*))?)?")
 _NUMBER = re.compile(r"\d+\.?\d*|\.\d+")
 NO_BREAK = "\u00a0"
+QUARTERS = (0.0, 0.25, 0.5, 0.75, 1.0)
 FAR = 10  # cells that a letter may stand beside its place
 
 
 def axis_line(
-    width: int, word_at: Callable[[float], str], cursors: Iterable[tuple[int, str]], events: Mapping[int, str]
+    width: int, words: Iterable[tuple[float, str]], cursors: Iterable[tuple[int, str]], events: Mapping[int, str]
 ) -> str:
-    """Return the line; letters take the nearest empty cell, the rarer events first, limits none but their own."""
+    """Return the line, of words at their shares of the way from left to right; letters take the nearest empty cell,
+    the rarer events first, limits none but their own.
+    """
     line = [" "] * width
-    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
-        word = word_at(share)
+    for share, word in words:
         start = max(0, min(width - len(word), round(share * width) - (len(word) // 2 if 0 < share < 1 else 0)))
         begin, end = max(0, start - 1), min(width, start + len(word) + 1)
         if "".join(line[begin:end]).isspace():
@@ -39,28 +41,23 @@ def axis_line(
     return "".join(line).replace(NO_BREAK, " ")
 
 
-def axis_word(share: float, window: PlotWindow, newest_ns: int, columns: int) -> str:
-    """Return what stands under a place of a window that stands still, 0 ... 1 from left to right.
+def axis_words(window: PlotWindow, newest_ns: int, columns: int) -> list[tuple[float, str]]:
+    """Return what stands below a window of a logger, each at its share of the way from left to right.
 
     It is counted from where the cursor's time is: the newest moment, which an earlier window doesn't end with.
     """
-    before_s = window.span_s * (1 - share)
     end_ns = window.paused_end_ns
     back_s = 0.0 if end_ns is None else max(0, newest_ns - end_ns) / SECOND_NS
     if back_s < window.span_s / columns:
-        return "0" if share == 1.0 else f"-{text.span(before_s)}"
-    decimals = max(0, min(9, 1 - math.floor(math.log10(window.span_s / 4))))
-    return f"-{back_s + before_s:.{decimals}f} s"
+        return [(share, f"-{text.span(window.span_s * (1 - share))}") for share in QUARTERS[:-1]] + [(1.0, "0")]
+    return seconds_words(-back_s - window.span_s, -back_s)
 
 
-def file_axis_word(at_ns: float, span_s: float, cell_ns: float) -> str:
-    """Return what stands under a moment since the beginning of a file; nothing before it, but for the width of three
-    cells: columns of a whole file may begin that much earlier.
-    """
-    if at_ns < -3 * cell_ns:
-        return ""
-    digits = max(0, min(9, 2 - math.floor(math.log10(span_s / 4))))
-    return f"{max(0.0, at_ns) / SECOND_NS:.{digits}f} s"
+def seconds_words(first_s: float, last_s: float) -> list[tuple[float, str]]:
+    """Return round seconds between two moments, each at its share of the way from left to right."""
+    places = axes.across(first_s, last_s)
+    words = text.row(*(value for _, value in places))
+    return [(share, f"{word} s") for (share, _), word in zip(places, words, strict=True)]
 
 
 def moment_of(words: str, zero_ns: int, newest_ns: int, here_ns: int) -> int:

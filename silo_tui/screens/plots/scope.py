@@ -34,6 +34,7 @@ from silo_tui.model.plots.scope import (
     parse_settings,
     picture_of,
 )
+from silo_tui.model.plots.time_axis import QUARTERS
 from silo_tui.model.samples.source import PlotSource, Samples
 from silo_tui.model.words import text
 from silo_tui.screens.dialogs.questions import Prompt
@@ -73,8 +74,8 @@ class ScopeStack(PlotStack):
         self.show_panels([tuple(plots)])
         self.scope = scope
 
-    def _axis_word(self, share: float) -> str:
-        return axis_word(self.scope, share)
+    def _axis_words(self) -> list[tuple[float, str]]:
+        return [(share, axis_word(self.scope, share)) for share in QUARTERS]
 
     def _facts(self, at: int, plotted: Plotted) -> str:
         picture: Picture = self._panel(at).pictures[0]
