@@ -182,17 +182,18 @@ def test_every_element_is_on_one_line_or_below_a_folded_branch(names, folded):
     assert len({branch.path for branch in tree.branches}) == len(tree.branches)
 
 
-def test_an_order_by_value_begins_with_nan_then_the_largest_and_ends_with_what_is_not_known(rows):
-    count = len(rows.table)
-    values = np.arange(count, dtype=float)
-    values[[5, 6]] = np.nan
-    signs = np.zeros(count)
-    signs[5] = NOT_FINITE
-    measure(rows, value=values, signs=signs)
+@pytest.mark.parametrize("turned", [False, True])
+def test_nan_and_what_is_not_known_stand_last_either_way_and_inf_where_it_belongs(rows, turned):
+    values = np.arange(len(rows.table), dtype=float)
+    values[[4, 5, 6, 7]] = np.nan, np.nan, np.inf, -np.inf
+    signs = np.where(np.arange(len(rows.table)) == 5, NOT_FINITE, 0)
+    measure(rows, value=values, signs=signs.astype(float))
     rows.order_by("value")
-    assert (rows.shown[0], rows.shown[1], rows.shown[-1]) == (5, count - 1, 6)
-    rows.order_by("value")
-    assert (rows.arrow, rows.shown[0], rows.shown[1], rows.shown[-1]) == ("↑", 5, 0, 6)
+    if turned:
+        rows.order_by("value")
+    assert rows.arrow == "↓↑"[turned]
+    assert (rows.shown[0], rows.shown[-3]) == ((7, 6) if turned else (6, 7))
+    assert set(rows.shown[-2:]) == {4, 5}
 
 
 @pytest.mark.parametrize(("order", "last"), [("std", True), ("mean", True), ("max", False)])

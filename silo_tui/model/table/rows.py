@@ -6,10 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from silo.core.arrays.columns import Floats
 from silo.core.names import component_name
 from silo.core.quantities.writing import many
-from silo.live.quantities import NOT_FINITE
 from silo_tui.model.samples.live import has_norm
 from silo_tui.model.table import filter as filters
 from silo_tui.model.table.columns import LIVE_COLUMNS, NAME, TREE, TableColumn, orders_of
@@ -24,15 +22,6 @@ def natural_key(name: str) -> tuple[object, ...]:
     """Sort `joint2` before `joint10` and `Base` beside `base`."""
     parts = re.split(r"(\d+)", name.casefold())
     return tuple((1, int(part)) if part.isdecimal() else (0, part) for part in parts if part)
-
-
-def ordered(keys: Floats, base: Rows, *, falling: bool, unknown: Mask) -> Rows:
-    """Return `base` ordered by `keys` of all elements: NaN first, what is unknown last, equal ones as before."""
-    of = keys[base]
-    turned = np.where(np.isnan(of), 0.0, -of if falling else of)
-    group = np.where(unknown[base], 2, np.where(np.isnan(of), 0, 1))
-    found: Rows = base[np.lexsort((turned, group))]
-    return found
 
 
 class RowList:
@@ -440,10 +429,8 @@ class RowList:
         if not order.quantity:
             found = by_name[np.argsort(keys[by_name], kind="stable")]
             return found[::-1] if self.turned else found
-        # a NaN that is the value comes first; one that says that nothing is known comes last
-        is_nan = (self.table.facts.signs(len(self.table)) & NOT_FINITE) != 0
-        unknown = np.isnan(keys) & ~is_nan
-        return ordered(keys, by_name, falling=order.falling != self.turned, unknown=unknown)
+        of = keys[by_name]  # NaN stands last either way, as NumPy sorts
+        return by_name[np.argsort(-of if order.falling != self.turned else of, kind="stable")]
 
     def _by_name(self, *, as_tree: bool = False) -> Rows:
         names, prefix = self.table.names, self.table.prefix
