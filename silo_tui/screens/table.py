@@ -17,7 +17,6 @@ from silo.rpc.frames import Frame
 from silo.settings.typed import ElementSettings, examples, is_setting, read_settings
 from silo_tui.actions import BY_ID, Command, key_of
 from silo_tui.modal import ask, run_alone, run_aside
-from silo_tui.model.table.cells import statistic_head
 from silo_tui.model.table.columns import LIVE_COLUMNS, STEADY
 from silo_tui.model.table.facts import STATISTICS
 from silo_tui.model.table.fields import Field, parse_change, phrase_for
@@ -79,7 +78,6 @@ class TableScreen(ElementsScreen):
         self._reset_wanted = False
         self._survey_s = 0.0
         self._no_survey = ""
-        self._window = ""  # over how long the statistics are, as the head says it
         self._view: _View | None = None
         super().__init__(session, LIVE_COLUMNS)
 
@@ -193,10 +191,6 @@ class TableScreen(ElementsScreen):
         rows = self.session.rows
         if asked := self._is_asked:
             self._typed_s = now_s
-        window = statistic_head(self.table.sight, "", 9)
-        if window != self._window:
-            self._window = window
-            self.table_head.refresh()
         is_known = self._order_wanted and rows.is_measured and not asked
         if is_known:
             rows.refresh()
@@ -251,10 +245,19 @@ class TableScreen(ElementsScreen):
         self._judge()
         return known
 
-    def statistics_words(self) -> str:
+    @property
+    def _since(self) -> str:
         since_ns = self.session.table.facts.since_ns
-        since = f" since {wall_clock(since_ns)}" if since_ns else ""
-        return f" of every sample{since}; {key_of('zero')} from now"
+        return f" since {wall_clock(since_ns)}" if since_ns else ""
+
+    @property
+    def _legend(self) -> str:
+        """What a sign in small plots is, and since when statistics are, where one has them."""
+        since = f"statistics{self._since}" if self._since and set(self.table.titles).intersection(STATISTICS) else ""
+        return " │ ".join(filter(None, (since, super()._legend)))
+
+    def statistics_words(self) -> str:
+        return f" of every sample{self._since}; {key_of('zero')} from now"
 
     def command_zero(self) -> None:
         self._reset_wanted, self._survey_s = True, 0.0

@@ -14,7 +14,6 @@ from silo_tui.actions import key_of, unmark_words
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.table.cells import sign_of
 from silo_tui.model.table.columns import NAME, STEADY
-from silo_tui.model.table.facts import STATISTICS
 from silo_tui.model.words import text
 from silo_tui.model.words.states import FULL, MEANINGS, OLD
 from silo_tui.sessions.live import Session
@@ -177,9 +176,7 @@ class InfoLine(MessageLine):
             parts.append(LinePart(6 * alone, f"{told}: {passing}"))
             parts += [LinePart(5, f"? {problem}") for problem in rows.filter.problems[:1]]
         if rows.sort not in STEADY or rows.turned:
-            since_ns = session.table.facts.since_ns  # 0 of a file: its statistics are of all
-            since = f" since {wall_clock(since_ns)}" if rows.sort in STATISTICS and since_ns else ""
-            order = f"by {rows.sort} {rows.arrow}{since}"
+            order = f"by {rows.sort} {rows.arrow}"
             held = f" ({HELD})" * rows.held
             back = f"; {key_of('sort')} {rows.orders[NAME].letter}: by name"
             parts.append(LinePart(3, f"{order}{held}{back}", "", (order + held, order)))

@@ -178,19 +178,6 @@ def test_a_statistic_reads_as_its_signal_does(name, title, told, more, cell):
 
 
 @pytest.mark.parametrize(
-    ("since_s", "width", "more", "head"),
-    [
-        (55, 8, {}, "mean 45s"), (55, 7, {}, "mean"), (0, 8, {}, "mean"), (100, 8, {}, "mean"),
-        (55, 8, {"at_s": 1.0}, "mean"), (99.5, 8, {}, "mean"), (98, 8, {}, "mean 2s"),
-    ],
-)  # fmt: skip
-def test_the_head_says_over_how_long_statistics_are_where_it_has_room(since_s, width, more, head):
-    sight = sight_of("/t", **more)
-    sight.table.facts = Facts({}, int(since_s * 10**9), 100 * 10**9)
-    assert cells.statistic_head(sight, "mean", width) == head
-
-
-@pytest.mark.parametrize(
     ("at_s", "width", "head"),
     [(None, 8, "value"), (21.9975, 12, "at 21.9975 s"), (21.9975, 8, "at 22 s"), (1234567.0, 4, "at 1e6 s")],
 )

@@ -179,8 +179,6 @@ def test_an_entry_that_is_nothing_beside_the_others_is_a_zero_where_their_unit_i
 @pytest.mark.parametrize(
     ("write", "told"),
     [
-        (text.short_span, {99.9: "99s", 100: "1m", 5999: "99m", 6000: "1h", 359_999: "99h", 360_000: "4d",
-                           518_400: "6d"}),
         (text.ago, {-1: "0.0 s", 9.9: "9.9 s", 10: "10 s", 59: "59 s", 60: "1 min", 3540: "59 min", 3600: "1 h",
                79_200: "22 h", 86_400: "1 d", 2_592_000: "30 d"}),
         (text.compact, {999.0: "999", 1000.0: "1000", 9999.0: "9999", 1e4: "10k"}),

@@ -8,6 +8,7 @@ import pytest
 
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import ElementInfo, ElementOptions, Entry
+from silo.core.quantities.writing import wall_clock
 from silo.live.quantities import FROZEN, NOT_FINITE, SLOW
 from silo_tui.model.table.columns import against_siblings
 from silo_tui.screens import table
@@ -214,15 +215,19 @@ async def test_n_steps_through_norm_and_entries_of_a_vector_and_statistics_of_th
         await screen.until(lambda: any("norm " in line for line in screen.text.splitlines()[2:-3]), "the norm, marked")
 
 
-async def test_zero_begins_the_statistics_anew_and_over_how_long_they_are_stands_in_the_head(fake, opened):
+async def test_zero_begins_the_statistics_anew_and_since_when_they_are_stands_below_them(fake, opened):
     async with opened(fake.run()) as screen:
         await screen.until(lambda: screen.session.table.facts.since_ns == fake.since_ns > 0)
         fake.advance(30)
         await screen.press("Z")
         await screen.until(lambda: screen.session.table.facts.since_ns == fake.now_ns)
+        assert "statistics since" not in screen.text, "none are shown"
         await screen.press("C")
+        screen.app.screen.info.give_way()  # what the set of columns said
         fake.since_ns = fake.now_ns - 720 * 10**9
-        await screen.until(lambda: "mean 12m" in screen.text.splitlines()[1])
+        await screen.shows(f"statistics since {wall_clock(fake.since_ns)}")
+        head = screen.text.splitlines()[1].split()
+        assert {"min", "max", "mean", "std"} <= set(head), f"one word for when they begin, below them: {head}"
 
 
 async def test_the_inspector_gives_way_first_comes_by_i_and_has_the_value_of_its_row_beside_statistics(fake, opened):

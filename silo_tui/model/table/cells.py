@@ -334,15 +334,6 @@ def entry_statistic(sight: Sight, row: int, entry: int, width: int, title: str) 
     return _number(sight, row, entry + 2, title, width, alone=True)
 
 
-def statistic_head(sight: Sight, title: str, width: int) -> str:
-    """Return the title, and over how long statistics are: `mean 45s`; a file's are over all of it."""
-    facts = sight.table.facts
-    if sight.at_s is not None or not 0 < facts.since_ns <= facts.time_ns - 1e9:
-        return title
-    words = f"{title} {text.short_span((facts.time_ns - facts.since_ns) / 1e9)}"
-    return words if len(words) <= width else title
-
-
 def _number(sight: Sight, row: int, chosen: int, quantity: str, width: int, *, alone: bool = False) -> Cell:
     name = _told_of(sight, row, chosen)
     found = sight.table.facts.detail(name, quantity)

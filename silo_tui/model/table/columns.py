@@ -177,7 +177,6 @@ def _statistic(
         orders=(_measured(title, letter, title, falling=falling, of_norm=True), *more),
         terms=(fact_term((title,), title, example=example),), quantities=(title,),
         entry=lambda sight, row, entry, width: cells.entry_statistic(sight, row, entry, width, title),
-        head=lambda sight, width: cells.statistic_head(sight, title, width) if title == "mean" else title,
     )  # fmt: skip
 
 

@@ -174,13 +174,6 @@ def span(seconds: float, digits: int = 4) -> str:
     return f"{short(float(short(seconds * scale, digits)), max(4, digits))} {unit}"  # 200 us, not 2e2
 
 
-def short_span(seconds: float) -> str:
-    """Return a time span in whole units, at most four cells up to 99 days: `45s`, `12m`, `3h`, `2d`."""
-    scales = ((100, 1, "s"), (6000, 60, "m"), (360_000, 3600, "h"))
-    scale, unit = next(((scale, unit) for limit, scale, unit in scales if seconds < limit), (86_400, "d"))
-    return f"{int(seconds // scale)}{unit}"
-
-
 def bar(share: float, width: int) -> str:
     """Return a bar of `width` cells in eighths of a cell."""
     eighths = round(max(0.0, min(1.0, share)) * width * 8)
