@@ -530,7 +530,7 @@ class ElementsScreen(SiloScreen):
         hidden = f" │ {rows.hidden_marked} marked are hidden" if rows.hidden_marked else ""
         count = f"{len(rows.shown)} of {len(self.session.table)}{hidden}"
         room = self.app.size.width - 2 - len(count)
-        words = FILTER_HINTS if not line.value else ""
+        words = filters.explained(line.value) if line.value else FILTER_HINTS
         if found.problems:
             begin, end = found.places[0]
             words = f"{' ' * begin}{'^' * (end - begin)} {found.problems[0]}; left out meanwhile"

@@ -87,6 +87,13 @@ def test_what_was_not_measured_hides_nothing(table, facts):
         assert count(table, text) == len(table), text
 
 
+@pytest.mark.parametrize("word", ["frozen", "-frozen", "slow", "state:frozen", "monotone", "problem", "edited", "off"])
+def test_the_filters_own_words_are_explained_as_they_are_typed(word):
+    assert filters.explained(f"LF {word}").startswith(f"{word.removeprefix('-')}: ")
+    assert filters.explained(f"{word} LF") == "", "a part of a name speaks for itself"
+    assert all(len(f"{each}: {meaning}") + len("500 of 500") < 80 - 2 for each, meaning in filters.EXPLAINED.items())
+
+
 def test_monotone_is_what_is_at_its_extreme_of_all(table):
     count_of = len(table)
     steady = {"min": np.full(count_of, -1.0), "max": np.full(count_of, 5.0)}

@@ -33,6 +33,7 @@ from silo_tui.model.table.facts import BITS
 from silo_tui.model.table.fields import Field, Ints
 from silo_tui.model.table.state import Mask, TableState
 from silo_tui.model.table.terms import OTHER_TERMS, Test, negate
+from silo_tui.model.words.states import FULL, MEANINGS
 
 # blanks and bars inside of quotes belong to the word; a regular expression ends at a blank
 _TOKEN = re.compile(r'-?~\S+|(?:"[^"]*"?|[^\s"])+')
@@ -41,6 +42,13 @@ _TERM = re.compile(r"(\|?[A-Za-z]+\|?)(>=|<=|!=|>|<|=|:)(.*)", re.DOTALL)
 _MEASURED_WORDS = ("problem", "alarm", "nan", "frozen", "slow")
 _MONOTONE = "monotone"
 _OF_MONOTONE = frozenset({"value", "min", "max"})
+EXPLAINED: Mapping[str, str] = {
+    **{f"state:{word}": MEANINGS[word] for word in (*BITS, FULL)},
+    **{word: MEANINGS[word] for word in ("nan", "frozen", "slow")},
+    "monotone": "now the largest or smallest, as what only grows or falls",
+    "problem": "whatever the column state says, but full", "edited": "other settings than the program began with",
+    "pending": "an edit waits to be applied", "off": "not logged",
+}  # fmt: skip
 TERMS = (*(term for column in LIVE_COLUMNS for term in column.terms), *OTHER_TERMS)
 
 
@@ -282,6 +290,12 @@ def _term(key: str, sign: str, value: str, raw: str) -> Test | str:
     if term is None:
         return f"{key}{sign} is no field; there are {' '.join(each.names[0] for each in TERMS)}"
     return term.read(sign, value)
+
+
+def explained(text: str) -> str:
+    """Return what the last word of a filter means; empty where it is none of the filter's own, as a part of a name."""
+    word = text.rpartition(" ")[2].removeprefix("-")
+    return f"{word}: {EXPLAINED[word]}" if word in EXPLAINED else ""
 
 
 def completions(text: str, units: list[str]) -> list[str]:
