@@ -9,7 +9,7 @@ Step = tuple[str, Callable[[Any], bool]]
 STEPS: tuple[Step, ...] = (
     ("{filter}, then type torque, then Enter: only names with that word are shown",
      lambda screen: screen.scope == "table" and bool(screen.session.rows.filter.text) and not screen.is_typing),
-    ("{mark} marks the row and moves on: mark two (↑ ↓ move, again unmarks)",
+    ("{mark} marks the element and moves on: mark two (↑ ↓ move, again unmarks)",
      lambda screen: screen.scope == "table" and screen.session.rows.marked_count > 1),
     ("{monitor} plots what is marked", lambda screen: screen.scope == "monitor"),
     ("{pause} holds the picture, ← → look into it", lambda screen: screen.scope == "monitor" and screen.window.paused),

@@ -296,7 +296,7 @@ async def _chosen_script(context: Context, path: str) -> tuple[str, list[FieldCh
     diff = await link.read(lambda client: client.diff_script(name))
     if not diff.changes and not diff.conditions:
         edits = _pending(context)
-        kept = f"; kept: {edits} ({context.key_in_table('discard')} takes back those of a row)" if edits else ""
+        kept = f"; kept: {edits} ({context.key_in_table('discard')} takes back those of an element)" if edits else ""
         context.say(f"{name} says what the logger has already: nothing to load{kept}{_unknown_words(diff.unknown)}")
         return "", []
     if seen:
@@ -421,7 +421,7 @@ async def restore(context: Context) -> None:
 def _pending(context: Context) -> str:
     """Return how many edits are pending, in words; empty for none."""
     fields, elements = context.session.table.pending_count if context.has_session else (0, 0)
-    return f"{many(fields, 'pending edit')} in {many(elements, 'row')}" if fields else ""
+    return f"{many(fields, 'pending edit')} in {many(elements, 'element')}" if fields else ""
 
 
 async def may_leave(context: Context) -> bool:

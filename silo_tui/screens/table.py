@@ -444,7 +444,7 @@ class TableScreen(ElementsScreen):
         """Return that what comes is about the row under the cursor, where others are marked."""
         rows, count = self.session.rows, len(self.session.rows.targets())
         chosen = "in the range" if rows.anchor is not None else "that are marked"
-        return f"Of the row under the cursor alone, not of the {many(count, 'element')} {chosen}." if count > 1 else ""
+        return f"Of the element under the cursor alone, not of the {count} {chosen}." if count > 1 else ""
 
     def command_last_capture(self) -> None:
         from silo_tui.screens.files.opened import open_last_capture  # no first screen waits for it
@@ -585,7 +585,7 @@ class TableScreen(ElementsScreen):
         """Return the value that a command would change, or that those that it is about have several."""
         field = FIELDS_BY_COMMAND.get(command_id)
         if command_id == "new_of_row" and len(self.session.rows.targets()) > 1:
-            return "of one row"  # whatever is marked
+            return "of one element"  # whatever is marked
         if field is None:
             return super().value_now(command_id)
         found = self._values_of(field)

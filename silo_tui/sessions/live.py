@@ -489,7 +489,7 @@ class Session:
         one = self.table.elements[rows[0]]
         others = f" and {len(rows) - 1} more are" if len(rows) > 1 else " is"
         name = self.short_name(one.name)
-        return f"{name}{others} derived: divider, buffer and action are those of its signals; edit its row to change it"
+        return f"{name}{others} derived: divider, buffer and action are those of its signals; edit it to change that"
 
     def watch(self, request: ViewRequest) -> None:
         """Say what the screen shows from now on."""

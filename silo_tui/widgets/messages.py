@@ -183,7 +183,7 @@ class InfoLine(MessageLine):
         if not parts and not self.said and len(rows.tree.lines):
             branches = len(rows.tree.branches)
             in_spaces = f"{len(rows.shown)} in {many(branches, 'name space')}"
-            parts.append(LinePart(2, in_spaces if branches else f"row {rows.place} of {len(rows.shown)}"))
+            parts.append(LinePart(2, in_spaces if branches else f"element {rows.place} of {len(rows.shown)}"))
         if (edited := int(session.table.edited.sum())) and rows.filter.text != "edited":
             way = f"{key_of('view')} e" if key_of("view") else ":view edited"
             parts.append(LinePart(1, f"{edited} edited since the program began ({way})", "", (f"{edited} edited",)))

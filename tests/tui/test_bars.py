@@ -520,7 +520,7 @@ def said(desk):
 def test_a_table_says_how_much_of_it_there_is(said):
     rows = said.session.rows
     rows.refresh()
-    assert said.words().plain == "row 1 of 72"
+    assert said.words().plain == "element 1 of 72"
     rows.order_by("tree")
     rows.refresh()
     assert said.words().plain == f"72 in {len(rows.tree.branches)} name spaces"
@@ -637,10 +637,10 @@ def test_below_plots_it_is_told_what_is_shown_of_what(state, span_s, held, said,
 def test_of_the_row_under_the_cursor_it_is_told_what_its_columns_have_no_room_for(desk, said):
     rows, table = desk.session.rows, desk.session.table
     rows.refresh()
-    assert said.words().plain == "row 1 of 72"
+    assert said.words().plain == "element 1 of 72"
     rows.move_to(3)
     name = table.names[rows.row]
-    assert said.words().plain == "row 4 of 72"
+    assert said.words().plain == "element 4 of 72"
     table.facts = Facts({}, 0, 0, {name: {"bad": 2.0}})
     assert said.words().plain.endswith(" │ 2 samples nan or inf: min to std leave nan out")
     said.width = 160

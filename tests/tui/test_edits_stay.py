@@ -191,10 +191,10 @@ async def test_a_script_that_changes_nothing_says_so_and_that_pending_edits_stay
         await screen.shows("1 pending")
         await screen.press("L")
         await screen.shows("It would change nothing")
-        assert "Kept, whatever is loaded: 1 pending edit in 1 row" in screen.text
+        assert "Kept, whatever is loaded: 1 pending edit in 1 element" in screen.text
         await screen.press("enter")
-        await screen.shows("kept: 1 pending edit in 1 row")
-        await screen.shows("(x takes back those of a row)")
+        await screen.shows("kept: 1 pending edit in 1 element")
+        await screen.shows("(x takes back those of an element)")
 
 
 async def test_edits_that_a_lost_terminal_left_are_offered_at_the_next_start(fake, new_fake, opened):

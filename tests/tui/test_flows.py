@@ -390,7 +390,7 @@ def test_a_script_over_pending_edits_is_asked_about(answers, done, saved):
     desk = Desk(saved, *answers).edit()
     desk.does(flows.load_script(desk, "quiet"))
     assert desk.done == done
-    assert desk.asked[1].startswith("Load over pending edits?\n1 pending edit in 1 row stay pending on top")
+    assert desk.asked[1].startswith("Load over pending edits?\n1 pending edit in 1 element stay pending on top")
 
 
 def test_a_script_that_can_t_be_loaded_leaves_the_logger_running(running):
@@ -483,7 +483,7 @@ def test_leaving_asks_where_edits_are_pending(edited, answers, ends, saved):
     assert bool(desk.session.table.pending_count[0]) == (edited and not ends)
     if edited:
         assert desk.asked[0].startswith(
-            "Quit without applying?\n1 pending edit in 1 row would be lost. The logger goes on."
+            "Quit without applying?\n1 pending edit in 1 element would be lost. The logger goes on."
         )
 
 

@@ -1,5 +1,7 @@
 """Help shows every command of a screen, whole, in columns; it is searched, and does what was found."""
 
+import re
+
 import msgspec
 import pytest
 from rich.cells import cell_len
@@ -116,6 +118,11 @@ async def test_each_word_and_sign_of_the_first_screen_is_found_in_help(fake, ope
 def test_numbers_of_the_first_screen_are_found_whatever_they_are_now(words, left):
     found = [line.left for line in entries("table", everywhere=False) if line.holds([words])]
     assert any(each.startswith(left) for each in found)
+
+
+def test_a_line_of_the_table_has_one_name_whatever_is_done_with_it():
+    of_table = [each.help for each in COMMANDS if set(each.scopes) & {"table", "file"}]
+    assert not [each for each in of_table if re.search(r"\brows?\b|the signal\b", each)], "it is an element"
 
 
 def test_what_menus_call_it_is_found():
