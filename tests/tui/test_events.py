@@ -55,7 +55,7 @@ def test_a_line_is_never_wider_than_the_screen():
         assert len(line(event(), "x" * 300, width, "bot")) <= width
         assert len(line(event(), "xyz " * 300, width, "bot")) <= width
     assert line(event(), '"push 3"', 80, "bot").endswith("me@desk")
-    assert line(event(who=""), "push", 80, "bot").endswith("bot")
+    assert line(event(who="bot"), "push", 80, "bot").endswith("push" + " " * 47)  # nobody but the logger
 
 
 def test_a_table_of_events_has_their_time_in_full():
@@ -72,15 +72,22 @@ def test_a_table_of_events_has_their_time_in_full():
 )  # fmt: skip
 def test_what_has_no_room_in_its_line_is_cut_at_a_blank_once_who_did_it_has_given_way(room, told):
     head = line(event(), "", 80, "bot").index("M") + 2
-    shown = line(event(), "ticks 8040 to 12680 held", head + room + 2, "bot")[head:]
+    shown = line(event(), "ticks 8040 to 12680 held", head + room, "bot")[head:]
     assert shown.rstrip() == told.rstrip()
+
+
+def test_the_tick_that_stands_in_its_column_is_not_told_again():
+    over = event("limit", "/x H 35.2 Nm at tick 5, limit 35")
+    assert "H /x H 35.2 Nm, limit 35 " in line(over, over.text, 80, "bot")
+    assert "at tick 5" in line(replace(over, tick=7), over.text, 80, "bot")  # another one
+    assert "at tick 51" in line(over, "/x H 1 at tick 51", 80, "bot")
 
 
 def test_a_long_name_loses_what_does_not_tell_it_apart_before_the_line_is_cut():
     told = [f"/robot/left_front/{leg}_KFE/winding_temperature over 50: 51.25" for leg in ("LF", "LH")]
     events = [event("limit", f"/log{each}") for each in told]
     names = long_words(events, lambda word: word.removeprefix("/log"))
-    shown = [line(each, words, 72, "bot", names) for each, words in zip(events, told, strict=True)]
+    shown = [line(each, words, 70, "bot", names) for each, words in zip(events, told, strict=True)]
     assert [words.split(" H ")[1].rstrip() for words in shown] == [
         "…/LF…winding_temperature over 50: 51.25", "…/LH…winding_temperature over 50: 51.25",
     ]  # fmt: skip
@@ -132,6 +139,13 @@ def test_marks_stand_where_they_were_set_not_where_they_were_written():
     assert in_time([early, cut, alarm, other, late, loose]) == [early, cut, alarm, late, other, loose]
 
 
+def test_what_was_told_late_stands_where_its_tick_was():
+    saved, mark = event("saved", at_ns=90), replace(event(at_ns=40), time_ns=95)
+    assert in_time([saved, mark]) == [mark, saved]
+    of_no_tick = replace(event("recording"), time_ns=92, stamp_ns=0, tick=-1)
+    assert in_time([saved, of_no_tick, mark]) == [mark, saved, of_no_tick]
+
+
 @pytest.mark.parametrize(
     ("kind", "late_ns", "of_tick"),
     [("limit ended", 800_000_000, True), ("triggered", 10**6, True), ("limit", 0, True), ("saved", 10**9, False),
@@ -168,7 +182,9 @@ def test_a_limit_that_is_crossed_again_and_again_is_one_line_with_how_often_and_
     few = [event("limit", "/a H 3 Nm", at_ns=at * SECOND, number=at) for at in (21, 22, 23)]
     found = folded([*crossed, mark, *few])
     assert [(one.number, one.times) for one in found[:6]] == [(2, 1), (5, 1), (8, 1), (1, 6), (10, 1), (20, 1)]
-    assert (found[3].text, found[3].kind, found[6:]) == ("6 × in 8 s: /a is well", "limit", few)
+    assert (found[3].text, found[3].kind, found[6:]) == ("6 events in 8 s: /a is well", "limit", few)
+    several = event("limit", "/a H 9 Nm at tick 4, limit 2, 7 times", at_ns=10 * SECOND, times=7)
+    assert folded([*crossed[:-1], several])[-1].text == "7 events in 9 s: /a H 9 Nm at tick 4, limit 2"
 
 
 def test_the_parts_that_a_recording_finished_are_one_line():
@@ -180,7 +196,7 @@ def test_the_parts_that_a_recording_finished_are_one_line():
     ended = event("recording", "recording 'demo' ended: 5 files", at_ns=6 * SECOND, number=6)
     found = folded([*parts, ended])
     assert [(one.number, one.times, one.kind) for one in found] == [(1, 5, "recording"), (6, 1, "recording")]
-    assert found[0].text.startswith("5 × in 4 s: recording 'demo': finished a part")
+    assert found[0].text.startswith("5 events in 4 s: recording 'demo': finished a part")
     assert folded(parts[:3]) == parts[:3]
 
 
@@ -364,7 +380,7 @@ async def test_limits_of_other_signals_hide_neither_plots_nor_marks(flickering, 
         await screen.do("space", "previous_event")
         await screen.shows('event, 1 of 1: "push 3"')
         await screen.do("events")
-        await screen.shows(" × in 7.9 s: ")
+        await screen.shows(" events in 7.9 s: ")
         await screen.shows("201 events in 3 lines (/ shows each)")
         await screen.do("write_events")
         await screen.shows("201 events as shown, to a CSV file")
@@ -412,7 +428,9 @@ async def test_a_file_has_its_events_too(tmp_path, screen_of, new_finder):
         await screen.until(lambda: "╎" in screen.text)
         await screen.do("events")
         await screen.shows('M "push 3"')
-        await screen.shows("H /x H 0.9 at tick 40")
+        await screen.shows("H /x H 0.9, limit 0.8")
+        assert "what it was" in screen.text
+        assert " who" not in screen.text  # nobody did it
         await screen.press("enter")
         await screen.shows("at 2.5")
         await screen.shows(': "push 3"')

@@ -5,6 +5,7 @@ Pure functions on lines of the event log.
 
 import io
 import itertools
+import re
 from collections.abc import Callable, Collection, Sequence
 from datetime import datetime, timezone
 
@@ -52,15 +53,21 @@ def of_last_run(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
 
 
 def in_time(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
-    """Return what happened in the order of time, run by run, whose clocks may differ.
+    """Return what happened in the order of ticks and of time, run by run, whose clocks may differ.
 
     A mark is of a moment before it was written, the last limits of a run are told when the next one goes on already.
-    What is of no run stands behind all that came before it.
+    What is of no tick stands where the newest one stood when it was told, what is of no run behind all before it.
     """
     ranks: dict[str, int] = {}
-    places, newest = [], (0, 0)
+    stamps: dict[str, int] = {}  # by run, the newest so far
+    places, newest = [], (0, 0, 0)
     for event in events:
-        place = (ranks.setdefault(event.run, len(ranks)), event.clock_ns) if event.run else newest
+        if event.run:
+            stamp_ns = event.stamp_ns or stamps.get(event.run, 0)
+            stamps[event.run] = max(stamp_ns, stamps.get(event.run, 0))
+            place = (ranks.setdefault(event.run, len(ranks)), stamp_ns, event.clock_ns)
+        else:
+            place = newest
         newest = max(newest, place)
         places.append(place)
     return [event for _, event in sorted(zip(places, events, strict=True), key=lambda one: one[0])]
@@ -71,7 +78,8 @@ def folded(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
 
     Nothing but such came between.
 
-    It is the newest of them, with how many there are in which time; its number is that of the first.
+    It is the newest of them, with how many there are in which time; its number is that of the first. How often a value
+    was beyond a limit for that newest one is left out: beside the other count nobody could tell which is which.
     """
     found: list[LoggedEvent] = []
     for run, group in itertools.groupby(events, lambda event: event.run if _about(event) else ""):
@@ -95,9 +103,9 @@ def _fold(like: Sequence[LoggedEvent]) -> Sequence[LoggedEvent]:
         return like
     first, last = like[0], like[-1]
     kind = "limit" if last.kind in _LIMITS else last.kind  # however the newest of them left it
-    count = sum(event.times for event in like)
-    told = f"{count} × in {text.span((last.clock_ns - first.clock_ns) / 1e9, 2)}: {last.text}"
-    return [structs.replace(last, kind=kind, text=told, number=first.number, times=count)]
+    newest = last.text.replace(f", {last.times} times", "", 1)
+    told = f"{len(like)} events in {text.span((last.clock_ns - first.clock_ns) / 1e9, 2)}: {newest}"
+    return [structs.replace(last, kind=kind, text=told, number=first.number, times=len(like))]
 
 
 def in_plots(
@@ -190,23 +198,30 @@ def long_words(events: Sequence[LoggedEvent], shown: Callable[[str], str]) -> tu
     return tuple(map(shown, sorted(found)))
 
 
+def who_did(event: LoggedEvent, logger: str) -> str:
+    """Return who did it, in short; empty where it happened by itself, in the logger."""
+    who = text.clean(short_words(event.who))
+    return "" if who == logger else who
+
+
 def line(event: LoggedEvent, told: str, width: int, logger: str, names: tuple[str, ...] = ()) -> str:
     """Return a line of the screen: time, tick, letter, what was told, who; `who` goes first where there is no room.
 
     Then a long name among the `names` of all lines loses what doesn't tell it apart.
     """
     clock, tick = _place(event)
+    told = re.sub(rf" at tick {event.tick}\b", "", told, count=1)  # it stands beside
     head = f"  {clock}  {tick:>10} {letter(event)} "
-    who = text.clean(short_words(event.who) or logger)[: max(0, min(20, width // 4))]
-    room = width - len(head) - len(who) - 4
+    who = who_did(event, logger)[: max(0, min(20, width // 4))]
+    room = width - len(head) - (len(who) + 2 if who else 0)
     if len(told) > room:
-        room, who = width - len(head) - 2, ""
+        room, who = width - len(head), ""
         longest = max(told.split(" "), key=len)
         if longest in names:
             fits = fitted_among(longest, names, max(LONG, room - len(told) + len(longest)))
             told = told.replace(longest, fits, 1)
     if len(told) > room:  # at a blank: half a number reads as another one
-        begun = told[: max(1, room)].rpartition(" ")[0]
+        begun = told[:room].rpartition(" ")[0]  # and a cell for the sign that it goes on
         word, left = told[len(begun) + 1 :].partition(" ")[0], room - len(begun) - 1
         if begun and len(word) > LONG <= left:  # a long name has room for its end
             told = f"{begun} {fitted_among(word, (), left)}"

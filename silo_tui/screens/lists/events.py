@@ -24,6 +24,7 @@ from silo_tui.model.lists.happened import (
     long_words,
     matches,
     of_last_run,
+    who_did,
     words,
 )
 from silo_tui.model.lists.ordering import arranged
@@ -140,7 +141,11 @@ class EventsScreen(LoggerList[LoggedEvent]):
 
     def head(self, width: int) -> str:
         signs = f"   {GONE} no longer in memory" if any(map(self._is_gone, self.shown)) else ""
-        return f"{f'  time                tick what it was{signs}':<{width - 5}}who"
+        begin = f"  time                tick what it was{signs}"
+        return f"{begin:<{width - 5}}who" if any(map(self._who, self.shown)) else begin
+
+    def _who(self, one: LoggedEvent) -> str:
+        return who_did(one, self.session.status.logger)
 
     def going_on(self) -> Sequence[str]:
         count = many(len(self._all), "event")
@@ -151,6 +156,7 @@ class EventsScreen(LoggerList[LoggedEvent]):
         kind = NAMES.get(letter(one), "") if one is not None else ""
         told = "" if one is None else self.told(one)  # whole: its line may have no room for it
         told = f"{letter(one)} {kind}: {told}" if one is not None and kind else told
+        told += f", by {who}" if one is not None and (who := self._who(one)) else ""
         if one is not None and self._is_gone(one):
             told = f"{told} │ {GONE} {gone_words(one, self._known)}"
         return [told, f"{count}, {follows}" if self.all else "nothing happened yet"]
