@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import groupby, pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -188,7 +188,7 @@ def joined(parts: Sequence[Recording]) -> Recording:
     first are taken. Values are read when they are asked for.
     """
     ordered = _in_order(parts)
-    begin, (pieces, time_ns, told, gaps) = _begin(ordered), _placed(ordered)
+    begin, (pieces, time_ns, told, gaps, overwritten) = _begin(ordered), _placed(ordered)
     begun = [piece.place for before, piece in pairwise(pieces) if piece.stretch.part != before.stretch.part]
     ends = sorted({*gaps, *begun})
     first, last = pieces[0].part, pieces[-1]
@@ -203,6 +203,7 @@ def joined(parts: Sequence[Recording]) -> Recording:
         started_ns=first.started_ns,
         time_looping=first.time_looping,
         cut_off=sum(piece.part.cut_off for piece in pieces),
+        overwritten=overwritten,
         warnings=_warnings(pieces, told),
         events=tuple(once_each(events)),
         stretch=Stretch(last.stretch.run, parts=len(pieces), recorder=last.stretch.recorder),
@@ -271,14 +272,27 @@ def _in_order(parts: Sequence[Recording]) -> list[tuple[Recording, Stretch]]:
     return [ordered[key] for key in sorted(ordered)]
 
 
-def _placed(parts: Sequence[tuple[Recording, Stretch]]) -> tuple[list[_Piece], NDArray[np.int64], list[str], list[int]]:
-    """Where each part stands, the time stamps of all, what is missing between them, and at which places."""
+class _Placed(NamedTuple):
+    """Where each part stands, the time stamps of all, what is missing between them and at which places, and how many
+    ticks looping buffers had no longer.
+    """
+
+    pieces: list[_Piece]
+    time_ns: NDArray[np.int64]
+    told: list[str]
+    gaps: list[int]
+    overwritten: int
+
+
+def _placed(parts: Sequence[tuple[Recording, Stretch]]) -> _Placed:
+    """Put parts one behind the other."""
     pieces: list[_Piece] = []
     told: list[str] = []
     gaps: list[int] = []
     stamps: list[NDArray[np.int64]] = [np.empty(0, np.int64)]
     known: list[tuple[int, NDArray[np.int64], NDArray[np.int64]]] = []
     taken: dict[str, list[range]] = {}  # by element of the stretch, the ticks of which it has samples
+    overwritten = 0
     begin, end, after = _begin(parts), 0, 0  # after: the tick after the last one of the stretch
     for part, stretch in parts:
         first = _first(part)
@@ -286,7 +300,9 @@ def _placed(parts: Sequence[tuple[Recording, Stretch]]) -> tuple[list[_Piece], N
         if not pieces or stretch.part != pieces[-1].stretch.part:
             missing = _missing(pieces[-1].stretch if pieces else None, stretch)
             cut_on = stretch.part > 1 and not stretch.recorder
-            told += [*missing, *(_overwritten(stretch, part) if cut_on else ())]
+            ticks, words = _overwritten(part) if cut_on else (0, "")
+            overwritten += ticks
+            told += [*missing, *[f"part {stretch.part}: {words}"] * bool(ticks)]
             gaps += [end] * bool(missing or (cut_on and first))
             taken, elements, after = {}, part.elements, first
             if stretch.recorder and (pieces or stretch.since >= 0) and len(part.time_ns):
@@ -311,7 +327,7 @@ def _placed(parts: Sequence[tuple[Recording, Stretch]]) -> tuple[list[_Piece], N
     time_ns = np.concatenate(stamps)
     for place, logged, stamp_ns in known:
         time_ns[place + logged] = stamp_ns
-    return pieces, time_ns, told, gaps
+    return _Placed(pieces, time_ns, told, gaps, overwritten)
 
 
 def _missing(before: Stretch | None, stretch: Stretch) -> list[str]:
@@ -323,8 +339,8 @@ def _missing(before: Stretch | None, stretch: Stretch) -> list[str]:
     ]
 
 
-def _overwritten(stretch: Stretch, part: Recording) -> list[str]:
-    """What to tell of samples that looping buffers had no longer as a part was saved."""
+def _overwritten(part: Recording) -> tuple[int, str]:
+    """Ticks that looping buffers had no longer as a part was saved, the most of any element, and what to tell of it."""
     first = _first(part)
     loops = [one for one in part.elements if one.count and one.buffer_type is BufferType.LOOPING]
     ticks = [max(first, first + one.first - one.divider + 1) for one in loops] or [first]
@@ -334,8 +350,7 @@ def _overwritten(stretch: Stretch, part: Recording) -> list[str]:
         told = f"its oldest {many(most, 'tick')}"
     elif not least:
         told = f"up to {many(most, 'tick')} of some elements, its oldest"
-    keep = "looping buffers, which keep what is newest, had overwritten"
-    return [f"part {stretch.part}: {keep} {told}"] if most else []
+    return most, f"looping buffers, which keep what is newest, had overwritten {told}"
 
 
 def _gap(stretch: Stretch, first: int, last: int) -> str:

@@ -231,6 +231,8 @@ class Recording:
         stretch: which part of a run that was cut, or file of a recording, it is, or of how many; None of any other.
         gaps: of parts as one, between which stamps ticks are missing: the last before, and the first behind.
         cut_off: samples that the file was to have, and ends before.
+        overwritten: of parts as one, the ticks that looping buffers had no longer as the parts were saved; of several
+            elements the most of any.
         run: its id, empty where that isn't known.
     """
 
@@ -250,6 +252,7 @@ class Recording:
     stretch: Stretch | None = None
     gaps: tuple[tuple[int, int], ...] = ()
     cut_off: int = 0
+    overwritten: int = 0
     run: str = ""
 
     @property

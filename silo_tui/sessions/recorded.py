@@ -96,6 +96,7 @@ class FileSession(Session):
         facts += f"  {size_text(report.size_bytes)}" if wide and report.size_bytes else ""
         lost, holes = f"  lost {text.count(report.lost)}", len(source.recording.gaps)
         lost += f", {many(holes, 'hole')}" * bool(holes)
+        lost += f", overwritten {text.count(over)}" if (over := source.recording.overwritten) else ""
         silo = "silo " if wide else ""  # on a small screen the file's name is worth more
         name = fitted_among(self.name, (), width - len(silo) - 5 - len(facts) - len(lost))
         return [

@@ -1,6 +1,7 @@
 """Columns and values of a recording, against the samples themselves."""
 
 import asyncio
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -255,6 +256,13 @@ def test_the_head_says_beside_what_was_lost_that_there_are_holes():
     recording = Recording("robot", times, 10, (element("a", np.arange(10.0)),), gaps=((int(times[4]), int(times[5])),))
     head = FileSession(Log(recording, "whole.silo")).facts_words(100, wide=True)
     assert head[-1][1] == "  lost 0, 1 hole"
+
+
+def test_the_head_tells_what_was_overwritten_before_a_part_was_saved_apart_from_what_was_lost():
+    times = START_NS + STEP_NS * np.arange(10, dtype=np.int64)
+    recording = Recording("robot", times, 10, (replace(element("a", np.arange(10.0)), lost=3),), overwritten=1200)
+    head = FileSession(Log(recording, "whole.silo")).facts_words(100, wide=True)
+    assert head[-1][1] == "  lost 3, overwritten 1 200"
 
 
 def test_the_head_counts_derived_signals_apart_as_that_of_a_logger_does():

@@ -104,3 +104,17 @@ def test_a_span_has_three_digits():
 def test_of_two_that_began_at_once_the_later_name_comes_first():
     found = arranged([one("a_1"), one("a_2")], rows.ORDERS[0], turned=False)
     assert [each.stem for each in found] == ["a_2", "a_1"]
+
+
+def test_two_saves_of_one_part_of_a_run_are_told_apart():
+    dated = "robot_20260921_14-00-00_"
+    names = ("00001", "00002_part1", "00003_part2", "00004_fall_1", "00005_part2", "00006_part2", "00007_part1",
+             "00008_part2", "00009_part3")  # fmt: skip
+    found = [one(dated + name, "saved by op@desk") for name in names][::-1]  # the newest first, as they are told
+    told = rows.saves_of_parts([*found, one("arm_20260921_14-00-00_00004_part2")])
+    assert {stem.removeprefix(dated): (of.part, of.number, of.count) for stem, of in told.items()} == {
+        "00003_part2": (2, 1, 3), "00005_part2": (2, 2, 3), "00006_part2": (2, 3, 3),
+    }  # fmt: skip
+    shown = rows.row(found[4], "…00005_part2", 80, BEGIN / 1e9, told[found[4].stem])
+    assert "…00005_part2     2 of 3, by op@desk" in shown
+    assert told[found[4].stem].words.startswith("save 2 of 3 of part 2 of one run")

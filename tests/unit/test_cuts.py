@@ -855,6 +855,7 @@ def test_an_event_of_a_part_that_lost_its_oldest_ticks_stands_at_its_own(tick, t
     whole = joined([part(2, 30, marked), part(1, 10)])
     assert [event.tick for event in whole.events] == [there]
     assert whole.warnings == (f"part 2: {OVERWRITTEN} its oldest 20 ticks",)
+    assert (whole.lost, whole.overwritten) == (0, 20)
     assert (len(whole.time_ns), whole.offset) == (20, 20)
 
 
@@ -879,6 +880,7 @@ def test_the_hole_that_looping_buffers_left_between_parts_is_told_where_all_stam
 
     whole = joined([part(1, 7, 5), part(2, *firsts)])
     assert "".join(whole.warnings) == told
+    assert whole.overwritten == (max(firsts) if told else 0)
     assert [one.buffer_type.name for one in whole.elements] == ["LOOPING", "LOOPING", "GROWING"]
 
 

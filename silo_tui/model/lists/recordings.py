@@ -3,12 +3,15 @@
 Plain functions of what a robot told; nothing is asked or drawn here.
 """
 
+import itertools
 import re
 from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime
+from typing import NamedTuple
 
 from silo.core.elements import FileType
+from silo.core.names import grouped
 from silo.core.quantities.writing import EPOCH_FROM_NS, size_text
 from silo.recordings.requests import RecordingFile, Recordings, SavedRecording
 from silo_tui.model.lists.ordering import Order
@@ -17,6 +20,7 @@ from silo_tui.model.words.names import fitting_names
 
 PREFERENCE = (FileType.SILO, FileType.BAG, FileType.CSV)  # of one save, the first is the one that is opened
 TYPES_FROM, WHY = 110, 20  # cells from which the types have a column; cells of `why` below that
+_PLACE = re.compile(r"(\d{5,})(?:_part(\d+))?")  # the number of a save, and which part it is of a run that was cut
 _DATED = re.compile(r"(?P<logger>.+?)_\d{8}_\d\d-\d\d-\d\d_(?P<rest>\d{5,}.*)")
 
 
@@ -75,6 +79,37 @@ def begun_text(time_ns: int, now_s: float) -> str:
     return f"{when:%d %b %H:%M}" if when.year == now.year else f"{when:%Y-%m-%d}"
 
 
+class PartSave(NamedTuple):
+    """One of several saves of the same part of a run, from 1."""
+
+    part: int
+    number: int
+    count: int
+
+    @property
+    def words(self) -> str:
+        """What to tell of it."""
+        which = f"save {self.number} of {self.count} of part {self.part} of one run"
+        return f"{which}, which went on in between: each has what the buffers held then"
+
+
+def saves_of_parts(found: Sequence[SavedRecording]) -> dict[str, PartSave]:
+    """Return by stem which save of a part of a run it is, where there are several: their names end in the same part.
+
+    The saves of a logger are numbered, and a run that is cut has ever higher parts: a lower one is of another run.
+    """
+    dated = [(one.stem, match) for one in found if (match := _DATED.fullmatch(one.stem))]
+    placed = [(match["logger"], place, stem) for stem, match in dated if (place := _PLACE.fullmatch(match["rest"]))]
+    told: dict[str, PartSave] = {}
+    saves_of = grouped((logger, (int(place[1]), int(place[2] or 0), stem)) for logger, place, stem in placed)
+    for of_logger in saves_of.values():
+        for part, saves in itertools.groupby(sorted(of_logger), key=lambda one: one[1]):
+            stems = [stem for _, _, stem in saves]
+            if part and len(stems) > 1:
+                told |= {stem: PartSave(part, number, len(stems)) for number, stem in enumerate(stems, 1)}
+    return told
+
+
 def marks_text(one: SavedRecording) -> str:
     """Return `T` for a capture of a trigger, and how many markers there are."""
     return " ".join(
@@ -87,14 +122,15 @@ def head(width: int) -> str:
     return "  " + _line(("saved", "why", "types", "begun", "span", "size", "marks"), width)
 
 
-def row(one: SavedRecording, name: str, width: int, now_s: float) -> str:
-    """Return a row of `width` cells, without the gutter; `name` as it fits."""
+def row(one: SavedRecording, name: str, width: int, now_s: float, of: PartSave | None = None) -> str:
+    """Return a row of `width` cells, without the gutter; `name` as it fits; `of` where other saves are of its part."""
     why = "not looked into yet" if one.unread else one.why or ("" if one.logger else "of another program")
     if one.unfinished:
         why = "not finished yet"
     span = text.span(one.span_s, 3) if one.span_s else "-"
+    which = f"{of.number} of {of.count}, " if of is not None else ""
     cells = (
-        name, why.removeprefix("saved "), " ".join(file.type.name.lower() for file in one.files),
+        name, which + why.removeprefix("saved "), " ".join(file.type.name.lower() for file in one.files),
         begun_text(begun_ns(one), now_s), span,
         "part" if one.unfinished else size_text(one.size_bytes), marks_text(one),
     )  # fmt: skip

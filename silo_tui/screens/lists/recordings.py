@@ -46,6 +46,7 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
         self._deleted_here: set[str] = set()
         self._most = FIRST
         self._asking = False  # for the older ones
+        self._saves: dict[str, rows.PartSave] = {}
         self._parts: list[tuple[str, int]] | None = None  # that endless recordings have finished
 
     def above(self) -> ComposeResult:
@@ -70,9 +71,12 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
     def prepare(self, found: Sequence[SavedRecording], width: int) -> None:
         own, room = self.session.status.logger or self.session.name, rows.name_room(max(40, width))
         self._names = rows.fitting_stems([one.stem for one in found], own, room)
+        self._saves = rows.saves_of_parts(found)
 
     def row_of(self, one: SavedRecording, width: int) -> Text:
-        words = Text("  " + rows.row(one, self._names[one.stem], max(40, width), time.time()))
+        words = Text(
+            "  " + rows.row(one, self._names[one.stem], max(40, width), time.time(), self._saves.get(one.stem))
+        )
         if one.unfinished or one.unread or not self.session.connected:
             words.stylize("dim")
         return words
@@ -93,7 +97,8 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
         saved = rows.summary(self.found) if self.found is not None else ""
         runs = any(not one.state.over for one in self.session.recorders)
         ends = f"{key_of('stop_recording') or ':endrecording'} ends one that runs"
-        return " │ ".join(filter(None, [saved, ends * runs]))
+        of = self._saves.get(self.chosen_key)
+        return " │ ".join(filter(None, [of.words if of is not None else "", saved, ends * runs]))
 
     def going_on(self) -> Sequence[str]:
         asking = ["asking for the older ones …"] if self._asking else []
