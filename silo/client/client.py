@@ -42,6 +42,7 @@ from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, checked,
 from silo.rpc.words import full_name, why_silent
 from silo.scripts.requests import ScriptRequests
 from silo.state.requests import EventRequests, Hello, HelloReply, StateRequests, TableRequests
+from silo.state.table_parts import TableParts
 from silo.version import VERSION
 
 if TYPE_CHECKING:
@@ -101,6 +102,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         self._name = client_name()
         self._surveyed = ClientId.drawn()  # what its statistics are called after, whatever becomes of the link
         self._saves = Saves()
+        self._parts = TableParts() if found.config else None
         self._connection = Connection(found, timeout_s, self._name, read_only=read_only)
         self._leases = Renewals(self._connection, lambda: self._name)
         self.on_event(self._saves.note)

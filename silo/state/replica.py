@@ -32,7 +32,7 @@ from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import lost_samples
 from silo.state.handover import RobotState, RunOffer
-from silo.state.requests import TableReply
+from silo.state.table_parts import EncodedTable
 
 MOST_CLIENTS = 20
 MOST_OVER = 10_000  # runs that are over, of which is known how many ticks they had
@@ -52,7 +52,7 @@ class LoggerSnapshot:
     table: Table
     places: dict[str, int]
     entries: int
-    table_reply: bytes
+    encoded_table: EncodedTable
     generation: int
     died: str = ""  # why, if the robot process is gone
 
@@ -217,7 +217,7 @@ class Replica:
             table=table,
             places=_places(table),
             entries=sum(len(info.entries) for info in table.elements if info.options.enabled),
-            table_reply=msgspec.msgpack.encode(TableReply(table)),
+            encoded_table=EncodedTable(table),
             generation=self._generation,
         )
 

@@ -2,6 +2,9 @@
 
 import enum
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import msgspec
 
 from silo.core.arguments import line, shown, switch, whole
 from silo.core.calls import told_class
@@ -11,6 +14,9 @@ from silo.errors import ElementError
 from silo.rpc.declaring import Ask, Caller, Do, Reply, RobotRequest, ask, change, request_of
 from silo.rpc.published import Summary
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, meant
+
+if TYPE_CHECKING:
+    from silo.state.table_parts import TableParts
 
 
 class HelloReply(Reply, frozen=True):
@@ -69,10 +75,22 @@ class Unsaved(str, enum.Enum):
     DISCARD = "discard"
 
 
+class TablePart(msgspec.Struct, frozen=True):
+    """Some bytes of a whole `TableReply` as it is encoded and then compressed by zlib.
+
+    `size` and `crc32` are those of all of its bytes: parts with the same ones are of the same table.
+    """
+
+    data: bytes
+    size: int
+    crc32: int
+
+
 class TableReply(Reply, frozen=True):
-    """Carries a `Table`."""
+    """Carries a `Table`; where a `part` was asked for, that, and of the table its revision alone."""
 
     table: Table
+    part: TablePart | None = None
 
 
 class EditsApplied(Reply, frozen=True):
@@ -184,13 +202,27 @@ class StateRequests(Caller):
 class TableRequests(Caller):
     """The element table."""
 
-    def table(self) -> Table:
-        """Return the element table with its revision."""
-        return self._table().table
+    _parts: "TableParts | None" = None  # in which it comes over a network
 
-    @ask("GetTable", timeout_s=15.0)  # of 4,000 elements, at 64 kbit/s
-    def _table(self) -> TableReply:
-        """Which elements are there, with which options?"""
+    def table(self, told: Callable[[float], None] | None = None) -> Table:
+        """Return the element table with its revision.
+
+        Over a network it comes in parts, and only if it isn't the one that was read last.
+
+        Args:
+            told: called with the share that has come, 0 to 1, after each part.
+
+        Raises:
+            ConnectionLostError: nobody answers, or what comes makes no sense.
+        """
+        return self._table().table if self._parts is None else self._parts.read(self._table, told)
+
+    @ask("GetTable", timeout_s=15.0)
+    def _table(self, start: int = 0, most_bytes: int = 0) -> TableReply:
+        """Which elements are there, with which options? The whole answer, or at most so many bytes of it from one on.
+
+        Bytes are of the answer as it is compressed; 0: the whole answer as it is.
+        """
 
     def apply(self, edits: Sequence[Edit], revision: int, *, cut: bool = False) -> EditsApplied:
         """Apply edits as one transaction, all or none.

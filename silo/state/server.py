@@ -89,8 +89,9 @@ class StateServer(Server, does=[requests]):
         reply = self.robot.ask(request, turn)
         return StatusReply(self.replica.status(), reply.text if isinstance(reply, Done) else "")
 
-    def table(self) -> bytes:
-        return self.replica.now.table_reply
+    def table(self, start: int, most_bytes: int) -> requests.TableReply | bytes:
+        encoded = self.replica.now.encoded_table
+        return encoded.part(start, most_bytes) if most_bytes else encoded.whole
 
     def apply_edits(self, turn: Turn, request: ApplyEdits) -> EditsApplied:
         self.robot.must_live()

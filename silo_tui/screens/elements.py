@@ -136,6 +136,11 @@ class ElementsScreen(SiloScreen):
         self.show_why_empty()
         self.request_view_soon()
 
+    def second_passed(self) -> None:
+        super().second_passed()
+        if self.session.reading:
+            self.info.changed()
+
     def show_why_empty(self) -> None:
         """Say why no element is shown, as long as none is."""
         why = "" if len(self.session.rows.shown) else self.why_empty()

@@ -21,6 +21,7 @@ from silo.core.conditions import TriggerOptions, new_trigger
 from silo.core.elements import ElementInfo, LoggedEvent, SavedFile, State, Status
 from silo.core.episodes.words import next_marks
 from silo.core.names import Found, Names, in_order
+from silo.core.quantities.writing import count, many
 from silo.errors import RefusedError, SiloError
 from silo.live.quantities import SLOW, SLOW_SHARE
 from silo.recorder.requests import RecorderInfo
@@ -146,7 +147,7 @@ class Session:
         self.rows = RowList(self.table, columns)
         self.live = LiveValues()
         self.columns = ColumnStore((), 1, 1)
-        self.reading = ""  # how far a file is read that takes long
+        self.reading = ""  # how far a file, or a table over a thin link, is read that takes long
         self.measured_hz = 0.0
         self.idle_s = 0.0  # since the last tick, as far as the logger told
         self.ticks = 0
@@ -277,7 +278,15 @@ class Session:
 
     async def reload(self) -> None:
         """Read the table again; pending edits are rebased on it."""
-        table = await self.connection.call(lambda client: client.table())
+        there = self.status.elements
+
+        def tell(share: float) -> None:
+            self.reading = f"reading the table: {count(round(share * there))} of {many(there, 'element')}"
+
+        try:
+            table = await self.connection.call(lambda client: client.table(tell))
+        finally:
+            self.reading = ""
         if table.revision != self.table.revision or not len(self.table):
             self.table.load(table)
             self.table.take_beyond(self._beyond())  # limits may have been known before: of whose entries is known now

@@ -254,7 +254,7 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions, FakeParameters):
             clients=list(self.clients), program=self.program, part=self.part,
         )  # fmt: skip
 
-    def table(self) -> Table:
+    def table(self, told: Callable[[float], None] | None = None) -> Table:
         self._ask()
         return Table(self.revision, list(self.elements), self.infos[len(self.elements) :], self.given)
 

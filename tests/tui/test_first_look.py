@@ -1,5 +1,7 @@
 """What helps somebody who has never seen it: the tour, and what one looks for first."""
 
+import threading
+
 import numpy as np
 import pytest
 from msgspec.structs import replace
@@ -8,6 +10,7 @@ from silo.conditions.standing import LimitStatus, LimitWord
 from silo.live.quantities import FROZEN, NOT_FINITE
 from silo_tui.layouts.presets import BY_NAME, is_near, near_limit
 from silo_tui.model.table.facts import Facts
+from tests.waiting import DEADLINE_S
 
 
 @pytest.mark.parametrize(
@@ -305,3 +308,19 @@ async def test_of_what_nothing_is_known_is_no_hottest(fake, opened):
         rows.show_first(10)
         rows.refresh()
         assert values[rows.shown].tolist() == [5.0, 4.0, 3.0]
+
+
+async def test_a_table_that_takes_a_thin_link_for_seconds_tells_how_far_it_is(fake, opened):
+    come, whole = threading.Event(), fake.table
+
+    def table(told):
+        told(0.25)
+        assert come.wait(DEADLINE_S)
+        return whole()
+
+    fake.table = table
+    async with opened(fake.run(), ready=False) as screen:
+        await screen.shows("reading the table: 18 of 72 elements")
+        come.set()
+        await screen.until(lambda: len(screen.app.context.session.table) == 72)
+        await screen.until(lambda: "reading the table" not in screen.text)
