@@ -330,7 +330,7 @@ class Tally:
 
     def quantity(self, name: str, sums: RunningStatistics, *, running: bool) -> tuple[Floats, bool]:
         """Return a quantity: per slot (True), or per element of the run (False)."""
-        if name in {"min", "max", "mean", "std", "count", "bad"}:
+        if name in {"min", "max", "mean", "std", "noise", "count", "bad"}:
             return sums.of(name), True
         if name in {"least", "most"}:
             return self._of_entries(sums, name), True

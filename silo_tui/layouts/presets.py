@@ -35,8 +35,8 @@ PRESETS = (
     Preset(
         "noisiest",
         "n",
-        "Noisiest ten: largest std against siblings of the same last name; no ramps",
-        KeptLayout(sort=NOISE, filter="type:f -monotone", set="statistics", most=TEN),
+        "Noisiest ten: most noise against siblings of the same last name; no drift",
+        KeptLayout(sort=NOISE, filter="type:f", set="statistics", most=TEN),
     ),
     Preset("problems", "p", "Problems: what the column state says something of", KeptLayout(filter="problem")),
     Preset(

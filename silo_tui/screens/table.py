@@ -18,7 +18,7 @@ from silo.settings.typed import ElementSettings, examples, is_setting, read_sett
 from silo_tui.actions import BY_ID, Command, key_of
 from silo_tui.modal import ask, run_alone, run_aside
 from silo_tui.model.table.columns import LIVE_COLUMNS, STEADY
-from silo_tui.model.table.facts import STATISTICS
+from silo_tui.model.table.facts import SINCE
 from silo_tui.model.table.fields import Field, parse_change, phrase_for
 from silo_tui.model.table.state import APPLIED
 from silo_tui.model.words.command_line import BY_KEY, Spelled
@@ -149,8 +149,8 @@ class TableScreen(ElementsScreen):
 
     def _keep_statistics(self, now_s: float) -> None:
         """Have the statistics that the table shows go on while another screen is looked at."""
-        is_shown = {*self._quantities, *self.session.rows.wanted()}.intersection(STATISTICS)
-        if is_shown and self.session.connected and len(self.session.table) and now_s - self._survey_s >= KEEP_SURVEY_S:
+        due = now_s - self._survey_s >= KEEP_SURVEY_S
+        if self._has_statistics and self.session.connected and len(self.session.table) and due:
             self._survey_s = now_s
             run_aside(self, "survey", self.session.keep_survey)
 
@@ -246,6 +246,11 @@ class TableScreen(ElementsScreen):
         return known
 
     @property
+    def _has_statistics(self) -> bool:
+        """Whether columns, filter or order are of samples since some time."""
+        return not {*self.table.quantities, *self.session.rows.wanted()}.isdisjoint(SINCE)
+
+    @property
     def _since(self) -> str:
         since_ns = self.session.table.facts.since_ns
         return f" since {wall_clock(since_ns)}" if since_ns else ""
@@ -253,7 +258,7 @@ class TableScreen(ElementsScreen):
     @property
     def _legend(self) -> str:
         """What a sign in small plots is, and since when statistics are, where one has them."""
-        since = f"statistics{self._since}" if self._since and set(self.table.titles).intersection(STATISTICS) else ""
+        since = f"statistics{self._since}" if self._since and self._has_statistics else ""
         return " │ ".join(filter(None, (since, super()._legend)))
 
     def statistics_words(self) -> str:

@@ -185,7 +185,7 @@ async def test_sorting_leaves_out_what_files_don_t_tell(path, on_file):
             "max",
             "mean",
             "std",
-            "std/median",
+            "noise/median",
             "rate",
             "jitter",
             "changed",

@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.live.quantities import FROZEN, NOT_FINITE
 from silo_tui.layouts.presets import BY_NAME, is_near, near_limit
+from silo_tui.model.table.columns import NOISE
 from silo_tui.model.table.facts import Facts
 from tests.waiting import DEADLINE_S
 
@@ -132,7 +133,7 @@ async def test_what_only_counts_is_no_noise(fake, opened):
         await screen.shows("view noisiest")
         shown = {screen.session.table.elements[row].entries[0].dtype[1] for row in screen.session.rows.shown}
         assert shown == {"f"}
-        assert screen.session.rows.filter.text == "type:f -monotone"
+        assert screen.session.rows.filter.text == "type:f"
         assert {element.entries[0].dtype[1] for element in screen.session.table.elements} > shown
 
 
@@ -256,7 +257,7 @@ async def test_the_tour_is_left_as_everything_is(fake, opened):
         await screen.until(lambda: "tour 2" not in screen.text)
 
 
-@pytest.mark.parametrize(("letter", "quantity", "most"), [("h", "value", 10), ("n", "std", 10)])
+@pytest.mark.parametrize(("letter", "quantity", "most"), [("h", "value", 10), ("n", "noise", 10)])
 async def test_the_first_ten_of_a_view_are_ten_and_stand_still_while_one_looks(letter, quantity, most, fake, opened):
     async with opened(fake.run(20)) as screen:
         rows, table = screen.session.rows, screen.session.table
@@ -324,3 +325,21 @@ async def test_a_table_that_takes_a_thin_link_for_seconds_tells_how_far_it_is(fa
         come.set()
         await screen.until(lambda: len(screen.app.context.session.table) == 72)
         await screen.until(lambda: "reading the table" not in screen.text)
+
+
+async def test_the_noisiest_are_ordered_by_the_number_that_stands_beside_them(fake, opened):
+    """The head said `by std/median`, and no column showed the number."""
+    fake.run()
+    torques = [info.name for info in fake.infos if info.name.endswith("/torque")]
+    fake.facts = {"noise": {name: 8.0 if name == torques[0] else 1.0 for name in torques}}
+    async with opened(fake, size=(80, 24)) as screen:
+        await screen.do("view")
+        await screen.shows("Look at what?")
+        await screen.press("n")
+        row = screen.session.table.row(torques[0])
+        await screen.until(lambda: screen.session.rows.shown[:1] == [row], "the noisiest")
+        head, first = screen.text.splitlines()[1:3]
+        at = head.index(f"↓{NOISE}")
+        assert first[at : at + 1 + len(NOISE)].split() == ["8"], f"{head}\n{first}"
+        await screen.press("escape")
+        await screen.until(lambda: NOISE not in screen.text.splitlines()[1], "shown as long as it is the order")

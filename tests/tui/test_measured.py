@@ -10,7 +10,7 @@ from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo.core.quantities.writing import wall_clock
 from silo.live.quantities import FROZEN, NOT_FINITE, SLOW
-from silo_tui.model.table.columns import against_siblings
+from silo_tui.model.table.state import against_siblings
 from silo_tui.screens import table
 from silo_tui.sessions.live import LiveSource
 from silo_tui.terminal.thinness import STEPS
@@ -573,12 +573,12 @@ async def test_who_finds_nothing_frozen_is_told_of_what_never_changed(fake, open
 
 def test_noise_compares_what_has_different_units_by_the_median_of_siblings():
     known = np.array([1.0, 1.0, 9.0, 300.0, 290.0, 310.0, 0.0, np.nan])
-    units = ["Nm", "Nm", "Nm", "J", "J", "J", "J", "V"]  # energies, which all rise alike
-    found = against_siblings(known, [("torque" if unit == "Nm" else "x", unit) for unit in units])
+    found = against_siblings(known, np.array([0, 0, 0, 1, 1, 1, 1, 2]))  # torques, energies which are all alike
     assert found[:3].tolist() == [1.0, 1.0, 9.0]
     assert np.allclose(found[3:7], [1.0, 290 / 300, 310 / 300, 0.0])
+    assert against_siblings(np.array([1.0, 3.0]), np.zeros(2, np.intp)).tolist() == [0.5, 1.5], "of two the middle"
     assert np.isnan(found[7])
     assert np.nanargmax(found) == 2, "one torque is louder than its siblings"
-    assert against_siblings(np.zeros(0), []).tolist() == []
-    assert against_siblings(np.zeros(2), [("a", ""), ("a", "")]).tolist() == [0.0, 0.0]
-    assert against_siblings(np.array([5.0, 1.0]), [("a", "us"), ("b", "us")]).tolist() == [1.0, 1.0], "no siblings"
+    assert against_siblings(np.zeros(0), np.zeros(0, np.intp)).tolist() == []
+    assert against_siblings(np.zeros(2), np.zeros(2, np.intp)).tolist() == [0.0, 0.0]
+    assert against_siblings(np.array([5.0, 1.0]), np.arange(2)).tolist() == [1.0, 1.0], "no siblings"

@@ -15,7 +15,9 @@ _Both: TypeAlias = tuple[slice, slice] | tuple[NDArray[np.intp], NDArray[np.intp
 class RunningStatistics:
     """Minimum, maximum, mean and standard deviation of many signals over all samples that were added, but NaN.
 
-    Of infinite ones, as everywhere: they are extremes, the mean is infinite, too, and there is no deviation.
+    Of infinite ones, as everywhere: they are extremes, the mean is infinite, too, and there is no deviation. `noise` is
+    of the steps from one finite sample to the next: their root mean square over sqrt(2), which is the standard
+    deviation of white noise, whatever it lies on (the Allan deviation at one sample).
     """
 
     def __init__(self, count: int) -> None:
@@ -24,6 +26,8 @@ class RunningStatistics:
         self.number, self.bad = np.zeros(count, np.int64), np.zeros(count, np.int64)
         self._base = np.full(count, np.nan)  # sums of what is left of it lose no digits
         self._sum, self._squares = np.zeros(count), np.zeros(count)
+        self._last = np.full(count, np.nan)
+        self._steps, self._step_squares = np.zeros(count, np.int64), np.zeros(count)
 
     def moved(self, count: int, kept: Sequence[tuple[slice, slice]]) -> "RunningStatistics":
         """Return statistics of `count` signals that go on with these; `kept` are slots here, and where they are there.
@@ -32,7 +36,8 @@ class RunningStatistics:
         """
         made = RunningStatistics(count)
         made.since_ns = self.since_ns
-        move(vars(self), vars(made), ("low", "high", "number", "bad", "_base", "_sum", "_squares"), kept)
+        arrays = [name for name, each in vars(self).items() if isinstance(each, np.ndarray)]
+        move(vars(self), vars(made), arrays, kept)
         return made
 
     def add(self, slots: slice, block: Floats, *, all_finite: bool) -> None:
@@ -58,9 +63,18 @@ class RunningStatistics:
                 self.bad[slots] += (~finite).sum(axis=0)
             self._sum[slots] += rest.sum(axis=0)
             self._squares[slots] += np.einsum("ij,ij->j", rest, rest)
+            steps = rest  # which is done with
+            np.subtract(block[1:], block[:-1], out=steps[1:])
+            steps[0] = block[0] - self._last[slots]
+            some = steps[:1] if all_finite else steps
+            unknown = ~np.isfinite(some)
+            some[unknown] = 0.0
+            self._steps[slots] += len(steps) - unknown.sum(axis=0)
+            self._step_squares[slots] += np.einsum("ij,ij->j", steps, steps)
+            self._last[slots] = block[-1]
 
     def of(self, quantity: str) -> Floats:
-        """Return one of `min`, `max`, `mean`, `std`, `count`, `bad`, NaN where there is no sample.
+        """Return one of `min`, `max`, `mean`, `std`, `noise`, `count`, `bad`, NaN where there is no sample, or no step.
 
         `count` is of the finite ones, `bad` of all others.
         """
@@ -69,6 +83,9 @@ class RunningStatistics:
         if quantity in {"min", "max"}:
             found = self.low if quantity == "min" else self.high
             return np.where(self.low <= self.high, found, np.nan)
+        if quantity == "noise":
+            with np.errstate(invalid="ignore"):
+                return np.sqrt(self._step_squares / (2 * self._steps))
         infinite = np.where(self.high == np.inf, np.inf, 0.0), np.where(self.low == -np.inf, -np.inf, 0.0)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             mean = self._sum / self.number

@@ -353,6 +353,12 @@ def _number(sight: Sight, row: int, chosen: int, quantity: str, width: int, *, a
     return written.write(found, width), "quiet"
 
 
+def noise(sight: Sight, row: int, width: int) -> Cell:
+    """Return how many times the noise of the median of its siblings it has."""
+    found = sight.table.noise[row]
+    return ("" if math.isnan(found) else text.short(found, 3)), "quiet"
+
+
 def rate(sight: Sight, row: int, width: int) -> Cell:
     """Return how often samples come, in Hz."""
     found = sight.table.facts.detail(sight.table.names[row], "rate")

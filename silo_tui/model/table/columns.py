@@ -38,8 +38,8 @@ FLAGS = 2  # cells before a name, for signs
 NAME_ROOM = 16  # columns are left out rather than that names get less, or less than tells them apart
 TREE, NAME, ADDED, STATE = "tree", "name", "added", "state"
 STEADY = (TREE, NAME, ADDED)
-NOISE = "std/median"  # the order in which the noisier of siblings is on top, whatever their unit
-BEFORE = {"!": STATE}  # what an order was called, in views that somebody kept
+NOISE = "noise/median"  # of siblings: so that metres and newtons compare
+BEFORE = {"!": STATE, "std/median": NOISE}  # what an order was called, in views that somebody kept
 LIVE_SETS = ("settings", "statistics", "timing")
 FILE_SETS = ("values", "statistics", "timing")  # what takes reading whole signals is shown where it is asked for
 
@@ -134,29 +134,6 @@ def _measured(
     return TableOrder(name, letter, keys, words, quantity, falling, of_norm)
 
 
-def against_siblings(known: Floats, siblings: Sequence[tuple[str, str]]) -> Floats:
-    """Return how many times as large as the median of its siblings each is: so metres and newtons compare.
-
-    Those are siblings that are called alike here; of those that are 0 there is no median.
-    """
-    _, of = np.unique(np.array(["\n".join(each) for each in siblings]), return_inverse=True)
-    found = np.full(len(known), np.nan)
-    for one in range(int(of.max(initial=-1)) + 1):
-        same = of == one
-        moving = known[same & (known > 0)]
-        found[same] = known[same] / np.median(moving) if len(moving) else known[same]
-    return found
-
-
-def _std_against_siblings(table: TableState) -> Floats:
-    known = table.facts.of("std", len(table))
-    if known is None:
-        return np.full(len(table), np.nan)
-    # a torque of each leg is of one name, but for where it stands
-    siblings = [(one.name.rpartition("/")[2], one.unit) for one in table.elements]
-    return against_siblings(np.where(table.mixed | table.labelled, np.nan, known), siblings)
-
-
 def _sign_ranks(table: TableState) -> NDArray[Any]:
     return ranks(table.signs).astype(float) if table.signs_known else np.full(len(table), np.nan)
 
@@ -168,13 +145,12 @@ def _statistic(
     *,
     falling: bool = True,
     example: str = "60",
-    more: tuple[TableOrder, ...] = (),
 ) -> TableColumn:  # fmt: skip
     """Of one number, of a vector of the norm or the entry that was asked for."""
     return TableColumn(
         title, 8, lambda sight, row, width: cells.statistic(sight, row, width, title), ("statistics", "wide"),
         right=True, wide=11, leaves=leaves, measured=True,
-        orders=(_measured(title, letter, title, falling=falling, of_norm=True), *more),
+        orders=(_measured(title, letter, title, falling=falling, of_norm=True),),
         terms=(fact_term((title,), title, example=example),), quantities=(title,),
         entry=lambda sight, row, entry, width: cells.entry_statistic(sight, row, entry, width, title),
     )  # fmt: skip
@@ -240,9 +216,11 @@ COLUMNS: tuple[TableColumn, ...] = (
         head=cells.value_head,
     ),
     _statistic("min", "i", 5, falling=False), _statistic("max", "m", 4), _statistic("mean", "e", 3),
-    _statistic("std", "t", 2, example="1", more=(
-        TableOrder(NOISE, "y", _std_against_siblings, "std against its siblings", "std", of_norm=True),
-    )),
+    _statistic("std", "t", 2, example="1"),
+    TableColumn(
+        NOISE, len(NOISE), cells.noise, (), right=True, measured=True,  # shown while it is the order
+        orders=(TableOrder(NOISE, "y", lambda table: table.noise, "noise among siblings", "noise", of_norm=True),),
+    ),
     TableColumn(
         "rate", 7, cells.rate, ("timing", "wide"), right=True, measured=True, orders=(_measured("rate", "r", "rate"),),
         terms=(rate_term(),), quantities=("rate",),

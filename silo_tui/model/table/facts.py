@@ -16,6 +16,7 @@ from silo.core.arrays.columns import Floats
 from silo.live.quantities import FROZEN, LOST, NOT_FINITE, SLOW
 
 STATISTICS = ("min", "max", "mean", "std")  # since they begin, of each sample
+SINCE = (*STATISTICS, "noise")
 # of limits, which the survey knows nothing of
 RED_HIGH, RED_LOW, YELLOW_HIGH, YELLOW_LOW = 1 << 16, 1 << 17, 1 << 18, 1 << 19
 LIMIT_BITS = {"HH": RED_HIGH, "LL": RED_LOW, "H": YELLOW_HIGH, "L": YELLOW_LOW, LimitWord.STALE.value: FROZEN}

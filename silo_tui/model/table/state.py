@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.conditions.standing import LimitStatus
+from silo.core.arrays.columns import Floats
 from silo.core.elements import Edit, ElementInfo, Entry, FieldChange, Table
 from silo.core.names import component_name, is_word
 from silo.core.quantities.writing import many
 from silo_tui.model.samples.live import has_norm
-from silo_tui.model.table.facts import LIMIT_BITS, NOTHING
+from silo_tui.model.table.facts import LIMIT_BITS, NOTHING, Facts
 from silo_tui.model.table.fields import Field, Ints, options_of, phrase_for, rows_of
 from silo_tui.model.words.names import first_levels, without_prefix
 
@@ -77,6 +78,20 @@ def _carried(steps: Sequence[_Step], now: Mapping[int, int]) -> list[_Step]:
     return carried
 
 
+def against_siblings(known: Floats, siblings: Rows) -> Floats:
+    """Return how many times as large as the median of its siblings each is, shape `(n,)` as all of these.
+
+    Those are siblings whose number is the same; of those that are 0 there is no median.
+    """
+    rows = np.lexsort((known, siblings))
+    rows = rows[known[rows] > 0]
+    counts = np.bincount(siblings[rows], minlength=int(siblings.max(initial=-1)) + 1)
+    begin, moving = np.cumsum(counts) - counts, np.append(known[rows], np.nan)
+    median = np.where(counts, (moving[begin + (counts - 1) // 2] + moving[begin + counts // 2]) / 2, 1.0)
+    found: Floats = known / median[siblings]
+    return found
+
+
 class TableState:
     """The table, its pending edits and their history. Row i is element i of the logger's own order."""
 
@@ -96,6 +111,8 @@ class TableState:
         self.version = 0  # grows with every change, so that caches can tell
         self.mixed: Mask = np.zeros(0, np.bool_)  # of which rows there is no norm: their entries have several units
         self.labelled: Mask = np.zeros(0, np.bool_)  # which rows have words for numbers
+        self.siblings: Rows = np.zeros(0, np.intp)  # the same of those that are called alike, with the same unit
+        self._noise: tuple[Facts, Floats] = (NOTHING, np.zeros(0))  # of which survey
         self.own = 0  # how many of the elements are the logger's own: the rows after them are derived
         self._row_of: dict[str, int] = {}
         self._scalars: dict[str, tuple[ElementInfo, Entry]] = {}  # once one is asked for
@@ -195,6 +212,16 @@ class TableState:
     def signs_known(self) -> bool:
         """Whether anything was told of signs yet."""
         return self.facts.of("signs", len(self)) is not None or bool(self._beyond)
+
+    @property
+    def noise(self) -> Floats:
+        """Shape `(n,)`: how many times the noise of the median of its siblings each row has; NaN where it has none."""
+        if self._noise[0] is not self.facts or len(self._noise[1]) != len(self):
+            known = self.facts.of("noise", len(self))
+            none = self.mixed | self.labelled  # of metres and radians, and between labels, is none
+            known = np.where(none, np.nan, np.nan if known is None else known)
+            self._noise = self.facts, against_siblings(known, self.siblings)
+        return self._noise[1]
 
     def take_beyond(self, words: Mapping[str, str]) -> None:
         """Take over which elements are beyond their limits, with the worst word of each."""
@@ -342,6 +369,8 @@ class TableState:
             for each in elements
         ]
         self.labelled = np.array([any(one.labels for one in each.entries) for each in elements], np.bool_)
+        called = [f"{one.name.rpartition('/')[2]}\n{one.unit}" for one in elements]  # a torque of each leg
+        self.siblings = np.unique(called, return_inverse=True)[1]
         self.mixed = np.array([len(each.entries) > 1 and not has_norm(each) for each in elements], np.bool_)
         self.revision, self.server = table.revision, server
         given = table.given
