@@ -300,9 +300,9 @@ def _placed(parts: Sequence[tuple[Recording, Stretch]]) -> _Placed:
         if not pieces or stretch.part != pieces[-1].stretch.part:
             missing = _missing(pieces[-1].stretch if pieces else None, stretch)
             cut_on = stretch.part > 1 and not stretch.recorder
-            ticks, words = _overwritten(part) if cut_on else (0, "")
-            overwritten += ticks
-            told += [*missing, *[f"part {stretch.part}: {words}"] * bool(ticks)]
+            gone, words = _overwritten(part) if cut_on else (0, "")
+            overwritten += gone
+            told += [*missing, *[f"part {stretch.part}: {words}"] * bool(gone)]
             gaps += [end] * bool(missing or (cut_on and first))
             taken, elements, after = {}, part.elements, first
             if stretch.recorder and (pieces or stretch.since >= 0) and len(part.time_ns):

@@ -112,7 +112,7 @@ def test_two_saves_of_one_part_of_a_run_are_told_apart():
              "00008_part2", "00009_part3")  # fmt: skip
     found = [one(dated + name, "saved by op@desk") for name in names][::-1]  # the newest first, as they are told
     told = rows.saves_of_parts([*found, one("arm_20260921_14-00-00_00004_part2")])
-    assert {stem.removeprefix(dated): (of.part, of.number, of.count) for stem, of in told.items()} == {
+    assert {stem.removeprefix(dated): (of.part, of.number, of.of) for stem, of in told.items()} == {
         "00003_part2": (2, 1, 3), "00005_part2": (2, 2, 3), "00006_part2": (2, 3, 3),
     }  # fmt: skip
     shown = rows.row(found[4], "…00005_part2", 80, BEGIN / 1e9, told[found[4].stem])

@@ -84,12 +84,12 @@ class PartSave(NamedTuple):
 
     part: int
     number: int
-    count: int
+    of: int
 
     @property
     def words(self) -> str:
         """What to tell of it."""
-        which = f"save {self.number} of {self.count} of part {self.part} of one run"
+        which = f"save {self.number} of {self.of} of part {self.part} of one run"
         return f"{which}, which went on in between: each has what the buffers held then"
 
 
@@ -128,7 +128,7 @@ def row(one: SavedRecording, name: str, width: int, now_s: float, of: PartSave |
     if one.unfinished:
         why = "not finished yet"
     span = text.span(one.span_s, 3) if one.span_s else "-"
-    which = f"{of.number} of {of.count}, " if of is not None else ""
+    which = f"{of.number} of {of.of}, " if of is not None else ""
     cells = (
         name, which + why.removeprefix("saved "), " ".join(file.type.name.lower() for file in one.files),
         begun_text(begun_ns(one), now_s), span,
