@@ -120,6 +120,12 @@ class Member(msgspec.Struct, frozen=True, dict=True):
         return f"{0.0 if self.stalled else one.measured_hz:.4g}"
 
     @property
+    def lost_count(self) -> int | None:
+        """Samples lost, as it told; None where nobody knows: what counted them went with the program that died."""
+        one = self.summary
+        return None if one is None or (self.dead and not one.lost) else one.lost
+
+    @property
     def running(self) -> bool:
         """Whether it logs now, as far as is known."""
         return self.here and self.state is State.RUNNING

@@ -31,6 +31,7 @@ from silo.fleet.member import Member
 from silo.fleet.resolving import Discovery
 from silo.fleet.routers import RouterTold
 from silo.net.found import LoggerAddress
+from silo.rpc.published import Summary
 from silo.settings.typed import ElementSettings, RelativeValue, apply_settings, read_settings
 from silo.version import VERSION
 from tests.waiting import DEADLINE_S
@@ -305,6 +306,16 @@ def test_a_column_that_one_logger_needs_has_a_word_for_nothing_at_the_others(mon
     of._show_table([SimpleNamespace(found=None, status=one) for one in each])
     shown = [line.split()[10:] for line in capsys.readouterr().out.splitlines()]
     assert shown == [["DURABLE", "TO", "TICK", "REC"], ["-", "0"], ["0", "2"]]
+
+
+@pytest.mark.parametrize(("state", "cell"), [(State.DEAD, "-"), (State.RUNNING, "0")])
+def test_a_list_says_of_no_dead_program_that_it_lost_nothing(state, cell):
+    of = importlib.import_module("silo.cli.loggers.ls")
+    told = {"host": "rob", "measured_hz": 0.0, "run_ticks": 5, "enabled": 1, "elements": 1, "pid": 7, "user": "me"}
+    status = SimpleNamespace(state=state, lost=0, run_began_ns=1, **told)
+    one = SimpleNamespace(found=LoggerAddress("arm", 7, "", "me"), word=state.value, stalled=False, status=status)
+    one.lost_count = Member(one.found, Summary(state=state)).lost_count
+    assert of._ls_row(one)[6] == cell
 
 
 def test_of_what_happens_from_now_on_that_of_one_kind_is_printed(monkeypatch, capsys):

@@ -48,6 +48,15 @@ def test_lines_on_a_terminal_say_how_each_stands_the_worst_first() -> None:
     assert total == "3 loggers: 1 silent, 2 running; Ctrl-C ends"
 
 
+@pytest.mark.parametrize(
+    ("lost", "cell", "words"), [(0, "-", "dead  40 GB free"), (4, "4", "dead  lost 4  40 GB free")]
+)
+def test_what_a_dead_program_lost_is_told_only_where_it_is_known(lost, cell, words) -> None:
+    found = fleet(died := member("rob1", state=State.DEAD, lost=lost))
+    assert screen_lines(found, meant(found, ""), 20, NOW_S, NOW_NS)[1].split()[4] == cell
+    assert sentence(died).startswith(words)
+
+
 @pytest.mark.parametrize("room", [4, 10, 23])
 def test_there_are_never_more_lines_than_the_terminal_has_and_what_is_left_out_is_told(room) -> None:
     found = fleet(*(member(f"rob{place:02}", lost=int(place == 29)) for place in range(30)))

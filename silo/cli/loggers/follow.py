@@ -115,7 +115,7 @@ def _cells(one: "Member", name: str, now_s: float, now_ns: int) -> tuple[str, ..
     what = " ".join([*idle, *one.people]) if one.here and not one.dead else _after(one)
     return (
         name, one.word, duration_text(run_s) if run_s is not None else "-",
-        one.rate, count(told.lost),
+        one.rate, count(one.lost_count) if one.lost_count is not None else "-",
         size_text(told.disk_free_bytes) if told.disk_bytes else "-", f"{one.sign}{alarms}", seen, what,
     )  # fmt: skip
 
@@ -196,7 +196,7 @@ def sentence(one: "Member") -> str:
     word = f"{told.state.value}, {idle_words(told.idle_s)}" if one.stalled else one.word
     parts = [word if not one.lost else f"silent, was {told.state.value}"]
     parts += [f"{one.rate} Hz"] if one.running and not one.stalled else []
-    parts += [f"lost {told.lost}"]
+    parts += [f"lost {one.lost_count}"] if one.lost_count is not None else []
     parts += [f"{size_text(told.disk_free_bytes)} free"] if told.disk_bytes else []
     parts += [f"{told.alarm} {told.alarms}"] if told.alarms else []
     parts += [f"REC {told.recorders}"] if told.recorders else []

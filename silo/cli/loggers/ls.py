@@ -127,7 +127,7 @@ _MORE: "tuple[tuple[str, Callable[[Status], str], str], ...]" = (
 
 
 def _show_table(answers: "list[Member]") -> None:
-    header = ("LOGGER", "HOST", "STATE", "SINCE", "HZ", "TICKS", "LOST", "ELEMENTS", "PID", "USER")
+    header = ("LOGGER", "HOST", "STATE", "FOR", "HZ", "TICKS", "LOST", "ELEMENTS", "PID", "USER")
     columns = [list(column) for column in zip(header, *map(_ls_row, answers), strict=True)]
     for title, text, none in _MORE:
         texts = [text(answer.status) if answer.status else "" for answer in answers]
@@ -135,7 +135,7 @@ def _show_table(answers: "list[Member]") -> None:
             columns.append([title, *(each or none for each in texts)])
     if any(apart := _addresses([answer.found for answer in answers])):
         columns.append(["ADDRESS", *apart])
-    numbers = ("SINCE", "HZ", "TICKS", "LOST", "ELEMENTS", "PID", "DURABLE TO TICK", "REC", "FREE")
+    numbers = ("FOR", "HZ", "TICKS", "LOST", "ELEMENTS", "PID", "DURABLE TO TICK", "REC", "FREE")
     show_rows(list(zip(*columns, strict=True)), [place for place, one in enumerate(columns) if one[0] in numbers])
 
 
@@ -236,7 +236,7 @@ def _ls_row(one: "Member") -> tuple[str, ...]:
         logged_for(status),
         "0" if one.stalled else f"{status.measured_hz:.4g}" if status.measured_hz else "-",
         count(status.run_ticks),
-        count(status.lost),
+        count(one.lost_count) if one.lost_count is not None else "-",
         f"{status.enabled}/{status.elements}",
         str(status.pid),
         status.user,

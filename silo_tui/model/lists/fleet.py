@@ -123,7 +123,7 @@ def row(
         worst = counted
     ran = told.state is State.RUNNING and not member.stalled and told.measured_hz
     rate = f"{told.measured_hz:.1f}" if ran else member.rate if member.running else ""
-    lost = "" if member.dead and not told.lost else text.count(told.lost)
+    lost = text.count(member.lost_count) if member.lost_count is not None else ""
     tail = _tail(
         duration_text(run_s) if run_s is not None else was,
         rate,
