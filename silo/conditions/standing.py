@@ -121,6 +121,13 @@ class LimitStatus(msgspec.Struct, frozen=True, omit_defaults=True):
         """Whether it is now."""
         return self.word not in (LimitWord.OK, LimitWord.BLIND, LimitWord.OTHER)
 
+    def lasted_s(self, now_ns: int) -> float | None:
+        """Return for how long the newest violation has been going on, or lasted, s; None where there was none."""
+        if self.is_over:
+            return (now_ns - self.since_ns) / 1e9 if self.since_ns else None
+        is_known = self.count and self.last_ns >= self.since_ns > 0
+        return max((self.last_ns - self.since_ns) / 1e9, 1e-3) if is_known else None
+
     def word_of(self, value: float) -> LimitWord:
         """Return the range of a value that is newer than what was judged; what was, where more than it tells that."""
         bounded = any(bound is not None for bound in self.bounds)

@@ -14,7 +14,8 @@ HH, H, BLIND, OK = (LimitWord(word) for word in ("HH", "H", "~~", "OK"))
 HEAT = LimitStatus(
     "/log/heat", "/log/heat", HH, "K", 9.25, 9.0, 9.5, HH, since_ns=1, count=2, stale_count=1, alarm=True
 )
-AGAIN = LimitStatus("/log/tau", "/log/tau", OK, "-", 1.0, 4.0, 5.0, H, count=1, seen_by="ann")
+AGAIN = LimitStatus("/log/tau", "/log/tau", OK, "-", 1.0, 4.0, 5.0, H, since_ns=1, last_ns=310_000_001, count=1,
+                    seen_by="ann")  # fmt: skip
 WELL, DARK = LimitStatus("/log/x", "/log/x", OK), LimitStatus("/log/y", "/log/y", BLIND, why="/log/y is off")
 
 
@@ -48,7 +49,7 @@ def shown(monkeypatch, capsys):
         robot = Robot(*told)
         monkeypatch.setattr(alarms, "connect", lambda _: robot)
         monkeypatch.setattr(time, "sleep", robot.sleep)
-        monkeypatch.setattr(time, "time", lambda: 61 + 1e-9)
+        monkeypatch.setattr(time, "time_ns", lambda: 61 * 10**9 + 1)
         code = run(["alarms", "bot", *words])
         return code, *capsys.readouterr(), robot
 
@@ -60,9 +61,9 @@ NO_LIMITS = (
     "signal_limits:\n  - {name: joints/tau, bounds: [-40, -30, 30, 40]}"
 )
 ONE_JUDGED = "nothing of the 1 that could be judged was beyond its limits"
-HEAD = "!   SIGNAL     VALUE  LIMIT   WORST  SINCE  COUNT  SEEN BY\n"
-HEAT_ROW = "HH  /log/heat   9.25      9  HH 9.5  01:01      3  NEW\n"
-AGAIN_ROW = "OK  /log/tau       1      4     H 5             1  ann\n"
+HEAD = "!   SIGNAL     VALUE  LIMIT   WORST     FOR  COUNT  SEEN BY\n"
+HEAT_ROW = "HH  /log/heat   9.25      9  HH 9.5    61 s      3  NEW\n"
+AGAIN_ROW = "OK  /log/tau       1      4     H 5  0.31 s      1  ann\n"
 
 
 @pytest.mark.parametrize(

@@ -19,12 +19,12 @@ from silo_tui.model.lists.conditions import (
     capture_words,
     fields_of,
     head_words,
+    lasted_width,
     limit_head,
     limit_row,
     named_in,
     options_of_fields,
     signal_width,
-    since_width,
     slow_words,
     tried_lines,
     trigger_row,
@@ -69,16 +69,17 @@ class TestWords:
 
     def test_an_alarm_is_a_line(self):
         row = limit_row(HOT, "/LF/HAA/torque", signal_width(["/LF/HAA/torque" * 9], 80), NOW_NS)
-        assert row.split() == ["HH", "/LF/HAA/torque", "84.200", "80.000", "86.310", "for", "12", "s", "2", "NEW"]
+        assert row.split() == ["HH", "/LF/HAA/torque", "84.200", "80.000", "86.310", "12", "s", "2", "NEW"]
         assert len(row) <= 80
 
     def test_of_an_alarm_that_ended_it_is_told_how_long_it_was_and_columns_stay(self):
         ended = replace(HOT, word=LimitWord.OK, since_ns=NOW_NS, last_ns=NOW_NS + 140_000_000)
-        wide = since_width([HOT, ended], NOW_NS)
+        wide = lasted_width([HOT, ended], NOW_NS)
         over, row = (limit_row(one, "/x", 20, NOW_NS, wide) for one in (HOT, ended))
-        assert " for 140 ms " in row
+        assert " 140 ms " in row
+        assert "   for " in limit_head(20, "", wide)  # a time that it lasted, no moment since which it is
         assert row.index("NEW") == over.index("NEW") == limit_head(20, "", wide).index("seen by")
-        assert since_width([HOT], NOW_NS) == 8
+        assert lasted_width([HOT], NOW_NS) == 7
 
     def test_what_is_within_its_limits_shows_the_bound_it_is_nearest_to(self):
         well = LimitStatus("/x", "/x", LimitWord.OK, value=38.0, bounds=(None, 1.0, None, 40.0))
@@ -90,7 +91,7 @@ class TestWords:
 
     def test_who_saw_an_alarm_has_the_cells_that_names_spare(self):
         assert signal_width(["/LF/HAA/torque", "/x"], 160) == len("/LF/HAA/torque")
-        assert signal_width(["/LF/HAA/torque" * 9], 160) == 160 - 52 - WIDEST
+        assert signal_width(["/LF/HAA/torque" * 9], 160) == 160 - 51 - WIDEST
         assert signal_width([], 80) == 14
 
     @pytest.mark.parametrize(

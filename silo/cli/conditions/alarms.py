@@ -7,7 +7,7 @@ import click
 
 from silo.cli.codes import EXIT_BLIND, EXIT_FOUND
 from silo.cli.common import connect, json_option, logger_argument, show_json, show_rows
-from silo.core.quantities.writing import duration_text
+from silo.core.quantities.writing import duration, whole_duration
 
 if TYPE_CHECKING:
     from silo.conditions.requests import Alarms
@@ -71,7 +71,7 @@ def _show(found: "Alarms", *, all_limits: bool, as_json: bool) -> None:
             "signal_limits:\n  - {name: joints/tau, bounds: [-40, -30, 30, 40]}"
         )
         return
-    header = ("!", "SIGNAL", "VALUE", "LIMIT", "WORST", "SINCE", "COUNT", "SEEN BY")
+    header = ("!", "SIGNAL", "VALUE", "LIMIT", "WORST", "FOR", "COUNT", "SEEN BY")
     if shown:
         show_rows([header, *(_row(one) for one in shown)], right=(2, 3, 4, 5, 6))
     for one in shown:
@@ -84,9 +84,15 @@ def _row(one: "LimitStatus") -> tuple[str, ...]:
     return (
         one.word.value, one.name, _number(one.value), _number(one.limit),
         f"{one.worst_word.value} {_number(one.worst)}" if one.worst is not None else "",
-        duration_text(time.time() - one.since_ns / 1e9) if one.since_ns else "", str(_count(one) or ""),
+        _lasted(one),
+        str(_count(one) or ""),
         one.seen,
     )  # fmt: skip
+
+
+def _lasted(one: "LimitStatus") -> str:
+    lasted_s = one.lasted_s(time.time_ns())
+    return "" if lasted_s is None else whole_duration(lasted_s) if one.is_over else duration(lasted_s)
 
 
 def _count(one: "LimitStatus") -> int:

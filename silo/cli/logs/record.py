@@ -73,7 +73,7 @@ def _show(infos: "list[RecorderInfo]") -> None:
     if not infos:
         click.echo("nothing is being recorded; `silo record` begins it")
         return
-    header = ("NAME", "STATE", "SINCE", "PARTS", "SIZE", "SAMPLES", "LOST", "FOLDER")
+    header = ("NAME", "STATE", "FOR", "PARTS", "SIZE", "SAMPLES", "LOST", "FOLDER")
     show_rows([header, *map(_row, infos)], right=(2, 3, 4, 5, 6))
     for info in infos:
         if info.text:

@@ -67,37 +67,36 @@ def named_in(when: str, elements: Sequence[ElementInfo], prefix: str) -> list[st
     return [names.names[place] for place in sorted(places)]
 
 
-SINCE = 8  # cells
+LASTED = 7  # cells, at least, of how long a scalar has been, or was, beyond its limits
 
 
-def limit_head(room: int, space: str = "", wide: int = SINCE) -> str:
+def limit_head(room: int, space: str = "", wide: int = LASTED) -> str:
     """Return the head of the list of alarms, whose signals are told below the namespace `space`, in so many cells."""
     begin = f"  {'state':<{WIDEST}} {space_words('signal', space, room):<{room}}"
-    return f"{begin} {'value':>8} {'limit':>7} {'worst':>8} {'since':>{wide}} {'count':>5} seen by"
+    return f"{begin} {'value':>8} {'limit':>7} {'worst':>8} {'for':>{wide}} {'count':>5} seen by"
 
 
-def signal_width(names: Sequence[str], width: int, wide: int = SINCE) -> int:
+def signal_width(names: Sequence[str], width: int, wide: int = LASTED) -> int:
     """Return the cells of the signals' names in the list of alarms: of the longest, where there is room."""
     return max(14, min(max(map(len, names), default=0), width - 44 - wide - WIDEST))
 
 
-def since_words(one: LimitStatus, now_ns: int) -> str:
-    """Return since when a scalar is beyond its limits, or for how long it was."""
-    if one.is_over and one.since_ns:
-        return f"for {whole_duration((now_ns - one.since_ns) / 1e9)}"
-    if one.count and one.last_ns >= one.since_ns > 0:
-        return f"for {text.span(max((one.last_ns - one.since_ns) / 1e9, 1e-3), 2)}"
-    return ""
+def lasted_words(one: LimitStatus, now_ns: int) -> str:
+    """Return for how long a scalar is, or was, beyond its limits."""
+    lasted_s = one.lasted_s(now_ns)
+    if lasted_s is None:
+        return ""
+    return whole_duration(lasted_s) if one.is_over else text.span(lasted_s, 2)
 
 
-def since_width(found: Sequence[LimitStatus], now_ns: int) -> int:
+def lasted_width(found: Sequence[LimitStatus], now_ns: int) -> int:
     """Return the cells of these words in the list of alarms."""
-    return max([SINCE, *(len(since_words(one, now_ns)) for one in found)])
+    return max([LASTED, *(len(lasted_words(one, now_ns)) for one in found)])
 
 
-def limit_row(one: LimitStatus, short: str, room: int, now_ns: int, wide: int = SINCE) -> str:
-    """Return a scalar with limits as a line; `short` is its name, which has `room` cells, `wide` since when it is."""
-    since = since_words(one, now_ns)
+def limit_row(one: LimitStatus, short: str, room: int, now_ns: int, wide: int = LASTED) -> str:
+    """Return a scalar with limits as a line; `short` is its name, which has `room` cells, `wide` how long it lasted."""
+    lasted = lasted_words(one, now_ns)
     seen = f"{one.since_seen} NEW" if one.alarm and one.since_seen else one.seen.split("@")[0]
     count = one.count + one.stale_count
     near = _nearest(one) if one.limit is None else one.limit
@@ -108,7 +107,7 @@ def limit_row(one: LimitStatus, short: str, room: int, now_ns: int, wide: int = 
     value, bound, worst = ("" if each is None else digits.write(each, 8) for each in (one.value, limit, one.worst))
     bound = text.span(one.stale_s if one.limit is None else one.limit) if stale else bound
     return (
-        f"  {limit_word(one.word):<{WIDEST}} {short:<{room}} {value:>8} {bound:>7} {worst:>8} {since:>{wide}} "
+        f"  {limit_word(one.word):<{WIDEST}} {short:<{room}} {value:>8} {bound:>7} {worst:>8} {lasted:>{wide}} "
         f"{count or '':>5} {seen}"
     )
 

@@ -11,7 +11,7 @@ from silo.core.conditions import SignalLimits
 from silo.core.quantities.writing import and_more
 from silo.errors import RefusedError
 from silo_tui.actions import key_of
-from silo_tui.model.lists.conditions import alarms_words, limit_head, limit_row, signal_width, since_width, waits_for
+from silo_tui.model.lists.conditions import alarms_words, lasted_width, limit_head, limit_row, signal_width, waits_for
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words.names import fitting_names, inside, shared_space
 from silo_tui.model.words.states import MEANINGS, WIDEST, limit_word
@@ -54,15 +54,15 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
     )
 
     def head(self, width: int) -> str:
-        return limit_head(self._room, self._space, self._since)
+        return limit_head(self._room, self._space, self._lasted)
 
     def prepare(self, found: Sequence[LimitStatus], width: int) -> None:
         """Fit the names of all into the same cells: different ones stay different."""
         names = [self.session.short_name(one.name) for one in found]
         self._space = shared_space(names)
         below = [inside(self._space, name) for name in names]
-        self._since = since_width(found, time.time_ns())
-        self._room = signal_width(below, width, self._since)
+        self._lasted = lasted_width(found, time.time_ns())
+        self._room = signal_width(below, width, self._lasted)
         fitted = fitting_names(below, self._room)
         self._names = dict(zip(map(self.key_of, found), fitted, strict=True))
 
@@ -87,7 +87,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         return f"{limit_word(one.word)} {self.session.short_name(one.name)} {one.seen} {one.why}"
 
     def row_of(self, one: LimitStatus, width: int) -> Text:
-        line = Text(limit_row(one, self._names[self.key_of(one)], self._room, time.time_ns(), self._since))
+        line = Text(limit_row(one, self._names[self.key_of(one)], self._room, time.time_ns(), self._lasted))
         red = one.word in (LimitWord.RED_HIGH, LimitWord.RED_LOW)
         if one.is_over or one.word is LimitWord.BLIND:
             line.stylize(bold(self.app.theme_variables, "alarm" if red else "warning"), 2, 2 + WIDEST)
