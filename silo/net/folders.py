@@ -118,11 +118,11 @@ def _is_usable(path: Path) -> bool:
         return False
     if not stat.S_ISDIR(found.st_mode) or found.st_mode & 0o027:
         return False
-    named = _FOLDER.fullmatch(path.name)
-    if named is not None and not os.environ.get("SILO_RUNTIME_DIR"):
-        uid, gid = int(named[1]), named[2]
-        if found.st_uid != uid or (gid is not None and found.st_gid != int(gid)):
-            return False
+    named = None if os.environ.get("SILO_RUNTIME_DIR") else _FOLDER.fullmatch(path.name)
+    uid, gid = (int(named[1]), named[2]) if named is not None else (found.st_uid, path.name.rpartition("-")[2])
+    is_shared = gid is None or (found.st_gid == int(gid) and found.st_mode & 0o050 == 0o050)
+    if found.st_uid != uid or not is_shared:  # `run-2` beside `run` may be another private folder of this user
+        return False
     return os.access(path, os.R_OK | os.X_OK)
 
 

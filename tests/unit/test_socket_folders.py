@@ -39,12 +39,19 @@ def test_a_folder_is_used_where_owner_group_and_mode_are_what_its_name_says(root
 
 
 def test_a_folder_that_somebody_else_shares_is_used_and_is_not_our_own(runtime_folder, monkeypatch):
-    shared = [folder(runtime_folder.with_name(f"{runtime_folder.name}-{group}"), 0o750) for group in (GID, GID + 1)]
-    assert folders.usable_folders() == folders.own_folders() == [runtime_folder, *shared]
+    shared = folder(runtime_folder.with_name(f"{runtime_folder.name}-{GID}"), 0o750)
+    assert folders.usable_folders() == folders.own_folders() == [runtime_folder, shared]
     monkeypatch.setattr("os.getuid", lambda: UID + 1)
     monkeypatch.setattr(folders, "runtime_dir", lambda: runtime_folder)
-    assert folders.usable_folders() == [runtime_folder, *shared]
+    assert folders.usable_folders() == [runtime_folder, shared]
     assert folders.own_folders() == [runtime_folder]
+
+
+def test_another_private_folder_of_this_user_is_not_taken_for_one_that_is_shared(runtime_folder):
+    """As of two robots that are tried on one computer, each with a runtime folder of its own."""
+    for end, mode in ((GID, 0o700), (GID + 1, 0o700), (GID + 2, 0o750)):
+        folder(runtime_folder.with_name(f"{runtime_folder.name}-{end}"), mode)
+    assert folders.usable_folders() == folders.own_folders() == [runtime_folder]
 
 
 def test_a_closed_folder_is_told_of_where_a_logger_listens_in_it(root):
