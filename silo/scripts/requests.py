@@ -26,6 +26,7 @@ class ScriptDiff(Reply, frozen=True, rename={"conditions": "extras"}):
 
     `warnings` are `file:line: reason` of keys that silo doesn't know. `conditions` are differences of derived signals,
     limits and triggers, each under a name such as `trigger fall`; without a field for what comes or goes as a whole.
+    `end` says that a run would end by itself with it, which it does not without.
     """
 
     path: str
@@ -33,6 +34,7 @@ class ScriptDiff(Reply, frozen=True, rename={"conditions": "extras"}):
     unknown: list[str]
     warnings: list[str] = []
     conditions: list[FieldChange] = []
+    end: str = ""
 
 
 class KeptViews(Reply, frozen=True):

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from silo.core.elements import Edit
 from silo.core.quantities.writing import many
 from silo.rpc.published import EventKind
@@ -41,6 +43,7 @@ class ScriptServer(Server, does=[requests]):
         return ScriptText(str(found), script_folder.read_text(found))
 
     def diff_script(self, path: str) -> ScriptDiff:
+        from silo.segment.retention import kept_how, new_end_text
         from silo.settings.conditions_diff import diff_conditions
         from silo.settings.script import apply_script, parse_script
         from silo.settings.typed import diff_options
@@ -48,11 +51,14 @@ class ScriptServer(Server, does=[requests]):
         found = script_folder.resolve(path, self._own_script)
         table = self.replica.now.table.elements
         script = parse_script(script_folder.read_text(found), found)
-        plan = apply_script(script, table, self.replica.status().frequency_hz)
+        status = self.replica.status()
+        plan = apply_script(script, table, status.frequency_hz)
+        planned = (replace(info, options=options) for info, options in zip(table, plan.options, strict=True))
+        end = new_end_text(kept_how(table), kept_how(planned), status.max_time_s)
         unknown = [str(unknown.name) for unknown in plan.unknown]
         now = self.replica.now.robot.conditions
         conditions = diff_conditions(now, script.conditions_beside(now))
-        return ScriptDiff(str(found), diff_options(table, plan.options), unknown, script.warnings, conditions)
+        return ScriptDiff(str(found), diff_options(table, plan.options), unknown, script.warnings, conditions, end)
 
     def load_script(self, turn: Turn, path: str, revision: int, cut: bool) -> EditsApplied:
         for _ in range(TRIES - 1):

@@ -24,11 +24,12 @@ from silo_tui.context import Context
 from silo_tui.model.table.changes import cost_of, kept_by
 from silo_tui.model.table.fields import Field, phrase_for
 from silo_tui.model.table.state import PendingChange
-from silo_tui.screens.dialogs.questions import Choice, Prompt, Question, confirmed, cost_text, diff_text
+from silo_tui.screens.dialogs.questions import Choice, Prompt, Question, confirmed, cost_text, diff_text, end_words
 from silo_tui.sessions.live import Session, why
 
 if TYPE_CHECKING:
     from silo.client.client import Client
+    from silo.scripts.requests import ScriptDiff
 
 GOES_ON = "{} and go on saves what its buffers hold (looping ones: the newest alone) and begins them empty."
 SPLIT = "Stopping ends this run."
@@ -189,10 +190,14 @@ async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> s
     if context.session.running:
         told = f"{GOES_ON.format('Apply')}{_watching_again(context.session)} {SPLIT}\n"
         body = Text(told, style="bold").append_text(body)  # first: what all costs may be out of sight
-        last = f" until it stops, after {context.session.status.max_time_s:g} s" * bool(end)
-        go_on = Choice("cut", f"Apply and go on: no tick is lost{last}", "a")
+        go_on = Choice("cut", f"Apply and go on: no tick is lost{_until_it_stops(context.session, end)}", "a")
         return await _ask_around(context, title, body, [go_on, keep], "stop, apply, start again", "r", [discard])
     return await context.app.push_screen_wait(Question(title, body, [Choice("apply", "Apply", "a"), keep, discard]))
+
+
+def _until_it_stops(session: Session, end: str) -> str:
+    """Return when a run that goes on will have come to its end, where that is something new."""
+    return f" until it stops, after {session.status.max_time_s:g} s" * bool(end)
 
 
 def _drops_one(context: Context) -> str:
@@ -226,7 +231,7 @@ def _what_changes(context: Context, changes: Sequence[PendingChange], end: str) 
     now, after = (cost_of(table.elements, each, frequency_hz, edited) for each in (table.server, table.values))
     stops = bool(end_text(kept_by(own, table.values), session.status.max_time_s))
     cost = cost_text(now, after, session.short_name(after.shortest), session.status.room_bytes, stops=stops)
-    first = Text(f"{end[:1].upper()}{end[1:]}.\n" if end else "", style="bold")
+    first = Text(end_words(end), style="bold")
     return first.append_text(diff_text(changes, table.prefix, cost))
 
 
@@ -280,8 +285,8 @@ async def _settle_conflicts(context: Context) -> bool:
     return True
 
 
-async def _chosen_script(context: Context, path: str) -> tuple[str, list[FieldChange]]:
-    """Return the script to load once its difference was seen, with what it changes beside elements; "" for none."""
+async def _chosen_script(context: Context, path: str) -> "tuple[str, ScriptDiff | None]":
+    """Return the script to load once its difference was seen, and that; "" for none."""
     from silo_tui.screens.dialogs.scripts import script_diff_text, scripts_question
 
     link, name, seen = context.link, _script_name(path), False
@@ -292,25 +297,25 @@ async def _chosen_script(context: Context, path: str) -> tuple[str, list[FieldCh
         name = chosen or ""
         seen = dialog.told == name
     if not name:
-        return "", []
+        return "", None
     diff = await link.read(lambda client: client.diff_script(name))
     if not diff.changes and not diff.conditions:
         edits = _pending(context)
         kept = f"; kept: {edits} ({context.key_in_table('discard')} takes back those of an element)" if edits else ""
         context.say(f"{name} says what the logger has already: nothing to load{kept}{_unknown_words(diff.unknown)}")
-        return "", []
+        return "", None
     if seen:
-        return name, diff.conditions
+        return name, diff
     choices = [Choice("load", f"Load {name}", "l"), Choice("", "Don't")]
     question = Question(f"Load {diff.path}?", script_diff_text(diff, context.session.table.prefix), choices)
-    return (name if await context.app.push_screen_wait(question) == "load" else ""), diff.conditions
+    return (name if await context.app.push_screen_wait(question) == "load" else ""), diff
 
 
 async def load_script(context: Context, path: str = "") -> None:
     """Choose a script, shows what it would change, loads it."""
     session, link = context.session, context.link
-    name, conditions = await _chosen_script(context, path)
-    if not name:
+    name, diff = await _chosen_script(context, path)
+    if not name or diff is None:
         return
     if edits := _pending(context):
         body = f"{edits} stay pending on top of the configuration."
@@ -318,8 +323,9 @@ async def load_script(context: Context, path: str = "") -> None:
             return
     around, cut, unsaved = False, False, Unsaved.REFUSE
     if session.running:
-        body_text = Text(f"{GOES_ON.format('Load')}{_watching_again(session)} {SPLIT}")
-        go_on = Choice("cut", "Load and go on: no tick is lost", "l")
+        body_text = Text(end_words(diff.end), style="bold")
+        body_text.append(f"{GOES_ON.format('Load')}{_watching_again(session)} {SPLIT}", style="not bold")
+        go_on = Choice("cut", f"Load and go on: no tick is lost{_until_it_stops(session, diff.end)}", "l")
         first, steps = [go_on, Choice("", "Don't load")], "stop, load, start again"
         answer = await _ask_around(context, f"Load {name} while it runs?", body_text, first, steps, "y")
         if answer is None:
@@ -335,9 +341,11 @@ async def load_script(context: Context, path: str = "") -> None:
         if around:
             told_of_start = await session.start(unsaved)
     await session.reload()
-    if conditions:
+    if diff.conditions:
         await session.refresh_conditions()
-    told = f"{many(loaded.changed, 'element')} changed{_conditions_words(conditions)}{_unknown_words(loaded.unknown)}"
+    told = (
+        f"{many(loaded.changed, 'element')} changed{_conditions_words(diff.conditions)}{_unknown_words(loaded.unknown)}"
+    )
     went = ["it goes on" if cut else "logging again"] * (cut or around)
     context.say("; ".join([f"loaded {name}: {told}", *went, *dict.fromkeys([*loaded.warnings, *told_of_start])]))
 

@@ -89,6 +89,16 @@ def test_a_table_that_changes_while_a_script_is_loaded_is_compared_anew(bench, c
     assert [info.options.divider for info in bench.logger.elements[:2]] == [7, 3]
 
 
+def test_that_a_run_ends_by_itself_with_a_script_is_told_before_it_is_loaded(bench, client) -> None:
+    for info in bench.logger.elements:
+        bench.logger.set(info.name, buffer="looping")
+    (bench.script.parent / "end.yaml").write_text(SCRIPT + "    buffer: {type: growing, size: 9}\n")
+    end = client.diff_script("end.yaml").end
+    assert end.startswith("logging stops by itself after ")
+    assert client.load_script("end.yaml").warnings == [end]
+    assert client.diff_script("end.yaml").end == ""
+
+
 def test_saving_into_a_missing_folder_makes_it(bench, client) -> None:
     assert (client.read_script().path in client.save_script(), client.diff_script().changes) == (True, [])
     client.save_script("new/a.yaml")

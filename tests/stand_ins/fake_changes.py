@@ -63,7 +63,12 @@ class FakeChanges:
         changes = diff_options(self.elements, plan.options)
         unknown = [str(unknown.name) for unknown in plan.unknown]
         conditions = diff_conditions(self.conditions, script.conditions_beside(self.conditions))
-        return ScriptDiff(f"{FOLDER}/{path}", changes, unknown, script.warnings, conditions)
+        planned = (
+            msgspec.structs.replace(info, options=options)
+            for info, options in zip(self.elements, plan.options, strict=True)
+        )
+        end = new_end_text(kept_how(self.elements), kept_how(planned), self.status().max_time_s)
+        return ScriptDiff(f"{FOLDER}/{path}", changes, unknown, script.warnings, conditions, end)
 
     @property
     def conditions(self) -> Conditions:

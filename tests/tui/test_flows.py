@@ -334,6 +334,21 @@ def test_a_start_of_what_stops_by_itself_says_so(saved):
 
 # ----------------------------------------------------------------------------------------------------------- scripts
 
+
+def test_a_script_with_which_a_run_ends_by_itself_says_so_before_it_is_loaded(running):
+    desk = ending(running, "l", "l")
+    running.files["once.yaml"] = (
+        f"log_elements:\n  - name: {NAME}\n    enabled: true\n    buffer: {{type: growing, size: 50}}\n"
+    )
+    said = desk.does(flows.load_script(desk, "once"))
+    told = f"{ENDS[0].upper()}{ENDS[1:]}.\n"
+    first, second = desk.asked
+    assert f"\n{told}It would change 1 element:" in first
+    assert f"\n{told}Load and go on saves" in second
+    assert "(l) Load and go on: no tick is lost until it stops, after 10 s\n" in second
+    assert said.startswith("loaded once.yaml: 1 element changed; it goes on")
+
+
 UNKNOWN = "; not in the table: 1 name of it"
 
 

@@ -194,7 +194,7 @@ def diff(words: Target, exit_code: bool, as_json: bool) -> int:
 
 def _show_diff(found: "ScriptDiff") -> None:
     show_changes([*found.changes, *found.conditions])
-    _warn(found.warnings, found.unknown)
+    _warn([*filter(None, [found.end]), *found.warnings], found.unknown)
     names = len({change.name for change in found.changes})
     others = len({change.name for change in found.conditions})
     told = [many(names, "element")] * bool(names)

@@ -339,6 +339,11 @@ def groups_text(changes: Sequence[FieldChange], prefix: str = "", begin: int = 0
     return lines
 
 
+def end_words(end: str) -> str:
+    """Return the sentence that logging will end by itself, where that is something new; a line of its own."""
+    return f"{end[:1].upper()}{end[1:]}.\n" if end else ""
+
+
 def cost_text(now: Cost, after: Cost, short_name: str, room_bytes: int = 0, *, stops: bool = False) -> Text:
     """Return what a table takes now and will take, with a sign at what gets worse; `held` is of what is edited.
 

@@ -12,7 +12,7 @@ from silo.scripts.requests import ScriptDiff, Scripts
 from silo.settings.conditions_diff import NONE
 from silo_tui.actions import key_of
 from silo_tui.model.words.names import below
-from silo_tui.screens.dialogs.questions import Choice, Question, groups_text
+from silo_tui.screens.dialogs.questions import Choice, Question, end_words, groups_text
 from silo_tui.sessions.link import Link
 
 
@@ -58,6 +58,7 @@ def _whole(change: FieldChange) -> str:
 def script_diff_text(diff: ScriptDiff, prefix: str = "") -> Text:
     """Return what a script would change, in words; names without `prefix`, as the table shows them."""
     lines = Text()
+    lines.append(end_words(diff.end), style="bold")
     if not diff.changes and not diff.conditions:
         lines.append("It would change nothing.\n")
     elif diff.changes:
