@@ -83,14 +83,13 @@ def _either(one: Any, other: Any) -> Any:
     return one | other
 
 
-def _every(values: list[Value], all_of: Callable[[list[Any]], Any]) -> Truth:
-    """Whether all are true; one that is false decides, whatever is unknown beside it."""
+def _together(values: list[Value], true_of: Callable[[list[Any]], Any], false_of: Callable[[list[Any]], Any]) -> Truth:
+    """What is true of several, and what is false of them; where neither is, it is unknown."""
     truths = [as_truth(value) for value in values]
-    true = all_of([truth.true for truth in truths])
+    true = true_of([truth.true for truth in truths])
     if all(truth.unknown is None for truth in truths):
         return Truth(true)
-    may_be = [truth.true if truth.unknown is None else truth.true | truth.unknown for truth in truths]
-    return Truth(true, all_of(may_be) & ~true)
+    return Truth(true, ~(true | false_of([_not([truth]).true for truth in truths])))
 
 
 def _not(values: list[Value]) -> Truth:
@@ -98,9 +97,9 @@ def _not(values: list[Value]) -> Truth:
     return Truth(~truth.true if truth.unknown is None else ~(truth.true | truth.unknown), truth.unknown)
 
 
-def _otherwise(operation: Any, how: Any) -> Any:
+def _otherwise(*how: Callable[[list[Any]], Any]) -> Any:
     """One of several for all of them, and the other way round: not all of them are not."""
-    return lambda values: _not([operation([_not([value]) for value in values], how)])
+    return lambda values: _not([_together([_not([value]) for value in values], *how)])
 
 
 def _comparison(function: Any) -> Any:
@@ -139,16 +138,6 @@ def _side_by_side(values: list[Any]) -> Any:
         [value if np.ndim(value) == 2 else np.broadcast_to(np.asarray(value).reshape(-1, 1), (count, 1))
          for value in values], axis=1,
     )  # fmt: skip
-
-
-def _known_any(values: list[Value], together: Any) -> Truth:
-    """Whether one is true of those that are known; unknown where none is."""
-    truths = [as_truth(value) for value in values]
-    true = together([truth.true for truth in truths])
-    if all(truth.unknown is None for truth in truths):
-        return Truth(true)
-    known = together([np.ones_like(truth.true) if truth.unknown is None else ~truth.unknown for truth in truths])
-    return Truth(true, ~known)
 
 
 _one_of = functools.partial(functools.reduce, operator.or_)
@@ -212,10 +201,13 @@ COMPARING = {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greate
 ADDING = {"+": np.add, "-": np.subtract, "*": np.multiply, "neg": np.negative}
 
 OPERATIONS: dict[str, Any] = {
-    "and": lambda values: _every(values, _all_of), "or": _otherwise(_every, _all_of), "not": _not,
-    "all": lambda values: _every(values, _all_beside), "any": _otherwise(_every, _all_beside),
-    "known or": lambda values: _known_any(values, _one_of), "known and": _otherwise(_known_any, _one_of),
-    "known any": lambda values: _known_any(values, _any_beside), "known all": _otherwise(_known_any, _any_beside),
+    # one that is false decides, whatever is unknown beside it
+    "and": lambda values: _together(values, _all_of, _one_of), "or": _otherwise(_all_of, _one_of), "not": _not,
+    "all": lambda values: _together(values, _all_beside, _any_beside), "any": _otherwise(_all_beside, _any_beside),
+    # of those that are known; unknown where none is
+    "known or": lambda values: _together(values, _one_of, _one_of), "known and": _otherwise(_one_of, _one_of),
+    "known any": lambda values: _together(values, _any_beside, _any_beside),
+    "known all": _otherwise(_any_beside, _any_beside),
     **{sign: _comparison(function) for sign, function in COMPARING.items()},
     **{sign: _numeric(function) for sign, function in ADDING.items()},
     "/": _numeric(np.divide), "%": _numeric(np.mod), "**": _numeric(np.power),

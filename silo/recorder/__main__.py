@@ -31,14 +31,13 @@ def main() -> int:
             print(text, flush=True)
         return 1 if problems else 0
     sock = socket.socket(fileno=int(sys.argv[1]))
-    parent = int(sys.argv[2]) if len(sys.argv) > 2 else os.getppid()  # of an older silo, which this one has replaced
     body = _order(sock)
     if not body:
         return 1
     order = decode_order(body)
     if not order.resume:
         _let_others_go_first()
-    recorder = Recorder(order, sock, calm_down=_let_others_go_first, parent=parent)
+    recorder = Recorder(order, sock, calm_down=_let_others_go_first, parent=int(sys.argv[2]))
     signal.signal(signal.SIGTERM, recorder.on_term)
     return 0 if recorder.run() is RecorderState.ENDED else 1
 

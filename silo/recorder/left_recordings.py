@@ -24,9 +24,7 @@ from silo.core.runtime import (
     RECORDERS_SUFFIX,
     closing_file,
     is_at,
-    list_segments,
     open_own,
-    process_start,
     runtime_dir,
 )
 from silo.errors import SegmentError, reason
@@ -37,7 +35,7 @@ from silo.recorder.orders import CLOSED, RecordOrder
 from silo.recorder.process import RecorderHandover, RecorderProcess, store, stored
 from silo.recovery.left import claimed_file, log_start
 from silo.rpc.published import EventKind
-from silo.segment.held_runs import Program, all_runs, is_live, number_of, readers
+from silo.segment.held_runs import Program, all_runs, is_live, number_of
 from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
 
@@ -55,7 +53,7 @@ def told(order: RecordOrder, text: str) -> str:
 
 
 def left_lists() -> list[tuple[Path, list[RecorderHandover]]]:
-    """Return what recorded loggers that are gone; lists of older helper processes, that nobody can use, are removed."""
+    """Return what recorded loggers that are gone; damaged lists, that nobody can use, are removed."""
     found = []
     with contextlib.suppress(SegmentError):  # no runtime folder: then there is nothing in it either
         for path in sorted(runtime_dir().glob(f"*{RECORDERS_SUFFIX}")):
@@ -68,10 +66,9 @@ def left_lists() -> list[tuple[Path, list[RecorderHandover]]]:
                 continue
             with closing_file(descriptor):
                 kept = _stored(path)
-                if kept and kept[0].program.pid:
-                    if not is_live(kept[0].program):
-                        found.append((path, kept))
-                elif _is_forgotten(path) and is_at(descriptor, path):  # else its helper process began another
+                if kept and not is_live(kept[0].program):
+                    found.append((path, kept))
+                if not kept and is_at(descriptor, path):  # else its helper process began another
                     path.unlink(missing_ok=True)
     return found
 
@@ -83,18 +80,6 @@ def _stored(path: Path) -> list[RecorderHandover]:
     except SegmentError as error:
         log.warning("%s", error)
         return []
-
-
-def _is_forgotten(path: Path) -> bool:
-    """Whether a list of an older silo, by name and pid, is of a program that is gone, as far as is seen here."""
-    start, _, pid = path.name.removesuffix(RECORDERS_SUFFIX).rpartition(".")
-    if not pid.isdecimal():
-        return True  # a damaged one
-    for reader in readers(list_segments(), f"{start}.{pid}"):
-        with contextlib.closing(reader):
-            if reader.alive():
-                return False  # perhaps of a process of another container, which has no start here
-    return not process_start(int(pid))
 
 
 def settle_order(order: str, tell: Tell, wait_s: float) -> list[str]:

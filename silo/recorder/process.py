@@ -45,8 +45,8 @@ log = logging.getLogger("silo.helper")
 class RecorderHandover(msgspec.Struct, frozen=True):
     """What a helper process leaves for its successor of each recorder.
 
-    `program` is whose runs it records, empty in older lists; of an order that is over, but not done, `ending` says why:
-    the runs that there are are recorded to their end, up to `last` where it is told, and none that come.
+    `program` is whose runs it records; of an order that is over, but not done, `ending` says why: the runs that there
+    are are recorded to their end, up to `last` where it is told, and none that come.
     """
 
     order: RecordOrder
@@ -253,10 +253,8 @@ def stored(path: Path) -> list[RecorderHandover]:
         data = path.read_bytes()
     except OSError:
         return []
-    head, line, body = data.partition(b"\n")
-    if not line and data.startswith(b"["):
-        body = data  # an older silo wrote no checksum
-    elif head != b"%08x" % zlib.crc32(body):
+    head, _, body = data.partition(b"\n")
+    if head != b"%08x" % zlib.crc32(body):
         raise SegmentError(f"{path}: what was being recorded can't be read: the file is damaged")
     try:
         return json_decoder(list[RecorderHandover]).decode(body)

@@ -23,7 +23,6 @@ from silo.core.arguments import check_name
 from silo.core.elements import BufferType, RecorderState, State
 from silo.core.names import matching
 from silo.core.quantities.writing import and_more, many, size_text
-from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
 from silo.decoding import converted
 from silo.errors import SegmentError, lacks_descriptors, reason
 from silo.files.manifest import RecordedTotals, size_of_parts
@@ -93,28 +92,23 @@ class EndlessRecordings:
         robot, options = replica.now.robot, replica.now.options
         self._program = child_of(robot.logger, options.id, robot.pid)
         self._kept = recorders_path(robot.logger, options.id)
-        self._older = runtime_dir() / f"{robot.logger}.{robot.pid}{RECORDERS_SUFFIX}"
         self._thread = threading.Thread(target=self._watch, name="recorders", daemon=True)
 
     def start(self) -> None:
         """Go on with what the helper process before this one recorded, and start the thread."""
-        # a helper process of an older silo listed them by pid, which comes again
-        older = [one for one in self._stored(self._older) if not one.program.pid]
-        for kept in [*self._stored(self._kept), *older]:
+        for kept in self._stored():
             order = msgspec.structs.replace(kept.order, resume=True)
             try:
                 self._spawn(msgspec.structs.replace(kept, order=order, program=self._program))
             except OSError as error:
                 self._tell(f"the recording '{kept.order.name}' could not go on: {reason(error)}", kept.by, failed=True)
-        if older:
-            self._older.unlink(missing_ok=True)
         self._thread.start()
 
-    def _stored(self, path: Path) -> list[RecorderHandover]:
+    def _stored(self) -> list[RecorderHandover]:
         try:
-            return stored(path)
+            return stored(self._kept)
         except SegmentError as error:
-            path.unlink(missing_ok=True)  # told once
+            self._kept.unlink(missing_ok=True)  # told once
             self._tell(f"{error}; record again, and `silo recover` closes what there is", failed=True)
             return []
 

@@ -15,7 +15,6 @@ from collections import Counter
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-import msgspec
 import psutil
 import pytest
 
@@ -27,7 +26,7 @@ from silo.core.runtime import list_held, list_segments, process_start, runtime_d
 from silo.files.event_log import read_events
 from silo.files.manifest import read_written
 from silo.recorder.process import stored
-from silo.segment.held_runs import held_runs, recorders_path
+from silo.segment.held_runs import recorders_path
 from tests.ipc.conftest import end_helper
 from tests.stand_ins.ticking import turning
 from tests.waiting import answered, freeze, wait_until
@@ -282,33 +281,6 @@ def test_what_did_not_fit_is_a_gap_in_the_file_in_the_totals_and_in_the_events(b
     told = [event.text for event in client.events() if "their memory was needed" in event.text]
     assert told
     assert lost or any("in no file" in event.text for path in folder.glob("*.mcap") for event in read_bag(path).events)
-
-
-def test_an_order_that_was_kept_by_an_older_helper_process_goes_on(bench, client, runtime_folder) -> None:
-    folder = begin(bench, client)
-    bench.ticks(100)
-    path = recorders_path("bot", bench.logger.options.id)
-    pid = client.status().helper_pid
-    freeze_recorders(client)
-    freeze(pid)
-    # as an older silo leaves it: by pid, with what it knew
-    (kept,) = stored(path)
-    order = {
-        name: value
-        for name, value in msgspec.to_builtins(kept.order).items()
-        if name not in ("order", "run", "tick", "runs")
-    }
-    older = [{"order": order, "by": kept.by, "since_ns": kept.since_ns}]
-    path.with_name(f"bot.{os.getpid()}.recorders").write_bytes(msgspec.json.encode(older))
-    path.unlink()
-    kill_recorders(pid)
-    os.kill(pid, signal.SIGKILL)
-    wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid)
-    wait_until(lambda: [one for one in answered(client.recorders) or () if one.state is RecorderState.RECORDING])
-    bench.ticks(50)
-    client.stop_recorder()
-    assert values_of(folder)[-50:] == list(range(101, 151))
-    assert held_runs() == []
 
 
 # --------------------------------------------------------------------------------------- the program dies, too

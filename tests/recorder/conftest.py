@@ -143,7 +143,7 @@ class Process:
 
     def __init__(self, order: RecordOrder) -> None:
         self.socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        command = [sys.executable, "-m", "silo.recorder", str(theirs.fileno())]
+        command = [sys.executable, "-m", "silo.recorder", str(theirs.fileno()), str(os.getpid())]
         self.process = subprocess.Popen(command, pass_fds=[theirs.fileno()])
         theirs.close()
         self.reports: list[Report] = []
