@@ -43,7 +43,9 @@ MAX_NAMES = 20_000
 WINDOW_S = 2.0  # over which rates are measured, or ten periods
 STAMPS = 512  # of which the jitter is reckoned
 BLOCK_BYTES = 4 * 2**20
-_OF_CHANGES = ("newest", "changed_ns", "bad_ns", "_changes", "_read_s", "_read_to_change_s")  # of a tally, by slot
+_OF_CHANGES = (  # of a tally, by slot
+    "newest", "changed_ns", "_change_seen", "bad_ns", "_changes", "_read_s", "_read_to_change_s",
+)  # fmt: skip
 
 
 class _Columns:
@@ -178,6 +180,7 @@ class Tally:
         self.count = count
         self.newest = np.full(count, np.nan)
         self.changed_ns = np.zeros(count, np.int64)
+        self._change_seen = np.zeros(count, np.bool_)  # else `changed_ns` is when the value was there already
         self.bad_ns = np.full(count, -(2**62), np.int64)  # when the last nan or inf came
         self._changes = np.zeros(count, np.int64)  # among the rows that were read
         self._read_s, self._read_to_change_s = np.zeros(count), np.zeros(count)  # how long these rows took
@@ -266,8 +269,10 @@ class Tally:
             known = (changed_ns > 0) & (changed_ns <= stamps[0])  # by the clock of an earlier run
             ring.last = np.where(known, newest, block[0])
             changed_ns[~known] = stamps[0]
+            self._change_seen[ring.slots] &= known
         differs: NDArray[np.bool_] = np.concatenate([ring.last[None], block[:-1]]) != block
         changed = differs.any(axis=0)
+        self._change_seen[ring.slots] |= changed
         changed_ns[changed] = stamps[len(block) - 1 - np.argmax(differs[::-1], axis=0)][changed]
         newest[:] = ring.last = block[-1].copy()
         return differs
@@ -338,6 +343,8 @@ class Tally:
             return self.newest, True
         if name == "changed":
             return self._changed_s(), True
+        if name == "change_seen":
+            return np.where(self.changed_ns > 0, self._change_seen, np.nan), True
         if name in {"rate", "share", "jitter"}:
             return self._timing(name, running=running), False
         if name in {"fill", "held"}:
@@ -425,7 +432,7 @@ def _values(
     others = np.where(slots >= 0, slots, np.append(tally.other, -1)[numbers])  # of what is no number it is known, too
     for place, quantity in enumerate(quantities):
         found, per_slot = tally.quantity(quantity, sums, running=running)
-        of = others if quantity == "changed" else slots
+        of = others if quantity in {"changed", "change_seen"} else slots
         values[place] = np.append(found, np.nan)[of if per_slot else numbers]
     return values.tobytes()
 

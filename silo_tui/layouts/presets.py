@@ -42,7 +42,7 @@ PRESETS = (
     Preset(
         "stuck",
         "s",
-        "Stuck: frozen, or never another value; last change on top",
+        "Stuck: frozen, or no change seen (>); last change on top",
         KeptLayout(sort="changed", filter="frozen|std=0", set="timing"),
     ),
     Preset("edited", "e", "Edited: other settings than the program began with", KeptLayout(filter="edited")),

@@ -18,6 +18,7 @@ from silo_tui.context import SiloScreen
 from silo_tui.modal import ask
 from silo_tui.model.drawing.braille import SHADE
 from silo_tui.model.table import filter as filters
+from silo_tui.model.table.cells import UNSEEN
 from silo_tui.model.table.columns import BEFORE, NAME, TREE, TableColumn
 from silo_tui.model.table.tree import parts_of
 from silo_tui.model.words.command_line import BY_KEY, Spelled
@@ -94,7 +95,10 @@ class ElementsScreen(SiloScreen):
     @property
     def _legend(self) -> str:
         """What a sign in small plots is, where one has it."""
-        return f"{SHADE} {HOLE_TEXTS[Gap.NONE]}" if self.table.shaded or self.inspector.shaded else ""
+        shade = f"{SHADE} {HOLE_TEXTS[Gap.NONE]}" if self.table.shaded or self.inspector.shaded else ""
+        facts, names = self.session.table.facts, self.table.names_on_screen()
+        unseen = "changed" in self.table.titles and any(facts.detail(each, "change_seen") == 0 for each in names)
+        return " │ ".join(filter(None, (f"{UNSEEN} no change seen yet" * unseen, shade)))
 
     def on_mount(self) -> None:
         self.table.focus()

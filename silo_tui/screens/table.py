@@ -259,7 +259,7 @@ class TableScreen(ElementsScreen):
     def _legend(self) -> str:
         """What a sign in small plots is, and since when statistics are, where one has them."""
         since = f"statistics{self._since}" if self._since and self._has_statistics else ""
-        return " │ ".join(filter(None, (since, super()._legend)))
+        return " │ ".join(filter(None, (super()._legend, since)))
 
     def statistics_words(self) -> str:
         return f" of every sample{self._since}; {key_of('zero')} from now"

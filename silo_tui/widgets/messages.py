@@ -187,7 +187,9 @@ class InfoLine(MessageLine):
         if (edited := int(session.table.edited.sum())) and rows.filter.text != "edited":
             way = f"{key_of('view')} e" if key_of("view") else ":view edited"
             parts.append(LinePart(1, f"{edited} edited since the program began ({way})", "", (f"{edited} edited",)))
-        return parts if self.said else [*parts, LinePart(1, _cursor_words(session)), LinePart(1, self.legend())]
+        legend = self.legend()
+        since = LinePart(1, legend, "", (legend.partition(self.BETWEEN)[0],))
+        return parts if self.said else [*parts, LinePart(1, _cursor_words(session)), since]
 
 
 class MonitorLine(MessageLine):

@@ -263,7 +263,7 @@ class FakeRows:
         moments = np.array([self.seconds]) if quantity == "value" else np.arange(0, max(self.seconds, 1 / HZ), 1 / HZ)
         of = {
             "signs": 0.0, "rate": HZ / info.options.divider, "share": 1.0, "jitter": 0.0002, "changed": 0.0,
-            "fill": held / info.options.size, "held": held, "count": float(self.ticks), "bad": 0.0,
+            "change_seen": 1.0, "fill": held / info.options.size, "held": held, "count": float(self.ticks), "bad": 0.0,
         }  # fmt: skip
         if quantity in of:
             return of[quantity]

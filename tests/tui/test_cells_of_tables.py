@@ -205,7 +205,7 @@ def test_the_worst_sign_stands_alone(name, reading, more, cell):
     [
         (cells.share, "share", {NAN: ("", "quiet"), 0.5: ("50%", "caution"), 0.95: ("95%", "quiet")}),
         (cells.rate, "rate", {NAN: ("", "quiet"), 99.5: ("99.5", "quiet")}),
-        (cells.time("jitter"), "jitter", {NAN: ("", "quiet"), 0.00154: ("1.5 ms", "quiet")}),
+        (cells.jitter, "jitter", {NAN: ("", "quiet"), 0.00154: ("1.5 ms", "quiet")}),
     ],
 )
 def test_what_is_measured_of_an_element_or_nothing_where_it_is_not_known(draw, quantity, told):
@@ -214,9 +214,9 @@ def test_what_is_measured_of_an_element_or_nothing_where_it_is_not_known(draw, q
 
 
 def test_a_stretch_of_time_is_of_the_entry_that_is_shown_where_it_is_known():
-    draw, facts = cells.time("changed"), {"/v": {"changed": 5.0}, "/v_x": {"changed": 2.0}}
+    draw, facts = cells.changed, {"/v": {"changed": 5.0}, "/v_x": {"changed": 2.0, "change_seen": 0.0}}
     shown = [draw(sight_of("/v", chosen=chosen, facts=facts), ROW["/v"], 8)[0] for chosen in (0, 2, 3)]
-    assert shown == ["5 s", "2 s", "5 s"]
+    assert shown == ["5 s", ">2 s", "5 s"], "nobody saw _x change"
 
 
 @pytest.mark.parametrize(

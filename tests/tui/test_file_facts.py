@@ -79,6 +79,7 @@ def test_the_last_change_is_found_up_to_the_moment_however_it_is_read(monkeypatc
     assert told(facts, "mode", "changed") == pytest.approx((TICKS - 1 - 300) * 0.01)
     assert told(facts, "mode", "changed", int(TIMES[299])) == pytest.approx(1.99)
     assert told(facts, "still", "changed") == pytest.approx(9.99)
+    assert [told(facts, name, "change_seen") for name in ("mode", "still")] == [1, 0], "of the first sample none is"
 
 
 def test_a_vector_changed_when_any_of_its_entries_did():

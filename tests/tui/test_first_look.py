@@ -174,9 +174,10 @@ async def test_what_stands_still_from_the_first_sample_on_is_seen_below_what_cha
     still = dict.fromkeys((element.name for element in fake.elements), 1.0) | {dead: 0.0}
     changed = {dead: 999.0, stopped: 50.0, just_now: 5.0}
     fake.facts = {"std": still, "signs": dict.fromkeys((stopped, just_now), FROZEN), "changed": changed}
+    fake.facts["change_seen"] = {dead: 0.0}
     async with opened(fake.run(), size=size) as screen:
         await screen.do("view")
-        await screen.shows("Stuck: frozen, or never another value; last change on top  (s)")
+        await screen.shows("Stuck: frozen, or no change seen (>); last change on top  (s)")
         await screen.press("s")
         await screen.until(lambda: screen.session.short_name(moves) not in screen.text, "what stands still alone")
         await screen.shows("↑changed")
@@ -189,6 +190,17 @@ async def test_what_stands_still_from_the_first_sample_on_is_seen_below_what_cha
             ]
 
         await screen.until(lambda: rows() == [(True, True), (True, True), (True, False)])
+        changed = [" 5 s", " 50 s", ">17 min"]  # the last was never seen to change, in all the time it is looked at
+
+        def told() -> bool:
+            return all(words in line for words, line in zip(changed, screen.text.splitlines()[2:], strict=False))
+
+        await screen.until(told, "which change was seen")
+        await screen.press("escape")
+        await screen.do("view")
+        await screen.press("s")
+        screen.app.screen.info.give_way()
+        await screen.shows("> no change seen yet")
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])

@@ -124,6 +124,7 @@ def test_the_last_change_is_found_across_reads(robot):
             robot.advance()
     robot.advance()
     assert robot.of("/log/x", "changed") == pytest.approx(2.0)
+    assert [robot.of(name, "change_seen") for name in ("/log/x", "/log/flag")] == [1, 0]
     assert int(robot.of("/log/x", "signs")) & FROZEN
     assert not int(robot.of("/log/flag", "signs")) & FROZEN
 
@@ -151,6 +152,7 @@ def test_a_constant_that_nobody_keeps_any_more_has_not_changed_since_it_came(rob
         robot.tick(7.0)
     robot.advance()
     assert [robot.of(name, "changed") for name in ("/log/x", "/log/gain")] == pytest.approx([1.09, 1.09])
+    assert [robot.of(name, "change_seen") for name in ("/log/x", "/log/gain")] == [0, 0]
     assert robot.of("/log/x", "count") == 10
     assert np.isnan(robot.of("/log/gain", "max"))
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from silo.analysis.reports import ElementReport
 
 SPAN_WIDE = 16
+UNSEEN = ">"  # before how long ago a value changed, where that was not seen
 ENTRY = 5  # cells of an entry among others at least, with the blank before it
 WHY_NOT_LIVE: dict[NotLive | None, str] = {
     NotLive.ABSENT: "not begun", NotLive.FULL: "buffer full", NotLive.LIMIT: "mem limit", NotLive.OTHER: "not live",
@@ -371,14 +372,20 @@ def share(sight: Sight, row: int, width: int) -> Cell:
     return ("" if math.isnan(found) else f"{100 * found:.0f}%"), "caution" if found < 0.95 else "quiet"
 
 
-def time(quantity: str) -> Callable[[Sight, int, int], Cell]:
-    """Return what draws a stretch of time, of the entry that is shown where that is known."""
+def _of_shown(sight: Sight, row: int, quantity: str) -> float:
+    """Return a quantity of the entry that is shown where that is known, else of the element."""
+    facts = sight.table.facts
+    found = facts.detail(sight.shown_name(row), quantity)
+    return facts.detail(sight.table.names[row], quantity) if math.isnan(found) else found
 
-    def draw(sight: Sight, row: int, width: int) -> Cell:
-        facts = sight.table.facts
-        seconds = facts.detail(sight.shown_name(row), quantity)
-        if math.isnan(seconds):
-            seconds = facts.detail(sight.table.names[row], quantity)
-        return ("" if math.isnan(seconds) else text.span(seconds, 2)), "quiet"
 
-    return draw
+def jitter(sight: Sight, row: int, width: int) -> Cell:
+    """Return how far samples are off their time."""
+    seconds = _of_shown(sight, row, "jitter")
+    return ("" if math.isnan(seconds) else text.span(seconds, 2)), "quiet"
+
+
+def changed(sight: Sight, row: int, width: int) -> Cell:
+    """Return how long ago a value changed; `>14 s` where nobody saw that: it is looked at for so long."""
+    seconds, unseen = _of_shown(sight, row, "changed"), _of_shown(sight, row, "change_seen") == 0
+    return ("" if math.isnan(seconds) else UNSEEN * unseen + text.span(seconds, 2)), "quiet"

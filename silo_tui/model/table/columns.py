@@ -227,14 +227,14 @@ COLUMNS: tuple[TableColumn, ...] = (
     ),
     TableColumn("%", 4, cells.share, ("timing",), right=True, leaves=8, measured=True, quantities=("share",)),
     TableColumn(
-        "jitter", 7, cells.time("jitter"), ("timing", "wide"), right=True, leaves=7, measured=True,
+        "jitter", 7, cells.jitter, ("timing", "wide"), right=True, leaves=7, measured=True,
         orders=(_measured("jitter", "j", "jitter"),), terms=(fact_term(("jitter",), "jitter", read_seconds, "1ms"),),
         quantities=("jitter",),
     ),
     TableColumn(
-        "changed", 8, cells.time("changed"), ("timing",), right=True, leaves=6, measured=True,
+        "changed", 8, cells.changed, ("timing",), right=True, leaves=6, measured=True,
         orders=(_measured("changed", "c", "changed", falling=False, words="last change"),),
-        terms=(fact_term(("changed",), "changed", read_seconds, "1s"),), quantities=("changed",),
+        terms=(fact_term(("changed",), "changed", read_seconds, "1s"),), quantities=("changed", "change_seen"),
     ),
     TableColumn(
         "trend", 10, cells.trend, ("settings", "values", "wide"), leaves=1, measured=True,

@@ -76,6 +76,8 @@ class FileFacts:
         at = self._stand[place].held_at(at_ns)
         if quantity == "changed":
             return self._changed_s(place, position, at, at_ns)
+        if quantity == "change_seen":
+            return math.nan if at < 0 else float(self._changed_at(place, position, at) > 0)
         if quantity == "signs":
             return self._signs(place, at)
         entries = _entries(self._elements[place], position)
@@ -114,12 +116,16 @@ class FileFacts:
         """Return for how long a value had held; `most`: so many samples back it is looked for."""
         if at < 0:
             return math.nan
+        return max(0, at_ns - self._time(place, self._changed_at(place, position, at, most))) / 1e9
+
+    def _changed_at(self, place: int, position: int, at: int, most: int = 1 << 62) -> int:
+        """Return the sample with which a value came; 0 also where it was there from the first on."""
         element = self._elements[place]
         entries = element.entries if position < 0 else element.entries[position : position + 1]
         changed = 0
         for entry in entries:
             changed = max(changed, _last_change(entry.values, at, max(changed, at - most)))
-        return max(0, at_ns - self._time(place, changed)) / 1e9
+        return changed
 
     def _signs(self, place: int, at: int) -> float:
         """Return what was the matter at a moment: whether it came at its rate and was lost is told of the whole run."""

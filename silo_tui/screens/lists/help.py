@@ -65,7 +65,7 @@ COLUMNS = (
     ("rate", "samples a second, as measured"),
     ("state", "the worst that is the matter: its words stand below"),
     ("%", "of the samples that it should have"), ("jitter", "how far samples are off their time"),
-    ("changed", "how long ago the value did"),
+    ("changed", "how long ago the value did; > that was not seen: it is the same for longer"),
     ("trend", f"its newest curve; {NAN} nan, {POS_INF} {NEG_INF} inf, {SHADE} a hole"),
     ("samples, span s, type, lost", "of a file: how many, how long, of which type, how many lost"),
 )  # fmt: skip
