@@ -68,8 +68,9 @@ def test_no_number_of_a_row_is_wider_than_its_cell_and_none_is_written_otherwise
     digits = digits_for(values, width)
     words = [digits.write(value, width) for value in values]
     assert max(map(len, words)) <= width
-    shapes = {(len(word.partition("e")[0].partition(".")[2]), word.partition("e")[2]) for word in words}
-    assert shapes == {(digits.decimals, str(digits.power) if digits.power else "")}
+    told = [word for word in words if word != "0"]  # `0e-4` would be read as small
+    shapes = {(len(word.partition("e")[0].partition(".")[2]), word.partition("e")[2]) for word in told}
+    assert shapes <= {(digits.decimals, str(digits.power) if digits.power else "")}
 
 
 @given(ROWS, WIDTHS)
@@ -117,5 +118,5 @@ def test_numbers_that_stay_end_in_no_zeros_that_all_of_them_have():
     assert row(0.0, 7.5, -15.0) == ("0.0", "7.5", "-15.0")
     assert row(0.0, 10.0) == ("0", "10")
     assert ticks((0.0, 5e5, 1e6), 9) == ("0", "500000", "1000000")
-    assert ticks((0.0, 250e-6), 9) == ("0e-6", "250e-6")
+    assert ticks((0.0, 250e-6), 9) == ("0", "250e-6")
     assert ticks((1e9, 1e9 + 1e-3), 9) == ()

@@ -168,7 +168,7 @@ def test_a_number_alone_has_no_more_digits_than_it_needs():
     assert [text.span(value, 2) for value in (0.9996, 119.6, 0.0123, 2e-4)] == ["1 s", "2 min", "12 ms", "200 us"]
 
 
-@pytest.mark.parametrize(("kind", "words"), [("vector", "0.00 -0.93  3.50"), ("pose", "2e-8 -0.93  3.50")])
+@pytest.mark.parametrize(("kind", "words"), [("vector", "0.00 -0.93  3.50"), ("pose", "0.00 -0.93  3.50")])
 def test_an_entry_that_is_nothing_beside_the_others_is_a_zero_where_their_unit_is_one(kind, words):
     entries = tuple(Entry(suffix, "<f8") for suffix in ("_x", "_y", "_z"))
     element = ElementInfo("/log/a", "m", kind, (3,), entries, ElementOptions())
@@ -227,13 +227,22 @@ def test_numbers_are_written_for_how_large_they_were_and_do_not_change_with_the_
 
 
 @pytest.mark.parametrize(
-    ("kind", "words"), [("vector", "0e-3 -1e-3  2e-3"), ("pose", "5e-5 -1e-3  2e-3")]
+    ("kind", "words"), [("vector", "0 -1e-3  2e-3"), ("pose", "0 -1e-3  2e-3")]
 )  # fmt: skip
 def test_entries_of_one_unit_are_written_alike(kind, words):
     element = ElementInfo("/v", "m", kind, (3,), tuple(Entry(f"_{c}", "<f8") for c in "xyz"), ElementOptions())
     assert value_text(element, Reading(np.array([5e-5, -1e-3, 2e-3]), {}, 1, 0, 0), 17) == words
     larger = Reading(np.array([5e-5, -1e-3, 2e-3]), {}, 1, 0, 0, reached=np.array([5e-5, 75.0, 2e-3]))
-    assert value_text(element, larger, 17).split() == (["0.0"] * 3 if kind == "vector" else ["5e-5", "0.0", "2e-3"])
+    assert value_text(element, larger, 17).split() == (["0.0"] * 3 if kind == "vector" else ["0.00", "0.0", "0.00"])
+
+
+@pytest.mark.parametrize("kind", ["vector", "pose", "twist"])
+@pytest.mark.parametrize("values", [(1.79, -2e-3, 0.0), (1e-4, 0.0, -3e-4), (3.0, 1e-9, 2e-5)])
+def test_a_vector_has_one_power_of_ten_or_plain_decimals(kind, values):
+    element = ElementInfo("/v", "m", kind, (3,), tuple(Entry(f"_{c}", "<f8") for c in "xyz"), ElementOptions())
+    told = value_text(element, Reading(np.array(values), {}, 1, 0, 0), 17).split()
+    assert len({word.partition("e")[2] for word in told if word != "0"}) == 1, told
+    assert not [word for word in told if word.startswith("0e")], told
 
 
 def test_entries_that_are_integers_stay_some():

@@ -159,13 +159,15 @@ def value_text(element: ElementInfo, reading: Reading | None, width: int, digits
         return entry_text(entries[0], float(reading.newest[0]), reading.texts.get(0), width, digits)
     pieces: list[str] = []
     room = width
-    sizes, largest = reading.sizes.tolist(), float(reading.sizes.max()) if has_norm(element) else None
+    sizes = reading.sizes.tolist()
+    # those of one unit are written alike, others plainly where one of them is
+    least = max(sizes) if has_norm(element) else min(0.1, max(sizes))
     for position, entry in enumerate(entries):
         value = float(reading.newest[position])
         word = reading.texts.get(position)
         is_number = word is None and entry.dtype[1:2] in "fiu" and not entry.labels
-        if is_number:  # those of one unit are written alike
-            brief = digits_of(sizes[position] if largest is None else largest, 0.0, text.BRIEF)
+        if is_number:
+            brief = digits_of(max(sizes[position], least), 0.0, text.BRIEF)
             piece = entry_text(entry, value, None, text.BRIEF, brief).rjust(text.BRIEF)
         else:
             piece = entry_text(entry, value, word, 8)

@@ -43,7 +43,7 @@ class Digits(NamedTuple):
         words = self.mantissa(value)
         if words[0] == "-" and not words.strip("-0."):
             words = words[1:]  # no minus before what rounds to 0
-        words += f"e{self.power}" if self.power else ""
+        words += f"e{self.power}" if self.power and words != "0" else ""
         if 0 < width < len(words) and (alone := digits_of(abs(value), 0.0, width)) != self:
             return alone.write(value, width)
         return words
