@@ -151,7 +151,7 @@ def test_how_full_a_buffer_is(name, reading, cell):
     ("name", "title", "told", "more", "cell"),
     [
         ("/t", "mean", {"/t": {"mean": 2.5}}, {}, "2.5000"),
-        ("/t", "mean", {}, {}, ""),  # not asked yet
+        ("/t", "mean", {}, {}, "-"),  # not asked yet
         ("/t", "mean", {"/t": {"mean": np.nan}}, {}, "-"),  # it has none yet
         ("/t", "mean", {"/t": {"mean": 2.5, "min": 0.0, "max": 90.0}}, {}, "2.50"),
         ("/t", "std", {"/t": {"min": 2.0**60, "max": 2.0**60 + 1024, "std": 231.5}}, {}, "231.5000"),  # not 0.000e18
@@ -302,6 +302,19 @@ def test_all_numbers_of_a_row_are_written_alike(dtype, facts, room, told):
     words = [cells.value(sight, ROW[name], 11)[0]]
     words += [cells.statistic(sight, ROW[name], room, title)[0] for title in STATISTICS]
     assert words == told
+
+
+def test_what_comes_on_the_screen_again_reads_as_it_did_before_it_was_measured_anew():
+    """Rows that came up by an order of values had other decimals, and blanks, until they were measured."""
+    sight = sight_of("/t", read(40.88812), facts={"/t": {"value": 40.8881, "min": 31.2, "max": 43.76}})
+
+    def shown():
+        sight.written.clear()
+        return cells.value(sight, ROW["/t"], 11)[0], cells.statistic(sight, ROW["/t"], 8, "min")[0]
+
+    assert shown() == ("40.89", "31.20")
+    sight.table.facts = Facts({"value": sight.table.facts.quantities["signs"] + 40.8881})  # of all, of none the rest
+    assert shown() == ("40.89", "-")
 
 
 def test_an_integer_that_nothing_stands_beside_has_the_room_of_its_cell():

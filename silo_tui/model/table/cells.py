@@ -61,6 +61,7 @@ class Sight(msgspec.Struct):
     room: int = 11
     value_room: int = 11
     digits_fewer: int = 0  # on a thin link
+    ends: dict[tuple[str, int], list[float]] = msgspec.field(default_factory=dict)  # of numbers, as last measured
     written: dict[tuple[int, int, bool], text.Digits] = msgspec.field(default_factory=dict)  # how numbers of a line are
 
     def entry_name(self, row: int, entry: int) -> str:
@@ -248,6 +249,9 @@ def _digits(sight: Sight, row: int, chosen: int, *, alone: bool) -> text.Digits:
     room = max(6, min(sight.room, sight.value_room - len(label)) - sight.digits_fewer)
     integer = chosen != 1 and element.entries[max(0, chosen - 2)].dtype[1:2] in "iu"
     if all(map(math.isfinite, ends)):
+        sight.ends[name, chosen] = ends
+    ends = sight.ends.get((name, chosen), ends)  # what comes on the screen again reads as it did
+    if all(map(math.isfinite, ends)):
         return text.digits_for(ends, room, integer=integer)
     if integer:
         return text.Digits()  # nothing stands beside it: whole, where its own cell has room for that
@@ -339,7 +343,7 @@ def _number(sight: Sight, row: int, chosen: int, quantity: str, width: int, *, a
     name = _told_of(sight, row, chosen)
     found = sight.table.facts.detail(name, quantity)
     if math.isnan(found):
-        return "-" * (quantity in sight.table.facts.details.get(name, {})), "quiet"  # blank till it was asked for
+        return "-", "quiet"
     entry = None if chosen == 1 else sight.table.elements[row].entries[max(0, chosen - 2)]
     written = digits(sight, row, chosen, alone=alone)
     if entry is not None and (entry.labels or entry.dtype[1:2] == "b"):
