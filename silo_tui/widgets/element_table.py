@@ -40,6 +40,7 @@ from silo_tui.model.table.columns import (
 from silo_tui.model.table.facts import STATISTICS
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.rows import RowList
+from silo_tui.model.table.state import Rows
 from silo_tui.model.table.tree import entry_of, row_of
 from silo_tui.model.words import text
 from silo_tui.model.words.names import MIN_WIDTH, Told, among, in_tree, inside, shared_space, space_words
@@ -104,7 +105,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         self._ready: dict[int, Content] = {}  # found to differ, not painted yet
         self._told: Told | None = None
         self._told_of: tuple[object, ...] = ()
-        self._needs: tuple[object, int, list[int]] = ((), 0, [])
+        self._needs: tuple[object, int, Rows] = ((), 0, np.zeros(0, np.intp))
         self._trends: dict[int, str] = {}  # by row; all of them are drawn together, once a second
         self._trends_of: object = None
         self._trends_due_s = 0.0
@@ -159,23 +160,31 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         return self._laid
 
     def _needed(self) -> tuple[int, list[int]]:
-        """Return how many cells the widest value takes, and units; of all rows, whatever is shown."""
-        table = self.session.table
+        """Return how many cells the widest value of all rows takes, and the units of those that are told apart."""
+        table, rows = self.session.table, self.rows
         made_for = (id(table.names), len(table), table.prefix)
         if self._needs[0] != made_for:
-            units = sorted({cell_len(each.unit) for each in table.elements})
+            units = np.array([cell_len(each.unit) * (each.unit != "-") for each in table.elements], np.intp)
             self._needs = made_for, max(map(cells_of_value, table.elements), default=0), units
-        return self._needs[1:]
+        value, units = self._needs[1:]
+        return value, np.unique(units if self._all_told else units[rows.shown]).tolist()
+
+    @property
+    def _all_told(self) -> bool:
+        """Whether rows come and go by themselves, or are none: then all of the table have room."""
+        return bool(self.rows.filter.measured or self.rows.most or not len(self.rows.shown))
 
     def _names_told(self) -> Told:
-        """Return what tells the names that are shown apart; of rows that come and go by themselves, or of none, all."""
+        """Return what tells the names that are shown apart, or all of the table.
+
+        So it is of the first of an order: of the joints of a leg but one may be among them.
+        """
         rows, table = self.rows, self.session.table
         of = (rows.shown, rows.sort == TREE, table.prefix, dict(rows.components))
         if self._told is None or self._told_of[0] is not of[0] or self._told_of[1:] != of[1:]:
             self._told_of = of
             shown, everything = rows.shown, np.arange(len(table))
-            all_told = rows.filter.measured or not len(shown)
-            some = everything if all_told else np.sort(shown)  # the same in another order are the same
+            some = everything if self._all_told else np.sort(shown)  # the same in another order are the same
             names = tuple(map(self._named, some.tolist()))
             space = "" if rows.sort == TREE else shared_space(names)  # branches tell it
             if len(some) > MOST_TOLD:

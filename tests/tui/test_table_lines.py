@@ -371,6 +371,26 @@ def test_units_are_whole_or_not_there(name, unit, shown, new_fake):
     assert "Nm" in table.text[1]
 
 
+@pytest.mark.parametrize(("words", "shown"), [("", True), ("torque", True), ("inertia", False)])
+def test_units_of_which_none_has_room_have_no_column(words, shown, new_fake):
+    table = Table(Desk(new_fake([scalar("/log/a/inertia", "kg" * 30), scalar("/log/torque", "Nm")])), width=80)
+    table.rows.set_filter(words)
+    table.follow()
+    assert ("unit" in table.titles) is shown
+    assert shown or not any("…" in line for line in table.text), "a column of ellipses"
+
+
+def test_of_the_first_of_an_order_names_are_told_as_among_all(new_fake):
+    """Of the ten hottest, one of each leg: nobody saw of which joint."""
+    names = [f"/log/legs/{leg}/{joint}/drive_temperature" for leg in ("LF", "RF") for joint in ("HAA", "KFE")]
+    table = Table(Desk(new_fake([scalar(name, "degC") for name in names])), width=70)
+    table.session.table.facts = Facts({"signs": np.zeros(4), "value": np.array([1.0, 9.0, 2.0, 8.0])})
+    table.rows.sort = "value"
+    table.rows.show_first(2)
+    table.follow()
+    assert [leg in line and "KFE" in line for leg, line in zip(("LF", "RF"), table.text, strict=False)] == [True] * 2
+
+
 def test_names_that_share_a_name_space_are_told_below_it(new_fake):
     elements = [vector(f"/log/{'deep/' * 4}{'leg' * 8}{each}", "m") for each in range(3)]
     table = Table(Desk(new_fake(elements)), width=72)

@@ -314,7 +314,7 @@ def laid_out(
     """Lay a table out: what tells names apart comes first, then columns in their order, whole units, and names whole.
 
     What names don't need is for statistics, and the entries of vectors. `value` is how many cells the widest value
-    takes, `units` those of units.
+    takes, `units` those of the units that are shown, 0 for none.
     """
     measured = {
         each.title: max(each.width_in(sight, width), (1 + len(each.title)) * each.gives(sort))
@@ -333,6 +333,8 @@ def laid_out(
     if "unit" in cells:
         most = cells["unit"] + spare(min(longest, needed))
         cells["unit"] = max(unit for unit in (cells["unit"], *units) if unit <= most)
+        if min((unit for unit in units if unit), default=0) > cells["unit"]:
+            del cells["unit"]  # each would be an ellipsis
     wider = [each for each in offered if each.measured and each.wide > cells.get(each.title, each.wide)]
     step = spare(longest) // max(1, len(wider))
     cells |= {each.title: min(each.wide, cells[each.title] + step) for each in wider}
