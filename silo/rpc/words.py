@@ -27,15 +27,15 @@ def why_silent(name: str, label: str, status: Status, table: Table) -> str:
 
     Raises ConnectionLostError where the robot program is dead.
     """
+    if status.state is State.DEAD:
+        raise ConnectionLostError(status.reason)
     info = next((one for one in table.elements if one.name == name), None)
     if info is None:
         return f"logger '{status.logger}' has no element '{name}' any more"
     if not info.options.enabled or not info.options.action.publishes:
         off = "is off" if not info.options.enabled else "is saved but not published"
         return (
-            f"'{name}' {off}, so nothing comes: stop the logger, `silo set {label} {name} on action=both`, "
-            "and start it again"
+            f"'{name}' {off}, so nothing comes: `silo set {label} {name} on action=both --cut` has it come, also while "
+            "the logger runs"
         )
-    if status.state is State.DEAD:
-        raise ConnectionLostError(status.reason)
     return ""

@@ -6,15 +6,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 import silo
 from silo.bridges.messages import entry_values
+from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import State
-from silo.errors import ElementError
+from silo.errors import ConnectionLostError, ElementError
 from silo.live import topics
 from silo.live.topics import encoding_of
 from silo.net.keys import Root
+from silo.rpc.words import why_silent
 from silo.segment.reader import SegmentReader
 from tests.stand_ins.ticking import turning
 from tests.waiting import DEADLINE_S, wait_until
@@ -255,9 +258,17 @@ def test_asyncio_reads_topics_while_other_tasks_go_on(running, client):
 
 def test_a_loop_over_what_is_not_published_says_what_to_do(bench, client):
     with pytest.raises(
-        ElementError, match=r"'/log/kept' is saved but not published.*`silo set bot\.\d+ /log/kept on action=both"
+        ElementError,
+        match=r"'/log/kept' is saved but not published.*`silo set bot\.\d+ /log/kept on action=both --cut`",
     ):
         next(iter(client.topic("kept")))
+    status, table = client.status(), client.table()
+    with pytest.raises(ConnectionLostError, match="killed"):  # of a dead program there is nothing to be set
+        why_silent("/log/kept", "bot", replace(status, state=State.DEAD, reason="killed"), table)
+    bench.logger.start()
+    bench.ticks(3)  # what is said works also while it runs
+    assert run(["set", "bot", "kept", "on", "action=both", "--cut"]) == 0
+    assert not why_silent("/log/kept", "bot", client.status(), client.table())
 
 
 def test_a_topic_and_a_client_say_what_they_are(bench, client):
