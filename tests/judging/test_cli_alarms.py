@@ -2,6 +2,7 @@
 
 import json
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -9,6 +10,7 @@ from silo.cli.conditions import alarms
 from silo.cli.main import run
 from silo.conditions.requests import Alarms
 from silo.conditions.standing import LimitStatus, LimitWord
+from silo.core.elements import State
 
 HH, H, BLIND, OK = (LimitWord(word) for word in ("HH", "H", "~~", "OK"))
 HEAT = LimitStatus(
@@ -33,6 +35,9 @@ class Robot:
 
     def acknowledge(self):
         return "2 alarms are acknowledged"
+
+    def status(self):
+        return SimpleNamespace(state=State.RUNNING, last_tick_ns=3 * 10**9)
 
     def alarms(self):
         return Alarms(run="r", tick=7, limits=self.told.pop(0))
@@ -82,6 +87,11 @@ AGAIN_ROW = "OK  /log/tau       1      4     H 5  0.31 s      1  ann\n"
 def test_a_row_for_each_that_was_beyond_and_a_line_for_all(shown, words, limits, code, text):
     found, out, _, _ = shown(words, limits)
     assert (found, out[-len(text) :]) == (code, text)
+
+
+def test_what_is_beyond_its_limits_has_been_until_the_newest_tick_of_a_logger_that_was_stopped(shown, monkeypatch):
+    monkeypatch.setattr(Robot, "status", lambda _: SimpleNamespace(state=State.STOPPED, last_tick_ns=3 * 10**9))
+    assert "  HH 9.5  2 s      3  NEW\n" in shown([], [HEAT])[1]
 
 
 def test_machines_get_what_was_beyond_or_all(shown):

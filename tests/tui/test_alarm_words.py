@@ -41,6 +41,7 @@ def alarms(fake):
 
 def of(alarms: Alarms, one: LimitStatus, *others: LimitStatus) -> str:
     alarms.session.limits = [one, *others]
+    alarms.prepare(alarms.all, 80)
     alarms.chosen = one
     return alarms.words().partition(" │ ")[0]
 
@@ -80,6 +81,7 @@ def test_of_very_many_the_first_have_lines_those_that_are_quiet_come_last(count,
     alarms.session.limits = [*quiet[:5], limit(word="HH", count=1), *quiet[5:]]
     shown = alarms.all
     assert (shown[0].name, len(shown)) == (HEAT, MOST_LINES)
+    alarms.prepare(shown, 80)
     alarms.chosen = shown[0]
     assert (f"the first {MOST_LINES} of {count}" in alarms.words()) is more
 

@@ -1026,6 +1026,20 @@ async def test_twelve_motors_look_different_in_the_alarms(fake, opened):
         assert sum("KFE" in line for line in lines) == 4
 
 
+async def test_an_alarm_of_a_logger_that_was_stopped_lasts_no_longer_and_its_name_is_told_whole(fake, opened):
+    fake.run()
+    name = "/log/legs/LF/HAA/" + "winding_and_housing_temperature" * 3
+    other = "/log/arms/LF/HAA/" + "winding_and_housing_temperature" * 3
+    fake.limit_statuses = [
+        replace(HOT, name=each, limits=each, since_ns=fake.now_ns - 12 * 10**9) for each in (name, other)
+    ]
+    fake.stop()
+    async with opened(fake) as screen:
+        await screen.press("A")
+        await screen.shows("   12 s ")
+        await screen.until(lambda: "temperature: above its red limit" in screen.text, "its whole name")
+
+
 @pytest.mark.slow
 async def test_more_alarms_than_are_listed_are_told(fake, opened, monkeypatch):
     monkeypatch.setattr("silo_tui.screens.lists.alarms.MOST_LINES", 1)

@@ -42,7 +42,9 @@ def alarms(logger: str | None, follow: bool, all_limits: bool, seen: bool, as_js
             click.echo(client.acknowledge(), err=as_json)
         found = client.alarms()
         if not follow:
-            _show(found, all_limits=all_limits, as_json=as_json)
+            status = client.status()
+            now_ns = time.time_ns() if status.state.value == "running" else status.last_tick_ns
+            _show(found, now_ns, all_limits=all_limits, as_json=as_json)
             return _code(found)
         known: dict[str, LimitStatus] = {}
         try:
@@ -60,7 +62,7 @@ def _code(found: "Alarms") -> int:
     return EXIT_BLIND if any(one.word.value == "~~" for one in found.limits) else 0
 
 
-def _show(found: "Alarms", *, all_limits: bool, as_json: bool) -> None:
+def _show(found: "Alarms", now_ns: int, *, all_limits: bool, as_json: bool) -> None:
     shown = [one for one in found.limits if all_limits or one.violated or one.why]
     if as_json:
         show_json({"run": found.run, "tick": found.tick, "limits": found.limits if all_limits else shown})
@@ -73,25 +75,26 @@ def _show(found: "Alarms", *, all_limits: bool, as_json: bool) -> None:
         return
     header = ("!", "SIGNAL", "VALUE", "LIMIT", "WORST", "FOR", "COUNT", "SEEN BY")
     if shown:
-        show_rows([header, *(_row(one) for one in shown)], right=(2, 3, 4, 5, 6))
+        show_rows([header, *(_row(one, now_ns) for one in shown)], right=(2, 3, 4, 5, 6))
     for one in shown:
         if one.why:
             click.echo(f"{one.name} is blind: {one.why}")
     click.echo(alarms_text(found.limits))
 
 
-def _row(one: "LimitStatus") -> tuple[str, ...]:
+def _row(one: "LimitStatus", now_ns: int) -> tuple[str, ...]:
     return (
         one.word.value, one.name, _number(one.value), _number(one.limit),
         f"{one.worst_word.value} {_number(one.worst)}" if one.worst is not None else "",
-        _lasted(one),
+        _lasted(one, now_ns),
         str(_count(one) or ""),
         one.seen,
     )  # fmt: skip
 
 
-def _lasted(one: "LimitStatus") -> str:
-    lasted_s = one.lasted_s(time.time_ns())
+def _lasted(one: "LimitStatus", now_ns: int) -> str:
+    """For how long; that of a logger that doesn't run ends with its newest tick."""
+    lasted_s = one.lasted_s(now_ns)
     return "" if lasted_s is None else whole_duration(lasted_s) if one.is_over else duration(lasted_s)
 
 

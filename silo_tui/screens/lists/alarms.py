@@ -61,7 +61,9 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         names = [self.session.short_name(one.name) for one in found]
         self._space = shared_space(names)
         below = [inside(self._space, name) for name in names]
-        self._lasted = lasted_width(found, time.time_ns())
+        status = self.session.status
+        self._now_ns = time.time_ns() if self.session.running else status.last_tick_ns or time.time_ns()
+        self._lasted = lasted_width(found, self._now_ns)
         self._room = signal_width(below, width, self._lasted)
         fitted = fitting_names(below, self._room)
         self._names = dict(zip(map(self.key_of, found), fitted, strict=True))
@@ -87,7 +89,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         return f"{limit_word(one.word)} {self.session.short_name(one.name)} {one.seen} {one.why}"
 
     def row_of(self, one: LimitStatus, width: int) -> Text:
-        line = Text(limit_row(one, self._names[self.key_of(one)], self._room, time.time_ns(), self._lasted))
+        line = Text(limit_row(one, self._names[self.key_of(one)], self._room, self._now_ns, self._lasted))
         red = one.word in (LimitWord.RED_HIGH, LimitWord.RED_LOW)
         if one.is_over or one.word is LimitWord.BLIND:
             line.stylize(bold(self.app.theme_variables, "alarm" if red else "warning"), 2, 2 + WIDEST)
@@ -110,7 +112,9 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         if one.alarm and one.since_seen:
             way = f"{key_of('alarm_limits')}: persist or hyst keep one quiet that flaps"
             unseen = f"{one.since_seen} × again since {one.seen_by} saw it ({way})"
-        told = ", ".join(filter(None, [meaning, unseen]))
+        whole = self.session.short_name(one.name)  # where its line has no room for it
+        is_cut = self._names[self.key_of(one)] != inside(self._space, whole)
+        told = f"{whole}: " * is_cut + ", ".join(filter(None, [meaning, unseen]))
         more = f"the first {MOST_LINES} of {count}" if count > MOST_LINES else ""
         return " │ ".join(filter(None, [told, more, alarms_words(self.session.limits)]))
 
