@@ -347,6 +347,20 @@ async def test_without_plots_enter_opens_those_of_what_it_is_about_else_of_the_c
         await screen.until(lambda: screen.app.screen.scope == "events", "the events below")
 
 
+@pytest.mark.parametrize(("about", "plotted"), [("/log/imu/temperature", 1), ("/log/legs/LF/contact", 0), ("", 0)])
+async def test_an_event_about_a_signal_is_never_shown_in_plots_of_others(running, opened, about, plotted):
+    running.happen("limit" if about else "marker", f"{about} HH: 71 > 70", running.now_ns)
+    async with opened(running) as screen:
+        await screen.enter(":goto /log/legs/LF/contact")
+        await screen.plot("m")
+        below = screen.app.screen
+        await screen.do("events", "enter")
+        await screen.until(lambda: screen.app.screen.scope == "monitor", "plots")
+        await screen.until(lambda: screen.app.screen.window.at_ns is not None, "the moment")
+        names = {each.element.name for each in screen.app.screen.stack.plots}
+        assert (screen.app.screen is below, names) == (not plotted, {about or "/log/legs/LF/contact"})
+
+
 async def test_a_marker_has_the_tick_of_the_key_press_and_the_words_that_follow_and_left_by_esc_is_none(
     running, opened
 ):
@@ -431,6 +445,8 @@ async def test_a_file_has_its_events_too(tmp_path, screen_of, new_finder):
         await screen.shows("H /x H 0.9, limit 0.8")
         assert "what it was" in screen.text
         assert " who" not in screen.text  # nobody did it
+        assert "│ 2 events" in screen.text
+        assert "follows" not in screen.text  # nothing comes to a file
         await screen.press("enter")
         await screen.shows("at 2.5")
         await screen.shows(': "push 3"')

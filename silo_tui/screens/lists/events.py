@@ -151,7 +151,8 @@ class EventsScreen(LoggerList[LoggedEvent]):
         count = many(len(self._all), "event")
         if len(self._folded) < len(self._all) and not self.asked:
             count += f" in {many(len(self._folded), 'line')} ({key_of('list_filter')} shows each)"
-        follows = "follows" if self._following else f"{key_of('list_top')} follows"
+        follows = ", follows" if self._following else f", {key_of('list_top')} follows"
+        follows *= self.session.at_s is None  # nothing comes to a file
         one = self.chosen
         kind = NAMES.get(letter(one), "") if one is not None else ""
         told = "" if one is None else self.told(one)  # whole: its line may have no room for it
@@ -159,7 +160,7 @@ class EventsScreen(LoggerList[LoggedEvent]):
         told += f", by {who}" if one is not None and (who := self._who(one)) else ""
         if one is not None and self._is_gone(one):
             told = f"{told} │ {GONE} {gone_words(one, self._known)}"
-        return [told, f"{count}, {follows}" if self.all else "nothing happened yet"]
+        return [told, f"{count}{follows}" if self.all else "nothing happened yet"]
 
     def follow(self, known: str, place: int | None) -> int | None:
         """Stay with its event, above which others come; from the end of the screen go to the newest."""
@@ -219,11 +220,13 @@ class EventsScreen(LoggerList[LoggedEvent]):
         if self._is_gone(event):
             self.say(f"no plot has it: {gone_words(event, self._known)}; {key_of('recordings')} lists what is saved")
             return
-        plots = self._plots_below
+        named, plots = self._named(event), self._plots_below
+        if plots is not None and named and not {each.element.name for each in plots.stack.plots} & set(named):
+            plots = None  # that of another signal would be taken for the one that this is about
         if plots is not None:
             while self.app.screen is not plots:
                 self.app.pop_screen()
-        elif names := self._about(event)[:MOST_PLOTS]:
+        elif names := (named or self._chosen_names())[:MOST_PLOTS]:
             plots = MonitorScreen(self.session, names)
             plots.came_at_moment = True
             self.app.push_screen(plots)
@@ -234,10 +237,14 @@ class EventsScreen(LoggerList[LoggedEvent]):
 
     enter = command_go_to_event
 
-    def _about(self, event: LoggedEvent) -> Sequence[str]:
-        """Return the elements that it or its trigger names; else those that are marked, or under the cursor there."""
+    def _named(self, event: LoggedEvent) -> list[str]:
+        """Return the elements that it or its trigger names."""
         session, words_of_it = self.session, re.split(r"[\s,;'\"()]+", event.text)
         table, named = session.table, [one.options.when for one in session.triggers if one.options.name in words_of_it]
         named += [word for word in words_of_it if word.startswith("/")]
         found = [name for each in named for name in named_in(each, table.elements, table.prefix)]
-        return list(dict.fromkeys(found)) or [table.names[row] for row in session.rows.targets()]
+        return list(dict.fromkeys(found))
+
+    def _chosen_names(self) -> list[str]:
+        """Return the elements that are marked in the table, or under the cursor there."""
+        return [self.session.table.names[row] for row in self.session.rows.targets()]
