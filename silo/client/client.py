@@ -4,7 +4,9 @@ Views, streams, pins and control are leases that it renews; the connection comes
 """
 
 import contextlib
+import itertools
 import os
+import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, NoReturn, TypeVar
@@ -31,11 +33,11 @@ from silo.history.requests import By, GetHistory, GetSamples, KeepPin, OpenPin, 
 from silo.live.requests import GetSurvey, OpenView, Survey
 from silo.net.access.senders import READ_ONLY, READ_ONLY_WORDS, viewer_words
 from silo.net.found import LoggerAddress
-from silo.net.keys import ClientId
+from silo.net.keys import ClientId, Root
 from silo.parameters.requests import ParameterRequests
 from silo.recorder.requests import RecorderRequests
 from silo.recordings.requests import RecordingRequests
-from silo.rpc.declaring import Ask, Do, ReplyT, Request
+from silo.rpc.declaring import Ask, Do, ReplyT, Request, RobotRequest
 from silo.rpc.leases import Closing
 from silo.rpc.published import Event
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, checked, meant
@@ -101,6 +103,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         self.read_only = read_only
         self._name = client_name()
         self._surveyed = ClientId.drawn()  # what its statistics are called after, whatever becomes of the link
+        self._drawn, self._numbers = os.urandom(6).hex(), itertools.count(1)  # of changes
         self._saves = Saves()
         self._parts = TableParts() if found.config else None
         self._connection = Connection(found, timeout_s, self._name, read_only=read_only)
@@ -228,25 +231,51 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         changes = request.key == Do.key
         if changes and self.read_only:
             raise RequestRefusedError(RefusedWhy.FORBIDDEN, READ_ONLY_WORDS)
-        request = msgspec.structs.replace(request, client=self._name)
+        numbered = {"number": f"{self._drawn}-{next(self._numbers)}"} if changes else {}
+        request = msgspec.structs.replace(request, client=self._name, **numbered)
+        asked = self._asked
         try:
             reply = self._connection.exchange(request, max(request.timeout_s, self._timeout_s))
         except NoAnswerError:
             if not changes:
                 raise
-            try:
-                # first what reads, which waits for the link: else a cut would look like rules that swallow changes
-                why = self._why_no_changes(self._call(self._question))
-            except ConnectionLostError:
-                why = ""
-            if not why:  # the end of an answer may overtake it, and a helper process may end before it answers
-                who = self._connection.label_of(self._connection.found)
-                text = f"{who} gave no answer to {type(request).__name__}; look whether it was done before trying again"
-                raise ConnectionLostError(text) from None
-            reply = self._told_why(request, why)
+            reply = self._after_silence(request, asked)
         except (OverflowError, UnicodeEncodeError) as error:
             raise ElementError(f"{type(request).__name__} can't be sent: {error}; nothing was asked") from None
         return checked(request, reply)
+
+    @property
+    def _asked(self) -> tuple[Root, int]:
+        """The logger, and the process id of its helper, that is asked now."""
+        return self._connection.root, self._connection.helper_pid
+
+    def _after_silence(self, request: Request[ReplyT], asked: tuple[Root, int]) -> "AnyReply":
+        """Return the answer to a change that got none: asked for again where it isn't done twice, or why it isn't done.
+
+        The end of an answer may overtake it, and a helper process may end before it answers. Raises ConnectionLostError
+        where nobody knows whether it was done.
+        """
+        timeout_s = max(request.timeout_s, self._timeout_s)
+        until_s = time.monotonic() + timeout_s
+        while self._connection.is_back(until_s):
+            try:
+                # first what reads, which waits for the link: else a cut would look like rules that swallow changes
+                told = self._call(self._question)
+                why = self._why_no_changes(told)
+            except ConnectionLostError:
+                continue
+            if why:
+                return self._told_why(request, why)
+            root, pid = self._asked
+            # what the robot program did it tells each helper process, which knows by itself what else was done
+            if not told.numbered or root != asked[0] or (pid != asked[1] and not isinstance(request, RobotRequest)):
+                break
+            with contextlib.suppress(NoAnswerError):
+                again = msgspec.structs.replace(request, asked_pid=asked[1])
+                return self._connection.exchange(again, timeout_s)
+        who = self._connection.label_of(self._connection.found)
+        text = f"{who} gave no answer to {type(request).__name__}; look whether it was done before trying again"
+        raise ConnectionLostError(text) from None
 
     def _told_why(self, request: Request[ReplyT], why: str) -> "AnyReply":
         """Ask under the key for those whom rules keep from `do`: the robot says why, and tells who sits before it."""

@@ -81,6 +81,7 @@ class Connection:
         self._looked_s = time.monotonic()
         self._asked: Pending | None = None  # whether the helper process is there still
         self._clock = TheirClock()
+        self.helper_pid = 0  # as it told last
         self._problem = ""  # why the helper process that is there now can't be asked
         self.sessions = 0  # counts up with every session: views must be opened anew
         self._foreign = Foreign("an event")
@@ -128,7 +129,7 @@ class Connection:
             except RefusedError as refused:  # who connects waits for a logger, and has asked it for nothing yet
                 raise ConnectionLostError(f"{label} can't say who it is: {refused}") from refused
             introduce(borrowed, root, question, timeout_s, may_change=not self._read_only)
-            self._clock.learn(reply.clock_s)
+            self._learn(reply)
             dead = reply.status.state is State.DEAD
             events = session.declare_subscriber(root.key("event"), zenoh.handlers.RingChannel(256))
             declared.append(events)
@@ -257,6 +258,17 @@ class Connection:
                 return not self.closed
         return False
 
+    def is_back(self, until_s: float) -> bool:
+        """Wait for a helper process of this logger, also the next one; False where none comes until then."""
+        time.sleep(POLL_S)  # before a session is tried again that is seen to be gone only then
+        while time.monotonic() < until_s and not self.closed and self._thread is not threading.current_thread():
+            if self._borrowed is not None:
+                return True
+            if self.found.socket and owner_is_gone(Path(self.found.socket)) and not self._program_lives():
+                return False
+            time.sleep(POLL_S)
+        return False
+
     def ask_later(self, request: Request[Any], timeout_s: float) -> Pending:
         """Ask, and look for the answer when there is time. Raises ConnectionLostError."""
         # while a client closes, its thread still asks: it is that thread that lets the session go
@@ -266,6 +278,7 @@ class Connection:
         """Return a reply; of a hello the clock of the helper process is taken in."""
         if isinstance(reply, HelloReply):
             self._clock.learn(reply.clock_s)
+            self.helper_pid = reply.status.helper_pid
         return reply
 
     def attach(self, one: Subscribed) -> None:

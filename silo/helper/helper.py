@@ -173,7 +173,9 @@ class Helper:
         _begin(runs, events, self._died)
         people = self._authority(path, replica, events)
         servers = Servers(replica, events, publisher, saver, self._robot, judge, recording, people[1])
-        control = RequestThreads(session, self._root, servers, *people, publisher.name_client, self._denials)
+        control = RequestThreads(
+            session, self._root, servers, *people, publisher.name_client, self._denials, first.done
+        )
         for part in (keeper, marks, publisher, saver, journaling, judge, recording, control):
             part.start()
         token = session.liveliness().declare_token(self._root.key("alive"))

@@ -10,7 +10,7 @@ import logging
 import math
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import msgspec
@@ -22,6 +22,7 @@ from silo.control.authentication import Authentication, attachment_of
 from silo.control.denials import Denials
 from silo.control.server import ControlLock, ControlServer
 from silo.helper.lanes import Lanes, Waiting, is_late
+from silo.helper.numbered import NumberedRequests, number_of
 from silo.helper.robot_link import RobotLink, ending
 from silo.helper.saver import Saver
 from silo.history.server import HistoryServer
@@ -36,14 +37,14 @@ from silo.recordings.folder import RecordingFolder
 from silo.recordings.server import RecordingServer
 from silo.requests import decode_ask, decode_do
 from silo.rpc.clocks import clock_s
-from silo.rpc.declaring import Do, GoesOn, Lane, Request, SlowAsk, spoken
+from silo.rpc.declaring import Do, Done, GoesOn, Lane, Reply, Request, SlowAsk, reply_type, spoken
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
 from silo.rpc.serving import NOBODY, Answer, Dispatch, Turn
 from silo.scripts.server import ScriptServer
 from silo.state.events import EventNotifier, plain
 from silo.state.replica import Replica
-from silo.state.requests import Hello
+from silo.state.requests import Hello, StatusReply
 from silo.state.robot_program import RobotProgram
 from silo.state.server import Outside, StateServer
 
@@ -87,12 +88,18 @@ class Servers(Dispatch):
             ParameterServer(program),
         )
         super().__init__(servers, program.reply)
-        self._catch_up = robot.catch_up
+        self._replica, self._catch_up = replica, robot.catch_up
 
     def reply(self, request: Request[Any], turn: Turn = NOBODY) -> Answer:
         """Do a request as `Dispatch` does, of the logger as its program made it before the client asked."""
         self._catch_up()
         return super().reply(request, turn)
+
+    def after(self, request: Request[Any], reply: Reply) -> Reply:
+        """Return what its client is told of a request that the robot program did before this process was there."""
+        if isinstance(reply, Done) and reply_type(type(request)) is StatusReply:
+            return StatusReply(self._replica.status(), reply.text)
+        return reply
 
     def tell_end(self, job: int, request: Request[Any], reply: Answer, by: str) -> None:
         """Tell all how a request ended whose client was told that it goes on."""
@@ -142,11 +149,12 @@ class RequestThreads:
         control_lock: ControlLock,
         know: Callable[[str, str, str], None],
         denials: Denials,
+        done_before: Mapping[str, bytes],
     ) -> None:
-        """`know` takes the id of a client, who it is in words, and its identity."""
+        """`know` takes the id of a client, who it is in words, and its identity; `done_before` is of `RobotState`."""
         self._root, self._denials = root, denials
         self._authentication, self._control_lock, self._know = authentication, control_lock, know
-        self._servers = servers
+        self._servers, self._numbered = servers, NumberedRequests(done_before)
         # when more wait, the oldest are dropped, and their clients get an empty answer at once; "ask" comes last: who
         # is answered there, and not on the others, takes it that rules keep it from changing anything
         self._to_do = [
@@ -257,18 +265,21 @@ class RequestThreads:
 
     def _wait(self, query: zenoh.Query, request: Request[Any], key: str, size_bytes: int) -> None:
         one, lane = Waiting(query, request, key, size_bytes, _until_s(request)), request.lane
-        if (isinstance(request, Do) and is_late(one.until_s, clock_s())) or not one.until_s > clock_s():
+        if (known := self._numbered.take(one)) is not None:
+            if known:
+                self._reply(query, key, known)
+        elif (isinstance(request, Do) and is_late(one.until_s, clock_s())) or not one.until_s > clock_s():
             self._tell_late(one, lane, False)
         elif waiting := self._lanes.put(lane, one):
             text = f"{waiting} requests wait for {lane.value} already; try again in a moment; nothing was changed"
-            self._reply(query, key, Refused(RefusedWhy.FAILED, text))
+            self._end(one, Refused(RefusedWhy.FAILED, text))
 
     # ------------------------------------------------------------------------------------------- in a lane's thread
 
     def _do_one(self, one: Waiting) -> None:
         reply = answered(lambda: self._answer(one))
         if isinstance(one.request, SlowAsk) or one.claim():
-            self._reply(one.query, one.key, reply)
+            self._end(one, reply)
         elif isinstance(one.request, Do):
             self._servers.tell_end(one.job, one.request, reply, one.by)
 
@@ -285,7 +296,10 @@ class RequestThreads:
         one.by = sender.words
         with self._denying(request, sender.words):
             self._control_lock.check(request, sender)
-        return self._servers.reply(msgspec.structs.replace(request, client=sender.words), Turn(sender, one.until_s))
+        if (done := self._numbered.done_before(one)) is not None:
+            return self._servers.after(request, done)
+        turn = Turn(sender, one.until_s, number_of(one))
+        return self._servers.reply(msgspec.structs.replace(request, client=sender.words), turn)
 
     def _tell_late(self, one: Waiting, lane: Lane, begun: bool) -> None:
         """Refuse what was not begun in time, and say of what was that it goes on; then nobody else answers."""
@@ -295,13 +309,20 @@ class RequestThreads:
             return
         if not begun:
             text = f"its turn did not come in time: it waited for {lane.value}; nothing was changed; try again"
-            self._reply(one.query, one.key, Refused(RefusedWhy.LATE, text))
+            self._end(one, Refused(RefusedWhy.LATE, text))
             return
         one.job = self._servers.number()
         if one.claim():
             name = spoken(one.request)
             told = GoesOn(one.job, f"{name} goes on: it waits for {lane.value}; an event tells how it ends")
-            self._reply(one.query, one.key, told)
+            self._end(one, told)
+
+    def _end(self, one: Waiting, reply: Answer) -> None:
+        """Answer whoever asked for it."""
+        body = _encoded(answered(lambda: _encoded(reply)))
+        for query in self._numbered.end(one, body):
+            self._reply(query, one.key, body)
+        self._reply(one.query, one.key, body)
 
     def _reply(self, query: zenoh.Query, key: str, reply: Answer) -> None:
         """Answer under one of our keys, whatever happens: what breaks something is refused and logged."""

@@ -93,14 +93,21 @@ class SlowAsk(Ask[ReplyT], Generic[ReplyT], frozen=True):
     lane: ClassVar[Lane] = Lane.SLOW
 
 
-class Do(Request[ReplyT], Generic[ReplyT], frozen=True):
-    """Base of the requests that change something. Where somebody has control, `needs_control` keeps out all others."""
+class Do(Request[ReplyT], Generic[ReplyT], frozen=True, kw_only=True):
+    """Base of the requests that change something. Where somebody has control, `needs_control` keeps out all others.
+
+    `number` tells it from all others of its `client`, empty where that gave none: asked again with the same one it is
+    not done again, and answered as it was. `asked_pid` is the helper process that was asked for it before, 0: none.
+    """
 
     key: ClassVar[str] = "do"
     needs_control: ClassVar[bool] = True
     timeout_s: ClassVar[float] = 8.0  # the helper itself waits 5 s for the robot process
     max_bytes: ClassVar[int] = 8 * 2**20 - 4096  # with Zenoh's own bytes within MAX_MESSAGE_BYTES
     lane: ClassVar[Lane] = Lane.NOW
+
+    number: str = ""
+    asked_pid: int = 0
 
 
 class RobotRequest(Do[ReplyT], Generic[ReplyT], frozen=True):
@@ -212,7 +219,8 @@ def leaves(base: type[msgspec.Struct]) -> tuple[type[Any], ...]:
 
 def fields_of(kind: type[Request[Any]]) -> tuple[str, ...]:
     """Return what a request has beside what each has."""
-    return kind.__struct_fields__[: -len(Request.__struct_fields__)]
+    base = Do if issubclass(kind, Do) else Request
+    return tuple(name for name in kind.__struct_fields__ if name not in base.__struct_fields__)
 
 
 def reply_type(request: type[Request[ReplyT]]) -> type[ReplyT]:

@@ -27,10 +27,11 @@ class Sender:
 
 @dataclass(frozen=True)
 class Turn:
-    """Whose request is done now, and until when its client listens (of `clock_s`)."""
+    """Whose request is done now, what tells it from all others, and until when its client listens (of `clock_s`)."""
 
     sender: Sender = field(default_factory=lambda: Sender("", "nobody"))
     until_s: float = float("inf")
+    number: str = ""
 
     @property
     def by(self) -> str:

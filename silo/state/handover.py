@@ -53,6 +53,7 @@ class RobotState(msgspec.Struct, frozen=True, tag=True, rename={"conditions": "e
     begun_ns: int = 0  # when the first of these began, and all their ticks; 0 without a cut
     before_ticks: int = 0
     changes: int = 0  # how many of `ChangeCount` it knows of
+    done: dict[str, bytes] = {}  # to a new helper process: the last answers to numbered requests, by number
 
 
 _NOTE_BYTES = 16  # where it begins: behind the number, and its length

@@ -23,7 +23,8 @@ class HelloReply(Reply, frozen=True):
     """`may_edit` tells whether `do` requests of this client get through, `why_not` why they don't.
 
     `oldest` to `protocol` are understood. `clock_s` is what the helper's clock shows, for `until_s` of requests; 0 of
-    an older silo. `newest_event` is the number of the newest line of the event log, -1 of an older silo.
+    an older silo. `newest_event` is the number of the newest line of the event log, -1 of an older silo. `numbered`
+    tells whether a change with a number may be asked for again.
     """
 
     protocol: int
@@ -35,6 +36,7 @@ class HelloReply(Reply, frozen=True):
     why_not: str = ""
     clock_s: float = 0.0
     newest_event: int = -1
+    numbered: bool = False
 
 
 class StatusReply(Reply, frozen=True):

@@ -29,7 +29,7 @@ class RobotProgram:
         Raises RequestRefusedError where it refuses or has ended, GoesOnError where it takes longer.
         """
         self.must_live()
-        request = msgspec.structs.replace(request, client=turn.by)
+        request = msgspec.structs.replace(request, client=turn.by, number=turn.number)
         return raised(self.reach(request, turn.left_s(REPLY_TIMEOUT_S)))
 
     def reply(self, request: Request[ReplyT], turn: Turn) -> ReplyT:

@@ -68,7 +68,7 @@ class StateServer(Server, does=[requests]):
         # a client that gets this from the key `do` too may edit
         status, closed, newest = self.replica.status(), self.outside.closed(), self.events.log.newest
         user = self.replica.user
-        return requests.HelloReply(PROTOCOL, VERSION, user, True, status, OLDEST, closed, clock_s(), newest)
+        return requests.HelloReply(PROTOCOL, VERSION, user, True, status, OLDEST, closed, clock_s(), newest, True)
 
     def get_status(self) -> StatusReply:
         return StatusReply(self.replica.status())

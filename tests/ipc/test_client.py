@@ -313,7 +313,7 @@ class TestOtherUsers:
         assert f"usermod -aG {self.shared_gid}" in self.ask()
 
 
-def test_a_change_whose_answer_was_lost_is_sent_once_and_not_said_to_be_forbidden(client, bench, monkeypatch) -> None:
+def test_a_change_whose_answers_are_all_lost_is_not_said_to_be_forbidden(client, bench, monkeypatch) -> None:
     exchange, sent = client._connection.exchange, []
 
     def overtaken(request, *words, **more):
@@ -324,8 +324,10 @@ def test_a_change_whose_answer_was_lost_is_sent_once_and_not_said_to_be_forbidde
         return reply
 
     monkeypatch.setattr(client._connection, "exchange", overtaken)
+    monkeypatch.setattr(Start, "timeout_s", 0.5)
     with pytest.raises(ConnectionLostError, match="no answer to Start; look whether it was done") as caught:
         client.start()
-    assert len(sent) == 1
+    assert len(sent) > 1
+    assert len({one.number for one in sent}) == 1
     assert not isinstance(caught.value, NoAnswerError)
     assert client.status().state is State.RUNNING

@@ -63,7 +63,7 @@ class Helper:
         self.answers = Answers()
         self.server, path = open_server(folder, "walker", 1, None, ROOT)
         self.control = RequestThreads(  # type: ignore[arg-type]
-            self.server, ROOT, self.answers, Authentication(ROOT), Everybody(), lambda *_: None, Denials()
+            self.server, ROOT, self.answers, Authentication(ROOT), Everybody(), lambda *_: None, Denials(), {}
         )
         self.control.start()
         self.client = open_client(path)
@@ -149,7 +149,7 @@ def test_who_is_answered_by_a_helper_process_that_begins_can_also_send_it_a_chan
             return helper.server.declare_queryable(key, handler)
 
     RequestThreads(  # type: ignore[arg-type]
-        Session(), ROOT, helper.answers, Authentication(ROOT), Everybody(), lambda *_: None, Denials()
+        Session(), ROOT, helper.answers, Authentication(ROOT), Everybody(), lambda *_: None, Denials(), {}
     )
     assert sorted(declared) == sorted([ROOT.key("ask"), *Authentication(ROOT).keys])
     assert declared[-1] == ROOT.key("ask")

@@ -44,6 +44,7 @@ from silo.recordings.requests import Save, SaveStarted
 from silo.requests import AnyReply
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done
+from silo.rpc.last_answers import LastAnswers
 from silo.rpc.refusals import Refused, answered
 from silo.segment.held_runs import has_left
 from silo.state.handover import ChangeCount, RobotState, RunOffer, offer_run
@@ -117,6 +118,7 @@ class Serving:
         self._numbers = itertools.count(1)
         self._answers: dict[int, concurrent.futures.Future[tuple[AnyReply, SaveFuture]]] = {}
         self._saves: dict[int, SaveFuture] = {}
+        self._done = LastAnswers()
         self._beats = 0  # that were answered
         self._to_end: list[Callable[[], None]] = []  # the logger, or this, as a check of a parameter asked for
         self._landing: list[tuple[int, str, float]] = []  # changes of parameters whose clients wait for their tick
@@ -264,6 +266,8 @@ class Serving:
             with self._telling:
                 self._by = message.request.client
                 reply = answer(logger, message.request)
+                if number := message.request.number:  # at once: the helper process may have ended by now
+                    self._done.keep(message.request.client, number, msgspec.msgpack.encode(reply))
                 self._push_state()
             if isinstance(reply, ParametersSet) and reply.waits:
                 self._landing.append((message.number, reply.name, time.monotonic() + WAITS_S))
@@ -307,6 +311,8 @@ class Serving:
             return  # it is being forgotten, and ends this
         with self._telling:
             state = robot_state(logger, self._by, self._table_sent, self._changes.now)
+            if self._table_sent < 0:  # it is a new one
+                state = msgspec.structs.replace(state, done=self._done.by_number)
             self._by = ""
             self._send(state)
             self._table_sent = state.revision
