@@ -127,37 +127,20 @@ def complete_recordings(
                 held.enter_context(claimed_file(path, os.O_RDWR, wait=True))
             except FileNotFoundError:
                 continue  # another process completed them
-            problems += _complete(path, _stored(path), tell, wanted, for_good=for_good)
-    return problems
-
-
-def _complete(
-    path: Path,
-    kept: Sequence[RecorderHandover],
-    tell: Tell,
-    wanted: Callable[[RecorderHandover], bool],
-    *,
-    for_good: bool,
-) -> list[str]:
-    problems: list[str] = []
-    rest = list(kept)
-    if not rest:
-        return problems
-    with contextlib.ExitStack() as closing:
-        runs = _runs_of(kept[0].program, closing)
-        for one in filter(wanted, kept):
-            problem = _complete_one(one, runs, tell)
-            if problem:
-                over = for_good or _is_over(one.order)
-                more = (
-                    "what of it is in no part is not recorded" if over else "what is there of it stays for the next try"
-                )
-                problems.append(f"recording '{one.order.name}' in {one.order.folder} {problem}; {more}")
-            if not problem or over:
-                rest.remove(one)
-        for reader in runs:
-            log_start(reader)
-    store(path, rest)
+            if not (rest := _stored(path)):
+                continue
+            runs = _runs_of(rest[0].program, held)
+            for one in filter(wanted, rest.copy()):
+                problem = _complete_one(one, runs, tell)
+                if problem:
+                    over = for_good or _is_over(one.order)
+                    more = "is in no part is not recorded" if over else "is there stays for the next try"
+                    problems.append(f"recording '{one.order.name}' in {one.order.folder} {problem}; what of it {more}")
+                if not problem or over:
+                    rest.remove(one)
+            for reader in runs:
+                log_start(reader)
+            store(path, rest)
     return problems
 
 
