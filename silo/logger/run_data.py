@@ -291,19 +291,11 @@ class RunData:
             SaveError: no element matches a pattern, the name is taken, the system refuses, or the helper process is
                 just being started anew.
         """
-        from silo.core.quantities.reading import read_keep, read_split
-        from silo.recorder.requests import StartRecorder
+        from silo.recorder.requests import start_recorder
 
-        split_bytes, split_s = read_split(split)
-        request = StartRecorder(
-            name=text("name", name, 'log.record(name="walk")'),
-            folder=str(path("to", to)),
-            patterns=texts("patterns", patterns, "log.record(['joints/*'])"),
-            split_bytes=split_bytes,
-            split_s=split_s,
-            keep_bytes=read_keep(keep),
-            client=ROBOT_PROGRAM,
-        )
+        chosen = texts("patterns", patterns, "log.record(['joints/*'])")
+        name = text("name", name, 'log.record(name="walk")')
+        request = start_recorder(chosen, str(path("to", to)), split, keep, name, ROBOT_PROGRAM)
         started = self._life.served("record").record(request)
         if started.text:
             log.warning("%s: %s", self._options.name, started.text)

@@ -86,6 +86,19 @@ class StopRecorder(Do[Done], frozen=True):
     name: str = ""
 
 
+def start_recorder(
+    patterns: list[str], folder: str, split: object, keep: object, name: str, client: str = ""
+) -> StartRecorder:
+    """Return what asks for a recording, `split` and `keep` in words. Raises ElementError where these make no sense."""
+    from silo.core.quantities.reading import read_keep, read_split
+
+    split_bytes, split_s = read_split(split)
+    return StartRecorder(
+        client=client, name=name, folder=folder, patterns=patterns, split_bytes=split_bytes, split_s=split_s,
+        keep_bytes=read_keep(keep),
+    )  # fmt: skip
+
+
 @told_class("client")
 class RecorderRequests(Caller):
     """Endless recordings."""
@@ -116,19 +129,7 @@ class RecorderRequests(Caller):
                 taken, 8 recordings are under way, or the system or a robot program that has ended prevents it; nothing
                 is recorded.
         """
-        from silo.core.quantities.reading import read_keep, read_split
-
-        split_bytes, split_s = read_split(split)
-        return self._call(
-            StartRecorder(
-                name=name,
-                folder=to,
-                patterns=texts("patterns", patterns, "['/log/joints/*']"),
-                split_bytes=split_bytes,
-                split_s=split_s,
-                keep_bytes=read_keep(keep),
-            )
-        )
+        return self._call(start_recorder(texts("patterns", patterns, "['/log/joints/*']"), to, split, keep, name))
 
     def stop_recorder(self, name: str = "") -> str:
         """Finish an endless recording; waits up to 5 s for the end of its last part.
