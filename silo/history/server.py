@@ -64,42 +64,21 @@ def history(
             for ring in {element.ring, element.watch_ring}:
                 wanted.setdefault(ring, {})[signal] = element.entries_in(ring)[found[1]]
             logged.append((signal, element))
-    if source is not None:
-        for ring, signals in wanted.items():
-            _fill(grid, source, ring, signals, request, pinned)
+    for ring, signals in wanted.items():
+        assert source is not None  # whose rings these are
+        picker = RowPicker(signals)
+        if pinned is not None and not pinned.holds(ring, picker.words):
+            continue
+        begin = first_row(source, ring, By.TIME, request.start_ns)
+        for rows in blocks(source, RingGroup(ring, -1, picker.words), begin, source.head(ring)):
+            bins = bins_of(rows.time_ns, request.column_ns)
+            for signal, values in picker.columns(rows):
+                grid.add(signal, bins, values)
+            if int(rows.time_ns[-1]) >= request.end_ns:
+                break
     if reader is not None and pinned is None:
         _say_why_empty(grid, reader, logged, request)
-    return Columns(
-        list(request.names),
-        grid.first,
-        grid.count,
-        request.column_ns,
-        grid.low.tobytes(),
-        grid.high.tobytes(),
-        grid.marks.tobytes() if grid.marks.any() else b"",
-        {signal: base for signal, base in enumerate(grid.bases) if base},
-        until_ns,
-    )
-
-
-def _fill(
-    grid: ColumnGrid,
-    reader: RingSource,
-    ring: int,
-    signals: dict[int, EntrySchema],
-    request: GetHistory,
-    pinned: PinnedRows | None = None,
-) -> None:
-    picker = RowPicker(signals)
-    if pinned is not None and not pinned.holds(ring, picker.words):
-        return
-    begin = first_row(reader, ring, By.TIME, request.start_ns)
-    for rows in blocks(reader, RingGroup(ring, -1, picker.words), begin, reader.head(ring)):
-        bins = bins_of(rows.time_ns, request.column_ns)
-        for signal, values in picker.columns(rows):
-            grid.add(signal, bins, values)
-        if int(rows.time_ns[-1]) >= request.end_ns:
-            return
+    return Columns(names=list(request.names), column_ns=request.column_ns, until_ns=until_ns, **grid.packed())
 
 
 def _say_why_empty(
@@ -132,8 +111,7 @@ def _say_why_empty(
 
 def _ends(reader: SegmentReader, ring: int, ticks: int) -> tuple[int, int, bool, bool]:
     """Return times of the oldest and the newest row, and whether rows before and after these are gone."""
-    due = -(-ticks // reader.schema.rings[ring].divider)
-    head = reader.head(ring)
+    due, head = reader.schema.rings[ring].rows_before(ticks), reader.head(ring)
     oldest, newest = reader.rows(ring, 0, SPARE_ROWS), reader.rows(ring, head - 1, 1)
     if not len(oldest) or not len(newest):  # all of them were overwritten while we looked
         return reader.last_time_ns, reader.last_time_ns, head > 0, False

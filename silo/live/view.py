@@ -152,7 +152,7 @@ class View(Subscribed):
             low=grid.low,
             high=grid.high,
             marks=grid.marks if grid.marks.any() else None,
-            bases={row: base for row, base in enumerate(grid.bases) if base},
+            bases=grid.known_bases,
             since_ns=since_ns,
             missed=self._missed,
         )

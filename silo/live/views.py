@@ -170,17 +170,12 @@ class ServedView(Feed[OpenView]):
                 lost=lost.tobytes(),
                 newest=newest.tobytes(),
                 texts=texts,
-                first=grid.first,
-                count=grid.count,
-                low=grid.low.tobytes(),
-                high=grid.high.tobytes(),
-                marks=grid.marks.tobytes() if grid.marks.any() else b"",
-                bases={signal: base for signal, base in enumerate(grid.bases) if base},
                 since_ns=self._since_ns,
                 sizes=self._sizes,
                 failed=self._newest.failed() if self._newest else {},
                 not_live=self._liveness.missing() if self._liveness else {},
                 idle_s=this.idle_s,
+                **grid.packed(),
             )
         )
         return frame, False
@@ -299,7 +294,7 @@ class Liveness:
         ticks = self._reader.ticks if self._ending else 0
         for number, places in self._ending.items():
             ring = self._reader.schema.rings[number]
-            if self._reader.head(number) < -(-ticks // ring.divider):
+            if self._reader.head(number) < ring.rows_before(ticks):
                 why = NotLive.FULL if ring.buffer_type is BufferType.FIXED else NotLive.LIMIT
                 found.update(dict.fromkeys(places, why))
         return found

@@ -1,14 +1,16 @@
 """What a view and a history say is what was logged: every type, every sample, and why there is none."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import silo
 from silo.client.client import Client
-from silo.core.arrays.columns import ColumnGrid, ColumnStore, Gap, NonFinite, grid_of, holes_of
+from silo.core.arrays.columns import ColumnStore, Gap, NonFinite, grid_of, holes_of
 from silo.core.elements import BufferType, Edit, ElementOptions
 from silo.history.requests import GetHistory
-from silo.history.server import _fill
+from silo.history.server import history
 from silo.segment.reader import SegmentReader
 from tests.waiting import wait_until
 
@@ -161,14 +163,13 @@ def test_history_is_whole_though_its_oldest_rows_are_overwritten_while_they_are_
     for _ in range(5000):
         tick()
     reader = Racing(logger._present.run.segment.path, tick)
-    element = reader.schema.elements[0]
     head_ns = clock[0]
     request = GetHistory(names=["/log/x"], start_ns=0, end_ns=head_ns + 1, column_ns=COLUMN_NS)
-    grid = ColumnGrid(1, 0, head_ns // COLUMN_NS + 1)
-    _fill(grid, reader, element.ring, {0: element.entries[0]}, request)
+    now = SimpleNamespace(found=lambda name: (name, 0), entry=lambda found: found)
+    found = history(request, now, reader)
     reader.close()
     logger.close()
-    there = np.flatnonzero(~np.isnan(grid.low[0]))
+    there = np.flatnonzero(~np.isnan(np.frombuffer(found.low)))
     assert there[-1] == head_ns // COLUMN_NS
     assert len(there) > 80  # of a hundred columns that the ring holds
     assert (np.diff(there) == 1).all()

@@ -173,6 +173,17 @@ class ColumnGrid:
         """Columns."""
         return int(self.low.shape[1])
 
+    @property
+    def known_bases(self) -> dict[int, int]:
+        """The bases that aren't 0, by row."""
+        return {row: base for row, base in enumerate(self.bases) if base}
+
+    def packed(self) -> dict[str, Any]:
+        """What replies and frames say of it, by their fields: little-endian bytes, no marks where all are 0."""
+        marks = self.marks.tobytes() if self.marks.any() else b""
+        found = {"low": self.low.tobytes(), "high": self.high.tobytes(), "marks": marks, "bases": self.known_bases}
+        return {"first": self.first, "count": self.count, **found}
+
     def add(self, signal: int, bins: Bins, values: NDArray[Any]) -> None:
         """Merge samples of one signal, of any type; columns outside of the grid are dropped."""
         found = reduce(values, bins)
@@ -212,8 +223,8 @@ class ColumnGrid:
 
     def columns(self, names: Sequence[str], column_ns: int, until_ns: int | None = None) -> "HistoryColumns":
         """Return all that is here, as if it had come as one history."""
-        bases = {row: base for row, base in enumerate(self.bases) if base}
-        return HistoryColumns(tuple(names), self.first, column_ns, self.low, self.high, self.marks, bases, until_ns)
+        found = self.low, self.high, self.marks, self.known_bases
+        return HistoryColumns(tuple(names), self.first, column_ns, *found, until_ns)
 
     def _on_base(self, row: int, base: int, low: Floats, high: Floats) -> tuple[Floats, Floats]:
         """Offsets from the row's base, which becomes that of the newcomers where these have a larger one."""
