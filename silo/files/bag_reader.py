@@ -116,7 +116,10 @@ def _opened_others(path: Path) -> Recording:
 
 
 def _mapped(path: str | os.PathLike[str]) -> tuple[Path, memoryview]:
-    file = _storage_file(Path(path))
+    source = Path(path)
+    if not source.exists():
+        raise LogNotFoundError(f"there is no file or folder '{source}'")
+    file = next(source.glob("*.mcap"), source) if source.is_dir() else source
     refuse_others(file)
     try:
         with file.open("rb") as opened:
@@ -126,17 +129,6 @@ def _mapped(path: str | os.PathLike[str]) -> tuple[Path, memoryview]:
     if not data:
         raise FileFormatError(f"{file}: the file is empty")
     return file, data
-
-
-def _storage_file(path: Path) -> Path:
-    if not path.exists():
-        raise LogNotFoundError(f"there is no file or folder '{path}'")
-    if not path.is_dir():
-        return path
-    files = sorted(path.glob("*.mcap"))
-    if len(files) != 1:
-        raise FileFormatError(f"{path}: a bag that silo wrote holds one .mcap file, this folder holds {len(files)}")
-    return files[0]
 
 
 def _opened(file: Path, data: memoryview, check: bool = False) -> Recording | None:

@@ -180,38 +180,27 @@ def write_windows(
     buffer = np.empty(int(per_tick * ticks) + sum(group.tick_bytes for group in groups), dtype=np.uint8)
     for begin in range(0, total, ticks):
         window = times[begin : begin + ticks]
-        _write_window(mcap, begin, window, groups, buffer)
+        sizes = np.zeros(len(window), dtype=np.int64)
+        for group in groups:
+            group.build(begin, window)
+            group.add_sizes(sizes)
+        ends = np.cumsum(sizes)
+        cursor = ends - sizes
+        for group in groups:
+            group.place(cursor, buffer)
+        pieces = max(1, round(ends[-1] / CHUNK_BYTES))  # all of about the same size
+        cuts = np.searchsorted(ends, np.arange(1, pieces) * (ends[-1] / pieces), side="left") + 1
+        bounds = [0, *(int(cut) for cut in np.unique(cuts) if cut < len(ends)), len(ends)]
+        for start, stop in pairwise(bounds):
+            low = int(ends[start] - sizes[start])
+            high = int(ends[stop - 1])
+            if low == high:
+                continue
+            stamps = window[start:stop][sizes[start:stop] > 0]
+            shift = mcap.definitions_size - low
+            blocks = [block for group in groups if (block := group.index(start, stop, shift)) is not None]
+            mcap.add_chunk(buffer[low:high].data, int(stamps.min()), int(stamps.max()), blocks)
         progress((begin + len(window)) / total)
-
-
-def _write_window(
-    mcap: McapWriter,
-    begin: int,
-    times: NDArray[np.int64],
-    groups: "Sequence[MessageGroup | EventGroup]",
-    buffer: NDArray[np.uint8],
-) -> None:
-    sizes = np.zeros(len(times), dtype=np.int64)
-    for group in groups:
-        group.build(begin, times)
-        group.add_sizes(sizes)
-    ends = np.cumsum(sizes)
-    cursor = ends - sizes
-    for group in groups:
-        group.place(cursor, buffer)
-    total = int(ends[-1])
-    pieces = max(1, round(total / CHUNK_BYTES))  # all of about the same size
-    cuts = np.searchsorted(ends, np.arange(1, pieces) * (total / pieces), side="left") + 1
-    bounds = [0, *(int(cut) for cut in np.unique(cuts) if cut < len(ends)), len(ends)]
-    for start, stop in pairwise(bounds):
-        low = int(ends[start] - sizes[start])
-        high = int(ends[stop - 1])
-        if low == high:
-            continue
-        stamps = times[start:stop][sizes[start:stop] > 0]
-        shift = mcap.definitions_size - low
-        blocks = [block for group in groups if (block := group.index(start, stop, shift)) is not None]
-        mcap.add_chunk(buffer[low:high].data, int(stamps.min()), int(stamps.max()), blocks)
 
 
 def _span(recording: Recording, groups: "Sequence[MessageGroup | EventGroup]") -> tuple[int, int]:

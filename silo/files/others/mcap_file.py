@@ -226,11 +226,7 @@ class McapChannel:
 
     file: McapFile
     number: int
-
-    @property
-    def damage(self) -> str:
-        """What is known to be missing, in words: nothing that the file does not tell itself."""
-        return ""
+    damage: str = ""  # nothing is known to be missing that the file does not tell itself
 
     def stamps(self) -> NDArray[np.int64]:
         """Return their log times."""

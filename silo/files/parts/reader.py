@@ -72,17 +72,8 @@ class _Ring:
     @property
     def holes(self) -> list[tuple[int, int]]:
         """Stretches of ticks without rows, both ends included."""
-        ends = [row + len(stamps) for row, stamps in self.stretches]
-        if self.lacks:
-            return [
-                (self.facts.begin * self.facts.divider, (self.first - 1) * self.facts.divider),
-                *self._between(ends),
-            ]
-        return self._between(ends)
-
-    def _between(self, ends: Sequence[int]) -> list[tuple[int, int]]:
-        divider = self.facts.divider
-        pairs = zip(ends, self.stretches[1:], strict=False)
+        divider, ends = self.facts.divider, [self.facts.begin, *(row + len(stamps) for row, stamps in self.stretches)]
+        pairs = zip(ends, self.stretches, strict=False)
         return [(end * divider, (row - 1) * divider) for end, (row, _) in pairs if end < row]
 
     def add(self, data: memoryview, chunk: IndexedChunk, found: memoryview | None = None) -> IndexedChunk:
