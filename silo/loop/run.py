@@ -81,9 +81,34 @@ class Run:
         self._left = False  # whether the last of these were left to another process that saves them
         self.unmarked = False  # whether these are of before it was cut, and don't tell that it is a part of a run
         self._reader: SegmentReader | None = None
+        pid = os.getpid()
+        schema: SegmentSchema = alike(
+            SegmentSchema,
+            options,
+            logger=options.name,
+            host=socket.gethostname(),
+            user=user_name(os.getuid()),
+            pid=pid,
+            pid_start=process_start(pid),
+            boot_id=boot_id(),
+            started_ns=time.time_ns(),
+            chunk_bytes=plan.chunk_bytes,
+            time_buffer_type=plan.time.buffer_type,
+            time_buffer_size=plan.time.size,
+            rings=tuple(ring.schema for ring in plan.rings),
+            elements=plan.elements,
+            logger_id=options.id,
+            run=secrets.token_hex(8),
+            pid_namespace=pid_namespace(),
+            conditions=conditions,
+            number=number,
+            served=served,
+            parameters=tuple(landing.described()) if landing is not None else (),
+            cut=cut,
+        )
         self.segment = Segment(
             path,
-            self._schema(options, plan, conditions, number, served=served, landing=landing, cut=cut),
+            schema,
             plan.first_rows,
             options.memory_limit_mb * 1_000_000,
             in_memory=options.storage is not Storage.FILE,
@@ -149,43 +174,6 @@ class Run:
         names = (f"{dot}{options.name}.{os.getpid()}.{number}{SEGMENT_SUFFIX}" for number in _numbers)
         # pids come again, in containers at every start: a predecessor's recording keeps its name
         return next(path for path in map(folder.joinpath, names) if not path.exists() and not held_name(path).exists())
-
-    @staticmethod
-    def _schema(
-        options: LoggerOptions,
-        plan: Plan,
-        conditions: Conditions,
-        number: int,
-        *,
-        served: bool,
-        landing: LandsChanges | None,
-        cut: Cut | None,
-    ) -> SegmentSchema:
-        pid = os.getpid()
-        return alike(
-            SegmentSchema,
-            options,
-            logger=options.name,
-            host=socket.gethostname(),
-            user=user_name(os.getuid()),
-            pid=pid,
-            pid_start=process_start(pid),
-            boot_id=boot_id(),
-            started_ns=time.time_ns(),
-            chunk_bytes=plan.chunk_bytes,
-            time_buffer_type=plan.time.buffer_type,
-            time_buffer_size=plan.time.size,
-            rings=tuple(ring.schema for ring in plan.rings),
-            elements=plan.elements,
-            logger_id=options.id,
-            run=secrets.token_hex(8),
-            pid_namespace=pid_namespace(),
-            conditions=conditions,
-            number=number,
-            served=served,
-            parameters=tuple(landing.described()) if landing is not None else (),
-            cut=cut,
-        )
 
     @property
     def id(self) -> str:
