@@ -112,6 +112,8 @@ def set_command(
     words: tuple[str, ...], dry_run: bool, restart: bool, cut: bool, save_first: bool, discard: bool
 ) -> None:
     """Change how elements are logged; for the shell, `_HELP` says how."""
+    from silo.core.elements import Edit
+
     logger, rest = split_logger(words, or_pattern=True)
     patterns, settings_words = split_settings(rest)
     if not patterns or not settings_words:
@@ -123,66 +125,51 @@ def set_command(
     settings = read_settings(settings_words)
     chosen = unsaved(save_first=save_first, discard=discard)
     with connect(logger) as client:
-        _set(client, patterns, settings, dry_run=dry_run, restart=restart, keep=chosen, cut=cut)
-
-
-def _set(
-    client: "Client",
-    patterns: Sequence[str],
-    settings: ElementSettings,
-    *,
-    dry_run: bool,
-    restart: bool,
-    keep: str,
-    cut: bool,
-) -> None:
-    from silo.core.elements import Edit
-
-    status, table = client.status(), client.table()
-    _refuse_derived(table, patterns)
-    _refuse_entries(table, patterns, client.found.label)
-    places = select([element.name for element in table.elements], patterns, status.prefix)
-    chosen = [table.elements[place] for place in places]
-    options = apply_settings(settings, [(element.name, element.options) for element in chosen], status.frequency_hz)
-    changes = diff_options(chosen, options)
-    edits = [Edit(e.name, new) for e, new in zip(chosen, options, strict=True) if e.options != new]
-    what = f"{many(len(edits), 'element')} of {len(chosen)} that match"
-    if not edits:
-        click.echo(f"nothing to change: {many(len(chosen), 'element')} already as asked for")
-        return
-    if dry_run:
+        status, table = client.status(), client.table()
+        _refuse_derived(table, patterns)
+        _refuse_entries(table, patterns, client.found.label)
+        places = select([element.name for element in table.elements], patterns, status.prefix)
+        meant = [table.elements[place] for place in places]
+        options = apply_settings(settings, [(element.name, element.options) for element in meant], status.frequency_hz)
+        changes = diff_options(meant, options)
+        edits = [Edit(e.name, new) for e, new in zip(meant, options, strict=True) if e.options != new]
+        what = f"{many(len(edits), 'element')} of {len(meant)} that match"
+        if not edits:
+            click.echo(f"nothing to change: {many(len(meant), 'element')} already as asked for")
+            return
+        if dry_run:
+            _tell_rate(settings, options, status.frequency_hz)
+            show_changes(changes)
+            click.echo(f"would change {what}")
+            return
+        applied = _apply(client, edits, table.revision, cut=cut)
+        runs = applied is None
+        if applied is None:
+            tell_viewers(client)
+            if not restart:
+                raise RefusedError(
+                    f"logger '{status.logger}' is running: `silo stop {client.found.label}` first, or add --restart "
+                    "(its buffers are cleared by a start: `silo save` before), or --cut (it goes on as changed); "
+                    "nothing was changed"
+                )
+            if chosen == "refuse" and status.run_ticks and not status.saved:
+                raise RefusedError(
+                    f"logger '{status.logger}' holds {many(status.held_samples, 'sample')} of up to "
+                    f"{duration(status.held_s)}, of which some are in no file, and a restart clears them: add --save "
+                    "or --discard; nothing was changed"
+                )
+            client.stop()
+            try:
+                applied = client.apply(edits, table.revision)
+            finally:
+                client.start(chosen, click.echo)
         _tell_rate(settings, options, status.frequency_hz)
-        show_changes(changes)
-        click.echo(f"would change {what}")
-        return
-    applied = _apply(client, edits, table.revision, cut=cut)
-    runs = applied is None
-    if applied is None:
-        tell_viewers(client)
-        if not restart:
-            raise RefusedError(
-                f"logger '{status.logger}' is running: `silo stop {client.found.label}` first, or add --restart "
-                "(its buffers are cleared by a start: `silo save` before), or --cut (it goes on as changed); "
-                "nothing was changed"
-            )
-        if keep == "refuse" and status.run_ticks and not status.saved:
-            raise RefusedError(
-                f"logger '{status.logger}' holds {many(status.held_samples, 'sample')} of up to "
-                f"{duration(status.held_s)}, of which some are in no file, and a restart clears them: add --save or "
-                "--discard; nothing was changed"
-            )
-        client.stop()
-        try:
-            applied = client.apply(edits, table.revision)
-        finally:
-            client.start(keep, click.echo)
-    _tell_rate(settings, options, status.frequency_hz)
-    for warning in applied.warnings:
-        click.echo(warning, err=True)
-    show_changes(changes[:MOST_CHANGES])
-    if len(changes) > MOST_CHANGES:
-        click.echo(f"... and {many(len(changes) - MOST_CHANGES, 'more change')}")
-    click.echo(f"changed {what} (revision {applied.revision}){'; logging again' if runs else ''}")
+        for warning in applied.warnings:
+            click.echo(warning, err=True)
+        show_changes(changes[:MOST_CHANGES])
+        if len(changes) > MOST_CHANGES:
+            click.echo(f"... and {many(len(changes) - MOST_CHANGES, 'more change')}")
+        click.echo(f"changed {what} (revision {applied.revision}){'; logging again' if runs else ''}")
 
 
 def _apply(client: "Client", edits: "Sequence[Edit]", revision: int, *, cut: bool) -> "EditsApplied | None":

@@ -66,7 +66,7 @@ def test_ten_that_are_off_are_named_and_the_others_counted(off, watched):
     infos = [info("/log/x", "<f8"), *(info(f"/log/off{place}", "<f8", enabled=False) for place in range(off))]
     _, lines, told = watched(infos, [frame([1])], "/log", "-n", "1")
     assert lines == ["--:--:--.---  /log/x  1"]
-    more = ["and 1 more are off"] if off > 10 else []
+    more = ["and 1 more"] if off > 10 else []
     assert told == [*(f"/log/off{place}: off" for place in range(min(off, 10))), *more]
 
 

@@ -12,7 +12,7 @@ from silo.cli.codes import EXIT_FOUND
 from silo.cli.common import TypedPath, complete_logger, complete_script, connect, discovered, json_option, show
 from silo.cli.edits import show_changes
 from silo.cli.verbs import Target, Verbs, Words, target, verb
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import and_more, many
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -204,7 +204,6 @@ def _show_diff(found: "ScriptDiff") -> None:
 
 def _warn(warnings: Sequence[str], unknown: Sequence[str] = ()) -> None:
     """Say them, and which names of a script the logger doesn't have."""
-    lacking = [f"the script lists '{name}', which the logger doesn't have" for name in unknown[:20]]
-    more = [f"and {len(unknown) - 20} more"] if len(unknown) > 20 else []
-    for warning in [*warnings, *lacking, *more]:
+    lacking = and_more([f"the script lists '{name}', which the logger doesn't have" for name in unknown], 20, "\n")
+    for warning in [*warnings, *lacking.splitlines()]:
         click.echo(f"warning: {warning}", err=True)

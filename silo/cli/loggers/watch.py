@@ -130,10 +130,8 @@ def _watch(client: "Client", patterns: Sequence[str], rate: float, count: int | 
         silent, blind, chosen = [], [], _first(chosen, as_json)
     for one in blind:
         click.echo(f"{one.name} {one.description}", err=True)
-    for name in silent[:10]:
-        click.echo(f"{name}: off", err=True)
-    if len(silent) > 10:
-        click.echo(f"and {len(silent) - 10} more are off", err=True)
+    if silent:
+        click.echo(and_more([f"{name}: off" for name in silent], 10, "\n"), err=True)
     lines = lay_out(chosen)
     with closing(client.view([e.name for e in chosen], [], rate, 100_000_000)) as view:
         for shown, frame in enumerate(_frames(client, view), start=1):

@@ -48,25 +48,22 @@ def record(
     if word := next((one for one in words[:1] if one in _OPTIONS), ""):  # else a recording of nothing would begin
         raise click.UsageError(f"write `silo record --{_OPTIONS[word]}`; nothing is recorded")
     logger, patterns = split_logger(words, or_pattern=True)
-    if only_list:
-        with connect(logger) as client:
+    with connect(logger) as client:
+        if only_list:
             infos = client.recorders()
-        show(infos, as_json, lambda: _show(infos))
-    elif stop_name is not None:
-        with connect(logger) as client:
-            click.echo(client.stop_recorder(stop_name))
-    else:
-        with connect(logger) as client:
-            started = client.record(patterns, to, split, keep, name)
-            label = client.found.label
-        if as_json:
-            show_json(started)
+            show(infos, as_json, lambda: _show(infos))
             return
-        click.echo(
-            f"recording '{started.name}' to {started.folder}; `silo record {label} --stop {started.name}` ends it"
-        )
-        if started.text:
-            click.echo(started.text, err=True)
+        if stop_name is not None:
+            click.echo(client.stop_recorder(stop_name))
+            return
+        started = client.record(patterns, to, split, keep, name)
+        label = client.found.label
+    if as_json:
+        show_json(started)
+        return
+    click.echo(f"recording '{started.name}' to {started.folder}; `silo record {label} --stop {started.name}` ends it")
+    if started.text:
+        click.echo(started.text, err=True)
 
 
 def _show(infos: "list[RecorderInfo]") -> None:

@@ -65,27 +65,11 @@ def runs(
       silo runs logs --tag slip --since 2026-11-22 --show 'rms(imu/acc_z)'
     """
     from silo.run_index.runs import runs as find_runs
+    from silo.run_index.runs import told_of
 
     with progress("index") as tell:
         found = find_runs(*folders, since=since, until=until, rebuild=rebuild, told=tell)
     every = found.episodes() if episodes else found
-
-    with _telling_warnings():
-        _show(every, where, words, tags, shown, against, as_json=as_json, what="episode" if episodes else "run")
-
-
-def _show(
-    every: "RunList",
-    where: str,
-    words: tuple[str, ...],
-    tags: tuple[str, ...],
-    shown: tuple[str, ...],
-    against: str,
-    *,
-    as_json: bool,
-    what: str,
-) -> None:
-    from silo.run_index.runs import told_of
 
     def narrowed(condition: str) -> "RunList":
         some = (every.where(condition) if condition else every).find(*words)
@@ -93,21 +77,22 @@ def _show(
             some = some.where(f"tagged(`{tag}`)")
         return some
 
-    found = narrowed(where)
-    if against:
-        apart = found.apart(narrowed(against))
-        show(apart, as_json, lambda: _show_apart(apart))
-        return
-    columns = [(expression, found.values(expression)) for expression in shown]
-    if as_json:
-        rows = [told_of(run) | {name: values[place] for name, values in columns} for place, run in enumerate(found)]
-        show_json(rows)
-        return
-    if len(found):
-        head = ("RUN", "ROBOT", "BEGUN", "SPAN", "LOST", "LIMITS", "TASK", *(name for name, _ in columns), "SAID")
-        table = [_row(run, [f"{values[place]:.5g}" for _, values in columns]) for place, run in enumerate(found)]
-        show_rows([head, *table], right=(3, 4, 5, *range(7, 7 + len(columns))))
-    click.echo(_summary(found, what))
+    with _telling_warnings():
+        found = narrowed(where)
+        if against:
+            apart = found.apart(narrowed(against))
+            show(apart, as_json, lambda: _show_apart(apart))
+            return
+        columns = [(expression, found.values(expression)) for expression in shown]
+        if as_json:
+            rows = [told_of(run) | {name: values[place] for name, values in columns} for place, run in enumerate(found)]
+            show_json(rows)
+            return
+        if len(found):
+            head = ("RUN", "ROBOT", "BEGUN", "SPAN", "LOST", "LIMITS", "TASK", *(name for name, _ in columns), "SAID")
+            table = [_row(run, [f"{values[place]:.5g}" for _, values in columns]) for place, run in enumerate(found)]
+            show_rows([head, *table], right=(3, 4, 5, *range(7, 7 + len(columns))))
+        click.echo(_summary(found, "episode" if episodes else "run"))
 
 
 @contextlib.contextmanager
