@@ -205,23 +205,22 @@ class Judge:
 
     def _ordered(self, order: Callable[[], Any], *, changes: bool = False) -> Any:
         """Have the judge thread do it between two looks at the rings; what it changes is stored before the answer."""
-        if changes:
-            return self._ordered(lambda: self._kept_after(order))
+
+        def done() -> Any:
+            result = order()
+            if changes and self._judge is not None:
+                self._keep(self._judge)
+            return result
+
         if not self._thread.is_alive():
-            return order()
+            return done()
         future: concurrent.futures.Future[Any] = concurrent.futures.Future()
-        self._orders.append((order, future))
+        self._orders.append((done, future))
         self._wake.set()
         try:
             return future.result(ORDER_S)
         except concurrent.futures.TimeoutError:
             raise ElementError("the helper process is busy judging rows; ask again in a moment") from None
-
-    def _kept_after(self, order: Callable[[], Any]) -> Any:
-        result = order()
-        if self._judge is not None:
-            self._keep(self._judge)
-        return result
 
     def _do_orders(self, count: int) -> None:
         for _ in range(count):
