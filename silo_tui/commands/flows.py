@@ -83,7 +83,7 @@ async def restart(context: Context) -> None:
         unsaved = await _start_over(context)
     if unsaved is None:
         return
-    context.say("; ".join(["restarted", *await session.restart(unsaved)]))
+    context.say("; ".join(["restarted", *await session.start(unsaved, again=True)]))
 
 
 def _is_unsaved(session: Session) -> bool:

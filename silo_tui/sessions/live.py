@@ -22,6 +22,7 @@ from silo.core.elements import ElementInfo, LoggedEvent, SavedFile, State, Statu
 from silo.core.episodes.words import next_marks
 from silo.core.names import Found, Names, in_order
 from silo.core.quantities.writing import count, many
+from silo.core.recording import alike
 from silo.errors import RefusedError, SiloError
 from silo.live.quantities import SLOW, SLOW_SHARE
 from silo.recorder.requests import RecorderInfo
@@ -414,21 +415,17 @@ class Session:
         self.connection.watch_again()
         return applied
 
-    async def start(self, unsaved: Unsaved = Unsaved.REFUSE) -> list[str]:
-        """Start the logger; what was read belongs to the run before. Return what it tells of that."""
+    async def start(self, unsaved: Unsaved = Unsaved.REFUSE, *, again: bool = False) -> list[str]:
+        """Start the logger, `again`: after a stop; what was read is of the run before. Return what it tells of that."""
         told: list[str] = []
-        self.take_status(await self.connection.call(lambda client: client.start(unsaved, told.append)))
+        self.take_status(
+            await self.connection.call(lambda client: (client.restart if again else client.start)(unsaved, told.append))
+        )
         return told
 
     async def stop(self) -> None:
         """Stop the logger."""
         self.take_status(await self.connection.call(lambda client: client.stop()))
-
-    async def restart(self, unsaved: Unsaved = Unsaved.REFUSE) -> list[str]:
-        """Stop and start the logger. Return what it tells of that."""
-        told: list[str] = []
-        self.take_status(await self.connection.call(lambda client: client.restart(unsaved, told.append)))
-        return told
 
     async def survey(self, details: Sequence[str], quantities: Sequence[str], *, reset: bool = False) -> None:
         """Measure anew: what filter and order need of all elements, `quantities` of elements and entries `details`."""
@@ -578,16 +575,7 @@ class Session:
     def _note(self, event: Event) -> None:
         known = self.happened[-1].number if self.happened else 0
         if event.logged > known:
-            told = LoggedEvent(
-                event.kind.value,
-                event.text,
-                event.time_ns,
-                event.tick,
-                event.stamp_ns,
-                event.by,
-                event.run,
-                event.logged,
-            )
+            told = alike(LoggedEvent, event, kind=event.kind.value, who=event.by, number=event.logged)
             self.happened = newest([*self.happened, told])
 
     @property
