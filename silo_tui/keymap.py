@@ -30,7 +30,7 @@ from silo_tui.actions import (
 OPENERS = {"g": "menu_go", "e": "menu_edit", "v": "menu_view", "r": "menu_record", "p": "menu_plots"}
 MENUS = frozenset(OPENERS.values()) | {"menus"}
 DESTROYS = "D"  # always asks, is answered by `y`
-TURNED = {"next_sample": "previous_sample", "next_event": "previous_event"}
+TURNED = {"next_sample": "previous_sample", "next_event": "previous_event", "closer": "wider", "later": "earlier"}
 TURNED |= {back: on for on, back in TURNED.items()}
 
 _TABLE = (
@@ -123,6 +123,10 @@ _TABLE = (
     ("p y", "scale"),
     ("p l", "log_axis level"),
     ("p z", "detail_swap"),
+    ("plus,equals_sign,p plus", "closer"),
+    ("minus,p minus", "wider"),
+    ("pageup,ctrl+u,p pageup", "earlier"),
+    ("pagedown,ctrl+d,p pagedown", "later"),
     ("p t", "mode_time"),
     ("p s", "mode_spectrum"),
     ("p x", "mode_xy"),
@@ -150,8 +154,8 @@ _BAR = (  # r; what stands in a menu
     "space enter r; m plus minus h,left pageup pagedown end slash p e g v r o a u S w D full_stop escape"
 )
 _GIVES_WAY = (
-    "full_stop add_plot o minus plus end pagedown pageup h,left w D r v monitor mark S pause space save_data u p m "
-    "slash e escape turn_down g r; enter a"
+    "full_stop add_plot o minus plus end pagedown pageup h,left w D r v monitor mark S space save_data u m "
+    "detail pause slash e p escape turn_down g r; enter closer a"
 )
 BASES: dict[str, Mapping[str, str]] = {"two-layer": TWO_LAYERS, "classic": {}}
 # where the letters mean other things on lists, or are free for keys of the user's own

@@ -17,6 +17,8 @@ from textual.widgets import Static
 from silo_tui.actions import BY_ID, Command, commands_for, key_of, key_text
 from silo_tui.context import SiloScreen
 from silo_tui.keymap import DESTROYS, MENUS, TURNED, TWO_LAYERS, command_of, counts, in_menu, where
+from silo_tui.model.words.names import fitted_among
+from silo_tui.model.words.text import cut_words
 from silo_tui.unforeseen import Guarded
 
 DRAWN_AFTER_S = 0.25
@@ -24,7 +26,7 @@ DRAWN_AFTER_THIN_S = 0.6
 NOT_AGAIN = ("load_script", "load_preset", "load_into_loggers", "save_script", "control")
 MOST_ROWS = 7
 LEAST_COLUMN = 24
-ZOOM, PAN = ("closer", "wider"), ("earlier", "later")  # of plots: without a letter, told in the title of their menu
+LEAST_NAME = 12  # cells
 
 
 class MenuLines(Guarded, Static):
@@ -93,8 +95,7 @@ class MenuReader:
             return
         lines = ("filter", "list_filter", "command")
         to_line = back is not None and back.id in lines  # who types one may not know that a refusal left the menu open
-        in_plots = back is not None and self._menu == "menu_plots" and back.id in (*ZOOM, *PAN)
-        if entries is None and back is not None and (to_line or in_plots):
+        if entries is None and back is not None and to_line:
             self.close()
             screen.action_command(back.id)
             return
@@ -166,18 +167,18 @@ class MenuReader:
         count = max(-(-len(entries) // MOST_ROWS), min(3, width // LEAST_COLUMN, len(entries)))
         rows, column = -(-len(entries) // count), width // count
         title, about = BY_ID[self._menu].help.removeprefix("the menu of "), screen.subject
-        if about and self._menu not in ("menu_go", "menus"):  # it may cover the line
-            title = f"{BY_ID[self._menu].label}: {about}"
-        if self._menu == "menu_plots" and screen.scope in BY_ID["earlier"].scopes:  # what has no letter in it
-            zoom, pan = (" ".join(map(key_of, pair)) for pair in (ZOOM, PAN))
-            title = f"{title if about else 'plots'}: {zoom} zoom, {pan} go back and on"
         if len(of_all) == 1:
-            title += f"  (now: {one})" if (one := of_all.pop()) else ""
+            rest = f"  (now: {one})" if (one := of_all.pop()) else ""
         else:
-            title += "  brackets: not now"
-        leaves = f"{key_of('back')} back"
-        picture = Text(f"{key_of(self._menu)}  {title}", style="bold", no_wrap=True)
-        picture.truncate(width - len(leaves) - 2, overflow="ellipsis")
+            rest = "  ( ) not now: type it for why"
+        leaves, key = f"{key_of('back')} back", key_of(self._menu)
+        room = width - len(leaves) - 2 - len(key) - 2
+        rest = rest if len(rest) + LEAST_NAME <= room else ""
+        if about and self._menu not in ("menu_go", "menus"):  # it may cover the line
+            title = f"{BY_ID[self._menu].label}: "
+            is_name = about.startswith("/") and " " not in about  # else words of several
+            title += fitted_among(about, (), max(LEAST_NAME, room - len(title) - len(rest))) if is_name else about
+        picture = Text(f"{key}  {cut_words(title, room - len(rest))}{rest}", style="bold", no_wrap=True)
         picture.append(" " * (width - picture.cell_len - len(leaves)) + leaves, style="not bold")
         drawn = []
         for key, command in entries.items():
@@ -187,8 +188,7 @@ class MenuReader:
             words = f" {command.label}{': ' if value else ''}{value}"
             if entry.cell_len + cell_len(words) > column - 1:  # no word is cut, and one blank stays
                 words = f" {command.label}"
-            entry.append(words, style="not bold")
-            entry.truncate(column - 1, overflow="ellipsis")
+            entry.append(cut_words(words, column - 1 - entry.cell_len), style="not bold")
             drawn.append(entry)
         for row in range(rows):
             picture.append("\n")

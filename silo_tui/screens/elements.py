@@ -472,7 +472,7 @@ class ElementsScreen(SiloScreen):
         plot = next(each for each in ("monitor", "plot") if self.scope in BY_ID[each].scopes)
         then = [plot] if rows.marked_count else ["mark_shown"] if len(rows.shown) else []
         if then and not self.session.table.pending_count[0]:  # what edits ask for needs the room
-            then += ["mark", plot, *(["menu_view"] if with_keys(BY_ID["menu_view"]).keys else [])]
+            then += [plot, "mark", *(["menu_view"] if with_keys(BY_ID["menu_view"]).keys else [])]
         called = {"mark_shown": "Mark all", "menu_view": "View"}
         each_once = [(each, called.get(each) or self.label_now(BY_ID[each])) for each in dict.fromkeys(then)]
         back = f"Back to {cut(before, BEFORE_ROOM)}" if (before := self.filter_before) else "No filter"

@@ -369,12 +369,9 @@ class TableScreen(ElementsScreen):
             self.say(f"{self.table.field.label}: {and_more(now, 3)}; {key_of('edit')} edits it")
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
-        """Return what applies edits or stops the logger, where a mode would leave it out, or starts a demo again."""
-        keys = super().mode_keys()
-        if self.session.dead and self.context.has_demo():
-            return (("loggers", f"{key_of('demo')} Demo again"), *keys)
-        wanted = next((each for each in ("apply", "start_stop") if self.label_now(BY_ID[each])), "")
-        return (*keys, (wanted, self.label_now(BY_ID[wanted]))) if keys and wanted else keys
+        """Return what starts a demo again."""
+        again = self.session.dead and self.context.has_demo()
+        return ((("loggers", f"{key_of('demo')} Demo again"),) if again else ()) + tuple(super().mode_keys())
 
     def label_now(self, command: Command) -> str:
         """Return it; nothing to take back where nothing was edited."""

@@ -1,7 +1,6 @@
 """The lines around the table: status on top, banner, information, keys at the bottom."""
 
 import math
-import re
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, cast
@@ -27,6 +26,8 @@ from silo_tui.theme import ROLES, bold, color
 from silo_tui.unforeseen import Guarded
 
 OF_MODE = 99  # rank in the key bar of what a mode asks for: all else gives way first
+# what never gives way, whatever a mode asks for
+ALWAYS = {"table": ("edit", "menu_edit", "apply", "undo", "start_stop")}
 LONG = 10  # digits from which on a column may not have room for a whole number
 # how what a dead program left is opened: Enter has a meaning of its own on most screens
 OPENS = {"table": ("monitor", "edit"), "monitor": ("detail",)}
@@ -231,13 +232,9 @@ def left_a_file(session: Session) -> bool:
     return session.dead and bool(session.left_files or ": saved " in reason or "; saved " in reason)
 
 
-_WITHIN = re.compile(r"(?<=\d) (?=\d{3}(?!\d)|[kMGT]?B\b)")  # a number and its unit
-_HELD = "\ue000"  # of no use elsewhere, and no blank
-
-
 def lines_of(words: str, room: int, console: Console) -> list[str]:
-    """Return words in lines of so many cells, broken at blanks, none of them within a number (`12 345`, `9.8 MB`)."""
-    return [line.plain.replace(_HELD, " ") for line in Text(_WITHIN.sub(_HELD, words)).wrap(console, room)]
+    """Return words in lines of so many cells, broken at blanks, none of them within a number or the keys of a menu."""
+    return [text.loosened(line.plain) for line in Text(text.held(words)).wrap(console, room)]
 
 
 class Banner(Guarded, Widget):
@@ -310,7 +307,7 @@ def _first_and_last(words: str, room: int) -> str:
     parts = [LinePart(0 if at in ends else len(keys) - at, each) for at, each in enumerate(keys)]
     first, *rest = [part.words for part in fitting(parts, room, between)]
     left = room - sum(cell_len(each) + len(between) for each in rest)
-    return between.join([text.cut(first, max(1, left)), *rest])
+    return between.join([text.cut_words(first, max(1, left)), *rest])
 
 
 def _as_many(parts: Sequence[LinePart], room: int, between: str) -> list[LinePart]:
@@ -353,7 +350,12 @@ class KeyBar(Guarded, Widget):
         known = {command.id for command in in_mode}
         shown = in_bar(screen.scope, read_only=cast(Any, self.app).context.read_only)
         labels = [(command, rank, screen.label_now(command)) for command, rank in shown]
-        now = [(_called(command, label), OF_MODE if label == OPEN_FILE else rank) for command, rank, label in labels]
+        always = ALWAYS.get(screen.scope, ())
+        first = OF_MODE + 1
+        now = [
+            (_called(command, label), first if command.id in always or label == OPEN_FILE else rank)
+            for command, rank, label in labels
+        ]
         mode = [(command, OF_MODE - place) for place, command in enumerate(in_mode)]
         return [*mode, *((command, rank) for command, rank in now if command.id not in known and command.label)]
 

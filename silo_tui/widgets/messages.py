@@ -113,7 +113,8 @@ class MessageLine(FittingLine):
         kept = [(part.words, *part.shorter)[-1] for part in self.facts() if part.words and part.rank in (0, STAYS)]
         stays = "".join(f"{each}{self.BETWEEN}" for each in kept)
         is_whole = self._failed and self._most_rows > 1
-        answer = Text(stays + self.said if is_whole else self.cut(stays + self.said))
+        words = stays + self.said
+        answer = Text("\n".join(lines_of(words, room, self.app.console)) if is_whole else self.cut(words))
         if self._failed:
             answer.stylize(bold(self.app.theme_variables, "alarm"), len(stays))
         return answer

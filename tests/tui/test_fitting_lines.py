@@ -61,9 +61,11 @@ async def test_the_editor_of_a_cell_leaves_the_columns_before_it_in_sight(fake, 
 
 @pytest.mark.parametrize(
     ("words", "whole"),
-    [("saved 1 225 244 samples", "1 225 244"), ("is held (10.8 MB)", "10.8 MB"), ("so many: 12 345", "12 345")],
-)
-def test_no_line_ends_within_a_number_or_before_its_unit(words, whole):
+    [("saved 1 225 244 samples", "1 225 244"), ("is held (10.8 MB)", "10.8 MB"), ("so many: 12 345", "12 345"),
+     ("e d is in the table", "e d"), ("pressed: g a lists it", "g a"), ("with the keys p 0, all", "p 0"),
+     ("it is zoomed by p +", "p +")],
+)  # fmt: skip
+def test_no_line_ends_within_a_number_before_its_unit_or_within_the_keys_of_a_menu(words, whole):
     for room in range(11, 30):
         lines = lines_of(words, room, Console())
         assert " ".join(line.strip() for line in lines) == words

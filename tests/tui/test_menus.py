@@ -16,7 +16,7 @@ class Asked(Sheet):
     """A screen that keeps which commands it was asked for; its plots can't be joined now."""
 
     context = property(lambda self: self.desk)
-    focused = None
+    focused, subject = None, ""
 
     def action_command(self, command_id, typed=None):
         self.told.append(command_id)
@@ -117,7 +117,7 @@ def test_the_key_of_another_menu_opens_that_one_where_it_is_no_letter_of_this(re
 
 
 @pytest.mark.parametrize(("key", "does"), [("plus", "closer"), ("minus", "wider"), ("pageup", "earlier")])
-def test_a_key_that_the_title_of_the_menu_of_plots_tells_is_done_from_it(reading, key, does):
+def test_a_key_that_moves_the_window_is_done_from_the_menu_of_plots_too(reading, key, does):
     reading.sheet.scope = "monitor"
     reading.typed("p")
     reading.timer.do()
@@ -197,18 +197,21 @@ def menu(reading, letter):
 def test_a_menu_has_its_title_the_way_back_and_values(reading):
     title, entries = menu(reading, "e")
     assert title.startswith("e  what edits elements, or what the cursor is on")
-    assert (title[-9:], len(title), "brackets" in title) == (" Esc back", 78, False)
+    assert (title[-9:], len(title), "( )" in title) == (" Esc back", 78, False)
     assert "d  Divider: 12" in entries
     reading.read_only = True
-    assert "  brackets: not now" in reading.reader.picture(reading.sheet, 78).plain
+    title = reading.reader.picture(reading.sheet, 78).plain.split("\n")[0]
+    assert title.startswith("e  what edits elements, or what the…  ( ) not now: type it for why  ")
 
 
 @pytest.mark.parametrize("width", [30, 48, 78])
 def test_on_a_narrow_screen_the_title_gives_way_to_the_way_back(width, reading):
     reading.typed("p")
     title, *rows = reading.reader.picture(reading.sheet, width).plain.split("\n")
-    assert (len(title), title[-11:]) == (width, "…  Esc back" if width < 78 else "   Esc back")
-    assert len(rows) == 6
+    assert (len(title), title[-10:]) == (width, "  Esc back")
+    told = title.removesuffix("Esc back").rstrip().partition("  ( )")[0].removesuffix("…")
+    assert f"{BY_ID['menu_plots'].help} ".removeprefix("the menu of ").startswith(f"{told.partition('  ')[2]} ")
+    assert len(rows) == 7
     assert all(len(row) <= width for row in rows)
 
 
@@ -243,6 +246,27 @@ def test_where_edits_are_dropped_elsewhere_the_menu_names_the_key_that_deletes(s
     assert "(x) Discard: D deletes" in entries
     reading.typed("x")
     assert reading.sheet.told[-1] == "e x (Discard): D deletes what the cursor is on, or all that are marked"
+
+
+def test_the_menu_of_plots_names_what_zooms_and_tells_of_a_long_name_what_has_room(reading):
+    reading.sheet.scope = "monitor"
+    reading.sheet.subject = "/base/acceleration_of_the_left_rear_leg_x"
+    title, entries = menu(reading, "p")
+    assert {"+  Zoom", "-  Zoom out", "PgUp  Earlier", "PgDn  Later"} <= set(entries)
+    assert "rear_leg_x  ( ) not now: type it for why  " in title
+    reading.typed("plus")
+    assert reading.sheet.repeated == "closer"
+
+
+def test_no_word_of_an_entry_is_cut(reading):
+    for letter in "gevrp":
+        reading.typed(letter)
+        for width in range(70, 100):
+            _, *rows = reading.reader.picture(reading.sheet, width).plain.split("\n")
+            cut = [word.rpartition(" ")[2] for row in rows for word in row.split("…")[:-1]]
+            labels = {"", *(word for command in BY_ID.values() for word in command.label.replace(":", "").split())}
+            assert set(cut) <= labels, (letter, width, cut)
+        reading.typed("escape")
 
 
 def test_a_reason_that_all_have_stands_in_the_title_alone(reading):

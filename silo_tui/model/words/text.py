@@ -1,10 +1,13 @@
 """Numbers, times, sizes and names as short text that fits a column."""
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
+
+from rich.cells import cell_len
 
 from silo.core.elements import SavedFile
 from silo.core.quantities import writing
@@ -186,10 +189,34 @@ def clean(words: str) -> str:
     return words if words.isprintable() else "".join(char if char.isprintable() else "·" for char in words)
 
 
+# a number and its unit; the letter of a menu and that of its entry: `12 345`, `9.8 MB`, `g a`
+_WITHIN = re.compile(r"(?<=\d) (?=\d{3}(?!\d)|[kMGT]?B\b)|(?<=\b[gevrp]) (?=[^\s\w]|\w\b)")
+_HELD = "\ue000"  # of no use elsewhere, and no blank
+
+
+def held(words: str) -> str:
+    """Return words whose numbers and keys don't break at the end of a line; `loosened` makes blanks of it again."""
+    return _WITHIN.sub(_HELD, words)
+
+
+def loosened(words: str) -> str:
+    """Return words that were held together, as they are read."""
+    return words.replace(_HELD, " ")
+
+
 def cut(words: str, width: int) -> str:
     """Return clean words in at most `width` letters, an ellipsis in place of the rest."""
     words = clean(words)
     return words if len(words) <= width else words[: max(0, width - 1)] + "…"
+
+
+def cut_words(words: str, width: int) -> str:
+    """Return as many whole words as have room in so many cells, an ellipsis in place of the rest."""
+    if cell_len(words) <= width:
+        return words
+    whole = words[: max(0, width - 1)]
+    end = whole.rfind(" ") if words[len(whole) : len(whole) + 1].strip() else len(whole)
+    return (whole[:end].rstrip(" :") if whole[:end].strip() else whole) + "…"
 
 
 def saved_words(files: Sequence[SavedFile]) -> str:

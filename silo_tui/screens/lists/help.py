@@ -22,6 +22,7 @@ from silo_tui.model.drawing.braille import NAN, NEG_INF, POS_INF, SHADE
 from silo_tui.model.lists.happened import EVENT_LINE, NAMES
 from silo_tui.model.table.filter import TERMS
 from silo_tui.model.words.states import MEANINGS
+from silo_tui.model.words.text import held, loosened
 from silo_tui.widgets.inputs import Fleeting, Line
 from silo_tui.widgets.lines import MARKED, ON_MARKED
 from silo_tui.widgets.plot_stack import CURSOR_A, CURSOR_B
@@ -233,7 +234,8 @@ def _lines(entry: HelpLine, key_room: int, room: int, *, is_chosen: bool) -> lis
     else:
         head = [Text(left, style=style).append(" " * (key_room - cell_len(left)))]
     width = max(1, room - key_room - 1)
-    rest = [line[:width] for line in wrap(entry.right, width, break_long_words=False, break_on_hyphens=False)]
+    right = wrap(held(entry.right), width, break_long_words=False, break_on_hyphens=False)
+    rest = [loosened(line[:width]) for line in right]
     if cell_len(left) <= key_room and rest:
         head[0].append(f" {rest.pop(0)}", style="not bold not reverse")
     return head + [Text(" " * (key_room + 1) + words) for words in rest]

@@ -54,7 +54,7 @@ LIVE_SHARE = 0.25  # as often as that takes such a share of the time
 FEW_PEAKS = 6  # as many as two lines of 80 cells hold
 PEAKS_KNOWN = 64  # of which those are told that are drawn
 LEAST_LINES = 8  # of a spectrum that is looked at from near
-OF_SPECTRA = {"closer": "Closer", "wider": "Wider", "find": "Find peak"}  # zoomed is the axis of frequencies
+OF_SPECTRA = {"find": "Find peak"}
 
 
 @dataclass(frozen=True)
@@ -329,12 +329,10 @@ class DetailScreen(MonitorScreen):
             event.prevent_default()  # nor that it has no use here
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
-        """Return what a pause or a cursor asks for, and what moves in a spectrum."""
+        """Return what a pause or a cursor asks for."""
         found = [each for each in super().mode_keys() if self.mode in CURSOR_MODES or each[0] != "cursor_left"]
         if self.mode != MODES[0] and len(self.plots) > len(self._shown_plots):
             found.append(("detail_down", f"Next of {len(self.plots)}"))
-        if self.mode == "spectrum":  # most of what moves lies in the first cells
-            found += (("closer", OF_SPECTRA["closer"]), ("wider", OF_SPECTRA["wider"]))
         return found
 
     def why_not_now(self, command_id: str) -> str:

@@ -457,7 +457,8 @@ class MonitorScreen(PlotScreen):
         joins = (("join_plots", "Join"),) if self.scope.endswith("monitor") and len(self.stack.panels) == 2 else ()
         if self.came_with_file:  # its table was not asked for
             return (("back", "Back"), ("go_home", "Its table"), *joins)
-        cursor = ("cursor_left", f"{key_of('cursor_far_left')} Cursor".lstrip())  # by one, and by ten
+        far = f"{key_of('cursor_far_left')} " if self.size.width >= ROOMY else ""  # by one, and by ten
+        cursor = ("cursor_left", f"{far}Cursor".lstrip())
         return (*paused, cursor, ("back", back), *joins) if back else (*paused, *joins)
 
     def way_back(self) -> tuple[str, Callable[[], None]]:
