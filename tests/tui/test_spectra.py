@@ -362,3 +362,34 @@ def test_of_a_spectrum_the_lower_frequencies_are_drawn_as_if_there_were_no_other
     assert big_plot.line_in(Spectrum(lines, 1.0), [], 30, count / 2, SIZE[0]).frequency_hz == pytest.approx(
         count / 4, abs=count / SIZE[0]
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("a drift", lambda t, noise: t),
+        ("a step", lambda t, noise: (t > 4.3) + 0.05 * noise),
+        ("what runs out", lambda t, noise: np.exp(-t / 3)),
+        ("one that goes round once", lambda t, noise: np.sin(2 * np.pi * t / 10)),
+        ("noise that is slow rather than fast", lambda t, noise: np.convolve(noise, 0.95 ** np.arange(200))[: len(t)]),
+    ],
+    ids=lambda each: each if isinstance(each, str) else "",
+)
+def test_what_does_not_go_round_has_no_peak_and_a_wave_on_it_is_the_only_one(name, values):
+    t = np.arange(4000) / 400
+    drift = values(t, np.random.default_rng(3).normal(0, 1, len(t)))
+
+    def peaks(signal):
+        return peaks_of(spectrum_of(longest_piece((t * 1e9).astype(np.int64), signal)), 64)
+
+    assert peaks(drift) == []
+    size = float(np.ptp(drift))
+    (wave,) = peaks(drift + size * np.sin(2 * np.pi * 12.3 * t))
+    assert wave.frequency_hz == pytest.approx(12.3, abs=0.05)
+
+
+def test_harmonics_of_a_gait_are_peaks_each():
+    t = np.arange(4000) / 400
+    gait = np.abs(np.sin(2 * np.pi * 2.03 * t))
+    found = peaks_of(spectrum_of(longest_piece((t * 1e9).astype(np.int64), gait)))
+    assert [round(peak.frequency_hz / 4.06) for peak in found] == list(range(1, 9))

@@ -25,6 +25,9 @@ _LOBE = 2  # lines on each side that the main lobe of a Hann window covers
 _DIP = 0.7  # of a peak's height, that a line between it and a higher one so near must fall below
 _ROUNDING = 1e-13  # of the largest value: below, what floats leave of a constant looks like peaks
 _NOISE = 4.0  # times the median that a peak must reach
+_QUARTER = 1.55  # how far the median of noise lies above its lower quarter
+_AROUND = 12  # lines on each side at least that tell of the noise
+FEWEST_PERIODS = 1.7  # in a piece, of a wave
 _FAINT = 1e-3  # of the highest: below, what a window leaks looks like peaks
 
 
@@ -152,22 +155,39 @@ class Peak:
 
 
 def peaks_of(spectrum: Spectrum, most: int = MOST_PEAKS) -> list[Peak]:
-    """Return the highest peaks, at most so many, the highest first; they rise over the noise and lie apart."""
+    """Return the highest peaks, at most so many, the highest first; they rise over the noise around them and lie apart.
+
+    What hardly goes round twice is none: a drift, or a step, looks the same there.
+    """
     heights = spectrum.amplitudes
     if len(heights) < 2 * _LOBE + 1:
         return []
     floor = max(_NOISE * float(np.median(heights)), _FAINT * float(heights.max()), _ROUNDING * spectrum.largest)
+    noise = _noise_of(heights)
     found: list[int] = []
     for line in np.argsort(heights)[::-1].tolist():
         if not heights[line] > floor:
             break
         is_top = heights[line] == heights[max(0, line - 1) : line + 2].max()
-        if is_top and all(_is_apart(heights, line, other) for other in found):
+        if is_top and heights[line] > noise[line] and all(_is_apart(heights, line, other) for other in found):
             found.append(line)
         if len(found) == most:
             break
     peaks = [_between_lines(heights, line, spectrum.step_hz) for line in found]
+    peaks = [peak for peak in peaks if peak.frequency_hz > FEWEST_PERIODS * spectrum.step_hz]
     return sorted(peaks, key=lambda peak: -peak.amplitude)
+
+
+def _noise_of(heights: Floats) -> Floats:
+    """Return what a peak must reach at each line: noise is seldom as high at all lines of about its frequency.
+
+    Of these the lower quarter is looked at: harmonics are many of them.
+    """
+    lines = np.unique(np.geomspace(1, len(heights), 8 * len(heights).bit_length()).astype(np.intp)) - 1
+    reach = np.maximum(_AROUND, (lines + 1) // 2)
+    ends = zip(np.maximum(0, lines - reach), lines + reach + 1, strict=True)
+    lower = [float(np.quantile(heights[begin:end], 0.25)) for begin, end in ends]
+    return np.interp(np.arange(len(heights)), lines, lower) * _NOISE * _QUARTER
 
 
 def _is_apart(heights: Floats, line: int, higher: int) -> bool:

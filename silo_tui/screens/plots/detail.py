@@ -257,7 +257,8 @@ class DetailScreen(MonitorScreen):
         notes = [f"{whose}peak {words[0]}", *words[1:]] if words else [f"{whose}no peak stands out"]
         rate = 1 / first.period_s
         finer = f", finer of more seconds: {key_of('mode_time') or key_of('mode')}, {key_of('wider')}"
-        blurred = any(_is_blurred(peak, step) for peak in peaks)
+        highest = Peak((int(spectra[0].amplitudes.argmax()) + 1) * step, 0.0)  # of a drift too, which is no peak
+        blurred = any(_is_blurred(peak, step) for peak in (highest, *peaks))
         notes.append(f"resolution {text.compact(step)} Hz{finer if blurred else ''}")
         notes.append(f"{duration(first.seconds)} of {text.short(rate)} Hz, jitter {text.span(first.jitter_s, 2)}")
         if first.left_out:
