@@ -397,15 +397,19 @@ async def test_a_large_plot_that_was_opened_as_a_spectrum_is_left_by_one_esc(fak
         assert large(screen) is below
 
 
-async def test_how_many_signals_a_pattern_added_is_said(fake, opened):
-    async with opened(fake.run(20), size=(120, 30)) as screen:
+async def test_how_many_signals_a_pattern_added_is_said_and_one_turns_through_all_of_them(fake, opened):
+    async with opened(fake.run(20), size=(160, 30)) as screen:
         below = await open_large(screen)
         await screen.press("m")
         await screen.enter("HFE/*")
         await screen.until(lambda: len(below.stack.plots) > 2, "all that fit it")
-        added, here = len(below.stack.plots) - 1, len(large(screen).plots) - 1
-        await screen.shows(f"added {added}, {here} of them here: ")
-        assert 1 < here < added
+        added = len(below.stack.plots) - 1
+        assert added > 8
+        await screen.shows(f"added {added} plots: /legs/LF/HFE/")
+        assert f" and {added - 3} more: " in screen.text
+        assert large(screen).plots == below.stack.plots
+        screen.app.screen.action_command("mode_histogram")
+        await screen.shows(f"Next of {added + 1} ")
 
 
 @pytest.mark.parametrize("mode", ["mode_time", "mode_spectrum"])
@@ -418,7 +422,7 @@ async def test_a_signal_that_is_added_in_it_is_plotted_in_the_monitor_and_comes_
         screen.app.screen.action_command(mode)
         await screen.press("m")
         await screen.enter("LF/HAA/position")
-        await screen.shows("added: j shows it, Esc leads to the plots")
+        await screen.shows("added /legs/LF/HAA/position: j shows it, Esc leads to the plots")
         assert large(screen).subject == "/legs/LF/HAA/torque"
         assert [each.name for each in below.stack.plots] == [TORQUE, position]
         await screen.enter(":plot LF/HAA/position")

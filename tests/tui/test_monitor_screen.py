@@ -318,7 +318,7 @@ async def test_another_signal_is_plotted_by_its_name_without_leaving_the_plots(f
         await screen.press("m")
         await screen.shows("added by their names: their ends")
         await screen.press(*"LF/HAA/pos", "tab", "enter")
-        await screen.shows("added; J lays it over the plot above")
+        await screen.shows("added /legs/LF/HAA/position; J lays it over the plot above")
         stack = monitor(screen).stack
         assert [each.name for each in stack.plots] == [TORQUE, TORQUE.replace("torque", "position")]
         assert stack.chosen_plot is stack.plots[1]

@@ -41,7 +41,7 @@ from silo_tui.model.samples.source import Samples
 from silo_tui.model.words import text
 from silo_tui.model.words.names import fitted_among
 from silo_tui.screens.dialogs.questions import Choice, Question
-from silo_tui.screens.plots.monitor import MonitorScreen
+from silo_tui.screens.plots.monitor import MonitorScreen, added_words
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.detail_plot import DetailPlot
 
@@ -73,7 +73,7 @@ NOTHING = Analysed()
 
 
 class DetailScreen(MonitorScreen):
-    """A plot of up to eight entries: the first `count` of `plots` are those of the panel that was chosen.
+    """A plot of up to eight of some signals: the first `count` of `plots` are those of the panel that was chosen.
 
     The monitor below it lends its window and its pause, and gets them back as they are then.
     """
@@ -84,7 +84,7 @@ class DetailScreen(MonitorScreen):
         super().__init__(monitor.session, [])
         plots, count = monitor.stack.for_detail()
         self.below = monitor
-        self.plots = list(plots[:MAX_SERIES])
+        self.plots = list(plots)
         self.count = min(count, MAX_SERIES)
         self.mode = self._entered_as = mode
         self.level = LEVELS[0]
@@ -312,12 +312,12 @@ class DetailScreen(MonitorScreen):
         """Plot these in the monitor; here they come next."""
         stack = self.below.stack
         stack.keep([*stack.plots, *new])
-        come = [each for each in new if each.numeric][: MAX_SERIES - len(self.plots)]
+        come = [each for each in new if each.numeric]
         self.plots[self.count : self.count] = come
         self.request_view()
         ways = {"detail_down": "shows it", "mode_xy": "is X-Y"} if come and self.count == 1 else {}
         ways["back"] = "leads to the plots"
-        added = "added" if len(new) == 1 else f"added {len(new)}, {len(come)} of them here"
+        added = added_words([self.session.short_name(each.name) for each in new])
         self.say(f"{added}: " + ", ".join(f"{key_of(each)} {words}" for each, words in ways.items() if key_of(each)))
 
     def command_mode(self) -> None:

@@ -28,6 +28,11 @@ OF_LATER = ("later", "newest")
 OF_WHAT_GOES_ON = {"add_plot": "adds", "all_entries": "plots them", "next_entry": "goes on to it"}
 
 
+def added_words(names: Sequence[str]) -> str:
+    """Return which signals were plotted by what was typed, and how many, where it meant several."""
+    return f"added {names[0]}" if len(names) == 1 else f"added {len(names)} plots: {and_more(names, 3)}"
+
+
 class MonitorScreen(PlotScreen):
     """Plots of the elements that were marked when it was opened; of a file cursor A is a moment, whatever the zoom."""
 
@@ -438,7 +443,8 @@ class MonitorScreen(PlotScreen):
         stack.keep([*stack.plots, *new])
         stack.choose(stack.plots.index(new[0]))
         joins = not self.why_not_now("join_plots") and len(new) == 1
-        self.say(f"added; {key_of('join_plots')} lays it over the plot above" if joins else "added")
+        added = added_words([self.session.short_name(each.name) for each in new])
+        self.say(f"{added}; {key_of('join_plots')} lays it over the plot above" if joins else added)
         self.fill_soon()
 
     # ----------------------------------------------------------------------------------------------------- the way back
