@@ -96,7 +96,7 @@ class ElementsScreen(SiloScreen):
     def _legend(self) -> str:
         """What a sign in small plots is, where one has it."""
         shade = f"{SHADE} {HOLE_TEXTS[Gap.NONE]}" if self.table.shaded or self.inspector.shaded else ""
-        facts, names = self.session.table.facts, self.table.names_on_screen()
+        facts, names = self.session.table.facts, map(self.table.sight.shown_name, self.table.rows_on_screen())
         unseen = "changed" in self.table.titles and any(facts.detail(each, "change_seen") == 0 for each in names)
         return " │ ".join(filter(None, (f"{UNSEEN} no change seen yet" * unseen, shade)))
 

@@ -168,7 +168,7 @@ class TableScreen(ElementsScreen):
     async def _survey(self) -> None:
         reset, self._reset_wanted = self._reset_wanted, False
         try:
-            await self.session.survey(self.table.names_on_screen(), self._quantities, reset=reset)
+            await self.session.survey(self.table.names_near_screen(), self._quantities, reset=reset)
         except RefusedError as refused:  # as where others have all statistics that there may be
             if self._no_survey != str(refused):
                 self._no_survey = str(refused)
@@ -212,6 +212,7 @@ class TableScreen(ElementsScreen):
             self._show_filter()
             self.request_view_soon()
         self.table.live_changed()
+        self.show_bars()  # the head tells alarms of the numbers that rows show
         if self.inspector.display:  # it writes the value as its row does
             self.inspector.live_changed()
         self.info.refresh()

@@ -381,9 +381,10 @@ class Session:
         """Return how limits stand beside the numbers of the newest picture; of the others as they were judged last."""
         now, found = self.live, []
         for one in self.limits:
-            reading = now.readings.get(one.name)
-            is_shown = reading is not None and reading.time_ns == now.time_ns and len(reading.newest) > 0
-            word = limit_word_shown(self.table, one, reading) if reading is not None and is_shown else one.word
+            reading, row = now.readings.get(one.name), self.table.row(one.name)
+            word = one.word
+            if row is not None and reading is not None and reading.time_ns == now.time_ns and len(reading.newest):
+                word = limit_word_shown(self.table, row, one, reading)
             found.append(msgspec.structs.replace(one, word=word))
         return found
 

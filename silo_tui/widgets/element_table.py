@@ -243,18 +243,25 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         top = self.rows.position - self.scroll_offset.y
         return Region(self.region.x + start, self.region.y + top, width, 1)
 
-    def _lines_on_screen(self) -> list[int]:
+    def _lines_on_screen(self, beyond: int = 0) -> list[int]:
         top = self.scroll_offset.y
-        lines: list[int] = self.rows.tree.lines[top : top + max(1, self.size.height)].tolist()
+        found = self.rows.tree.lines[max(0, top - beyond) : top + max(1, self.size.height) + beyond]
+        lines: list[int] = found.tolist()
         return lines
 
     def rows_on_screen(self) -> list[int]:
         """Return the elements that are visible now."""
         return list(dict.fromkeys(row for line in self._lines_on_screen() if (row := row_of(line)) is not None))
 
-    def names_on_screen(self) -> list[str]:
-        """Return the names of what is told of now: elements, what is shown of vectors, entries with a line."""
-        rows, names = self.rows_on_screen(), self.session.table.names
+    def names_near_screen(self) -> list[str]:
+        """Return the names of what is told of now: elements, what is shown of vectors, entries with a line.
+
+        So it is of half a screen beyond, which comes into view measured; not of a file, nor over a thin link.
+        """
+        spare = self.sight.digits_fewer or self.session.at_s is not None
+        lines = self._lines_on_screen(0 if spare else self.size.height // 2)
+        rows = dict.fromkeys(row for line in lines if (row := row_of(line)) is not None)
+        names = self.session.table.names
         found = [name for row in rows for name in (names[row], self.sight.shown_name(row))]
         if "value" in self.quantities:  # entries that stand beside statistics are of the same moment
             room = sum(cells + 1 for column, cells in self.laid.measured if column.title in ("value", STATE))
@@ -262,7 +269,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
                 count = len(self.session.table.elements[at].entries)
                 beside = min(count, room // ENTRY + 1) if count > 1 and not self.sight.component(at) else 0
                 found += [self.sight.entry_name(at, entry) for entry in range(beside)]
-        for line in self._lines_on_screen():
+        for line in lines:
             row, entry = row_of(line), entry_of(line)
             if row is not None and entry is not None:
                 found.append(self.sight.entry_name(row, entry))

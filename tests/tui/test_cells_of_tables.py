@@ -49,6 +49,10 @@ def test_a_row_that_came_up_by_its_value_shows_the_one_it_was_ordered_by():
     values[ROW["/t"]] = 2.5
     sight.table.facts = Facts({"value": values})
     assert cells.value(sight, ROW["/t"], 11) == ("2.5000", "value")
+    one = LimitStatus("/t", "/t", LimitWord.OK, bounds=(None, None, None, 2.0))
+    sight.table.limits = {"/t": one}
+    assert cells.sign(sight, ROW["/t"], 6)[0] == "HH", "as the number beside it, not as that of another moment"
+    assert cells.limit_word_shown(sight.table, ROW["/t"], one, read(1.5)).value == "HH"  # which the head tells
 
 
 @pytest.mark.parametrize(

@@ -346,8 +346,15 @@ def test_of_what_is_on_the_screen_the_names_are_told(table):
     table.height = 6
     table.follow()
     assert table.rows_on_screen() == [table.session.table.row(TURN)]
-    assert table.names_on_screen()[0] == TURN
-    assert {f"{TURN}_{each}" for each in "xyzw"} <= set(table.names_on_screen())
+    assert table.names_near_screen()[0] == TURN
+    assert {f"{TURN}_{each}" for each in "xyzw"} <= set(table.names_near_screen())
+    table.rows.unfolded = {}
+    table.rows.order_by("name")
+    table.follow()
+    beyond = table.session.table.names[table.rows.shown[table.height]]
+    assert beyond in table.names_near_screen(), "what comes into view is measured"
+    table.sight.digits_fewer = 1
+    assert beyond not in table.names_near_screen(), "but over a thin link"
 
 
 @pytest.mark.parametrize(

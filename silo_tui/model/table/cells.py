@@ -204,11 +204,10 @@ def value(sight: Sight, row: int, width: int) -> Cell:
         return reading
     element, chosen = sight.table.elements[row], sight.component(row)
     told = sight.table.facts.detail(sight.shown_name(row), "value")
-    surveyed = sight.table.facts.of("value", len(sight.table)) if len(element.entries) == 1 else None
-    if math.isnan(told) and surveyed is not None:  # it came on the screen by this value
-        told = float(surveyed[row])
-    if len(element.entries) == 1 or chosen >= 2:
-        reading = reading.with_value(max(0, chosen - 2), told)
+    if len(element.entries) == 1:
+        reading = _as_shown(sight.table, row, reading)
+    elif chosen >= 2:
+        reading = reading.with_value(chosen - 2, told)
     if chosen:
         label = component_label(element, chosen, width)
         written = digits(sight, row, chosen)
@@ -219,6 +218,14 @@ def value(sight: Sight, row: int, width: int) -> Cell:
             reading = reading.with_value(entry, sight.table.facts.detail(sight.entry_name(row, entry), "value"))
     alone = digits(sight, row, 0) if len(element.entries) == 1 else None
     return value_text(element, reading, width, alone), _value_style(sight, reading)
+
+
+def _as_shown(table: TableState, row: int, reading: Reading) -> Reading:
+    """Return the reading of a scalar with the number that its row shows: of the moment of what stands beside it, or,
+    before that was measured, that by which it came on the screen.
+    """
+    told, surveyed = table.facts.detail(table.names[row], "value"), table.facts.of("value", len(table))
+    return reading.with_value(0, float(surveyed[row]) if math.isnan(told) and surveyed is not None else told)
 
 
 def value_head(sight: Sight, width: int) -> str:
@@ -301,14 +308,14 @@ def sign_of(table: TableState, row: int, reading: Reading | None = None) -> str:
     if not table.server[Field.ENABLED, row]:
         return worst(bits & _OF_LIMITS)  # what is off isn't measured; its limits may be judged by others
     if one is not None and reading is not None:
-        bits = bits & ~_OF_BOUNDS | LIMIT_BITS.get(limit_word_shown(table, one, reading).value, 0)
+        bits = bits & ~_OF_BOUNDS | LIMIT_BITS.get(limit_word_shown(table, row, one, reading).value, 0)
     is_full = reading is not None and reading.why in (NotLive.FULL, NotLive.LIMIT)
     return worst(bits) or (FULL if is_full else OLD if is_old(reading) else "")
 
 
-def limit_word_shown(table: TableState, one: LimitStatus, reading: Reading) -> LimitWord:
+def limit_word_shown(table: TableState, row: int, one: LimitStatus, reading: Reading) -> LimitWord:
     """Return the range of the number that a row shows of a scalar with limits."""
-    return one.word_of(float(reading.with_value(0, table.facts.detail(one.name, "value")).newest[0]))
+    return one.word_of(float(_as_shown(table, row, reading).newest[0]))
 
 
 def branch_sign(sight: Sight, rows: Rows) -> Cell:

@@ -67,7 +67,7 @@ class FileTableScreen(ElementsScreen):
 
     def _measure(self) -> None:
         """Reckon what filter, order and columns need and isn't known yet of this moment."""
-        details = self.table.names_on_screen()
+        details = self.table.names_near_screen()
         if self.file.unmeasured(details, self.table.quantities):
             run_alone(self, "facts", self._measured, details)
         elif self.session.table.facts.time_ns not in (0, self.file.time_ns):
