@@ -227,7 +227,7 @@ def test_numbers_are_written_for_how_large_they_were_and_do_not_change_with_the_
 
 
 @pytest.mark.parametrize(
-    ("kind", "words"), [("vector", "0 -1e-3  2e-3"), ("pose", "0 -1e-3  2e-3")]
+    ("kind", "words"), [("vector", "0.0 -1e-3  2e-3"), ("pose", "0.0 -1e-3  2e-3")]
 )  # fmt: skip
 def test_entries_of_one_unit_are_written_alike(kind, words):
     element = ElementInfo("/v", "m", kind, (3,), tuple(Entry(f"_{c}", "<f8") for c in "xyz"), ElementOptions())
@@ -241,8 +241,15 @@ def test_entries_of_one_unit_are_written_alike(kind, words):
 def test_a_vector_has_one_power_of_ten_or_plain_decimals(kind, values):
     element = ElementInfo("/v", "m", kind, (3,), tuple(Entry(f"_{c}", "<f8") for c in "xyz"), ElementOptions())
     told = value_text(element, Reading(np.array(values), {}, 1, 0, 0), 17).split()
-    assert len({word.partition("e")[2] for word in told if word != "0"}) == 1, told
+    assert len({word.partition("e")[2] for word in told if word not in ("0", "0.0")}) == 1, told
     assert not [word for word in told if word.startswith("0e")], told
+
+
+def test_an_integer_beside_large_ones_is_none_that_is_rounded():
+    """`[2**60, 5, 0]` read `1.15e18 0 0`."""
+    element = ElementInfo("/v", "-", "vector", (3,), tuple(Entry(f"_{c}", "<i8") for c in "xyz"), ElementOptions())
+    reading = Reading(np.array([2.0**60, 5.0, 0.0]), {0: str(2**60)}, 1, 0, 0)
+    assert value_text(element, reading, 24).split() == ["1.15e18", "5", "0"]
 
 
 def test_entries_that_are_integers_stay_some():

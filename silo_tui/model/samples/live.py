@@ -168,7 +168,8 @@ def value_text(element: ElementInfo, reading: Reading | None, width: int, digits
         is_number = word is None and entry.dtype[1:2] in "fiu" and not entry.labels
         if is_number:
             brief = digits_of(max(sizes[position], least), 0.0, text.BRIEF)
-            piece = entry_text(entry, value, None, text.BRIEF, brief).rjust(text.BRIEF)
+            is_whole = entry.dtype[1:2] in "iu" and abs(value) < 10 ** (text.BRIEF - 1)  # beside large ones no 0
+            piece = entry_text(entry, value, None, text.BRIEF, None if is_whole else brief).rjust(text.BRIEF)
         else:
             piece = entry_text(entry, value, word, 8)
         rest = len(entries) - position - 1

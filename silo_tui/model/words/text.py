@@ -46,7 +46,9 @@ class Digits(NamedTuple):
         words = self.mantissa(value)
         if words[0] == "-" and not words.strip("-0."):
             words = words[1:]  # no minus before what rounds to 0
-        words += f"e{self.power}" if self.power and words != "0" else ""
+        if self.power and words == "0":  # `0e-4` would be read as small; what is not 0 is not told as exactly that
+            return "0.0" if value else words
+        words += f"e{self.power}" if self.power else ""
         if 0 < width < len(words) and (alone := digits_of(abs(value), 0.0, width)) != self:
             return alone.write(value, width)
         return words
