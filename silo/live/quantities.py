@@ -13,13 +13,12 @@ QUANTITIES = (
     "value", "min", "max", "mean", "std", "noise", "count", "rate", "share", "jitter", "changed", "change_seen", "fill",
     "held", "signs", "bad", "least", "most",
 )  # fmt: skip
-"""`value` newest; `min` to `count` of all finite samples since the reset, `noise` of the steps between them: their root
-mean square over sqrt(2), the standard deviation of white noise on whatever moves slowly; `rate` in Hz and `share` of
+"""`value` newest; `min` to `count` of all finite samples since the reset, `noise` of their second differences: the root
+mean square over sqrt(6), the standard deviation of white noise on whatever moves slowly; `rate` in Hz and `share` of
 the nominal one; `jitter` the standard deviation of the time between samples in s; `changed` seconds since the value
 last changed, also in an earlier run, or, without `change_seen` (1 or 0), since it is known: that change is longer ago;
-`fill` 0 ... 1 and `held` samples of
-the buffer; `signs` bits; `bad` how many samples since the reset were nan or inf; `least` and `most` the smallest and
-the largest of any of its entries, where `min` and `max` are of its norm."""
+`fill` 0 ... 1 and `held` samples of the buffer; `signs` bits; `bad` how many samples since the reset were nan or inf;
+`least` and `most` the smallest and the largest of any of its entries, where `min` and `max` are of its norm."""
 
 NOT_FINITE, FROZEN, SLOW, LOST = 1, 2, 4, 8
 NOT_FINITE_S = 10.0  # for so long after a nan or inf its sign stays: nobody sees that of one sample in ten

@@ -274,5 +274,5 @@ class FakeRows:
             return float(samples.min() if quantity == "least" else samples.max())
         norms = samples[0] if is_entry else np.sqrt(np.square(samples).sum(axis=0))
         if quantity == "noise":
-            return float(np.sqrt(np.mean(np.square(np.diff(norms))) / 2)) if len(norms) > 1 else math.nan
+            return float(np.sqrt(np.mean(np.square(np.diff(norms, 2))) / 6)) if len(norms) > 2 else math.nan
         return float({"value": np.mean, "min": np.min, "max": np.max, "mean": np.mean, "std": np.std}[quantity](norms))

@@ -16,8 +16,8 @@ class RunningStatistics:
     """Minimum, maximum, mean and standard deviation of many signals over all samples that were added, but NaN.
 
     Of infinite ones, as everywhere: they are extremes, the mean is infinite, too, and there is no deviation. `noise` is
-    of the steps from one finite sample to the next: their root mean square over sqrt(2), which is the standard
-    deviation of white noise, whatever it lies on (the Allan deviation at one sample).
+    of second differences of samples: their root mean square over sqrt(6), which is the standard deviation of white
+    noise, whatever slow motion it lies on (the Hadamard deviation at one sample).
     """
 
     def __init__(self, count: int) -> None:
@@ -26,8 +26,8 @@ class RunningStatistics:
         self.number, self.bad = np.zeros(count, np.int64), np.zeros(count, np.int64)
         self._base = np.full(count, np.nan)  # sums of what is left of it lose no digits
         self._sum, self._squares = np.zeros(count), np.zeros(count)
-        self._last = np.full(count, np.nan)
-        self._steps, self._step_squares = np.zeros(count, np.int64), np.zeros(count)
+        self._before, self._last = np.full(count, np.nan), np.full(count, np.nan)
+        self._bends, self._bend_squares = np.zeros(count, np.int64), np.zeros(count)
 
     def moved(self, count: int, kept: Sequence[tuple[slice, slice]]) -> "RunningStatistics":
         """Return statistics of `count` signals that go on with these; `kept` are slots here, and where they are there.
@@ -63,18 +63,21 @@ class RunningStatistics:
                 self.bad[slots] += (~finite).sum(axis=0)
             self._sum[slots] += rest.sum(axis=0)
             self._squares[slots] += np.einsum("ij,ij->j", rest, rest)
-            steps = rest  # which is done with
-            np.subtract(block[1:], block[:-1], out=steps[1:])
-            steps[0] = block[0] - self._last[slots]
-            some = steps[:1] if all_finite else steps
+            bends = rest  # which is done with
+            np.multiply(block[1:-1], -2.0, out=bends[2:])
+            bends[2:] += block[2:]
+            bends[2:] += block[:-2]
+            known = np.stack([self._before[slots], self._last[slots]])
+            bends[:2] = np.diff(np.concatenate([known, block[:2]]), 2, axis=0)
+            some = bends[:2] if all_finite else bends
             unknown = ~np.isfinite(some)
             some[unknown] = 0.0
-            self._steps[slots] += len(steps) - unknown.sum(axis=0)
-            self._step_squares[slots] += np.einsum("ij,ij->j", steps, steps)
-            self._last[slots] = block[-1]
+            self._bends[slots] += len(bends) - unknown.sum(axis=0)
+            self._bend_squares[slots] += np.einsum("ij,ij->j", bends, bends)
+            self._before[slots], self._last[slots] = np.concatenate([known, block[-2:]])[-2:]
 
     def of(self, quantity: str) -> Floats:
-        """Return one of `min`, `max`, `mean`, `std`, `noise`, `count`, `bad`, NaN where there is no sample, or no step.
+        """Return one of `min`, `max`, `mean`, `std`, `noise`, `count`, `bad`, NaN where there are too few samples.
 
         `count` is of the finite ones, `bad` of all others.
         """
@@ -85,7 +88,7 @@ class RunningStatistics:
             return np.where(self.low <= self.high, found, np.nan)
         if quantity == "noise":
             with np.errstate(invalid="ignore"):
-                return np.sqrt(self._step_squares / (2 * self._steps))
+                return np.sqrt(self._bend_squares / (6 * self._bends))
         infinite = np.where(self.high == np.inf, np.inf, 0.0), np.where(self.low == -np.inf, -np.inf, 0.0)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             mean = self._sum / self.number

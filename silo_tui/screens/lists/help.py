@@ -62,7 +62,7 @@ COLUMNS = (
     ("buf", "buffer: keeps the newest (loop), the first (fix), or all (grow)"), ("size", "samples that its buffer has"),
     ("fill", "how much of it is full"), ("value", "the newest; a number in a file: at that time"),
     ("min max mean std", "of each sample since the line below says; of a vector the ends of any entry, of one unit"),
-    ("noise/median", "noise (standard deviation of steps) against the median of those that are called alike"),
+    ("noise/median", "noise (std of second differences) against the median of those that are called alike"),
     ("rate", "samples a second, as measured"),
     ("state", "the worst that is the matter: its words stand below"),
     ("%", "of the samples that it should have"), ("jitter", "how far samples are off their time"),
