@@ -399,7 +399,8 @@ async def view_shown(context: Context, name: str) -> str:
     except ValueError as error:
         raise RefusedError(str(error)) from error
     missing = await views.show(context, layout)
-    return "; ".join(filter(None, [f"view {name}", missing, *problems[:1]]))
+    meant = f": {preset.words.partition(': ')[2]}" if preset is not None else ""
+    return "; ".join(filter(None, [f"view {name}{meant}", missing, *problems[:1]]))
 
 
 async def _near_limit_shown(context: Context) -> str:

@@ -115,7 +115,7 @@ def test_what_was_left_is_opened_by_its_name_unless_a_view_has_that(fake, shown)
 def test_a_view_that_is_always_there_is_of_all_whatever_the_filter_shows(before, fake, shown):
     desk = Desk(fake)
     desk.session.rows.set_filter(before)
-    assert typed(desk, "view hottest") == "view hottest"
+    assert typed(desk, "view hottest").startswith("view hottest: temperatures"), "what is shown"
     assert shown == [BY_NAME["hottest"].layout]
 
 
@@ -179,7 +179,8 @@ def test_a_robot_that_can_t_keep_a_view_says_why(fake, monkeypatch):
 @pytest.mark.parametrize(
     ("answers", "said"),
     [
-        (("h",), ["view hottest"]), (("1",), ["view gait"]), (("2",), ["view walk"]), (("r", "1"), ["view robot:run"]),
+        (("h",), ["view hottest: temperatures, the highest on top; it stands still"]),
+        (("1",), ["view gait"]), (("2",), ["view walk"]), (("r", "1"), ["view robot:run"]),
         (("r", ESC), []), ((ESC,), []),
     ],
 )  # fmt: skip
