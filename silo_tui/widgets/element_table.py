@@ -127,6 +127,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         """
         self.sight.widths = {"value": value_width, "trend": TREND * trend} | ({} if fill else {"fill": 0})
         self._wide, self._bare = wide, bare
+        self.sight.ends.clear()
         self._forget()
         self.refresh()
 

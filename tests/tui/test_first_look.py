@@ -350,6 +350,6 @@ async def test_the_noisiest_are_ordered_by_the_number_that_stands_beside_them(fa
         await screen.until(lambda: screen.session.rows.shown[:1] == [row], "the noisiest")
         head, first = screen.text.splitlines()[1:3]
         at = head.index(f"↓{NOISE}")
-        assert first[at : at + 1 + len(NOISE)].split() == ["8"], f"{head}\n{first}"
+        assert first[at : at + 1 + len(NOISE)].split() == ["8.0"], f"{head}\n{first}"
         await screen.press("escape")
         await screen.until(lambda: NOISE not in screen.text.splitlines()[1], "shown as long as it is the order")

@@ -368,7 +368,7 @@ def _number(sight: Sight, row: int, chosen: int, quantity: str, width: int, *, a
 def noise(sight: Sight, row: int, width: int) -> Cell:
     """Return how many times the noise of the median of its siblings it has."""
     found = sight.table.noise[row]
-    return ("" if math.isnan(found) else text.short(found, 3)), "quiet"
+    return ("-" if math.isnan(found) else f"{found:.1f}" if found < 1e6 else text.short(found, 3)), "quiet"
 
 
 def rate(sight: Sight, row: int, width: int) -> Cell:
