@@ -183,8 +183,11 @@ def test_a_statistic_reads_as_its_signal_does(name, title, told, more, cell):
 
 @pytest.mark.parametrize(
     ("at_s", "width", "head"),
-    [(None, 8, "value"), (21.9975, 12, "at 21.9975 s"), (21.9975, 8, "at 22 s"), (1234567.0, 4, "at 1e6 s")],
-)
+    [
+        (None, 8, "value"), (21.9975, 12, "at 21.9975 s"), (21.9975, 8, "at 22 s"), (1234567.0, 4, "1e6 s"),
+        (106.9, 7, "106.9 s"),
+    ],
+)  # fmt: skip
 def test_the_head_of_values_says_of_when_they_are_in_as_many_digits_as_it_has_room_for(at_s, width, head):
     assert cells.value_head(sight_of("/t", at_s=at_s), width) == head
 

@@ -229,10 +229,11 @@ def _as_shown(table: TableState, row: int, reading: Reading) -> Reading:
 
 
 def value_head(sight: Sight, width: int) -> str:
-    """Return the title, of a file at which time that is, in as many digits as have room."""
+    """Return the title, of a file at which time that is, in as many digits as have room: `at 107 s`, `107 s`."""
     if sight.at_s is None:
         return "value"
-    told = [f"at {text.short(sight.at_s, digits)} s" for digits in range(6, 0, -1)]
+    at_s = [text.short(sight.at_s, digits) for digits in range(6, 0, -1)]
+    told = [*(f"at {words} s" for words in at_s[:4]), *(f"{words} s" for words in at_s)]
     return next((words for words in told if len(words) <= width), told[-1])
 
 
