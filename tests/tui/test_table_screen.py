@@ -448,4 +448,4 @@ async def test_where_several_are_marked_it_is_said_that_a_new_thing_is_of_one(fa
         await screen.shows("12 marked")
         await screen.do("new_of_row")
         await screen.shows("New for /legs/LF/HAA/torque?")
-        await screen.shows("not of the 12 elements that are")
+        await screen.shows("not of the 12 that are")
