@@ -194,20 +194,19 @@ def whole_run(path: Path, recording: Recording, *, check: bool = False) -> Recor
 
 
 def alone_of(path: Path, recording: Recording) -> str:
-    """What to tell who reads one part of several alone; empty where it is none, or none lies beside it."""
+    """What to tell who reads one part of several alone; empty where it is none, or of a recording none lies beside."""
     stretch = recording.stretch
     if stretch is None or not stretch.part:
         return ""
-    if not stretch.recorder:
-        return stretch.alone
-    # parts of a run follow one another: two of thousands are looked at
     others = sorted(_beside(path, stretch), key=_number)
-    at = sum(_number(other) < _number(path) for other in others)
-    for other in others[max(0, at - 1) : at + 1]:
+    if stretch.recorder:  # parts of a run follow one another: two of thousands are looked at
+        at = sum(_number(other) < _number(path) for other in others)
+        others = others[max(0, at - 1) : at + 1]
+    for other in others:
         with contextlib.suppress(LogNotFoundError, FileFormatError):
             if stretch.is_beside(read_recording(other, added_formats).stretch):
                 return stretch.alone
-    return ""
+    return "" if stretch.recorder else f"{stretch.text}; no other part of it lies beside this one"
 
 
 def _number(part: Path) -> tuple[int, str]:

@@ -210,6 +210,7 @@ def opened(read: Callable[[], Log]) -> FileSession:
             raise FileFormatError(f"{log.path}: the log is empty, it holds no {what}{told}")
         session = FileSession(log)
         stretch = log.recording.stretch
-        if stretch is not None and alone_of(Path(log.path), log.recording):
-            session.warnings += (f"{stretch.text}, alone: :runs opens all of it as one",)
+        if stretch is not None and (alone := alone_of(Path(log.path), log.recording)):
+            opens = f"{stretch.text}, alone: :runs opens all of it as one"
+            session.warnings += (opens if alone == stretch.alone else alone,)
     return session

@@ -444,6 +444,14 @@ async def test_a_run_that_was_cut_is_shown_whole_whichever_part_is_opened(tmp_pa
             assert "alone" not in screen.text
 
 
+async def test_a_part_of_a_run_of_which_no_other_is_there_is_not_said_to_be_opened_whole(tmp_path, on_file):
+    cut_in_two(tmp_path)
+    next(tmp_path.glob("*part1.silo")).unlink()
+    async with on_file(next(tmp_path.glob("*part2.silo"))) as screen:
+        await screen.shows("; no other part of it lies beside this")
+        assert ":runs" not in screen.text
+
+
 async def test_a_file_of_a_recording_is_shown_alone_and_says_so(tmp_path, on_file):
     recorded_in_two(tmp_path)
     async with on_file(next(tmp_path.glob("*00001*"))) as screen:
