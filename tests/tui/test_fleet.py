@@ -368,4 +368,5 @@ def test_the_open_one_is_told_beside_what_it_answered_too() -> None:
 
     assert told(line(member(), answer="stopped")).endswith(" open: stopped")
     assert told(line(Member(UNKNOWN.found, problem="no answer"))).endswith(" open: no answer")
+    assert told(line(Member(UNKNOWN.found))).endswith(" …         open: no answer yet")  # and not half a line
     assert " open ann" in told(line(member()))

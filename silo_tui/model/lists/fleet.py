@@ -112,7 +112,7 @@ def row(
         return begin + ": ".join([*here, one.answer])
     member, told = one.member, one.member.summary
     if told is None:
-        return begin + ": ".join([*here, member.problem.replace("\n", " ")])
+        return begin + ": ".join([*here, member.problem.replace("\n", " ") or "no answer yet"])
     run_s = member.run_s(now_ns)
     was = f"was {STATES.get(told.state.value, ' ')[:1]}" if member.lost else ""
     share = member.disk_share
