@@ -311,6 +311,30 @@ async def test_what_happens_meanwhile_stands_above_the_event_under_the_cursor(ru
         await screen.shows(': "push 3"')
 
 
+async def test_a_line_of_several_goes_up_as_another_one_comes(running, opened):
+    def over(name, before):
+        running.happen("limit", f"/log/{name} H 3 Nm", running.now_ns - round(before * SECOND / 10))
+
+    for before in range(20, 10, -1):
+        over("ab"[before % 2], before)
+    async with opened(running) as screen:
+        await screen.do("events", "j")
+        await screen.shows("5 events in ")
+
+        def shown():
+            return [
+                line.split(": /log/")[1][0]
+                for line in screen.text.splitlines()
+                if " H 5 ev" in line or " H 6 ev" in line
+            ]
+
+        await screen.until(lambda: shown() == ["a", "b"] or shown() == ["b", "a"], "both lines")
+        first, second = shown()
+        over(second, 10.5)  # before what stands above both
+        await screen.until(lambda: shown() == [second, first], "the newest at the top")
+        assert "orders anew" not in screen.text
+
+
 async def test_an_event_that_others_push_off_the_screen_leaves_the_cursor_to_the_newest(running, opened):
     async with opened(running, size=(80, 24)) as screen:
         await screen.do("events")

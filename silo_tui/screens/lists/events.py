@@ -124,6 +124,10 @@ class EventsScreen(LoggerList[LoggedEvent]):
     def key_of(self, one: LoggedEvent) -> str:
         return f"{one.run} {one.number} {'folded' if one.times > 1 else f'{one.time_ns} {one.kind} {one.text}'}"
 
+    def stands_by(self, one: LoggedEvent) -> str:
+        """Return what it is known by, and when it was: a line of several goes up as another one comes."""
+        return f"{self.key_of(one)} {one.at_ns} {one.clock_ns}"
+
     def row_of(self, one: LoggedEvent, width: int) -> Text:
         shown = Text(line(one, self.told(one), width - 2, self.session.status.logger, self._long))
         if letter(one) in "MTX":
