@@ -322,8 +322,9 @@ def _columns(header: Header, size: int) -> list[_Stored]:
         if not line or back - line.size_bytes < position:
             break
         back -= line.size_bytes
-        behind.insert(0, _column(name, line, back, size))
-    found = [(column.name, column.line) for column in columns + behind]
+        behind.append(_column(name, line, back, size))
+    behind.reverse()
+    found = {(column.name, column.line) for column in columns + behind}
     lost = [name for name, line in rows if line and (name, line) not in found]
     header.warnings.append(
         "behind a damaged line of the table, values were taken from the end of the file" + _and_lost(lost)
