@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NoReturn, TypeVar
 
 import msgspec
 
-from silo.client.connection import Connection
+from silo.client.connection import Connection, LoggerEndedError
 from silo.client.parameters import ClientParameters
 from silo.client.renewals import ControlLease, Renewals
 from silo.client.saves import Saves
@@ -32,7 +32,7 @@ from silo.history.find import SearchRequests
 from silo.history.requests import By, GetHistory, GetSamples, KeepPin, OpenPin, OpenStream
 from silo.live.requests import GetSurvey, OpenView, Survey
 from silo.net.access.senders import READ_ONLY, READ_ONLY_WORDS, viewer_words
-from silo.net.found import LoggerAddress
+from silo.net.found import LoggerAddress, logger_of
 from silo.net.keys import ClientId, Root
 from silo.parameters.requests import ParameterRequests
 from silo.recorder.requests import RecorderRequests
@@ -143,8 +143,17 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         text("logger", logger, 'Client.connect("robot")')
         text("config", config, 'Client.connect("robot", config="client.json5")')
         with ExitStack() as holding:
-            found = awaited(logger, lambda: discover(timeout_s, config, holding), timeout_s)
-            return cls(found, timeout_s, read_only=read_only)
+            until_s = time.monotonic() + timeout_s
+            while True:
+                found = awaited(logger, lambda: discover(timeout_s, config, holding), timeout_s)
+                try:
+                    return cls(found, timeout_s, read_only=read_only)
+                except LoggerEndedError as ended:  # who is there in its place is meant
+                    with contextlib.suppress(ConnectionLostError):
+                        there = discover(timeout_s, config, holding).named(logger_of(logger))
+                        if there and time.monotonic() < until_s:
+                            continue
+                    raise ended from None
 
     @property
     def parameters(self) -> ClientParameters:

@@ -28,7 +28,7 @@ from silo.decoding import msgpack_decoder
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 from silo.fleet.exchange import NoAnswerError, exchange, introduce, root_at
 from silo.fleet.many import Pending
-from silo.fleet.near import seen_now
+from silo.fleet.near import near_loggers, seen_now
 from silo.fleet.resolving import namesakes
 from silo.net import keys
 from silo.net.found import LoggerAddress
@@ -53,12 +53,17 @@ DEAD_SCAN_S = 0.5
 TWIN_SCAN_S = 2.0  # so often is looked who is there beside a robot that lives
 HELPER_BACK_S = 3.0  # elsewhere nobody sees whether a program lives: its next helper process is there by then
 TOKEN_POLL_S = 0.001
+GONE_S = 0.3  # another user's logger is seen nowhere while its next helper process begins to listen
 LOOK_S = 1.0
 LEFT_S = 10.0  # a helper process that is there may be kept from answering; a query ends at once where its link has gone
 REACH_S = 2.0  # its thread looks for the way again and again, and is to end soon
 
 log = logging.getLogger("silo.client")
 _event_decoder = msgpack_decoder(Event)
+
+
+class LoggerEndedError(ConnectionLostError):
+    """It was there when it was looked for, and ended before it was connected to."""
 
 
 class Connection:
@@ -101,14 +106,16 @@ class Connection:
     # -------------------------------------------------------------------------------------------- one session
 
     def _opened(self, found: LoggerAddress, timeout_s: float, until_s: float) -> bool:
-        path = Path(found.socket)
+        """Return whether it is open; where not it may be by now: its helper process was being replaced."""
         try:
-            self._open(found, timeout_s)
+            self._open(seen_now(found) if found.socket else found, timeout_s)
         except ConnectionLostError as error:
-            has_left = isinstance(error, NoAnswerError) or not path.exists() or owner_is_gone(path)
-            comes_back = bool(found.socket) and has_left and process_start(found.pid) != 0
-            if not comes_back or time.monotonic() >= until_s:
+            silent, is_there = isinstance(error, NoAnswerError), _is_there(found)
+            given_up = not silent or time.monotonic() >= until_s or _program_is_gone(found)
+            if isinstance(error, VersionError) or (is_there and given_up) or (found.config and not silent):
                 raise
+            if not is_there and not _comes_back(found, until_s):
+                raise LoggerEndedError(f"{self.label_of(found)} ended just now; nothing was asked") from error
             log.debug("not yet: %s", error)
             return False
         return True
@@ -457,10 +464,44 @@ def _wait_for_token(alive: "zenoh.Subscriber[zenoh.Handler[zenoh.Sample]]", time
     while time.monotonic() < until_s:
         sample = alive.try_recv()
         if sample is not None and sample.kind == zenoh.SampleKind.DELETE:
-            raise ConnectionLostError("the helper process ended just now; try again")
+            raise NoAnswerError("the helper process ended just now; try again")
         if sample is not None:
             return
         time.sleep(TOKEN_POLL_S)
+
+
+def _seen(found: LoggerAddress) -> list[LoggerAddress]:
+    """Return who may be a logger, or what came in its place; empty where there is no way to them any more."""
+    with contextlib.suppress(SiloError):
+        return namesakes(found, HELLO_TIMEOUT_S)
+    return []
+
+
+def _program_is_gone(found: LoggerAddress) -> bool:
+    return bool(found.socket) and process_start(found.pid) == 0
+
+
+def _is_there(found: LoggerAddress) -> bool:
+    return any(one.key == found.key for one in _seen(found))
+
+
+def _comes_back(found: LoggerAddress, until_s: float) -> bool:
+    """Wait for a logger that is gone; False where it was ended, as far as is seen from here."""
+    gone_s = time.monotonic()
+    while time.monotonic() < until_s:
+        seen = _seen(found)
+        if any(one.key == found.key for one in seen):
+            return True
+        if found.config:
+            is_over = any(one.follows(found) for one in seen)
+        else:
+            near = near_loggers()
+            is_between = any((one.name, one.pid) == (found.name, found.pid) for one in (*near.down, *near.left))
+            is_over = not is_between and (time.monotonic() - gone_s > GONE_S or _program_is_gone(found))
+        if is_over:
+            return False
+        time.sleep(POLL_S)
+    return False
 
 
 def _program_start(found: LoggerAddress, helper_pid: int) -> int:
