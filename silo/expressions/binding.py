@@ -496,6 +496,8 @@ class _Binder:
         elif sides[0].unit and isinstance(sides[1].part, Constant):
             unit = units.power(sides[0].unit, sides[1].part.value)
         parts = tuple(side.part for side in sides)
+        if operator in "/%" and columns_of(parts[0]) and not columns_of(parts[1]) and _constant(parts[1]) == 0:
+            raise self._error("this divides by 0, which gives no number at any time", node)
         literal = all(side.literal for side in sides)
         return _Found(Computed(operator, parts), width, None if unit in (None, "-") else unit, literal=literal)
 

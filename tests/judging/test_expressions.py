@@ -390,3 +390,23 @@ def test_what_windows_remember_is_counted_and_has_an_end(text, kept_s):
     assert bind(text, WIDE).kept_s == kept_s
     with pytest.raises(ExpressionError, match="its windows remember more than 10,000 s of values"):
         bind(f"min(std(w, 9s)) + std(x, 2s) + mean(w, 1s) + ({text if kept_s else 'mean(x, 1s)'})", WIDE)
+
+
+@pytest.mark.parametrize(
+    ("text", "at"),
+    [
+        ("tau_0 / 0", "tau_0 / 0"), ("1 + tau_0 / 0.0", "tau_0 / 0.0"), ("tau_0 % 0", "tau_0 % 0"),
+        ("tau_0 / -0", "tau_0 / -0"), ("joints/tau / (0 * 2)", "joints/tau / (0 * 2)"), ("roll / 0deg > 1", "roll / 0"),
+    ],
+)  # fmt: skip
+def test_a_signal_that_is_divided_by_0_is_refused(text, at):
+    error = refusal(text)
+    assert error.reason == "this divides by 0, which gives no number at any time"
+    assert pointed_at(error) == at
+
+
+@pytest.mark.parametrize(
+    "text", ["0 / tau_0", "tau_0 / 1e-300", "tau_0 / tau_1", "tau_0 / (0 * tau_1)", "tau_0 < 1 / 0"]
+)
+def test_what_may_be_a_number_is_divided(text):
+    bind(text, CATALOGUE)
