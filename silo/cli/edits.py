@@ -88,11 +88,7 @@ def select(names: Sequence[str], patterns: Sequence[str], prefix: str = "") -> l
 
 def of_entries(elements: "Sequence[ElementInfo]", patterns: Sequence[str]) -> tuple[list[str], list[str]]:
     """Patterns with the element in place of an entry of it (`joints/q_3`), and what is to be told of that."""
-    known = Names(
-        (one.name for one in elements),
-        "",
-        lambda: [[one.name + entry.suffix for entry in one.entries] for one in elements],
-    )
+    known = Names.of(elements)
     made, told = [], []
     for pattern in patterns:
         found = [] if known.find(pattern) else known.find(pattern, scalars=True)

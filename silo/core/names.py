@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterable, Sequence
 from fnmatch import translate
 from functools import cached_property
 from glob import escape
-from typing import TypeVar
+from typing import Any, TypeVar
 
 GIVEN = "letters, digits, blanks and / _ - . +"  # of which a name is that is given while a logger runs
 _GIVEN = re.compile(r"[\w /.+-]*[\w.+-][\w /.+-]*")
@@ -50,6 +50,12 @@ class Names:
         self.prefix = f"/{bare}" if (bare := prefix.strip("/")) else ""
         self._read_scalars = scalars
 
+    @classmethod
+    def of(cls, elements: Sequence[Any], prefix: str = "") -> "Names":
+        """Return the names of elements, each with `name` and `entries`, and of their scalars."""
+        every = (one.name for one in elements)
+        return cls(every, prefix, lambda: [[one.name + each.suffix for each in one.entries] for one in elements])
+
     def keys(self, text: str) -> tuple[str, str]:
         """Return what a text may be the whole name of: itself, or with the prefix."""
         return text, f"{self.prefix}/{text.lstrip('/')}"
@@ -58,9 +64,13 @@ class Names:
         """Return what a text means, in the order of the table; nothing for what there isn't."""
         return next((found for found in self._steps(text, scalars, namespaces) if found), [])
 
+    def exact(self, name: str) -> Found | None:
+        """Return what has this whole name: an element, or a scalar of one."""
+        return (self.places[name], None) if name in self.places else self._scalars.get(name)
+
     def has(self, name: str) -> bool:
-        """Whether something has this whole name: an element, or a scalar of one."""
-        return name in self.places or name in self._scalars
+        """Whether something has this whole name."""
+        return self.exact(name) is not None
 
     def every(self, text: str, *, scalars: bool = False) -> list[Found]:
         """Return what a text means by any of the rules, not by the first alone: what it meant to commands so far."""

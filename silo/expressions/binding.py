@@ -99,11 +99,7 @@ class Catalogue:
 
     @cached_property
     def _names(self) -> Names:
-        return Names(
-            (one.name for one in self.elements),
-            self.prefix,
-            lambda: [[one.name + entry.suffix for entry in one.entries] for one in self.elements],
-        )
+        return Names.of(self.elements, self.prefix)
 
     def find(self, text: str) -> list[Found]:
         """Return what a name or a pattern names: one thing, or several where the name isn't unique."""

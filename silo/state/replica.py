@@ -5,7 +5,6 @@ anybody.
 """
 
 import contextlib
-import functools
 import os
 import socket
 import threading
@@ -44,13 +43,13 @@ FAILED_NAMES = 10  # of the status, which goes with every event
 class LoggerSnapshot:
     """The logger at one moment. `generation` changes with every edit, every derived signal and every start.
 
-    `places` are those of elements in the table; derived signals stand in `table.derived`.
+    `names` are those of the elements in the table, and behind them of its derived signals.
     """
 
     robot: RobotState
     options: LoggerOptions
     table: Table
-    places: dict[str, int]
+    names: Names
     entries: int
     encoded_table: EncodedTable
     generation: int
@@ -61,44 +60,19 @@ class LoggerSnapshot:
         """The state as clients see it."""
         return State.DEAD if self.died else self.robot.state
 
-    @functools.cached_property
-    def entry_places(self) -> dict[str, tuple[str, int]]:
-        """Element and number of every entry, by its name; made when the first plot asks."""
-        found: dict[str, tuple[str, int]] = {}
-        for info in (*self.table.elements, *self.table.derived):
-            for number, entry in enumerate(info.entries):
-                found.setdefault(info.name + entry.suffix, (info.name, number))
-        return found
-
-    @functools.cached_property
-    def _derived(self) -> dict[str, ElementInfo]:
-        return {info.name: info for info in self.table.derived}
-
-    @functools.cached_property
-    def _names(self) -> Names:
-        every = (*self.table.elements, *self.table.derived)
-        return Names(
-            (info.name for info in every),
-            self.options.prefix,
-            lambda: [[info.name + entry.suffix for entry in info.entries] for info in every],
-        )
-
     def meant(self, name: str) -> tuple[str, int]:
         """Return the element and the number of the entry, -1 for all of it, that clients mean by a name.
 
         A name that is both is the element. Raises RequestRefusedError for what there isn't, or is several.
         """
-        if self.element(name) is not None:
-            return name, -1
-        if name in self.entry_places:
-            return self.entry_places[name]
-        found = self._names.find(name, scalars=True, namespaces=False)
+        exact = self.names.exact(name)
+        found = self.names.find(name, scalars=True, namespaces=False) if exact is None else [exact]
         if len(found) != 1:
-            hint = self._names.hint(name[:200], "they are named like '/log/q' and '/log/q_x'")
+            hint = self.names.hint(name[:200], "they are named like '/log/q' and '/log/q_x'")
             text = f"no element or entry is called '{name[:200]}'{hint}"
-            raise RequestRefusedError(RefusedWhy.NOT_FOUND, self._names.several(name, found) if found else text)
+            raise RequestRefusedError(RefusedWhy.NOT_FOUND, self.names.several(name, found) if found else text)
         place, number = found[0]
-        return self._names.names[place], -1 if number is None else number
+        return self.names.names[place], -1 if number is None else number
 
     def found(self, name: str) -> tuple[str, int] | None:
         """Return the same, None for what there isn't, or is several."""
@@ -110,7 +84,7 @@ class LoggerSnapshot:
         """Return the same of many. Of names that aren't whole the first are searched for: each takes its time."""
         left, found = MOST_SEARCHED, []
         for name in names:
-            is_whole = self.element(name) is not None or name in self.entry_places
+            is_whole = self.names.has(name)
             left -= not is_whole
             found.append(self.found(name) if is_whole or left >= 0 else None)
         return found
@@ -125,8 +99,10 @@ class LoggerSnapshot:
 
     def element(self, name: str) -> ElementInfo | None:
         """Return the element, or derived signal, of that whole name."""
-        place = self.places.get(name)
-        return self._derived.get(name) if place is None else self.table.elements[place]
+        place, own = self.names.places.get(name), len(self.table.elements)
+        if place is None:
+            return None
+        return self.table.elements[place] if place < own else self.table.derived[place - own]
 
 
 @dataclass(frozen=True)
@@ -215,7 +191,7 @@ class Replica:
             robot=msgspec.structs.replace(robot, table=None),
             options=_options(robot),
             table=table,
-            places=_places(table),
+            names=Names.of((*table.elements, *table.derived), _options(robot).prefix),
             entries=sum(len(info.entries) for info in table.elements if info.options.enabled),
             encoded_table=EncodedTable(table),
             generation=self._generation,
@@ -234,7 +210,8 @@ class Replica:
         """Another present run, so that the memory of the last one is freed."""
         if reader is not None:
             table = sharing(self.now.table, reader.schema)
-            self.now = replace(self.now, table=table, places=_places(table))
+            names = Names.of((*table.elements, *table.derived), self.now.options.prefix)
+            self.now = replace(self.now, table=table, names=names)
         self._plan = None
         kept = kept_alike(reader.schema) if reader is not None else []
         with self._lock:
@@ -463,10 +440,6 @@ def sharing(table: Table, schema: SegmentSchema) -> Table:
     rows = {element.info.name: element.info for element in schema.elements}
     shared = [row if (row := rows.get(info.name)) == info else info for info in table.elements]
     return Table(table.revision, shared, table.derived, table.given)
-
-
-def _places(table: Table) -> dict[str, int]:
-    return {info.name: place for place, info in enumerate(table.elements)}
 
 
 def _options(robot: RobotState) -> LoggerOptions:

@@ -160,7 +160,7 @@ def fitting(conditions: Conditions, edits: Sequence[Edit], now: LoggerSnapshot) 
 
     elements = list(now.table.elements)
     for edit in edits:
-        place = now.places[edit.name]
+        place = now.names.places[edit.name]
         elements[place] = msgspec.structs.replace(elements[place], options=edit.options)
     there = now.robot.conditions.triggers
     return checked_conditions(conditions, elements, now.options.prefix, now.options.frequency_hz, there)
@@ -169,9 +169,8 @@ def fitting(conditions: Conditions, edits: Sequence[Edit], now: LoggerSnapshot) 
 def check_edits(request: ApplyEdits, now: LoggerSnapshot) -> None:
     """Raise why edits of the present table can't be applied; what can be told here never reaches the robot process."""
     check_revision(request, now.table.revision)
-    derived = next(
-        (edit.name for edit in request.edits if edit.name not in now.places and now.element(edit.name)), None
-    )
+    places, own = now.names.places, len(now.table.elements)
+    derived = next((edit.name for edit in request.edits if places.get(edit.name, -1) >= own), None)
     if derived is not None:
         check_none([Problem(shorten(derived, MAX_NAME), "name", IS_DERIVED)])
-    check_none(edit_problems(request.edits, now.places))
+    check_none(edit_problems(request.edits, places))

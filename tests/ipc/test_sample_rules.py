@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import silo
 from silo.core.elements import Action, BufferType, LoggerOptions, Table
+from silo.core.names import Names
 from silo.history import pins as pins_module
 from silo.history.arrays import Gathering
 from silo.history.pins import LEASE_S, Pins
@@ -40,8 +41,7 @@ class Robot:
         self.ticks(700)
         self.reader = SegmentReader(self.logger._present.run.segment.path)
         table = Table(1, list(self.logger.elements))
-        places = {info.name: place for place, info in enumerate(table.elements)}
-        self.now = LoggerSnapshot(None, LoggerOptions(), table, places, 0, b"", 1)
+        self.now = LoggerSnapshot(None, LoggerOptions(), table, Names.of(table.elements, "/log"), 0, b"", 1)
 
     def ticks(self, count):
         for _ in range(count):

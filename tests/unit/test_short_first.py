@@ -5,6 +5,7 @@ from collections import deque
 import pytest
 
 from silo.core.elements import Table
+from silo.core.names import Names
 from silo.helper.request_threads import LONG_TURN, MAX_LONG, MAX_WAITING, SHORT_BYTES, ShortFirst
 from silo.state.replica import MOST_SEARCHED, LoggerSnapshot
 from tests.stand_ins.fake_signals import scalar
@@ -63,7 +64,7 @@ def test_of_too_many_the_oldest_of_their_sort_are_dropped() -> None:
 
 def test_of_many_names_that_there_are_not_only_the_first_are_searched_for(monkeypatch) -> None:
     table = Table(1, [scalar("/log/q"), scalar("/log/p")])
-    now = LoggerSnapshot(None, None, table, {"/log/q": 0, "/log/p": 1}, 2, b"", 1)
+    now = LoggerSnapshot(None, None, table, Names.of(table.elements, "/log"), 2, b"", 1)
     searched = []
 
     def found(self, name):

@@ -53,11 +53,7 @@ def named_in(when: str, elements: Sequence[ElementInfo], prefix: str) -> list[st
     """Return the elements that stand in a condition: by name without the logger's prefix, an entry's, or a glob."""
     from silo.expressions.parsing import names_in, parse  # the first screen doesn't load it
 
-    names = Names(
-        (element.name for element in elements),
-        prefix,
-        lambda: [[element.name + entry.suffix for entry in element.entries] for element in elements],
-    )
+    names = Names.of(elements, prefix)
     try:
         words = names_in(parse(when).root)
     except ExpressionError:
