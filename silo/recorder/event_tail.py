@@ -209,7 +209,7 @@ class EventTail:
         self._seen = 0  # the newest number, of whatever run
         self._before: LoggedEvent | None = None  # the newest line
         self._marks: deque[LoggedEvent] = deque(maxlen=SLOTS)  # the newest of the run that the log told
-        self._parameters = ParameterTail(reader)
+        self.parameters = ParameterTail(reader)
 
     def close(self) -> None:
         """Let go of the log and the segment."""
@@ -236,7 +236,7 @@ class EventTail:
             if event.run == self._run and event.number >= self._next:
                 self._next = event.number + 1
                 if event.kind == PARAMETER:
-                    self._parameters.take_line(event)
+                    self.parameters.take_line(event)
                 else:
                     found.append(event)
                 self._is_over |= event.kind in (STOPPED, CRASHED)
@@ -244,7 +244,7 @@ class EventTail:
 
     def parameters_at(self, tick: int) -> tuple[LoggedEvent, ...]:
         """Return what all parameters are at the first tick of a part; nothing where there are none."""
-        found = self._parameters.begin(tick)
+        found = self.parameters.begin(tick)
         return () if found is None else (self._stamped(found),)
 
     def changes_until(self, tick: int, next_tick: int) -> tuple[LoggedEvent, ...]:
@@ -252,13 +252,9 @@ class EventTail:
 
         `next_tick` is where the next part would begin, at the soonest.
         """
-        found = tuple(map(self._stamped, self._parameters.until(tick)))
-        self._parameters.forget(next_tick)
+        found = tuple(map(self._stamped, self.parameters.until(tick)))
+        self.parameters.forget(next_tick)
         return found
-
-    def has_changes(self, tick: int) -> bool:
-        """Whether parameters changed at ticks that are in no part, of which one would begin with this tick."""
-        return self._parameters.has_more(tick)
 
     def _stamped(self, event: LoggedEvent) -> LoggedEvent:
         if event.stamp_ns:

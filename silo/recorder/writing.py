@@ -518,7 +518,7 @@ class Writing:
             self._note_bad()
             if happening is not None:
                 self._take_events(happening.read_last(until, died=died))
-                if happening.has_changes(self._next_tick) or any(
+                if happening.parameters.has_more(self._next_tick) or any(
                     event.kind not in _OF_RECORDERS for event in self._waiting
                 ):
                     self._open_part()
