@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from silo.core.arguments import path as file_path
-from silo.core.calls import call_problem
+from silo.core.calls import call_problem, of
 from silo.core.conditions import NO_CONDITIONS
 from silo.core.elements import DEFAULT_OPTIONS, ElementInfo, Entry, LoggerOptions, join_name
 from silo.core.episodes.block import EpisodeBlock
@@ -30,7 +30,6 @@ from silo.logger.logger import Logger
 from silo.logger.results import Elements, LoggedElement, NewValues, SavedFiles
 from silo.logger.tunables import Tunables
 from silo.loop.sources import VariableSet
-from silo.parameters.parameter import Parameter
 from silo.parameters.parameters import Parameters
 from silo.rpc.leases import Closing
 
@@ -159,15 +158,8 @@ class NullLogger(LoggerNames, Closing):
         self.add(made, name, **options)
         return made
 
-    @_like(Logger.parameter)
-    def parameter(self, **given: Any) -> Parameter:
-        """Return a parameter that nobody but the program sets. Raises like `Logger.parameter`."""
-        return self._tunables.parameter(**given)
-
-    @_like(Logger.input)
-    def input(self, **given: Any) -> Parameter:
-        """Return an input that nobody excites. Raises like `Logger.input`."""
-        return self._tunables.input(**given)
+    parameter = of("_tunables", Tunables.parameter)  # that nobody but the program sets
+    input = of("_tunables", Tunables.input)  # that nobody excites
 
     @_like(Logger.remove)
     def remove(self, name: str) -> int:

@@ -114,11 +114,7 @@ class UnclosedLogger(Protocol):
 
 
 _living: "weakref.WeakSet[UnclosedLogger]" = weakref.WeakSet()
-
-
-def watch(logger: UnclosedLogger) -> None:
-    """See to it that the logger's data outlives a process that ends without `close()`."""
-    _living.add(logger)
+watch = _living.add  # of a logger whose data is to outlive a process that ends without `close()`
 
 
 def end_namesakes(name: str) -> None:
