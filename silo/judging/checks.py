@@ -42,6 +42,16 @@ def seconds(argument: str, given: object, most_s: float) -> float:
     return real(argument, given, 0, most_s, "s")
 
 
+def typed_seconds(argument: str, typed: str, most_s: float) -> float:
+    """Return a time as people type it: as `seconds`, and a number alone is in seconds. Raises ElementError."""
+    word = typed.replace(" ", "")
+    try:
+        number = float(word)
+    except ValueError:
+        return seconds(argument, word, most_s)
+    return seconds(argument, number, most_s)
+
+
 def table_catalogue(elements: Sequence[ElementInfo], prefix: str, derived: Sequence[Derived] = ()) -> Catalogue:
     """Return what expressions may name in a table of elements; whether they are logged plays no part."""
     return Catalogue([Known.of(info, info.options.divider) for info in elements], prefix, derived)

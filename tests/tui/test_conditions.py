@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from silo.conditions.standing import CapturedSpan, LimitStatus, LimitWord, TriggerStatus
 from silo.core.conditions import SignalLimits, TriggerOptions, TriggerWord, new_trigger
-from silo.core.elements import Entry, Table
+from silo.core.elements import Entry, FileType, Table
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo.expressions.binding import bind
 from silo.judging.checks import table_catalogue
@@ -130,6 +130,24 @@ class TestWords:
     def test_the_editor_gives_back_the_trigger_that_it_shows(self):
         options = TriggerOptions("a", "x > 3", 5.0, 0.05, "falling", "x < 1", 0.02, 10.0, "single", keep=20)
         assert options_of_fields(fields_of(options), options) == options
+
+    @pytest.mark.parametrize(
+        "options",
+        [
+            TriggerOptions("a", "x", save=()),
+            TriggerOptions("a", "x", save=(FileType.BAG, FileType.CSV)),
+            TriggerOptions("a", "x", mode="auto", patience_s=0.5, armed=False),
+            TriggerOptions("a", "x", 1 / 3, 123.456789),
+        ],
+    )
+    def test_what_lines_of_a_trigger_do_not_say_stays(self, options):
+        assert options_of_fields({**fields_of(options), "when": " y "}, options) == replace(options, when="y")
+
+    @pytest.mark.parametrize(
+        ("typed", "save"), [("none", ()), ("", (FileType.SILO,)), ("csv, bag", tuple(FileType)[1:])]
+    )
+    def test_files_of_a_capture_are_typed(self, typed, save):
+        assert options_of_fields({**fields_of(FALL.options), "save": typed}, FALL.options).save == save
 
     @pytest.mark.parametrize(
         "limits",

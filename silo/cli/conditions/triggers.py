@@ -48,18 +48,13 @@ _rule_options = together(
 def _made(name: str, when: str, pre: str, post: str, edge: str, rearm: str, persist: str, holdoff: str,
           mode: str = "normal", types: tuple[str, ...] = ("silo",), keep: int = 0) -> "TriggerOptions":  # fmt: skip
     from silo.core.conditions import TriggerOptions
-    from silo.judging.checks import MOST_TRIGGER_S, seconds
+    from silo.judging.checks import MOST_TRIGGER_S, typed_seconds
 
-    def given(what: str, text: str) -> float:
-        try:
-            return float(text)
-        except ValueError:
-            return seconds(what, text, MOST_TRIGGER_S)
-
+    given = {"pre": pre, "post": post, "persist": persist, "holdoff": holdoff}
+    times: dict[str, Any] = {f"{key}_s": typed_seconds(key, text, MOST_TRIGGER_S) for key, text in given.items()}
     return TriggerOptions(
-        name, when, given("pre", pre), given("post", post), edge, rearm, given("persist", persist),
-        given("holdoff", holdoff), mode, tuple(file_types(types)), keep,
-    )  # fmt: skip
+        name, when, **times, slope=edge, rearm=rearm, mode=mode, save=tuple(file_types(types)), keep=keep
+    )
 
 
 @verb(trigger, "add", "NAME WHEN", short="Set a trigger, or replace the one of its name.")

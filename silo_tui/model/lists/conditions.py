@@ -3,14 +3,18 @@
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
+
+from msgspec.structs import replace
 
 from silo.conditions.requests import TriggerTried
 from silo.conditions.standing import SIDES, LimitStatus, LimitWord, TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
-from silo.core.elements import ElementInfo, Entry, FileType
+from silo.core.elements import ElementInfo, Entry
 from silo.core.names import Names
 from silo.core.quantities.writing import many, share_words, size_text, whole_duration
 from silo.errors import ExpressionError
+from silo.files.formats import SAVED, SAVED_NAMES, file_types
 from silo_tui.model.words import text
 from silo_tui.model.words.names import space_words
 from silo_tui.model.words.states import WIDEST, limit_word
@@ -192,6 +196,7 @@ def beyond_all(name: str, entry: Entry, low: float, high: float) -> str:
 
 
 MODES, SLOPES = ("normal", "single"), ("rising", "falling", "level", "enter", "leave")
+NO_FILES = "none"  # what stands in the line `save` of a trigger that captures nothing
 
 
 def fields_of(one: TriggerOptions) -> dict[str, str]:
@@ -201,39 +206,46 @@ def fields_of(one: TriggerOptions) -> dict[str, str]:
         "name": one.name, "when": one.when, "rearm": one.rearm,
         **{name: text.span(value, 6) if value else "0" for name, value in times.items()},
         "mode": one.mode if one.slope == "rising" else f"{one.mode} {one.slope}",
-        "save": " ".join(kind.name.lower() for kind in one.save), "keep": str(one.keep),
+        "save": " ".join(SAVED[kind].name for kind in one.save) or NO_FILES, "keep": str(one.keep),
     }  # fmt: skip
 
 
 def options_of_fields(fields: dict[str, str], before: TriggerOptions) -> TriggerOptions:
-    """Return the trigger that lines say. Raises ElementError or ValueError, in words fit to show."""
-    from silo.judging.checks import MOST_TRIGGER_S, check_trigger_name, seconds
+    """Return the trigger `before` with what lines say otherwise. Raises ElementError or ValueError, fit to show."""
+    from silo.judging.checks import check_trigger_name
 
-    def given(name: str) -> float:
-        word = fields[name].strip().replace(" ", "") or "0"
-        try:
-            return float(word)
-        except ValueError:
-            return seconds(name, word, MOST_TRIGGER_S)
-
-    words = fields["mode"].split()
-    modes = [word for word in words if word in MODES] or [MODES[0]]
-    slopes = [word for word in words if word not in MODES] or [SLOPES[0]]
-    if len(modes) + len(slopes) > 2 or slopes[0] not in SLOPES:
-        raise ValueError(f"mode is {' or '.join(MODES)}, with {', '.join(SLOPES)}; got {fields['mode'].strip()!r}")
-    kinds = [FileType.__members__.get(word.upper()) for word in fields["save"].replace(",", " ").split()]
-    if None in kinds:
-        raise ValueError(f"save is silo, csv, bag, or several of them, got {fields['save']!r}")
-    if not fields["keep"].strip().isdecimal():
-        raise ValueError(f"keep is how many captures stay, 0 for all, got {fields['keep']!r}")
-    if not fields["name"].strip():
+    shown, made = fields_of(before), dict[str, Any]()
+    for label, typed in fields.items():
+        if (word := typed.strip()) != shown[label]:
+            made |= _typed(label, word)
+    one = replace(before, **made)
+    if not one.name:
         raise ValueError(f"name it: {UNNAMED}")
-    check_trigger_name(fields["name"].strip())
-    save = tuple(kind for kind in kinds if kind is not None) or (FileType.SILO,)
-    return TriggerOptions(
-        fields["name"].strip(), fields["when"].strip(), given("pre"), given("post"), slopes[0], fields["rearm"].strip(),
-        given("persist"), given("holdoff"), modes[0], save, int(fields["keep"]), before.armed,
-    )  # fmt: skip
+    check_trigger_name(one.name)
+    return one
+
+
+def _typed(label: str, word: str) -> dict[str, object]:
+    """Return the options that a line of the editor says. Raises ElementError or ValueError."""
+    from silo.judging.checks import MOST_TRIGGER_S, typed_seconds
+
+    if label == "mode":
+        words = word.split()
+        modes = [each for each in words if each in MODES] or [MODES[0]]
+        slopes = [each for each in words if each not in MODES] or [SLOPES[0]]
+        if len(modes) + len(slopes) > 2 or slopes[0] not in SLOPES:
+            raise ValueError(f"mode is {' or '.join(MODES)}, with {', '.join(SLOPES)}; got {word!r}")
+        return {"mode": modes[0], "slope": slopes[0]}
+    if label == "save":
+        names = word.replace(",", " ").split() or [SAVED_NAMES[0]]
+        return {"save": () if names == [NO_FILES] else tuple(file_types(names))}
+    if label == "keep":
+        if not word.isdecimal():
+            raise ValueError(f"keep is how many captures stay, 0 for all, got {word!r}")
+        return {"keep": int(word)}
+    if label in ("name", "when", "rearm"):
+        return {label: word}
+    return {f"{label}_s": typed_seconds(label, word or "0", MOST_TRIGGER_S)}
 
 
 def held_axis(tried: TriggerTried, width: int) -> tuple[str, int]:

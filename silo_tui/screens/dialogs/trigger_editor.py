@@ -5,9 +5,11 @@ from typing import ClassVar
 
 from silo.core.conditions import TriggerOptions
 from silo.errors import ElementError
+from silo.files.formats import SAVED_NAMES
 from silo.judging.checks import check_held
 from silo_tui.context import Context
 from silo_tui.model.lists.conditions import (
+    NO_FILES,
     UNNAMED,
     capture_words,
     fields_of,
@@ -22,7 +24,7 @@ LINES = (("name",), ("when",), ("rearm", "mode"), ("pre", "post"), ("persist", "
 HINTS = {
     "name": "a word for names of files", "when": "e.g. abs({0}) > 0.6 and {1} < 20",
     "rearm": "once 'when' was false", "pre": "0", "post": "0", "persist": "0", "holdoff": "0",
-    "mode": "normal rising", "save": "silo", "keep": "newest so many, 0 all",
+    "mode": "normal rising", "save": SAVED_NAMES[0], "keep": "newest so many, 0 all",
 }  # fmt: skip
 
 
@@ -61,7 +63,7 @@ class TriggerEditor(Form[TriggerOptions]):
         "post": "so much after the moment is in the file",
         "persist": "'when' must be true for so long before it fires: 0 at once",
         "holdoff": "after it fired nothing fires for so long: 0 at once again",
-        "save": "files of a capture: silo, csv, bag or several",
+        "save": f"files of a capture: {', '.join(SAVED_NAMES)}, or {NO_FILES}",
         "keep": "so many of the newest captures stay, older ones are deleted: 0 keeps all",
     }
 
