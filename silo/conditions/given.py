@@ -71,7 +71,9 @@ class TakesConditions(ABC, Generic[DoneT]):
             return self._remove_limits(name)
         text("when", when, 'when="controller/mode == STANCE"')
         four, stale_s = bounds_given(name, bounds), seconds("stale", stale, MOST_STALE_S)
-        return self._set_limits(SignalLimits(name, four, persistence, hysteresis, stale_s, when))
+        return self._set_limits(
+            SignalLimits(name, bounds=four, persistence=persistence, hysteresis=hysteresis, stale_s=stale_s, when=when)
+        )
 
     def trigger(
         self,

@@ -2,7 +2,7 @@
 
 import msgspec
 
-from silo.core.conditions import SignalLimits, TriggerOptions, TriggerWord
+from silo.core.conditions import LimitOptions, SignalLimits, TriggerOptions, TriggerWord
 from silo.core.elements import Word
 
 
@@ -51,21 +51,29 @@ class LimitWord(Word):
     BLIND = "~~"
     OTHER = "?"
 
+    @property
+    def is_over(self) -> bool:
+        """Whether a limit is violated."""
+        return self not in (LimitWord.OK, LimitWord.BLIND, LimitWord.OTHER)
 
-_RANKS = {word: rank for rank, words in enumerate((("HH", "LL"), ("H", "L"), ("==",), ("OK", "?"), ("~~",)))
-          for word in words}  # fmt: skip
+    @property
+    def rank(self) -> tuple[bool, bool, int]:
+        """What sorts the worst first: red before yellow before stale before what is well, blind last."""
+        return not self.is_over, self is LimitWord.BLIND, -abs(SIDES.get(self, 0))
+
+
 _BOUND_WORDS = LimitWord.RED_LOW, LimitWord.RED_HIGH, LimitWord.YELLOW_LOW, LimitWord.YELLOW_HIGH
 SIDES = dict(zip((*_BOUND_WORDS, LimitWord.OK), (-2, 2, -1, 1, 0), strict=True))
 
 
-class LimitStatus(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One scalar with limits. `limits` is the name that they were given to.
+class LimitStatus(LimitOptions, frozen=True, omit_defaults=True):
+    """One scalar with limits, and what it is held against. `limits` is the name that they were given to.
 
     `limit` is the bound that is or was violated worst, and `worst` the value farthest beyond, `worst_word` the range it
     was in; None where no bound ever was. `count` and `stale_count` count violations and stale times of this run,
     `samples` the samples of the newest violation. `alarm`: it was violated, and nobody has acknowledged that; `seen_by`
     tells who acknowledged one last, `since_seen` how many violations and stale times began since. `since_ns` is when
-    the newest violation began. `bounds` and what follows are those of `SignalLimits`.
+    the newest violation began.
     """
 
     name: str
@@ -87,11 +95,6 @@ class LimitStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     alarm: bool = False
     seen_by: str = ""
     why: str = ""
-    bounds: tuple[float | None, float | None, float | None, float | None] = (None, None, None, None)
-    persistence: int = 1
-    hysteresis: float = 0.0
-    stale_s: float = 0.0
-    when: str = ""
     since_seen: int = 0
 
     @property
@@ -104,7 +107,7 @@ class LimitStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     @property
     def options(self) -> SignalLimits:
         """The limits that were given."""
-        return SignalLimits(self.limits, self.bounds, self.persistence, self.hysteresis, self.stale_s, self.when)
+        return SignalLimits(self.limits, **{name: getattr(self, name) for name in LimitOptions.__struct_fields__})
 
     def given(self, options: SignalLimits) -> "LimitStatus":
         """Return it with the limits that were given."""
@@ -119,7 +122,7 @@ class LimitStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     @property
     def is_over(self) -> bool:
         """Whether it is now."""
-        return self.word not in (LimitWord.OK, LimitWord.BLIND, LimitWord.OTHER)
+        return self.word.is_over
 
     def lasted_s(self, now_ns: int) -> float | None:
         """Return for how long the newest violation has been going on, or lasted, s; None where there was none."""
@@ -144,6 +147,4 @@ class LimitStatus(msgspec.Struct, frozen=True, omit_defaults=True):
 
 def worst_first(found: list[LimitStatus]) -> list[LimitStatus]:
     """Return alarms in the order to look at: red before yellow, not seen before seen, newest first, blind ones last."""
-    return sorted(
-        found, key=lambda one: (_RANKS[one.word.value], not one.alarm, not one.violated, -one.since_ns, one.name)
-    )  # fmt: skip
+    return sorted(found, key=lambda one: (one.word.rank, not one.alarm, not one.violated, -one.since_ns, one.name))

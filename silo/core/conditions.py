@@ -3,9 +3,16 @@
 Like the other nouns these stand in the script, on the wire and in saved files; `silo.judging` has the rules.
 """
 
+from typing import TypeAlias
+
 import msgspec
 
 from silo.core.elements import FileType, Word
+
+Bounds: TypeAlias = tuple[float | None, float | None, float | None, float | None]
+"""Red low, yellow low, yellow high, red high; None for none."""
+
+NO_BOUNDS: Bounds = (None, None, None, None)
 
 
 class Derived(msgspec.Struct, frozen=True):
@@ -16,19 +23,24 @@ class Derived(msgspec.Struct, frozen=True):
     unit: str = ""
 
 
-class SignalLimits(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Limits of an element or of one scalar of it; `bounds` are red low, yellow low, yellow high, red high.
+class LimitOptions(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
+    """What values are held against.
 
-    A bound that there isn't is None. `persistence` samples in a row make a state, `hysteresis` is how far inside a
-    bound it ends, `stale_s` how long a value may stay the same (0: for ever), `when` a condition that must hold.
+    `persistence` samples in a row make a state, `hysteresis` is how far inside a bound it ends, `stale_s` how long a
+    value may stay the same (0: for ever), `when` a condition that must hold.
     """
 
-    name: str
-    bounds: tuple[float | None, float | None, float | None, float | None] = (None, None, None, None)
+    bounds: Bounds = NO_BOUNDS
     persistence: int = 1
     hysteresis: float = 0.0
     stale_s: float = 0.0
     when: str = ""
+
+
+class SignalLimits(LimitOptions, frozen=True, omit_defaults=True):
+    """Limits of an element or of one scalar of it."""
+
+    name: str
 
 
 AROUND_S = 1.0  # captured before and after each fire, where who makes a trigger at a terminal says nothing of it

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 
 from silo.core.arguments import check_name, real, shown, whole, word
-from silo.core.conditions import Conditions, Derived, SignalLimits, TriggerOptions
+from silo.core.conditions import Bounds, Conditions, Derived, SignalLimits, TriggerOptions
 from silo.core.elements import BufferType, ElementInfo, FileType
 from silo.core.names import GIVEN, is_given
 from silo.core.quantities.reading import both_meanings, seconds_of
@@ -237,7 +237,7 @@ def fixed_text(elements: Sequence[ElementInfo]) -> str:
     return f"'{fixed[0]}'{more} first samples only (buffer=fixed), in captures too"
 
 
-def bounds_given(name: str, bounds: object) -> tuple[float | None, float | None, float | None, float | None]:
+def bounds_given(name: str, bounds: object) -> Bounds:
     """Return the four bounds that a program gives. Raises ElementError."""
     if isinstance(bounds, str | bytes) or not isinstance(bounds, Sequence) or len(bounds) != 4:
         raise ElementError(

@@ -49,7 +49,7 @@ class LoggerConditions(TakesConditions[None]):
         """Return them with limits of an element that is about to be added. Raises ElementError."""
         from silo.judging.checks import bounds_given, table_catalogue, with_limits
 
-        one = SignalLimits(info.name, bounds_given(info.name, bounds))
+        one = SignalLimits(info.name, bounds=bounds_given(info.name, bounds))
         return with_limits(self.now, one, table_catalogue([*self._table.all_infos, info], self.options.prefix))
 
     def derive(self, name: str, expression: str | None, *, group: str = "", unit: str = "") -> None:

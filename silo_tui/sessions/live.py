@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from silo.conditions.standing import LimitStatus, TriggerStatus
 from silo.core.arrays.columns import MAX_COLUMNS, ColumnStore, HistoryColumns, grid_of
-from silo.core.conditions import TriggerOptions, new_trigger
+from silo.core.conditions import Bounds, TriggerOptions, new_trigger
 from silo.core.elements import ElementInfo, LoggedEvent, SavedFile, State, Status
 from silo.core.episodes.words import next_marks
 from silo.core.names import Found, Names, in_order
@@ -36,7 +36,6 @@ from silo_tui.model.drawing.plots import trends
 from silo_tui.model.lists.conditions import beyond_all
 from silo_tui.model.lists.happened import newest, of_last_run
 from silo_tui.model.lists.recorders import WritingPace
-from silo_tui.model.plots.limits import Bounds4
 from silo_tui.model.samples.live import LiveValues
 from silo_tui.model.samples.source import PlotSource, Samples
 from silo_tui.model.table.cells import limit_word_shown
@@ -170,7 +169,7 @@ class Session:
         self.jitter_s = 0.0  # of the loop, as the newest survey says
         self.triggers: list[TriggerStatus] = []
         self.limits: list[LimitStatus] = []  # worst first
-        self.bounds: dict[str, Bounds4] = {}  # of each scalar with limits: red low, yellow low, yellow high, red high
+        self.bounds: dict[str, Bounds] = {}  # of each scalar with limits: red low, yellow low, yellow high, red high
         self.recorders: list[RecorderInfo] = []  # endless recordings, as they were asked for last
         self.paces: dict[str, WritingPace] = {}  # how fast each of them writes
         self.knobs = Knobs()

@@ -17,6 +17,7 @@ from silo.analysis.log import Log
 from silo.analysis.opening import alone_of, open_log
 from silo.conditions.requests import TriggerTried
 from silo.core.arrays.columns import coarser
+from silo.core.conditions import Bounds
 from silo.core.elements import ElementInfo, State, Status, Table
 from silo.core.quantities.writing import EPOCH_FROM_NS, many, size_text, wall_clock
 from silo.core.recording import Recording
@@ -24,7 +25,6 @@ from silo.errors import ElementError, FileFormatError, LogWarning
 from silo.judging.checks import bind_limits, scalar_names, table_catalogue
 from silo_tui.model.drawing.plots import trend_lines
 from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
-from silo_tui.model.plots.limits import Bounds4
 from silo_tui.model.samples.recorded import WHOLE, RecordingSource
 from silo_tui.model.samples.turning import turned_true
 from silo_tui.model.table.columns import FILE_COLUMNS
@@ -180,10 +180,10 @@ class FileSession(Session):
         self.table.facts = Facts({**known, **found}, 0, at_ns, told)
 
 
-def _bounds_of(recording: Recording, elements: Sequence[ElementInfo]) -> dict[str, Bounds4]:
+def _bounds_of(recording: Recording, elements: Sequence[ElementInfo]) -> dict[str, Bounds]:
     """Return the limits that the file has, by scalar; those of a signal that isn't in it are none."""
     catalogue = table_catalogue(elements, recording.prefix)
-    found: dict[str, Bounds4] = {}
+    found: dict[str, Bounds] = {}
     for limits in recording.conditions.limits:
         with contextlib.suppress(ElementError):
             _, (signal, *_) = bind_limits(limits, catalogue)

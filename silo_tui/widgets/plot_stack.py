@@ -15,6 +15,7 @@ from textual.message import Message
 from textual.strip import Strip
 
 from silo.core.arrays.columns import ColumnPiece, ColumnStore, Gap
+from silo.core.conditions import Bounds
 from silo_tui.actions import key_of
 from silo_tui.model.drawing import braille, lanes
 from silo_tui.model.drawing.dots import BLANK
@@ -22,7 +23,6 @@ from silo_tui.model.drawing.plots import HOLE, NOBODY, Plotted, pieces_of
 from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
 from silo_tui.model.lists.happened import EVENT_LINE, columns_of, in_plots
 from silo_tui.model.plots.facts import PlotFacts, missing
-from silo_tui.model.plots.limits import Bounds4
 from silo_tui.model.plots.overlay import ghost_piece
 from silo_tui.model.plots.panels import (
     LETTERS,
@@ -69,7 +69,7 @@ class PlotStack(Guarded, Styled):
         self.window = window
         self.store = ColumnStore((), 1, 1)
         self.readings: Mapping[str, Reading] = {}
-        self.bounds: Mapping[str, Bounds4] = {}  # the limits of scalars
+        self.bounds: Mapping[str, Bounds] = {}  # the limits of scalars
         self.level: float | None = None  # of a scope that waits for the first signal
         self.events: dict[str, list[tuple[int, str]]] = {}  # of texts: since when which
         self.ghost: ColumnStore | None = None  # a saved run, on the grid of the live one

@@ -42,7 +42,7 @@ def write(folder, name, scale=1.0, offset=0.0, slow=True, limits=()):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     root = tmp_path_factory.mktemp("runs")
-    limit = [SignalLimits("joints/tau", (None, None, None, 1.5))]
+    limit = [SignalLimits("joints/tau", bounds=(None, None, None, 1.5))]
     write(root, "good", limits=limit)
     write(root, "same", limits=limit)
     write(root, "worse", scale=2.0, slow=False, limits=limit)

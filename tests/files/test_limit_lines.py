@@ -18,9 +18,9 @@ def logged():
     conditions = Conditions(
         (Derived("/log/power", "joints/tau_0 * speed", "W"),),
         (
-            SignalLimits("joints/tau", (None, -15.0, 15.0, 30.0)),
-            SignalLimits("power", (None, None, None, 50.0)),
-            SignalLimits("speed", (None, None, None, 9000.0)),
+            SignalLimits("joints/tau", bounds=(None, -15.0, 15.0, 30.0)),
+            SignalLimits("power", bounds=(None, None, None, 50.0)),
+            SignalLimits("speed", bounds=(None, None, None, 9000.0)),
         ),
     )
     made = [element("joints/tau", [wave, wave / 2], "Nm"), element("speed", np.full(200, 2.0), "rad/s")]

@@ -28,7 +28,7 @@ def recording():
         for k in range(SIGNALS)
     ]  # fmt: skip
     stamps = np.arange(TICKS, dtype=np.int64) * 10**7 + 1_700_000_000_000_000_000
-    limits = Conditions(limits=(SignalLimits("/log/g1/s5", (0.0, None, None, 1.0)),))
+    limits = Conditions(limits=(SignalLimits("/log/g1/s5", bounds=(0.0, None, None, 1.0)),))
     return Recording("many", stamps, TICKS, elements, frequency_hz=100.0, conditions=limits)
 
 

@@ -57,7 +57,7 @@ def recording() -> Recording:
     ]
     conditions = Conditions(
         (Derived("/log/effort", "norm(tau)", "Nm"),),
-        (SignalLimits("/log/q", (-0.9, None, 0.5, 0.9), 2, 0.05),),
+        (SignalLimits("/log/q", bounds=(-0.9, None, 0.5, 0.9), persistence=2, hysteresis=0.05),),
         (TriggerOptions("fall", "q > 0.5", 0.01, 0.01),),
         CaptureFacts("fall", 3, 2, 9, (5,), (START_NS + 5 * STEP_NS,)),
     )

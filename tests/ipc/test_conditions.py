@@ -273,7 +273,7 @@ class TestLimits:
     def test_a_client_gives_and_takes_limits_while_it_runs(self, bench, client):
         bench.logger.start()
         bench.ticks(50)
-        client._set_limits(SignalLimits("x", (None, None, 40, 100)))
+        client._set_limits(SignalLimits("x", bounds=(None, None, 40, 100)))
         wait_until(lambda: client.alarms().limits)
         bench.ticks(1)
         assert alarm(client, count=1).since_tick >= 50
@@ -283,7 +283,7 @@ class TestLimits:
     def test_they_are_known_after_a_robot_that_was_killed(self, robots, runtime):
         robot = robots("bot")
         with Client.connect("bot") as client:
-            client._set_limits(SignalLimits("x", (None, None, 1, 2)))
+            client._set_limits(SignalLimits("x", bounds=(None, None, 1, 2)))
             alarm(client, word=LimitWord.RED_HIGH)
             robot.kill()
             wait_until(lambda: client.status().state is silo.core.elements.State.DEAD)
@@ -583,7 +583,7 @@ def test_limits_of_integers_are_judged_to_the_last_digit(new_logger, runtime, wh
 
 def test_a_client_says_limits_triggers_and_signals_as_a_program_does(client, caplog):
     given = client.limit("x", (None, None, 40, 100), stale="0.5s")
-    assert client._set_limits(SignalLimits("x", (None, None, 40, 100), stale_s=0.5)) == given
+    assert client._set_limits(SignalLimits("x", bounds=(None, None, 40, 100), stale_s=0.5)) == given
     told = client.trigger("far", "x > 1e9", pre="50ms", save="csv")
     assert told.startswith("trigger 'far' is set; it is judged when")
     assert "; of its captures the newest 100 stay" in told

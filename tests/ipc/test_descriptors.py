@@ -59,7 +59,7 @@ def test_without_descriptors_it_lives_on_and_what_it_could_not_do_is_done_then(b
 def test_what_became_of_conditions_is_told_without_another_file(monkeypatch) -> None:
     """By the main thread, which has nobody who would catch that a module can't be loaded now."""
     monkeypatch.setitem(sys.modules, "silo.settings.conditions_diff", None)
-    limits = SignalLimits("x", (None, None, 1.0, 2.0))
+    limits = SignalLimits("x", bounds=(None, None, 1.0, 2.0))
     assert conditions_text(NO_CONDITIONS, Conditions(limits=(limits,))).startswith("limits x")
 
 

@@ -27,7 +27,7 @@ TABLE = [
 ]
 ALL = Conditions(
     tuple(Derived(f"/log/d{at}", f"e{at} + 1") for at in range(MOST_DERIVED)),
-    tuple(SignalLimits(name, (None, None, 1.0, 2.0)) for name in NAMES),
+    tuple(SignalLimits(name, bounds=(None, None, 1.0, 2.0)) for name in NAMES),
     tuple(TriggerOptions(f"t{at}", f"e{at} > 1") for at in range(MOST_TRIGGERS)),
 )
 
@@ -92,7 +92,7 @@ def test_a_list_of_files_without_end_is_refused() -> None:
 
 
 def test_what_stands_there_twice_is_refused() -> None:
-    twice = Conditions(limits=(SignalLimits("e0", (None, None, 1.0, 2.0)),) * 2)
+    twice = Conditions(limits=(SignalLimits("e0", bounds=(None, None, 1.0, 2.0)),) * 2)
     with pytest.raises(ElementError, match=r"limits? 'e0' stands there twice"):
         checked_conditions(twice, TABLE, "/log", 100)
 

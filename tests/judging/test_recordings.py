@@ -159,7 +159,14 @@ def test_what_is_derived_of_signals_without_a_sample_in_common_is_not_in_the_log
 
 @pytest.mark.parametrize("ending", ["silo", "csv", "mcap", ""])
 def test_files_keep_what_is_derived_and_limited(log, tmp_path, ending):
-    limits = SignalLimits("/log/joints/tau", (None, -10.0, 10.0, None), 2, 0.5, 0.1, "mode == WALK")
+    limits = SignalLimits(
+        "/log/joints/tau",
+        bounds=(None, -10.0, 10.0, None),
+        persistence=2,
+        hysteresis=0.5,
+        stale_s=0.1,
+        when="mode == WALK",
+    )
     conditions = Conditions(log.recording.conditions.derived, (limits,))
     made = recording(*log.recording.elements[:2], ticks=10, conditions=conditions)
     write(made, tmp_path, "robot", ["silo"], "run")
@@ -188,7 +195,7 @@ class TestCheck:
         )
 
     def test_one_sample_in_a_run_is_found_with_its_peak_and_time(self, spiky):
-        quiet, found = check(spiky, [SignalLimits("x", (None, None, 10, 50))])
+        quiet, found = check(spiky, [SignalLimits("x", bounds=(None, None, 10, 50))])
         assert (quiet.what, quiet.worst, quiet.violated) == ("/log/x_0", "GREEN", False)
         assert (found.what, found.worst, found.samples, found.peak, found.unit) == (
             "/log/x_1",
@@ -200,13 +207,13 @@ class TestCheck:
         assert found.peak_s == pytest.approx(0.5)
 
     def test_a_context_leaves_out_what_is_not_meant(self, spiky):
-        (_, found) = check(spiky, [SignalLimits("x", (None, None, 10, 50), when="on > 2")])
+        (_, found) = check(spiky, [SignalLimits("x", bounds=(None, None, 10, 50), when="on > 2")])
         assert (found.worst, found.violated) == ("UNOBSERVABLE", False)
-        (_, found) = check(spiky, [SignalLimits("x", (None, None, 10, 50), when="on == 1")])
+        (_, found) = check(spiky, [SignalLimits("x", bounds=(None, None, 10, 50), when="on == 1")])
         assert found.samples == 1
 
     def test_samples_that_are_held_beside_a_faster_context_count_once(self, spiky):
-        (found,) = check(spiky, [SignalLimits("on", (None, None, 0.5, None), when="x_0 == 0")])
+        (found,) = check(spiky, [SignalLimits("on", bounds=(None, None, 0.5, None), when="x_0 == 0")])
         assert (found.violations, found.samples) == (1, 500)
 
     def test_conditions_that_must_never_or_always_hold(self, spiky):
@@ -218,7 +225,7 @@ class TestCheck:
     def test_samples_without_a_value_are_counted_and_not_called_green_alone(self, tmp_path, capsys):
         values = np.concatenate([np.zeros(100), np.full(900, np.nan)])
         log = recording(element("x", values), ticks=1000)
-        (found,) = check(log, [SignalLimits("x", (-1, -0.5, 0.5, 1))])
+        (found,) = check(log, [SignalLimits("x", bounds=(-1, -0.5, 0.5, 1))])
         assert (found.worst, found.missing, found.violated) == ("GREEN", 900, False)
         write(log, tmp_path, "robot", ["silo"], "run")
         assert run(["check", str(tmp_path / "run.silo"), "--limit", "x=-1,-.5,.5,1"]) == 0
@@ -226,12 +233,12 @@ class TestCheck:
         assert "green, in part" in told
         assert "/log/x: 900 of 1 000 samples have no value (NaN) and are not judged\n" in told
         assert told.endswith("nothing violated (1 judged, 1 of them in part)\n")
-        (found,) = check(log, [SignalLimits("x", (-1, -0.5, 0.5, 1), stale_s=0.1)])
+        (found,) = check(log, [SignalLimits("x", bounds=(-1, -0.5, 0.5, 1), stale_s=0.1)])
         assert found.violated
         assert [one.missing for one in check(log, [], ["x > 1"], ["x < 1"])] == [900, 900]
 
     def test_what_never_has_a_value_is_not_judged_and_says_why(self):
-        (found,) = check(recording(element("x", np.full(10, np.nan))), [SignalLimits("x", (-1, -0.5, 0.5, 1))])
+        (found,) = check(recording(element("x", np.full(10, np.nan))), [SignalLimits("x", bounds=(-1, -0.5, 0.5, 1))])
         assert found.worst == "UNOBSERVABLE"
         assert found.why == "10 of 10 samples have no value (NaN) and are not judged"
 
@@ -254,7 +261,9 @@ class TestCheck:
         assert run(["check", file, "--limit", "x=4,3,2,1"]) == EXIT_FAILED
 
     def test_limits_in_the_log_need_no_arguments(self, spiky, tmp_path):
-        conditions = Conditions((Derived("/log/twice", "2 * x"),), (SignalLimits("twice", (None, None, 150, None)),))
+        conditions = Conditions(
+            (Derived("/log/twice", "2 * x"),), (SignalLimits("twice", bounds=(None, None, 150, None)),)
+        )
         write(Recording(**{**vars(spiky), "conditions": conditions}), tmp_path, "robot", ["silo"], "run")
         assert run(["check", str(tmp_path / "run.silo")]) == EXIT_FOUND
 
@@ -381,7 +390,10 @@ class TestLogger:
 
 
 def test_limits_of_what_is_not_in_a_log_are_unobservable_and_the_others_are_judged(tmp_path, capsys):
-    limits = (SignalLimits("/log/off", (None, None, 1.0, 2.0)), SignalLimits("/log/x", (None, None, 5.0, 8.0)))
+    limits = (
+        SignalLimits("/log/off", bounds=(None, None, 1.0, 2.0)),
+        SignalLimits("/log/x", bounds=(None, None, 5.0, 8.0)),
+    )
     log = recording(element("x", np.arange(10.0)), conditions=Conditions(limits=limits))
     gone, found = check(log, limits)
     assert (gone.what, gone.worst, gone.violated) == ("/log/off", "UNOBSERVABLE", False)
@@ -394,7 +406,8 @@ def test_limits_of_what_is_not_in_a_log_are_unobservable_and_the_others_are_judg
 
 def test_a_log_of_which_nothing_can_be_judged_is_not_fine(tmp_path):
     log = recording(
-        element("x", np.arange(10.0)), conditions=Conditions(limits=(SignalLimits("/log/off", (None, None, 1, 2)),))
+        element("x", np.arange(10.0)),
+        conditions=Conditions(limits=(SignalLimits("/log/off", bounds=(None, None, 1, 2)),)),
     )
     write(log, tmp_path, "robot", ["silo"], "run")
     assert run(["check", str(tmp_path / "run.silo")]) == EXIT_BLIND

@@ -30,8 +30,8 @@ from silo_tui.model.lists.conditions import (
     trigger_row,
     waits_for,
 )
-from silo_tui.model.plots.limit_line import fields_of as fields_of_limits
-from silo_tui.model.plots.limit_line import limits_of_fields
+from silo_tui.model.plots.limit_fields import fields_of as fields_of_limits
+from silo_tui.model.plots.limit_fields import limits_of_fields
 from silo_tui.model.words.states import WIDEST
 from silo_tui.screens.dialogs.limits import LimitsDialog
 from tests.stand_ins.desk import Desk
@@ -152,18 +152,36 @@ class TestWords:
     @pytest.mark.parametrize(
         "limits",
         [
-            SignalLimits("x", (-40.0, None, 30.25, 1e6)),
-            SignalLimits("x", (None, None, 1.0, 2.0), 3, 0.5, 0.5, "mode == STANCE and y = 3 stale=1s"),
+            SignalLimits("x", bounds=(-40.0, None, 30.25, 1e6)),
+            SignalLimits(
+                "x",
+                bounds=(None, None, 1.0, 2.0),
+                persistence=3,
+                hysteresis=0.5,
+                stale_s=0.5,
+                when="mode == STANCE and y = 3 stale=1s",
+            ),
             SignalLimits("x", stale_s=2.0),
+            SignalLimits("x", bounds=(-1 / 3, None, None, 1234567890123.0), hysteresis=0.1 + 0.2),
         ],
     )
     def test_lines_of_limits_give_back_the_limits_that_they_show(self, limits):
         assert limits_of_fields(fields_of_limits(limits), SignalLimits("x")) == limits
 
+    def test_limits_of_which_all_is_shown_lose_what_is_emptied(self):
+        before = SignalLimits(
+            "x", bounds=(None, None, 1.0, 2.0), persistence=3, hysteresis=0.5, stale_s=0.5, when="y > 1"
+        )
+        assert limits_of_fields({"HH": "2"}, before, whole=True) == SignalLimits("x", bounds=(None, None, None, 2.0))
+
     def test_what_lines_of_limits_do_not_say_stays(self):
-        before = SignalLimits("x", (None, None, 1.0, 2.0), 3, 0.5, 0.5, "y > 1")
+        before = SignalLimits(
+            "x", bounds=(None, None, 1.0, 2.0), persistence=3, hysteresis=0.5, stale_s=0.5, when="y > 1"
+        )
         made = limits_of_fields({"L": "-", "H": "3", "HH": "4", "persist": "5", "stale": "1s"}, before)
-        assert made == SignalLimits("x", (None, None, 3.0, 4.0), 5, 0.5, 1.0, "y > 1")
+        assert made == SignalLimits(
+            "x", bounds=(None, None, 3.0, 4.0), persistence=5, hysteresis=0.5, stale_s=1.0, when="y > 1"
+        )
 
     @pytest.mark.parametrize(
         ("label", "typed", "says"),
@@ -472,7 +490,14 @@ class TestScreens:
             assert had == ["form-LL", "form-L", "form-H"]
 
     async def test_limits_are_edited_from_what_they_are_and_keep_it(self, fake, opened):
-        given = SignalLimits("/log/legs/LF/HAA/torque", (None, None, 60.0, 80.0), 3, 1.0, 0.5, "imu/temperature > 1")
+        given = SignalLimits(
+            "/log/legs/LF/HAA/torque",
+            bounds=(None, None, 60.0, 80.0),
+            persistence=3,
+            hysteresis=1.0,
+            stale_s=0.5,
+            when="imu/temperature > 1",
+        )
         fake.limit_statuses = [replace(HOT, name=given.name, limits=given.name).given(given)]
         async with opened(fake) as screen:
             await screen.press("A")
@@ -510,7 +535,14 @@ class TestScreens:
             assert screen.app.screen.scope == "monitor"
 
     async def test_limits_of_a_name_that_is_typed_keep_what_is_not_named(self, fake, opened):
-        given = SignalLimits("/log/LF/HAA/torque", (None, None, 60.0, 80.0), 3, 1.0, 0.5, "x > 1")
+        given = SignalLimits(
+            "/log/LF/HAA/torque",
+            bounds=(None, None, 60.0, 80.0),
+            persistence=3,
+            hysteresis=1.0,
+            stale_s=0.5,
+            when="x > 1",
+        )
         fake.limit_statuses = [HOT.given(given)]
         async with opened(fake) as screen:
             await screen.press("A")
@@ -524,7 +556,12 @@ class TestScreens:
             await screen.press("backspace", "0", "enter")
             await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
         assert next(call for call in fake.calls if call[0] == "set_limits")[1] == SignalLimits(
-            "/log/LF/HAA/torque", (None, None, 50.0, 70.0), 3, 1.0, 0.5, "x > 1"
+            "/log/LF/HAA/torque",
+            bounds=(None, None, 50.0, 70.0),
+            persistence=3,
+            hysteresis=1.0,
+            stale_s=0.5,
+            when="x > 1",
         )
 
     async def test_limits_of_what_is_marked_are_of_all_of_it_by_the_pattern_that_means_it(self, fake, opened):
@@ -559,7 +596,7 @@ class TestScreens:
             await screen.press("enter")
             await screen.until(lambda: len([call for call in fake.calls if call[0] == "set_limits"]) == 3)
             assert {call[1] for call in fake.calls if call[0] == "set_limits"} == {
-                SignalLimits(name, (None, None, None, 70.0)) for name in names
+                SignalLimits(name, bounds=(None, None, None, 70.0)) for name in names
             }
             await screen.until(lambda: not screen.app.screen.is_modal)
             screen.app.screen.action_command("limits_of_row")

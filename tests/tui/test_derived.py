@@ -14,7 +14,7 @@ from silo.expressions.binding import bind
 from silo.expressions.derived_signals import derived_infos
 from silo.judging.checks import table_catalogue
 from silo.live.quantities import LOST
-from silo_tui.model.plots.limit_line import limits_of_fields
+from silo_tui.model.plots.limit_fields import limits_of_fields
 from silo_tui.model.table import derived
 from silo_tui.model.table import filter as filters
 from silo_tui.model.table.cells import sign_of

@@ -243,7 +243,7 @@ async def test_what_can_not_be_set_again_is_told_and_stays_to_be_tried(fake, ope
             await screen.shows("refused: limits of /y: there is no y")
         await screen.enter(":restore")
         await screen.shows("set again: limits of /y")
-        assert fake.calls[-1] == ("set_limits", SignalLimits("/log/y", (None, 0.0, 2.5, None), persistence=3))
+        assert fake.calls[-1] == ("set_limits", SignalLimits("/log/y", bounds=(None, 0.0, 2.5, None), persistence=3))
 
 
 def refused_with(words):

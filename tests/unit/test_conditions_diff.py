@@ -6,7 +6,7 @@ from silo.settings.conditions_diff import diff_conditions
 from silo.settings.script_conditions import conditions_text
 
 FALL = TriggerOptions("fall", "abs(base/roll) > 0.6", 5.0, 1.0)
-HOT = SignalLimits("/log/temperature", (None, None, 60.0, 80.5))
+HOT = SignalLimits("/log/temperature", bounds=(None, None, 60.0, 80.5))
 POWER = Derived("/log/power", "tau * qd", "W")
 
 

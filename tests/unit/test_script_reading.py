@@ -381,7 +381,7 @@ def test_what_a_script_says_in_words_of_programs_is_what_it_said_in_those_of_bef
 @pytest.mark.parametrize("time_s", [0.02, 0.1 + 0.2, 1 / 3, 5.0, 600.0, 1e-9, 123456.789, 0.001, 0.0001])
 def test_a_time_that_is_written_is_read_to_the_last_digit(time_s: float) -> None:
     made = Conditions(
-        limits=(SignalLimits("q", (None, -1.5, 30.0, None), 2, time_s, time_s),),
+        limits=(SignalLimits("q", bounds=(None, -1.5, 30.0, None), persistence=2, hysteresis=time_s, stale_s=time_s),),
         triggers=(TriggerOptions("fall", "x > 1", time_s, time_s, persist_s=time_s),),
     )
     assert script(format_script([], (), made)).conditions == made
@@ -389,7 +389,7 @@ def test_a_time_that_is_written_is_read_to_the_last_digit(time_s: float) -> None
 
 def test_what_is_written_is_as_a_person_writes_it() -> None:
     made = Conditions(
-        limits=(SignalLimits("q", (None, -1.5, 30.0, None), stale_s=0.1),),
+        limits=(SignalLimits("q", bounds=(None, -1.5, 30.0, None), stale_s=0.1),),
         triggers=(TriggerOptions("fall", "x > 1", 5.0, 0.25, "falling", mode="single", save=(FileType.CSV,), keep=20),),
     )
     assert format_script([], (), made) == (

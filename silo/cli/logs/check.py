@@ -93,7 +93,7 @@ def _limits(text: str, when: str) -> "SignalLimits":
         low, warn_low, warn_high, high = (None if word in ("-", "") else float(word) for word in words)
     except ValueError:
         raise click.UsageError(f"'{text}': a limit is a number, or - where there is none") from None
-    return SignalLimits(name.strip(), (low, warn_low, warn_high, high), when=when)
+    return SignalLimits(name.strip(), bounds=(low, warn_low, warn_high, high), when=when)
 
 
 def _show(found: "list[Finding]") -> None:

@@ -155,8 +155,8 @@ def head_words(
     Words and ever shorter ones, none where there is nothing to tell.
     """
     over = [one for one in limits if one.is_over]
-    worst = next((word for word in (LimitWord.RED_HIGH, LimitWord.RED_LOW, LimitWord.YELLOW_HIGH, LimitWord.YELLOW_LOW,
-                                    LimitWord.STALE) if any(one.word is word for one in over)), None)  # fmt: skip
+    words_over = {one.word for one in over}
+    worst = min((word for word in LimitWord if word in words_over), key=lambda word: word.rank, default=None)
     firing = [one.options.name for one in triggers if one.state is TriggerWord.FIRING]
     armed = sum(one.state in (TriggerWord.ARMED, TriggerWord.HOLDOFF) for one in triggers)
     watching: tuple[str, ...] = ()

@@ -5,21 +5,18 @@ from collections.abc import Mapping
 import msgspec
 import numpy as np
 
+from silo.core.conditions import NO_BOUNDS, Bounds
 from silo_tui.model.drawing.plots import Axis
 
-Bounds4 = tuple[float | None, float | None, float | None, float | None]
-"""Red low, yellow low, yellow high, red high; None for none."""
-
-NO_BOUNDS: Bounds4 = (None, None, None, None)
 WORDS = ("LL", "L", "H", "HH")
 
 
-def inner(bounds: Mapping[str, Bounds4], name: str) -> tuple[float | None, float | None]:
+def inner(bounds: Mapping[str, Bounds], name: str) -> tuple[float | None, float | None]:
     """Return the smallest and the largest value of a scalar that is within its limits."""
     return between(bounds.get(name, NO_BOUNDS))
 
 
-def between(bounds: Bounds4) -> tuple[float | None, float | None]:
+def between(bounds: Bounds) -> tuple[float | None, float | None]:
     """Return the bounds that are met first: the yellow ones, or where there is none the red ones."""
     red_low, low, high, red_high = bounds
     return red_low if low is None else low, red_high if high is None else high
@@ -43,7 +40,7 @@ class LimitLine(msgspec.Struct, frozen=True):
         return self.word + {-1: "▲", 0: "", 1: "▼"}[self.beyond]
 
 
-def lines_of(bounds: Bounds4, axis: Axis, height: int) -> list[LimitLine]:
+def lines_of(bounds: Bounds, axis: Axis, height: int) -> list[LimitLine]:
     """Return the lines of limits in a plot of `height` lines; none where the plot has no scale."""
     found = (_line(word, bound, axis, height) for word, bound in zip(WORDS, bounds, strict=True) if bound is not None)
     return [line for line in found if line is not None]

@@ -5,11 +5,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from silo.core.arrays.columns import ColumnPiece, ColumnStore
+from silo.core.conditions import NO_BOUNDS, Bounds
 from silo_tui.model.drawing import dots
 from silo_tui.model.drawing.dots import BLANK
 from silo_tui.model.drawing.plots import NOBODY, Owners, Picture, Plotted, draw_panel, together
 from silo_tui.model.drawing.window import PlotWindow
-from silo_tui.model.plots.limits import NO_BOUNDS, Bounds4, level_line, lines_of
+from silo_tui.model.plots.limits import level_line, lines_of
 from silo_tui.model.plots.overlay import SIGN
 from silo_tui.model.plots.panels import Panel, sides
 from silo_tui.model.samples.live import offset_text
@@ -39,7 +40,7 @@ class PanelSource:
     window: PlotWindow
     period_of: Callable[[str], int]
     letter: Callable[[Plotted], str]
-    bounds: Mapping[str, Bounds4]
+    bounds: Mapping[str, Bounds]
     level: float | None = None  # of a scope that waits for the first signal
 
 

@@ -14,18 +14,19 @@ from numpy.typing import NDArray
 from silo.conditions.standing import LimitWord
 from silo.core.arrays.columns import Floats
 from silo.live.quantities import FROZEN, LOST, NOT_FINITE, SLOW
+from silo_tui.model.words.states import limit_word
 
 STATISTICS = ("min", "max", "mean", "std")  # since they begin, of each sample
 SINCE = (*STATISTICS, "noise")
 # of limits, which the survey knows nothing of
 RED_HIGH, RED_LOW, YELLOW_HIGH, YELLOW_LOW = 1 << 16, 1 << 17, 1 << 18, 1 << 19
-LIMIT_BITS = {"HH": RED_HIGH, "LL": RED_LOW, "H": YELLOW_HIGH, "L": YELLOW_LOW, LimitWord.STALE.value: FROZEN}
 # worst first; limits as process control writes them
 STATES = (
     (RED_HIGH, "HH"), (RED_LOW, "LL"), (NOT_FINITE, "nan"), (YELLOW_HIGH, "H"), (YELLOW_LOW, "L"), (FROZEN, "frozen"),
     (SLOW, "slow"), (LOST, "lost"),
 )  # fmt: skip
 BITS = {word: bit for bit, word in STATES}
+LIMIT_BITS = {word.value: BITS[limit_word(word)] for word in LimitWord if word.is_over}
 BAD = frozenset({"HH", "LL", "nan", "lost"})
 
 

@@ -17,7 +17,7 @@ from silo_tui.model.drawing.dots import BLANK
 from silo_tui.model.drawing.plots import draw, plots_of
 from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
 from silo_tui.model.lists.conditions import NOW, held_axis, tried_lines
-from silo_tui.model.plots.limit_line import BOUNDS, fields_of, limits_of_fields
+from silo_tui.model.plots.limit_fields import BOUNDS, fields_of, limits_of_fields
 from silo_tui.model.plots.limits import between, lines_of
 from silo_tui.model.plots.picture import LIMIT
 from silo_tui.model.table.changes import patterns_of
@@ -128,7 +128,7 @@ class LimitsDialog(Form[LimitsWish]):
         words = self._whole if is_same else [word for each in shown.split(",") if (word := each.strip())]
         before = {word: _present(self._session, word) for word in words}
         limits = [
-            limits_of_fields(fields, (None if is_same else before[word]) or SignalLimits(self._whole.get(word, word)))
+            limits_of_fields(fields, before[word] or SignalLimits(self._whole.get(word, word)), whole=is_same)
             for word in words
         ]
         if any(bound is not None for bound in limits[0].bounds) or limits[0].stale_s:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from silo.core.conditions import Bounds
 from silo.core.elements import Entry, LoggedEvent
 from silo.errors import SiloError
 from silo.expressions.search import FoundMoments as FoundIn
@@ -18,7 +19,7 @@ from silo_tui.actions import key_of
 from silo_tui.modal import ask, run_alone, run_aside
 from silo_tui.model.drawing.plots import Plotted
 from silo_tui.model.lists.happened import gone_words, words
-from silo_tui.model.plots.limits import Bounds4, inner
+from silo_tui.model.plots.limits import inner
 from silo_tui.model.plots.panels import CurveKind, kind_of
 from silo_tui.model.plots.time_axis import MOMENTS
 from silo_tui.model.samples.find import EVENTS, LETTERS, Moment, Search, What, happened, neighbour, parse_crossing
@@ -88,7 +89,7 @@ class SearchResult:
 
 
 async def look(
-    source: HeldRows, plots: Sequence[Plotted], search: Search, bounds: Mapping[str, Bounds4], around_ns: int
+    source: HeldRows, plots: Sequence[Plotted], search: Search, bounds: Mapping[str, Bounds], around_ns: int
 ) -> SearchResult:
     """Look through all that is held of some entries, for the moments next to a time. Raises a SiloError."""
     if search.what in LETTERS:
@@ -199,7 +200,7 @@ def _happened(source: HeldRows, plots: Sequence[Plotted], search: Search) -> Sea
 
 
 async def events(
-    source: HeldRows, plots: Sequence[Plotted], bounds: Mapping[str, Bounds4], around_ns: int
+    source: HeldRows, plots: Sequence[Plotted], bounds: Mapping[str, Bounds], around_ns: int
 ) -> SearchResult:
     """Look for all that is an event, whichever: long holes, and what happened."""
     found = await look(source, plots, Search(What.HOLE, least_s=HOLE_S), bounds, around_ns)
