@@ -14,6 +14,7 @@ from types import MappingProxyType
 import msgspec
 from textual.keys import REPLACED_KEYS
 
+from silo.files.formats import SAVED_NAMES
 from silo.settings.options import OPTION
 
 
@@ -212,7 +213,7 @@ COMMANDS: tuple[Command, ...] = (
           typed=_read(("start", "stop"))),
     _acts("restart", "R", "Restart", "stop and start again", "Logger", _OF_LOGGER, typed=Typed(("restart",))),
     _helped("save_data", "w", "Save", "write the logged data to files", "Logger", _TABLE, 9,
-            typed=_read(("data",), "types", ":data silo csv bag NAME", "save data", 4)),
+            typed=_read(("data",), "types", f":data {' '.join(SAVED_NAMES)} NAME", "save data", 4)),
     _acts("load_script", "L", "Load configuration", "see what one on the robot differs in; load it", "Logger", _TABLE,
             typed=_read(("load",), "scripts", ":load x.yaml", "load a configuration", 1)),
     _helped("save_script", "W", "Save configuration", "store it as a file on the robot", "Logger", _TABLE,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from silo.core.quantities.writing import many
+from silo.files.formats import savable
 from silo_tui.actions import key_of
 from silo_tui.context import Context
 from silo_tui.modal import run_aside
@@ -102,9 +103,9 @@ class Many:
         from silo.core.elements import FileType
 
         choices = [Choice("silo", "Save as .silo, each in its own folder", "y"),
-                   Choice("all", "Save as .silo, CSV and bag", "a")]  # fmt: skip
+                   Choice("all", f"Save as {savable()}", "a")]  # fmt: skip
         answer = await self._put(f"Save {many(len(able), 'logger')}?", body, choices)
-        types = [FileType.SILO] if answer == "silo" else [FileType.SILO, FileType.CSV, FileType.BAG]
+        types = [FileType.SILO] if answer == "silo" else list(FileType)
         return ("save", able, partial(saving, types=types)) if answer else None
 
     async def _load(self, able: Sequence[FoundLogger], body: Text) -> "Asked | None":

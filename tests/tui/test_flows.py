@@ -733,9 +733,9 @@ def begun(asking: many.Many, states: str, what: str) -> None:
         ("r", "restart", ESC, "Restart 1 logger? () No (s) Save, and restart 1 logger "
          "(D) Drop what isn't saved: restart 1 logger!", "", ""),
         ("r", "save", "y", "Save 1 logger? () No (y) Save as .silo, each in its own folder "
-         "(a) Save as .silo, CSV and bag", f"a saving {[FileType.SILO]}", "save: 1 did, 0 did not, 0 waiting"),
+         "(a) Save as silo, csv and bag", f"a saving {[FileType.SILO]}", "save: 1 did, 0 did not, 0 waiting"),
         ("r", "save", "a", "Save 1 logger? () No (y) Save as .silo, each in its own folder "
-         "(a) Save as .silo, CSV and bag", f"a saving {[FileType.SILO, FileType.CSV, FileType.BAG]}",
+         "(a) Save as silo, csv and bag", f"a saving {[FileType.SILO, FileType.CSV, FileType.BAG]}",
          "save: 1 did, 0 did not, 0 waiting"),
         ("r", "load", "quiet", "Load a configuration into 1 logger", "a loading quiet.yaml",
          "load: 1 did, 0 did not, 0 waiting"),

@@ -10,15 +10,14 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import NamedTuple
 
-from silo.core.elements import FileType
 from silo.core.names import grouped
 from silo.core.quantities.writing import EPOCH_FROM_NS, size_text
+from silo.files.formats import FORMATS, SAVED
 from silo.recordings.requests import RecordingFile, Recordings, SavedRecording
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
 from silo_tui.model.words.names import fitting_names
 
-PREFERENCE = (FileType.SILO, FileType.BAG, FileType.CSV)  # of one save, the first is the one that is opened
 TYPES_FROM, WHY = 110, 20  # cells from which the types have a column; cells of `why` below that
 _PLACE = re.compile(r"(\d{5,})(?:_part(\d+))?")  # the number of a save, and which part it is of a run that was cut
 _DATED = re.compile(r"(?P<logger>.+?)_\d{8}_\d\d-\d\d-\d\d_(?P<rest>\d{5,}.*)")
@@ -45,8 +44,8 @@ def told(one: SavedRecording) -> str:
 
 
 def best_file(one: SavedRecording) -> RecordingFile:
-    """Return the file of a save that keeps most."""
-    return min(one.files, key=lambda file: PREFERENCE.index(file.type))
+    """Return the file of a save that is opened: as `FORMATS` prefers them."""
+    return min(one.files, key=lambda file: FORMATS.index(SAVED[file.type]))
 
 
 def name_room(width: int) -> int:

@@ -58,8 +58,10 @@ FOLLOW_S = 0.05
 _PART = re.compile(r"_part\d+$")
 A_PART = "a part of a run: applying edits while it logs begins a new file; opening any one of them opens all"
 CONFIGURATION = "W"  # no small letter: names are typed here, too
-TICKS = " ".join(name[0] for name in SAVED_NAMES)
-KEYS = f"↑↓ Move  space {TICKS} Tick  {CONFIGURATION} Configuration  Enter Saves  Esc Back"
+TICKS = dict[str, str]()  # the key of each type: the first letter of its name that is free
+for _name in SAVED_NAMES:
+    TICKS[next(letter for letter in _name if letter not in ("j", "k", "o", "x", *TICKS))] = _name
+KEYS = f"↑↓ Move  space {' '.join(TICKS)} Tick  {CONFIGURATION} Configuration  Enter Saves  Esc Back"
 
 KEYS_OF_NAME = "↑↓ Move  Enter Saves  Esc Back"  # letters are of the name
 
@@ -71,7 +73,7 @@ class SaveDialog(Form[list[SavedFile]]):
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
         Binding("down,j", "app.focus_next", show=False),
         Binding("up,k", "app.focus_previous", show=False),
-        *(Binding(name[0], f"turn('{name}')", show=False) for name in SAVED_NAMES),
+        *(Binding(letter, f"turn('{name}')", show=False) for letter, name in TICKS.items()),
         Binding(CONFIGURATION, "configuration", show=False),
         Binding("enter,ctrl+s", "save", show=False),
         Binding("o", "open", show=False),
