@@ -516,6 +516,12 @@ class SiloScreen(Leaving[None]):
             return "" if session.status.recorders or session.recorders else "nothing records"
         return ""
 
+    @property
+    def why_not_again(self) -> str:
+        """Why what a menu did last can't be done once more now; empty where it can."""
+        refused = self.context.why_not(BY_ID[self.repeated])
+        return refused[1] if refused else self.why_not_now(self.repeated)
+
     def value_now(self, command_id: str) -> str:
         """Return what a menu tells of an entry: what it changes, as it is; what it makes, or tells it from its like."""
         told = {"top": "first line", "recordings": "of robot", "runs": "of a folder"}
@@ -561,7 +567,7 @@ class SiloScreen(Leaving[None]):
         if command.id not in RELABELLED:
             return command.label
         if command.id == "again":
-            return f"again: {BY_ID[self.repeated].label}" if self.repeated else ""
+            return f"again: {BY_ID[self.repeated].label}" if self.repeated and not self.why_not_again else ""
         if command.id == "back" and self in self.app.screen_stack[:2]:
             return ""  # nothing is behind it
         if session is not None and command.id == "start_stop":

@@ -202,7 +202,10 @@ class MenuReader:
         if not screen.repeated:
             screen.context.say("nothing to do again yet: it repeats what a menu of edit, view or plots did last")
         elif not turned:
-            screen.repeats()
+            if why := screen.why_not_again:
+                screen.context.say(f"{key_of('again')} ({BY_ID[screen.repeated].label}): {why}")
+            else:
+                screen.repeats()
         elif screen.repeated in TURNED:
             screen.action_command(TURNED[screen.repeated])
         else:

@@ -448,6 +448,10 @@ async def test_the_bar_says_what_is_done_again_where_there_is_room(fake, opened)
         assert "again" not in bar(screen) and "S Start" in bar(screen)
         await screen.do("toggle")
         assert ". again: On/Off" in bar(screen)
+        await screen.do("filter", *"nosuchelement", "enter")
+        assert "again" not in bar(screen)  # there is nothing to do it with
+        await screen.press("full_stop")
+        await screen.shows(". (On/Off): no element is here")
 
 
 async def test_the_bar_has_one_order_on_every_screen_and_no_menu_without_an_entry_there():
