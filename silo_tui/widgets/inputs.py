@@ -4,10 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from rich.cells import cell_len
+from rich.segment import Segment
 from textual import events
 from textual.binding import Binding
 from textual.geometry import Region
 from textual.message import Message
+from textual.strip import Strip
 from textual.suggester import Suggester
 from textual.widget import Widget
 from textual.widgets import Input
@@ -35,7 +38,25 @@ class LineSuggester(Suggester):
         return next((one for one in found if one.startswith(value)), None)
 
 
-class NamingLine(Input):
+class Suggesting(Input):
+    """A line behind which stands, in brackets and with the key that takes it, what it may become.
+
+    Colours alone would not tell that from what is typed: not all terminals have them.
+    """
+
+    def render_line(self, y: int) -> Strip:
+        strip, ghost = super().render_line(y), self._suggestion[len(self.value) :]
+        if not (ghost and self.value and self._suggestion.startswith(self.value) and self.has_focus and y == 0):
+            return strip
+        style, cursor = (self.get_component_rich_style(f"input--{each}") for each in ("suggestion", "cursor"))
+        is_here = self.cursor_at_end and self._cursor_visible
+        typed = strip.crop(0, max(0, cell_len(self.value) - self.scroll_offset.x))
+        behind = Strip([Segment("[", cursor if is_here else style), Segment(f"{ghost}] Tab", style)])
+        width = strip.cell_length
+        return Strip([*typed, *behind.apply_style(self.rich_style)]).crop(0, width).extend_cell_length(width)
+
+
+class NamingLine(Suggesting):
     """A field in which signals are named: what a name may become stands behind it, and Tab or → takes that.
 
     Where nothing does, Tab goes to the next field.
@@ -60,16 +81,12 @@ class NamingLine(Input):
 
 
 def tell_apart(line: Input) -> None:
-    """Let nothing that isn't typed look as if it were, without many colours: they alone tell it apart.
-
-    Suggestions are left out, Tab has to do; what stands in an empty line is put in brackets.
-    """
+    """Put what stands in an empty line in brackets where there are not many colours: they alone tell it apart."""
     if line.app.no_color or line.app.current_theme.ansi:
-        line.suggester = None
         line.placeholder = f"({line.placeholder})" if line.placeholder else ""
 
 
-class Fleeting(Guarded, Input):
+class Fleeting(Guarded, Suggesting):
     """An input that is there only while somebody types in it.
 
     All its keys are taken as keys and not as bindings, and what was typed behind Enter, Esc or Tab is handed on: a slow

@@ -218,7 +218,7 @@ async def test_tab_makes_a_name_whole_and_then_goes_on_and_of_two_that_are_marke
         await screen.press("colon", *"derive", "enter")
         await screen.shows("Derive a signal on robot")
         await screen.press(*"hot", "tab", *"2 * imu/te")
-        await screen.shows("2 * imu/temperature")  # what it may become
+        await screen.shows("2 * imu/te[mperature] Tab")  # what it may become
         form = screen.app.screen
         assert form.fields["is"] == "2 * imu/te"
         await screen.press("tab")

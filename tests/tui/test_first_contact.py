@@ -132,13 +132,19 @@ async def test_without_many_colours_nothing_untyped_looks_as_if_it_were_typed(th
     async with opened(fake.run(), settings=Settings(theme=theme)) as screen:
         await screen.do("save_data")
         await screen.shows("(empty: date, time and run number)")
-        await screen.press("escape")
+
+
+@pytest.mark.parametrize("theme", ["NO_COLOR", "16", "dark", "light", "contrast"])
+async def test_what_a_line_may_become_stands_in_brackets_with_the_key_that_takes_it(theme, fake, opened, monkeypatch):
+    if theme == "NO_COLOR":
+        monkeypatch.setenv("NO_COLOR", "1")
+    async with opened(fake.run(), settings=Settings(theme="dark" if theme == "NO_COLOR" else theme)) as screen:
         await screen.type("/unit:N")
-        await screen.shows("unit:N")
-        assert screen.app.focused.suggester is None  # nothing that could come later
+        await screen.shows("unit:N[m] Tab")
         assert "unit:Nm" not in screen.text
         await screen.press("tab")
         await screen.shows("unit:Nm")
+        assert "] Tab" not in screen.text
 
 
 async def test_for_one_logger_alone_no_list_is_made(fake, opened, monkeypatch):
