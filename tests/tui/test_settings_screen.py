@@ -1,6 +1,7 @@
 """The settings screen: each change counts at once, `w` keeps it, mistakes of the file are told, keys can be changed."""
 
 import re
+import string
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -8,7 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from silo_tui.cli import _run, command
-from silo_tui.screens.lists.settings import SettingRow, row_text
+from silo_tui.keymap import clashes, keys_in
+from silo_tui.screens.lists.settings import SettingRow, free_keys, row_text
 from silo_tui.settings.file import path
 from silo_tui.settings.options import OPTION, OPTIONS, Settings
 from silo_tui.settings.reading import read, read_file
@@ -89,6 +91,18 @@ async def test_what_cant_be_is_told_in_the_words_of_the_file_and_a_slower_rate_a
         assert screen.session.link._rate_hz == 1.0
 
 
+@pytest.mark.parametrize("keymap", ["two-layer", "classic"])
+@pytest.mark.parametrize("command", ["filter", "monitor", "closer", "turn_up", "help"])
+def test_each_key_that_is_offered_as_free_can_be_taken(keymap, command):
+    settings = Settings(keymap=keymap)
+    free = free_keys(command, settings)
+    assert len(free) >= 4
+    for key in free:
+        assert not [one for one in clashes(keymap, {command: key}) if command in one[:2]]
+    taken = {*string.ascii_letters} - {*free, *keys_in(keymap, command).split(","), "D"}
+    assert all([one for one in clashes(keymap, {command: key}) if command in one[:2]] for key in taken)
+
+
 async def test_escape_leaves_a_key_as_it_was_and_it_is_changed_by_pressing_it(fake, opened):
     async with opened(fake) as screen:
         await screen.press("f2", "G", "e")
@@ -99,6 +113,9 @@ async def test_escape_leaves_a_key_as_it_was_and_it_is_changed_by_pressing_it(fa
         await screen.press("escape", "f2", "slash")
         await screen.enter("key filter", "e")
         await screen.shows("Press the key of filter (Filter)")
+        await screen.shows("now /; free: ")
+        free = screen.text.partition("free: ")[2].partition("│")[0].split()
+        assert "f" in free and not {"e", "j", "q"} & set(free)
         await screen.press("e")
         await screen.shows("e is edit (Edit) already (table)")
         await screen.press("f")

@@ -1,5 +1,6 @@
 """The user's settings: each changed by a key, shown at once, kept by `w`."""
 
+import string
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from textual.containers import Vertical
 from textual.widgets import Static
 
 from silo_tui.actions import BY_ID, COMMANDS, key_of, key_text, places_of, with_keys
-from silo_tui.keymap import clashes, keys_in
+from silo_tui.keymap import DESTROYS, clashes, keys_in
 from silo_tui.modal import Dialog, ask
 from silo_tui.model.lists.ordering import Order
 from silo_tui.screens.lists.list_screen import ListScreen
@@ -27,6 +28,7 @@ from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Line
 
 NAMES = 20
+FREE = (*string.ascii_letters, *(f"f{number}" for number in range(1, 13)))  # keys to offer
 TYPING_KEYS = "Enter takes it  Tab completes  Esc leaves it as it was"
 
 
@@ -248,6 +250,10 @@ class KeyDialog(Dialog[str | None]):
         with Vertical(classes="dialog"):
             yield Static(f"Press the key of {label(self._command)}", classes="dialog-title", markup=False)
             yield Static(BY_ID[self._command].help, markup=False)
+            free = " ".join(map(key_text, free_keys(self._command, self._settings)))
+            yield Static(
+                f"now {with_keys(BY_ID[self._command]).key_text or 'none'}; free: {free or 'none'}", markup=False
+            )
             yield Static("", id="key-problem", markup=False)
 
     def on_key(self, event: events.Key) -> None:
@@ -267,6 +273,13 @@ class KeyDialog(Dialog[str | None]):
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Leave every key to `on_key`, those of the app and of Textual too."""
         return False
+
+
+def free_keys(command: str, settings: Settings) -> list[str]:
+    """Return the letters and F keys that no other command has on a screen of this one."""
+    mine = {*keys_in(settings.keymap, command, settings.keys).split(","), DESTROYS}
+    others = (key for key in FREE if key not in mine)
+    return [key for key in others if not _clash(settings.keymap, {**settings.keys, command: key}, command)]
 
 
 def _clash(keymap: str, keys: dict[str, str], command: str) -> str:
