@@ -42,6 +42,7 @@ MAX_CLIENTS = 8
 MAX_NAMES = 20_000
 WINDOW_S = 2.0  # over which rates are measured, or ten periods
 STAMPS = 512  # of which the jitter is reckoned
+WIDE = frozenset({"i8", "u8"})  # types with numbers that float64 has not
 BLOCK_BYTES = 4 * 2**20
 _OF_CHANGES = (  # of a tally, by slot
     "newest", "changed_ns", "_change_seen", "bad_ns", "_changes", "_read_s", "_read_to_change_s",
@@ -51,7 +52,8 @@ _OF_CHANGES = (  # of a tally, by slot
 class _Columns:
     """Makes of the rows of a ring a matrix of float64: a column per entry, then one per vector: its norm.
 
-    Then one per element that has no number, as texts and times: of its bytes, which differs where these do.
+    Then one per element that has no number, as texts and times, or of which float64 has not each number, as int64: of
+    its bytes, which differs where these do.
     """
 
     def __init__(self, elements: Sequence[tuple[int, tuple[EntrySchema, ...]]]) -> None:
@@ -75,7 +77,7 @@ class _Columns:
                     self.entries.append((number, place))
                 else:
                     more[number, place] = entry
-            if len(usable) < len(entries):
+            if len(usable) < len(entries) or any(np.dtype(each.entry.dtype).str[1:] in WIDE for each in usable):
                 self.others.append(number)
         self._picker = RowPicker(wanted | more)
         self.words = self._picker.words  # of rows that are read
@@ -106,9 +108,13 @@ class _Columns:
 
 def _marks_of(values: NDArray[Any], columns: NDArray[np.intp]) -> NDArray[np.uint64]:
     """Return numbers that differ where the bytes of values do, whatever their type; shape as theirs."""
-    parts = np.ascontiguousarray(values).view(np.uint8).reshape(*values.shape, values.dtype.itemsize)
-    weights = _weights(parts.shape[-1])
-    marks: NDArray[np.uint64] = parts.astype(np.uint64) @ weights * (2 * columns.astype(np.uint64) + np.uint64(1))
+    values, odd = np.ascontiguousarray(values), 2 * columns.astype(np.uint64) + np.uint64(1)
+    marks: NDArray[np.uint64]
+    if values.dtype.itemsize == 8:
+        marks = values.view(np.uint64) * _weights(8)[0] * odd
+    else:
+        parts = values.view(np.uint8).reshape(*values.shape, values.dtype.itemsize)
+        marks = parts.astype(np.uint64) @ _weights(parts.shape[-1]) * odd
     return marks
 
 
@@ -158,7 +164,7 @@ class Tally:
             by_ring.setdefault(element.watch_ring, []).append((number, element.watch_entries))
             self._ring_of[number] = element.watch_ring
         self.lead = np.full(len(elements), -1, np.intp)
-        self.other = np.full(len(elements), -1, np.intp)  # the slots of those that have no number
+        self.other = np.full(len(elements), -1, np.intp)  # the slots by which it is told exactly when these changed
         self.slot_of: dict[str, int] = {}
         self._rings: list[_Ring] = []
         count = 0
@@ -177,6 +183,7 @@ class Tally:
                 _Ring(ring, columns, slice(count, count + len(columns)), 0 if whole else reader.head(ring))
             )
             count += len(columns)
+        self.changing = np.where(self.other >= 0, self.other, self.lead)
         self.count = count
         self.newest = np.full(count, np.nan)
         self.changed_ns = np.zeros(count, np.int64)
@@ -386,11 +393,11 @@ class Tally:
             return np.where(finite, 0, NOT_FINITE).astype(float)
         full = self._fixed & ~self._own & (self._sizes.held() >= self._limits)  # a full one stands still rightly
         share = np.where(full, np.nan, self._timing("share", running=True))
-        changed_s = np.where(self.lead >= 0, np.append(self._changed_s(), np.nan)[self.lead], np.nan)
+        changed_s = np.where(self.lead >= 0, np.append(self._changed_s(), np.nan)[self.changing], np.nan)
         may_freeze = self._may_freeze & ~full & ~np.isnan(changed_s)
         with np.errstate(divide="ignore", invalid="ignore"):
             pace_s = np.where(self._changes > 0, self._read_to_change_s / self._changes, np.nan)
-        pace_s = np.append(pace_s, np.nan)[self.lead]
+        pace_s = np.append(pace_s, np.nan)[self.changing]
         return signs_of(finite, changed_s, pace_s, may_freeze, share, self._sizes.lost()).astype(float)
 
 
@@ -429,7 +436,8 @@ def _values(
     numbers = np.array([tally.numbers.get(name, -1) for name in names], np.intp)
     leads = np.append(tally.lead, -1)[numbers]
     slots = np.where(leads >= 0, leads, [tally.slot_of.get(name, -1) for name in names] if entries else -1)
-    others = np.where(slots >= 0, slots, np.append(tally.other, -1)[numbers])  # of what is no number it is known, too
+    changing = np.append(tally.changing, -1)[numbers]  # of what is no number it is known, too
+    others = np.where(changing >= 0, changing, slots)
     for place, quantity in enumerate(quantities):
         found, per_slot = tally.quantity(quantity, sums, running=running)
         of = others if quantity in {"changed", "change_seen"} else slots

@@ -143,6 +143,18 @@ def test_texts_and_what_is_no_number_have_a_last_change_and_no_statistics(robot)
     assert not int(robot.of("/log/word", "signs"))
 
 
+def test_a_large_integer_changed_though_float64_has_not_each_of_its_values(robot):
+    """2**60 and 2**60 + 1 are one float: what counts at each sample was told to have changed a second ago."""
+    for at in range(200):
+        robot.tick(at, count=2**60 + at // 4)
+        if at % 50 == 7:
+            robot.advance()
+    robot.advance()
+    told = _values(robot.tally, robot.sums, ["changed", "change_seen"], ["/log/count"], entries=True, running=True)
+    assert np.frombuffer(told) == pytest.approx([0.03, 1.0])
+    assert not int(robot.of("/log/count", "signs")) & FROZEN
+
+
 def test_a_constant_that_nobody_keeps_any_more_has_not_changed_since_it_came(robot):
     for _ in range(100):
         robot.tick(7.0)
