@@ -49,6 +49,11 @@ def test_a_row_that_came_up_by_its_value_shows_the_one_it_was_ordered_by():
     values[ROW["/t"]] = 2.5
     sight.table.facts = Facts({"value": values})
     assert cells.value(sight, ROW["/t"], 11) == ("2.5000", "value")
+    sight.live.readings.clear()
+    sight.written.clear()
+    assert cells.value(sight, ROW["/t"], 11) == ("2.5000", "value"), "before its first picture, too"
+    assert cells.value(sight, ROW["/n"], 11) == cells.WAITS, "of which nothing is known"
+    sight.live.readings["/t"] = read(1.5)
     one = LimitStatus("/t", "/t", LimitWord.OK, bounds=(None, None, None, 2.0))
     sight.table.limits = {"/t": one}
     assert cells.sign(sight, ROW["/t"], 6)[0] == "HH", "as the number beside it, not as that of another moment"

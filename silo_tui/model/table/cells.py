@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import msgspec
+import numpy as np
 
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import BufferType, ElementInfo
@@ -39,6 +40,7 @@ _OF_LIMITS = sum(set(LIMIT_BITS.values()))
 _OF_BOUNDS = _OF_LIMITS & ~FROZEN
 
 Cell = tuple[str, str]  # words, and the name of their style
+WAITS: Cell = "…", "quiet"  # its first reading is on the way
 
 
 class Sight(msgspec.Struct):
@@ -178,7 +180,7 @@ def _reading(sight: Sight, row: int) -> Reading | Cell:
     if not sight.table.server[Field.ENABLED, row]:
         return "off", "quiet"
     if reading is None or not reading.held:
-        return ("…" if sight.running and sight.fresh else "-"), "quiet"
+        return WAITS if sight.running and sight.fresh else ("-", "quiet")
     if sight.running and is_old(reading) and not reading.texts and all(map(math.isnan, reading.newest)):
         return WHY_NOT_LIVE[reading.why], "quiet"
     return reading
@@ -199,10 +201,12 @@ def value(sight: Sight, row: int, width: int) -> Cell:
 
     Where statistics stand beside it, or rows are ordered by it, it is of the moment of these.
     """
-    reading = _reading(sight, row)
+    reading, element, chosen = _reading(sight, row), sight.table.elements[row], sight.component(row)
+    if reading == WAITS and len(element.entries) == 1:  # a survey may have it before the first picture of the row
+        surveyed = _as_shown(sight.table, row, Reading(np.array([math.nan]), {}, 1, 0, 0))
+        reading = reading if math.isnan(surveyed.newest[0]) else surveyed
     if isinstance(reading, tuple):
         return reading
-    element, chosen = sight.table.elements[row], sight.component(row)
     told = sight.table.facts.detail(sight.shown_name(row), "value")
     if len(element.entries) == 1:
         reading = _as_shown(sight.table, row, reading)
