@@ -52,7 +52,7 @@ class Many:
         body = Text("\n".join(fleet.asked_line(one, now_ns) for one in targets) + "\n")
         able = [one for one in targets if one.can_be_asked]
         if not able:
-            self._context.say(f"none of them is there: {key_of('look_again')} looks again")
+            self._context.say(fleet.why_none(targets, key_of("look_again")))
             return
         asks = {
             "start_stop": self._start_or_stop, "restart": self._restart, "save": self._save, "load": self._load,

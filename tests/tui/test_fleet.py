@@ -362,6 +362,24 @@ async def test_a_logger_that_got_a_namesake_is_called_as_in_the_list(new_fake, o
         await screen.shows("demo.19150  ● RUNNING")
 
 
+async def test_nothing_is_offered_to_be_asked_of_a_dead_logger(new_fake, opened) -> None:
+    dead, mine = new_fake(name="lost"), new_fake(name="demo").run()
+    dead.pid, mine.pid = 19149, 19150
+    async with opened(dead, mine, ready=False, size=(120, 24)) as screen:
+        screen.app._finder.members = {
+            fake.found.key: Member(fake.found, msgspec.structs.replace(FINE, state=state))
+            for fake, state in ((dead, State.DEAD), (mine, State.RUNNING))
+        }
+        await screen.shows("demo  ● RUNNING")
+        await screen.do("loggers")
+        await screen.shows("1 dead, 1 running")
+        await screen.shows("S Start/Stop")  # of the one that is open
+        screen.app.screen.move(screen.app.screen.shown_keys.index(dead.found.key))
+        await screen.until(lambda: "Start/Stop" not in screen.text, "no key")
+        await screen.do("start_stop_loggers")
+        await screen.shows("lost is dead: start the program again")
+
+
 def test_the_open_one_is_told_beside_what_it_answered_too() -> None:
     def told(one: fleet.FoundLogger) -> str:
         return fleet.row(one, 16, 80, NOW_S, NOW_NS, is_open=True)

@@ -211,6 +211,16 @@ def asked_line(one: FoundLogger, now_ns: int) -> str:
     return f"{one.address}   {state}{ticks}{alone}"
 
 
+def why_none(targets: Sequence[FoundLogger], again: str) -> str:
+    """Return why none of these can be asked for anything, empty where one can; `again` is the key that looks again."""
+    if any(one.can_be_asked for one in targets):
+        return ""
+    if not all(one.member.dead for one in targets):
+        return f"none of them is there: {again} looks again"
+    who = f"{targets[0].address} is" if len(targets) == 1 else f"these {len(targets)} are"
+    return f"{who} dead: start the program again"
+
+
 def is_unsaved(one: FoundLogger) -> bool:
     """Return whether a start would drop something."""
     told = one.member.summary

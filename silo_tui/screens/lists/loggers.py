@@ -13,7 +13,7 @@ from textual.app import ComposeResult
 from textual.widgets import Static
 
 from silo.rpc.published import Summary
-from silo_tui.actions import Command, key_of
+from silo_tui.actions import BY_ID, Command, key_of
 from silo_tui.model.lists import fleet
 from silo_tui.model.lists.fleet import FoundLogger
 from silo_tui.screens.lists.list_screen import ListScreen
@@ -96,8 +96,19 @@ class LoggersScreen(ListScreen[FoundLogger]):
         return self._all
 
     def label_now(self, command: Command) -> str:
-        """Return it; all of the menu of edits is about loggers."""
-        return "" if command.id == "menu_edit" and self.chosen is None else super().label_now(command)
+        """Return it; all of the menu of edits is about loggers, and what is asked of many about those that can be."""
+        nobody = self.chosen is None if command.id == "menu_edit" else command.does == "many" and self._why_none()
+        return "" if nobody else super().label_now(command)
+
+    def why_not_now(self, command_id: str) -> str:
+        why = super().why_not_now(command_id)
+        return why or (self._why_none() if BY_ID[command_id].does == "many" else "")
+
+    def _why_none(self) -> str:
+        """Why none of those that are marked, or the one under the cursor, can be asked."""
+        meant = set(self.marks.meant(self.shown_keys, self.chosen_key))
+        targets = [one for one in self.shown if one.key in meant]
+        return fleet.why_none(targets, key_of("look_again")) if targets else ""
 
     def key_of(self, one: FoundLogger) -> str:
         return one.key
