@@ -40,7 +40,7 @@ from silo.recorder.orders import (
     encode,
     recorded_of,
 )
-from silo.recorder.ring_cursor import DROPPED, MOST_PERIOD_S, Drained, RingCursor
+from silo.recorder.ring_cursor import DROPPED, LEAST_PERIOD_S, MOST_PERIOD_S, Drained, RingCursor
 from silo.recorder.writing import RecorderDisk, Writing
 from silo.recovery.parts import close_parts, fewer_rows, left_rows
 from silo.segment.reader import SegmentReader
@@ -70,6 +70,7 @@ class Recorder:
         self._drain: RingCursor | None = None
         self._pending = Drained()
         self._flushed_s = self._reported_s = self._released_s = time.monotonic()
+        self._told: RecorderState | None = None  # what was reported last
         self._why = ""
         self._until = 0  # the event that the log is to have at the end
         self._died = False  # the program, without a word
@@ -157,7 +158,7 @@ class Recorder:
         problem = ""
         try:
             while not self._why and not self._writing.over.is_set():
-                self._listen(self._drain.period_s if self._drain else MOST_PERIOD_S)
+                self._listen(self._period_s)
                 self._read()
                 self._close_left()
                 self._tell()
@@ -299,10 +300,18 @@ class Recorder:
             )
         return derived
 
+    @property
+    def _period_s(self) -> float:
+        if self._told is None:  # whoever started it waits for its first words
+            return LEAST_PERIOD_S
+        return self._drain.period_s if self._drain else MOST_PERIOD_S
+
     def _tell(self) -> None:
-        now_s = time.monotonic()
-        if now_s - self._reported_s >= REPORT_S or self._writing.news:
-            self._reported_s = now_s
+        """Report what is new at once, else each second; with a run that is to come, first whether it is recorded."""
+        now_s, state = time.monotonic(), self._writing.totals.state
+        begins = self._told is None and state is RecorderState.WAITING and self._order.runs != ()
+        if (state is not self._told and not begins) or now_s - self._reported_s >= REPORT_S or self._writing.news:
+            self._reported_s, self._told = now_s, state
             self._send(self._report())
 
     def _report(self) -> Report:

@@ -365,8 +365,9 @@ class EndlessRecordings:
         if report is None:
             self._gone(recorder)
             return
-        recorder.report = report
-        recorder.has_recorded = recorder.has_recorded or report.state is RecorderState.RECORDING
+        before, recorder.report = recorder.report, report
+        # of two reports, as the first comes before anything is in a file
+        recorder.has_recorded |= before.state is report.state is RecorderState.RECORDING
         recorder.reported.set()
         if report.done:
             with self._lock:

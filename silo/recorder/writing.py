@@ -307,6 +307,7 @@ class Writing:
         """
         self.end_run()
         self._layout, self._next_rows, self._happening = layout, dict(begin), happening
+        self._make_room(0)
         self._gone = "; ".join(filter(None, [self._gone, gone]))
         self._ledger.written.runs += missed
         self._ledger.begin_run(_entry(layout, begin))

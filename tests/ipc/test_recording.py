@@ -175,6 +175,7 @@ def test_a_restart_is_recorded_from_its_first_tick_and_the_program_may_record_to
             lambda of=(place, name): limited(*of, bench.logger._present.run.id)
         )  # it may be reading rows already
     bench.ticks(50)
+    wait_until(lambda: client.triggers().tick >= bench.logger.ticks)  # later news is of what follows
     assert client.status().recorders == 2
     with pytest.raises(RefusedError, match="say which recording: there are 'bot', 'bot-2'; nothing was stopped"):
         client.stop_recorder()

@@ -38,6 +38,14 @@ from silo.segment.reader import SegmentReader
 from tests.waiting import wait_until
 
 STEP_NS = 1_000_003
+# a recorder that reads, writes and reports at once: others do so four times, twice and once a second
+PROMPT = """
+import sys
+from silo.recorder import __main__, recorder, ring_cursor
+recorder.FLUSH_S = recorder.MOST_PERIOD_S = ring_cursor.MOST_PERIOD_S = 0.02
+recorder.REPORT_S = {report_s}
+sys.exit(__main__.main())
+"""
 BEGIN_NS = 1_700_000_000_000_000_000
 
 
@@ -141,9 +149,9 @@ def read_by_others(path: Path) -> dict[str, int]:
 class Process:
     """A recorder of which this process is the helper."""
 
-    def __init__(self, order: RecordOrder) -> None:
+    def __init__(self, order: RecordOrder, report_s: float = 0.02) -> None:
         self.socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        command = [sys.executable, "-m", "silo.recorder", str(theirs.fileno()), str(os.getpid())]
+        command = [sys.executable, "-c", PROMPT.format(report_s=report_s), str(theirs.fileno()), str(os.getpid())]
         self.process = subprocess.Popen(command, pass_fds=[theirs.fileno()])
         theirs.close()
         self.reports: list[Report] = []
@@ -201,11 +209,11 @@ def robot(tmp_path: Path) -> Iterator[Robot]:
 
 
 @pytest.fixture
-def recorders() -> Iterator[Callable[[RecordOrder], Process]]:
+def recorders() -> Iterator[Callable[..., Process]]:
     made: list[Process] = []
 
-    def start(order: RecordOrder) -> Process:
-        made.append(Process(order))
+    def start(order: RecordOrder, **options: float) -> Process:
+        made.append(Process(order, **options))
         return made[-1]
 
     yield start

@@ -1,6 +1,7 @@
 """A recorder in a process of its own: every sample is in its files, whatever is killed, restarted, or in the way."""
 
 import os
+import shutil
 import signal
 import socket
 import threading
@@ -73,6 +74,19 @@ def test_every_sample_is_in_the_files_and_all_readers_find_it(robot, recorders, 
     assert counts["/log/x"] == counts["/log/q"] == counts["/log/word"] == robot.tick - begun
     assert sum(counts.values()) == report.samples
     assert open_log(path)["/log/x"].values[-1] == robot.tick - 1
+
+
+@pytest.mark.parametrize("left_bytes", [0, 100_000])
+def test_its_first_words_tell_at_once_whether_it_records(robot, recorders, small_disk, left_bytes) -> None:
+    robot.start()
+    if left_bytes:
+        (small_disk / "ballast").write_bytes(bytes(shutil.disk_usage(small_disk).free - left_bytes))
+    recorder = recorders(order(small_disk, runs=(robot.log._present.run.id,)), report_s=3600)
+    recorder.follow(robot.log)
+    wait_until(lambda: recorder.reports)
+    first = recorder.reports[0]
+    assert first.state is (RecorderState.FAILED if left_bytes else RecorderState.RECORDING)
+    assert ("is nearly full" in first.text) == bool(left_bytes)
 
 
 def test_a_new_run_gets_a_part_of_its_own_from_its_first_tick_on(robot, recorders, tmp_path, truth) -> None:
