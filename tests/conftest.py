@@ -30,7 +30,7 @@ from _pytest.assertion import rewrite
 from silo.core.runtime import shared_memory_root
 from tests.examples import load_profile
 from tests.waiting import wait_until
-from tests.warm import ADDRESS, COLD, HEAD, Nursery, WarmPopen
+from tests.warm import ADDRESS, COLD, HEAD, HOME, Nursery, WarmPopen
 from tests.watchdog import pytest_timeout_set_timer  # noqa: F401
 
 SLOW_FIXTURES = {"bench", "robots"}  # they start helper processes
@@ -268,6 +268,20 @@ def cold(monkeypatch: pytest.MonkeyPatch) -> None:
 def cold_children(monkeypatch: pytest.MonkeyPatch) -> None:
     """Helper processes are the parents of what they start, whose names and limits are looked at."""
     monkeypatch.setenv(COLD, "silo.recorder silo.recordings.writing")
+
+
+@pytest.fixture
+def helper_waits(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """`helper_waits("silo.helper.helper", TERM_GRACE_S=0.5)`: so long do those wait that start from now on."""
+
+    def change(module: str, **seconds: float) -> None:
+        folder = tmp_path_factory.mktemp("waits")
+        put = f"import {module} as of; vars(of).update({seconds})"
+        words = f"import sys\nif 'silo.helper' in sys.orig_argv:\n    {put}\n"
+        (folder / "sitecustomize.py").write_text(words)
+        monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(folder), HOME]))  # they start cold
+
+    return change
 
 
 @pytest.fixture

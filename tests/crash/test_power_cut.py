@@ -494,7 +494,10 @@ def test_a_journal_whose_description_is_damaged_is_told_and_stays_with_its_rows(
     assert journals(tmp_path) == [journal]
 
 
-def test_a_full_disk_is_told_once_and_the_journal_goes_on_when_there_is_room(runtime, small_disk, until, capfd):
+def test_a_full_disk_is_told_once_and_the_journal_goes_on_when_there_is_room(
+    runtime, small_disk, until, capfd, helper_waits
+):
+    helper_waits("silo.helper.journaling", RETRY_S=0.2)
     log = silo.Logger("arm", folder=small_disk, script="/none.yaml", storage="disk", max_time=0)
     x = log.array("x", 100, buffer=silo.BufferType.GROWING, size=10)
     with closing(log):

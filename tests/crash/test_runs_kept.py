@@ -378,7 +378,8 @@ def has_words(pid):
         return False
 
 
-def test_a_forgotten_logger_ends_with_its_helper_process(tmp_path, until):
+def test_a_forgotten_logger_ends_with_its_helper_process(tmp_path, until, helper_waits):
+    helper_waits("silo.helper.dead_robot", WITHOUT_CLIENTS_S=0.2)
     log = silo.Logger("bot", frequency=1000, folder=tmp_path, script=tmp_path / "none.yaml")
     x = log.array("x")
     pid = log.serve().helper_pid
@@ -533,7 +534,8 @@ def recorded_by_a_frozen_process(log, size: int) -> list[int]:
     return children
 
 
-def test_runs_that_are_held_keep_no_start_from_its_memory(cold_children, served, small_memory):
+def test_runs_that_are_held_keep_no_start_from_its_memory(helper_waits, served, small_memory):
+    helper_waits("silo.helper.helper", SAVE_GRACE_S=1.0)  # for a recorder that has no room
     log = served()
     stopped = recorded_by_a_frozen_process(log, 2500)  # 2 MB
     try:

@@ -377,9 +377,15 @@ def test_a_state_of_a_program_in_another_container_is_nobody_s_to_take_or_remove
     assert read_state(judge_path("bot", "theirs")) == other
 
 
+@pytest.fixture
+def short_grace(helper_waits) -> None:
+    """Captures that are not written yet are waited for no longer than this at a close."""
+    helper_waits("silo.helper.helper", CAPTURES_GRACE_S=1.0)
+
+
 @pytest.mark.slow
 def test_captures_that_are_not_written_when_the_logger_is_closed_are_written_by_recover(
-    cold_children, bench, client, tmp_path, monkeypatch, runtime
+    short_grace, bench, client, tmp_path, monkeypatch, runtime
 ):
     bench.logger.trigger("spike", "q_x > 50", save=("csv",))
     bench.logger.start()
@@ -392,7 +398,7 @@ def test_captures_that_are_not_written_when_the_logger_is_closed_are_written_by_
     begun_s = time.monotonic()
     closing.start()
     # longer than it waits at a close, and less than until the program ends it; nothing is lost whenever this comes
-    wait_until(lambda: time.monotonic() > begun_s + 11 or not closing.is_alive())
+    wait_until(lambda: time.monotonic() > begun_s + 4 or not closing.is_alive())
     writer.resume()
     closing.join()
     monkeypatch.chdir(tmp_path)
