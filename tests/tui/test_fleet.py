@@ -269,6 +269,9 @@ async def test_the_list_is_filtered_and_ordered_and_a_line_that_is_gone_is_not_o
         await screen.enter("arm")
         await screen.shows("/arm: 1 of 3")
         assert "base" not in screen.text
+        await screen.press("/")
+        await screen.enter("nothing")
+        await screen.shows("No line has 'nothing'. Esc clears the filter.")
 
 
 @pytest.mark.slow

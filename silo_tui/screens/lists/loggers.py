@@ -139,7 +139,7 @@ class LoggersScreen(ListScreen[FoundLogger]):
         return fleet.head(self._names, width)
 
     def advice(self) -> str:
-        return "\n".join(filter(None, [self._notes, *fleet.down(self._all, *self._now)]))
+        return "\n".join(filter(None, [self._notes, *fleet.down(self._all, *self._now), super().advice()]))
 
     def about(self, one: FoundLogger) -> str:
         """Return it; of the logger that is open why it died in full, which all are told in short."""
