@@ -1,9 +1,11 @@
-"""Everything that can be done, once: keys, key bar, help, command palette and `:` words are made from this list.
+"""Everything that can be done, once: key bar, help, command palette and `:` words are made from this list.
+
+`keys` are those of the classic keymap, and of the usual one where the table of `keymap` has no others for a command.
 
 A command with id `x` is carried out by the method `command_x` of the screen, else of `CommandRunner`, else of the app:
 by key, by word and from the palette; those that do the same by another amount share one. A new one touches its entry,
-that method and its test. Keys avoid what terminals eat: `ctrl+h/i/j/m`, `alt+letter`, `ctrl+enter`. This imports
-nothing of `silo_tui`.
+its row in `keymap` if it stands in a menu, that method and its test. Keys avoid what terminals eat: `ctrl+h/i/j/m`,
+`alt+letter`, `ctrl+enter`. This imports nothing of `silo_tui`.
 """
 
 import unicodedata

@@ -1,4 +1,4 @@
-"""What takes several steps with questions in between: starting, stopping, applying, scripts, quitting.
+"""What takes several steps with questions in between: starting, stopping, applying, scripts, quitting, control.
 
 Each flow is a coroutine that runs in a worker of the app; errors of the logger are shown as they are worded. At its end
 `Context.run_flow` has the screens follow what it changed: a flow tells them only before it asks something else.
@@ -8,22 +8,25 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+import msgspec
 from rich.text import Text
 
 from silo.core.conditions import TriggerWord
 from silo.core.elements import FieldChange
+from silo.core.names import did_you_mean, nearest
 from silo.core.quantities.writing import and_more, duration, many, wall_clock
 from silo.errors import RefusedError
-from silo.net.access.senders import short_words
+from silo.net.access.senders import name_of, short_words
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.segment.retention import end_text, new_end_text
 from silo.state.requests import Unsaved
-from silo_tui.actions import key_of
+from silo_tui.actions import BY_ID, key_of
 from silo_tui.context import Context
 from silo_tui.model.table.changes import cost_of, kept_by
 from silo_tui.model.table.fields import Field, phrase_for
 from silo_tui.model.table.state import PendingChange
+from silo_tui.model.words.people import operators, people_words
 from silo_tui.screens.dialogs.questions import Choice, Prompt, Question, confirmed, cost_text, diff_text, end_words
 from silo_tui.sessions.live import Session, why
 
@@ -516,3 +519,53 @@ async def take_up_edits(context: Context) -> None:
         taken = session.table.take_up(edits)
         context.say(f"{many(taken, 'edit')} pending again; {context.key_in_table('undo')} takes that back")
     context.keep_edits()
+
+
+CONTROL_WORDS = "take, force (from whoever has it), release, give NAME; alone, who is connected"
+
+
+async def control_flow(context: Context, words: Sequence[str]) -> None:
+    """Take, release or give away control, or tell who has it. RefusedError where somebody else has it."""
+    session = context.session
+    jobs: dict[str, Callable[[Client], str]] = {
+        "take": lambda client: client.take_control(),
+        "force": lambda client: client.take_control(force=True),
+        "release": lambda client: client.release_control(),
+        "give": lambda client: client.give_control(words[1]),
+    }
+    if not words:
+        await session.refresh_status()
+        words = await _ask_for_control(context)
+    if not words:
+        return
+    if words[0] not in jobs:
+        hint = did_you_mean(nearest(words[0], jobs), CONTROL_WORDS)
+        raise RefusedError(f"control: there is no {words[0]!r}{hint}")
+    if len(words) != (2 if words[0] == "give" else 1):
+        raise RefusedError(f"control: {CONTROL_WORDS}")
+    if context.allows(msgspec.structs.replace(BY_ID["control"], writes=True)):
+        done = await session.connection.call(jobs[words[0]])
+        await session.refresh_status()
+        if words[0] in ("take", "force"):  # which silo-tui renews
+            name = session.status.logger
+            done = f"you have control of {name} until you release it or leave; your own programs may still change it"
+        context.say(done)
+
+
+async def _ask_for_control(context: Context) -> Sequence[str]:
+    """Tell who has control, and ask what becomes of it: the word for it, none for nothing."""
+    session = context.session
+    told = people_words(session.status, session.identity, session.own_name)
+    if not session.may_edit:
+        context.say(told)
+        return ()
+    if session.has_control:
+        choices = [Choice("", "Keep it"), Choice("release", "Release it: whoever may change it can", "r")]
+    elif session.status.control is None:
+        choices = [Choice("", "Leave it to all"), Choice("take", "Take it: users other than you change nothing", "t")]
+    else:
+        choices = [Choice("", "Leave it there"), Choice("force", "Take it: who has it is told", "F")]
+    others = [name for name in operators(session.status) if name != name_of(session.identity)]
+    body = f"{told}\n\n:control give NAME hands it over{f' ({and_more(others, 3)})' if others else ''}."
+    answer = await context.app.push_screen_wait(Question(f"Who controls {session.name}?", body, choices))
+    return (answer,) if answer else ()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 from silo_tui.commands import flows
-from silo_tui.commands.runner import LAST, view_left, view_shown
+from silo_tui.commands.view_flows import LAST, view_left, view_shown
 from silo_tui.context import Context
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout

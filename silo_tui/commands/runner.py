@@ -3,21 +3,16 @@
 
 import os
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-import msgspec
-
-from silo.core.names import did_you_mean, nearest
-from silo.core.quantities.writing import and_more, many
+from silo.core.names import did_you_mean
+from silo.core.quantities.writing import many
 from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES, is_bag_folder
-from silo.net.access.senders import name_of
 from silo.settings.typed import completions
 from silo_tui.actions import (
-    BY_ID,
     BY_WORD,
     COMMANDS,
     FILE_SCOPES,
@@ -28,24 +23,30 @@ from silo_tui.actions import (
     with_keys,
 )
 from silo_tui.commands import flows
+from silo_tui.commands.view_flows import (
+    LAST,
+    ROBOT,
+    keep_view,
+    numbered,
+    open_view,
+    robots_names,
+    tell_views,
+)
 from silo_tui.context import Context, SiloScreen
 from silo_tui.layouts import files, views
-from silo_tui.layouts.layout import KeptLayout
-from silo_tui.layouts.presets import BY_NAME, NEAR, PRESETS, near_limit
+from silo_tui.layouts.presets import BY_NAME, PRESETS
 from silo_tui.modal import ask
 from silo_tui.model.words import command_line
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.model.words.paths import typed_file, typed_path
-from silo_tui.model.words.people import operators, people_words
+from silo_tui.model.words.people import operators
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.settings.themes import THEMES
 from silo_tui.theme import theme_name
 
 if TYPE_CHECKING:
-    from silo.client.client import Client
+    pass
 
-LAST = "last"  # the view of what was on the screen when it was left, unless there is one of that name
-ROBOT = "robot:"  # in front of the name of a view that the robot keeps
 IN_A_SHELL = dict.fromkeys(("serve", "browser", "web"), "`silo-tui --serve` shows it in a browser")
 PICTURES = (".png", ".jpg", ".jpeg", ".gif", ".pdf")
 
@@ -245,7 +246,7 @@ class CommandRunner:
         self._context.say(f"theme: {name}, until silo-tui ends; {keys} keeps none but {', '.join(THEMES)}")
 
     def command_control(self, typed: Spelled = BY_KEY) -> None:
-        self._context.run_flow(control_flow(self._context, typed.arguments))
+        self._context.run_flow(flows.control_flow(self._context, typed.arguments))
 
     def command_view(self, typed: Spelled) -> None:
         if typed.arguments[:1] == ("save",) and len(typed.arguments) > 1:
@@ -281,7 +282,7 @@ class CommandRunner:
             raise RefusedError("no logger is open: there is nothing to keep")
         plots = f" with {many(len(layout.plots), 'plot')}" if layout.plots else ""
         if name.startswith(ROBOT):
-            self._context.run_flow(_keep_view(self._context, name.removeprefix(ROBOT), layout))
+            self._context.run_flow(keep_view(self._context, name.removeprefix(ROBOT), layout))
             return
         file = files.place(name)
         again = file.exists()
@@ -306,152 +307,6 @@ class CommandRunner:
 
 
 KEEP = ":keep"
-CONTROL_WORDS = "take, force (from whoever has it), release, give NAME; alone, who is connected"
-
-
-async def control_flow(context: Context, words: Sequence[str]) -> None:
-    """Take, release or give away control, or tell who has it. RefusedError where somebody else has it."""
-    session = context.session
-    jobs: dict[str, Callable[[Client], str]] = {
-        "take": lambda client: client.take_control(),
-        "force": lambda client: client.take_control(force=True),
-        "release": lambda client: client.release_control(),
-        "give": lambda client: client.give_control(words[1]),
-    }
-    if not words:
-        await session.refresh_status()
-        words = await _ask_for_control(context)
-    if not words:
-        return
-    if words[0] not in jobs:
-        hint = did_you_mean(nearest(words[0], jobs), CONTROL_WORDS)
-        raise RefusedError(f"control: there is no {words[0]!r}{hint}")
-    if len(words) != (2 if words[0] == "give" else 1):
-        raise RefusedError(f"control: {CONTROL_WORDS}")
-    if context.allows(msgspec.structs.replace(BY_ID["control"], writes=True)):
-        done = await session.connection.call(jobs[words[0]])
-        await session.refresh_status()
-        if words[0] in ("take", "force"):  # which silo-tui renews
-            name = session.status.logger
-            done = f"you have control of {name} until you release it or leave; your own programs may still change it"
-        context.say(done)
-
-
-async def _ask_for_control(context: Context) -> Sequence[str]:
-    """Tell who has control, and ask what becomes of it: the word for it, none for nothing."""
-    session = context.session
-    told = people_words(session.status, session.identity, session.own_name)
-    if not session.may_edit:
-        context.say(told)
-        return ()
-    if session.has_control:
-        choices = [Choice("", "Keep it"), Choice("release", "Release it: whoever may change it can", "r")]
-    elif session.status.control is None:
-        choices = [Choice("", "Leave it to all"), Choice("take", "Take it: users other than you change nothing", "t")]
-    else:
-        choices = [Choice("", "Leave it there"), Choice("force", "Take it: who has it is told", "F")]
-    others = [name for name in operators(session.status) if name != name_of(session.identity)]
-    body = f"{told}\n\n:control give NAME hands it over{f' ({and_more(others, 3)})' if others else ''}."
-    answer = await context.app.push_screen_wait(Question(f"Who controls {session.name}?", body, choices))
-    return (answer,) if answer else ()
-
-
-async def open_view(context: Context, name: str) -> None:
-    """Put a view on the screen; say what of it isn't there. RefusedError where there is none of that name."""
-    before = views.capture(context)
-    told = await view_shown(context, name)
-    views.let_go_back(context, before)
-    context.say(told)
-
-
-async def view_left(context: Context, left: files.LeftLayout) -> str:
-    """Put on the screen what was left; return what is to be said of it, as nobody typed its filter today."""
-    missing = await views.show(context, left.layout)
-    return "; ".join(filter(None, [f"this is what was on the screen {left.since}", missing, *left.problems[:1]]))
-
-
-async def view_shown(context: Context, name: str) -> str:
-    """Put a view on the screen; return what is to be said of it. RefusedError where there is none of that name.
-
-    `robot:NAME` is one that the robot keeps, whose name alone will do where no other has it; only then it is asked.
-    """
-    kept = files.names()
-    is_here = name.startswith(ROBOT) or name in {LAST, *BY_NAME, *kept}
-    if not is_here and ROBOT + name in await kept_names(context):
-        name = ROBOT + name
-    preset = BY_NAME.get(name) if name not in kept else None
-    problems: list[str] = []
-    try:
-        if name == LAST and LAST not in kept and context.left_view is not None:
-            return await view_left(context, context.left_view)
-        if preset is not None and name == NEAR:
-            await context.session.refresh_conditions()
-            return await _near_limit_shown(context)
-        if preset is not None:
-            layout = preset.layout
-        elif name.startswith(ROBOT):
-            from silo_tui.layouts.texts import read
-
-            plain = name.removeprefix(ROBOT)
-            layout, problems = read((await context.link.read(lambda client: client._kept_view(plain))).text)
-        else:
-            layout, problems = files.load(name)
-    except ValueError as error:
-        raise RefusedError(str(error)) from error
-    missing = await views.show(context, layout)
-    meant = f": {preset.words.partition(': ')[2]}" if preset is not None else ""
-    return "; ".join(filter(None, [f"view {name}{meant}", missing, *problems[:1]]))
-
-
-async def _near_limit_shown(context: Context) -> str:
-    """Filter for what is near a limit, in the columns and order that are shown; leave the table where nothing is."""
-    session, key = context.session, context.key_in_table("limits_of_row")
-    if not session.limits:
-        return f"no signal has limits: {key} sets some"
-    passing, words = near_limit(session.limits)
-    session.near = passing
-    if not passing:
-        return f"{words}; {context.key_in_table('alarms')} lists them, {key} sets more"
-    shown = views.capture(context) or KeptLayout()
-    await views.show(context, msgspec.structs.replace(shown, filter=passing, plots=(), most=0))
-    return words
-
-
-async def robots_names(context: Context) -> list[str]:
-    """Return the names of the views that the robot keeps."""
-    return [ROBOT + name for name in (await context.link.read(lambda client: client._kept_views())).names]
-
-
-async def kept_names(context: Context) -> list[str]:
-    """Return the names of the views that were kept, here and on the robot."""
-    known = files.names()
-    with suppress(SiloError):  # no link: those of this machine are there all the same
-        known += await robots_names(context)
-    return known
-
-
-def numbered(names: Sequence[str]) -> list[Choice]:
-    """Return views as choices, the first nine by their digit."""
-    return [Choice(name, f"View {name}", str(at) if at < 10 else "") for at, name in enumerate(names, 1)]
-
-
-async def tell_views(context: Context) -> None:
-    """Say which views there are, here and on the robot."""
-    known = await kept_names(context)
-    none = "no views yet; `:view save NAME` makes one, `:view save robot:NAME` one for all who look at this robot"
-    own = f"views: {', '.join(known)}" if known else none
-    context.say(f"{own}; always there: {', '.join(BY_NAME)}")
-
-
-async def _keep_view(context: Context, name: str, layout: KeptLayout) -> None:
-    from silo_tui.layouts.texts import write
-
-    def keep(client: "Client", again: bool) -> str:
-        return client._keep_view(name, write(layout), overwrite=again)
-
-    said = await flows.keep_on_robot(context, f"Write over view {name}?", "Write", keep)
-    if said is not None:
-        context.say(f"{said}: `:view {ROBOT}{name}` opens it, or silo-tui --view {ROBOT}{name}")
 
 
 def _is_folder(path: str | Path) -> bool:

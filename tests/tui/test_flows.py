@@ -20,7 +20,8 @@ from silo.recorder.requests import RecorderInfo
 from silo.rpc.published import Summary
 from silo.rpc.refusals import RefusedWhy
 from silo_tui.commands import flows, many
-from silo_tui.commands.runner import CommandRunner, control_flow
+from silo_tui.commands.flows import control_flow
+from silo_tui.commands.runner import CommandRunner
 from silo_tui.model.lists.fleet import FoundLogger
 from silo_tui.model.table.fields import Field
 from silo_tui.model.words.command_line import BY_KEY, Spelled

@@ -11,7 +11,7 @@ from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.conditions import Derived
 from silo.errors import RefusedError
 from silo.rpc.refusals import RefusedWhy
-from silo_tui.commands import runner
+from silo_tui.commands import view_flows
 from silo_tui.commands.runner import CommandRunner
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout
@@ -197,7 +197,7 @@ def test_what_to_look_at_is_chosen_by_a_letter_or_a_digit(answers, said, fake, s
 
 
 def test_of_ten_views_the_tenth_has_no_digit():
-    assert [each.key for each in runner.numbered([f"v{at}" for at in range(11)])] == [*"123456789", "", ""]
+    assert [each.key for each in view_flows.numbered([f"v{at}" for at in range(11)])] == [*"123456789", "", ""]
 
 
 def test_a_robot_without_views_says_how_one_is_kept(fake):

@@ -28,8 +28,9 @@ if TYPE_CHECKING:
 Opener: TypeAlias = "tuple[str, Callable[[], Log]]"  # a log by its name, and what opens it
 
 # keys that are about lines; and commands, by keys that elsewhere are about other things
-OF_A_LINE = ("enter", "space", "asterisk", "V", "h", "shift+left", "o", "m", "r k", "r t", "r o", DESTROYS)
-OF_LINES = ("fetch_recording", "write_events", "compare_runs")
+OF_A_LINE = ("enter", "space", "asterisk", "V", "h", "shift+left", "o", "m", DESTROYS)
+OF_LINES = ("acknowledge", "trigger_toggle", "overlay_recording", "overlay_runs", "fetch_recording", "write_events",
+            "compare_runs")  # fmt: skip
 READ_AGAIN = ("list_read", "look_again")
 FILTER_KEYS = "Enter keeps the filter  Esc clears it"
 
