@@ -519,6 +519,7 @@ class Status(msgspec.Struct, frozen=True):
 
 STALLED_S = 3.0  # on two busy processors a loop of 400 Hz stood still for up to 0.4 s
 STALLED_PERIODS = 5
+SLOW_SHARE = 0.95  # of the nominal rate, below which a loop or an element is slow
 
 
 def is_stalled(idle_s: float, frequency_hz: float) -> bool:

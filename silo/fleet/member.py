@@ -6,13 +6,12 @@ from collections.abc import Iterable
 
 import msgspec
 
-from silo.core.elements import State, Status, is_stalled
+from silo.core.elements import SLOW_SHARE, State, Status, is_stalled
 from silo.core.names import grouped
 from silo.core.quantities.writing import wall_clock
 from silo.net.found import LoggerAddress
 from silo.rpc.published import Summary
 
-SLOW_SHARE = 0.95  # of the nominal rate, as in surveys (which need NumPy)
 FULL_SHARE = 0.95  # of a disk
 RED = ("HH", "LL")
 NO_TICK, NO_ANSWER, OTHER_SILO, HELPER_DOWN = "no tick", "no answer", "other silo", "helper down"

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arrays.columns import Floats
+from silo.core.elements import SLOW_SHARE
 
 # per element; of several entries it is their norm
 QUANTITIES = (
@@ -22,7 +23,6 @@ last changed, also in an earlier run, or, without `change_seen` (1 or 0), since 
 
 NOT_FINITE, FROZEN, SLOW, LOST = 1, 2, 4, 8
 NOT_FINITE_S = 10.0  # for so long after a nan or inf its sign stays: nobody sees that of one sample in ten
-SLOW_SHARE = 0.95
 FROZEN_PERIODS = 100
 FROZEN_S = 1.0
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arrays.columns import Floats
-from silo.core.arrays.running import RunningStatistics, move
+from silo.core.arrays.running import STATISTICS, RunningStatistics, move
 from silo.core.elements import BufferType, ElementInfo, State
 from silo.errors import SegmentError
 from silo.live.newest import NewestValues
@@ -342,7 +342,7 @@ class Tally:
 
     def quantity(self, name: str, sums: RunningStatistics, *, running: bool) -> tuple[Floats, bool]:
         """Return a quantity: per slot (True), or per element of the run (False)."""
-        if name in {"min", "max", "mean", "std", "noise", "count", "bad"}:
+        if name in STATISTICS:
             return sums.of(name), True
         if name in {"least", "most"}:
             return self._of_entries(sums, name), True

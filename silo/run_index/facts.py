@@ -253,14 +253,16 @@ def signal_facts(
     name: str, element: str, unit: str, numbers: Sequence[float], kind: str, labels: Mapping[int, str]
 ) -> SignalFacts:
     """Return them of numbers as `IndexedRun.parts` has them; NaN is None."""
-    least, most, mean, std, rms, last = (None if math.isnan(one) else float(one) for one in numbers[1:])
-    return SignalFacts(name, element, unit, int(numbers[0]), least, most, mean, std, rms, last, kind, labels)
+    count, *told = numbers
+    found: dict[str, Any] = {
+        number: None if math.isnan(one) else float(one) for number, one in zip(NUMBERS[1:], told, strict=True)
+    }
+    return SignalFacts(name, element, unit, int(count), kind=kind, labels=labels, **found)
 
 
 def scaled(facts: SignalFacts, times: float, unit: str) -> SignalFacts:
     """Return them in another unit."""
-    fields = ("least", "most", "mean", "std", "rms", "last")
-    told = {name: value * times for name in fields if (value := getattr(facts, name)) is not None}
+    told = {name: value * times for name in NUMBERS[1:] if (value := getattr(facts, name)) is not None}
     return msgspec.structs.replace(facts, unit=unit, **told)
 
 
@@ -268,7 +270,7 @@ def _numbers(values: NDArray[np.float64], offsets: NDArray[Any], is_text: bool) 
     """Count, minimum, maximum, mean, standard deviation, RMS of all but NaN, and the last one; NaN for none."""
     numbers = numbers_of(values)
     if is_text or not len(numbers):
-        return (len(numbers), *[math.nan] * 6)
+        return (len(numbers), *[math.nan] * (len(NUMBERS) - 1))
     return (len(numbers), *moments(numbers, offsets), float(values[-1]))
 
 

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from silo.conditions.standing import LimitStatus, TriggerStatus
 from silo.core.arrays.columns import MAX_COLUMNS, ColumnStore, HistoryColumns, grid_of
 from silo.core.conditions import Bounds, TriggerOptions, new_trigger
-from silo.core.elements import ElementInfo, LoggedEvent, SavedFile, State, Status
+from silo.core.elements import SLOW_SHARE, ElementInfo, LoggedEvent, SavedFile, State, Status
 from silo.core.episodes.words import next_marks
 from silo.core.names import Found, Names, in_order
 from silo.core.quantities.writing import count, many
 from silo.core.recording import alike
 from silo.errors import RefusedError, SiloError
-from silo.live.quantities import SLOW, SLOW_SHARE
+from silo.live.quantities import SLOW
 from silo.recorder.requests import RecorderInfo
 from silo.recordings.requests import Recordings
 from silo.rpc.frames import Frame

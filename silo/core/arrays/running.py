@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from silo.core.arrays.columns import Floats
 
+STATISTICS = ("min", "max", "mean", "std", "noise", "count", "bad")
 # slots before and after
 _Both: TypeAlias = tuple[slice, slice] | tuple[NDArray[np.intp], NDArray[np.intp]]
 
@@ -77,7 +78,7 @@ class RunningStatistics:
             self._before[slots], self._last[slots] = np.concatenate([known, block[-2:]])[-2:]
 
     def of(self, quantity: str) -> Floats:
-        """Return one of `min`, `max`, `mean`, `std`, `noise`, `count`, `bad`, NaN where there are too few samples.
+        """Return one of `STATISTICS`, NaN where there are too few samples.
 
         `count` is of the finite ones, `bad` of all others.
         """

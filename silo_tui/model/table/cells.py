@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from silo.conditions.standing import LimitStatus, LimitWord
-from silo.core.elements import BufferType, ElementInfo
+from silo.core.elements import SLOW_SHARE, BufferType, ElementInfo
 from silo.live.quantities import FROZEN
 from silo.rpc.published import NotLive
 from silo_tui.model.samples.live import (
@@ -385,7 +385,7 @@ def rate(sight: Sight, row: int, width: int) -> Cell:
 def share(sight: Sight, row: int, width: int) -> Cell:
     """Return how much of the nominal rate that is."""
     found = sight.table.facts.detail(sight.table.names[row], "share")
-    return ("" if math.isnan(found) else f"{100 * found:.0f}%"), "caution" if found < 0.95 else "quiet"
+    return ("" if math.isnan(found) else f"{100 * found:.0f}%"), "caution" if found < SLOW_SHARE else "quiet"
 
 
 def _of_shown(sight: Sight, row: int, quantity: str) -> float:

@@ -2,7 +2,7 @@
 which of them a table shows, how wide.
 
 The table widget, the orders, the filter and the user's settings read what stands here and know no column by name. A new
-column touches its entry and its test; how its cells read stands in `cells.py`.
+column touches its entry, its line of help (`screens/lists/help.py`) and its test; how its cells read is in `cells.py`.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arrays.columns import Floats
-from silo.core.arrays.running import RunningStatistics
+from silo.core.arrays.running import STATISTICS, RunningStatistics
 from silo.core.arrays.values import with_nan
 from silo.core.recording import RecordedElement, Recording, rate_of, steps_of
 from silo.live.quantities import FROZEN_PERIODS, FROZEN_S, signs_of
 from silo_tui.model.samples.places import Places
-from silo_tui.model.table.facts import SINCE
 
 BLOCK = 1 << 16  # samples that are looked at together
 UNKNOWN = ("fill", "held")  # how large a buffer was is not in a file
@@ -66,7 +65,7 @@ class FileFacts:
             return math.nan
         if quantity in {"least", "most"}:
             return self._of_entries(place, position, quantity)
-        if quantity in (*SINCE, "count", "bad"):
+        if quantity in STATISTICS:
             return self._statistics_of(place, position)[quantity]
         if quantity in ("rate", "share", "jitter"):
             rate, jitter = self._timing_of(place)
@@ -172,7 +171,7 @@ def _statistics_of(entries: Sequence[NDArray[Any]]) -> dict[str, float]:
     running = RunningStatistics(1)
     for begin in range(0, len(entries[0]) if entries else 0, BLOCK):
         running.add(slice(0, 1), _values(entries, begin, begin + BLOCK)[:, None], all_finite=False)
-    return {name: float(running.of(name)[0]) for name in (*SINCE, "count", "bad")}
+    return {name: float(running.of(name)[0]) for name in STATISTICS}
 
 
 def _samples_a_change(values: NDArray[Any], at: int) -> float:
