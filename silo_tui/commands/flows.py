@@ -26,6 +26,7 @@ from silo_tui.context import Context
 from silo_tui.model.table.changes import cost_of, kept_by
 from silo_tui.model.table.fields import Field, phrase_for
 from silo_tui.model.table.state import PendingChange
+from silo_tui.model.words import text
 from silo_tui.model.words.people import operators, people_words
 from silo_tui.screens.dialogs.questions import Choice, Prompt, Question, confirmed, cost_text, diff_text, end_words
 from silo_tui.sessions.live import Session, why
@@ -498,7 +499,7 @@ async def take_up_edits(context: Context) -> None:
     files = kept.left_behind(session.status.host, session.name)
     edits = [edit for found in files.values() for edit in found.edits]
     newest_s = max((found.time_s for found in files.values()), default=0.0)
-    when = time.strftime("%d %b %H:%M", time.localtime(newest_s))
+    when = text.day_and_time(round(newest_s * 1e9), time.time())
     body = Text(f"They were pending when silo-tui ended, {when}. The logger has none of them.\n\n")
     changes = []
     for edit in edits:

@@ -14,7 +14,7 @@ from textual.app import RenderResult
 from textual.widget import Widget
 
 from silo.core.elements import State, is_stalled
-from silo.core.quantities.writing import duration_text, idle_words, whole_duration
+from silo.core.quantities.writing import duration_text, idle_words
 from silo_tui.actions import BY_ID, Command, commands_for, key_of, key_text, key_that_retries, with_keys
 from silo_tui.keymap import in_bar
 from silo_tui.model.lists.conditions import head_words
@@ -132,7 +132,7 @@ class StatusBar(FittingLine):
             return parts
         if not session.connected:  # what it was; how it stands now nobody knows
             sign = "- CLOSED" if session.closed else "~ NO LINK"
-            add(0, f"{sign} {since_words(session.lost_s)}", bold(variables, "dead"))
+            add(0, f"{sign} {text.since(session.lost_s)}", bold(variables, "dead"))
             add(5, f", was {status.state.name}")
         else:
             name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "dead"}[status.state]
@@ -221,11 +221,6 @@ def rate_words(rate_hz: float, nominal_hz: float) -> str:
     return f"{f'{rate_hz:.{decimals}f}' if rate_hz else '…':>{len(f'{nominal_hz:.{decimals}f}')}}"
 
 
-def since_words(seconds: float | None) -> str:
-    """Return for how long something has been so, in whole units: `14 s`, `5 min`; `…` where that isn't known."""
-    return "…" if seconds is None else whole_duration(seconds)
-
-
 def left_a_file(session: Session) -> bool:
     """Return whether a robot program that died left a file."""
     reason = session.status.reason
@@ -272,7 +267,7 @@ class Banner(Guarded, Widget):
             retries = key_that_retries(getattr(self.screen, "scope", ""))
             tries = f" {retries} tries now." if retries else ""
             kept = ", pending edits are kept" if session.table.pending_count[0] else ""
-            return f"No link to {session.name}. Values are {since_words(session.lost_s)} old{kept}.{tries}"
+            return f"No link to {session.name}. Values are {text.since(session.lost_s)} old{kept}.{tries}"
         if session.dead:
             words = f"{session.name} died: {session.status.reason or 'nothing is known of why'}"
             if left_a_file(session):

@@ -21,6 +21,7 @@ from silo_tui.keymap import use_keys
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.table.facts import Facts
 from silo_tui.model.table.fields import Field
+from silo_tui.model.words import text
 from silo_tui.sessions.live import Session
 from silo_tui.widgets import bars, messages
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
@@ -198,7 +199,7 @@ def test_without_a_link_the_head_says_since_when_and_what_it_was(desk, monkeypat
     [(None, "…"), (0.9, "0 s"), (1.0, "1 s"), (119.9, "119 s"), (120, "2 min"), (7199, "119 min"), (7200, "2 h")],
 )
 def test_since_when_is_told_in_whole_units(seconds, words):
-    assert bars.since_words(seconds) == words
+    assert text.since(seconds) == words
 
 
 @pytest.mark.parametrize(

@@ -60,7 +60,7 @@ def test_rows_have_the_width_of_the_screen_and_the_titles_stand_over_them():
     for width in (80, 100, 120, 160, 250):
         row, head = rows.row(one(why="trigger fall" * 9, span_s=5.0), "robot", width, 0.0), rows.head(width)
         assert len(row) <= width - 2
-        assert head.index("begun") - 2 == row.index(rows.begun_text(BEGIN, 0.0))
+        assert head.index("begun") - 2 == row.index(text.day_and_time(BEGIN, 0.0))
 
 
 def test_a_recording_of_an_own_clock_is_dated_by_its_file():
@@ -70,8 +70,8 @@ def test_a_recording_of_an_own_clock_is_dated_by_its_file():
 
 def test_a_date_has_a_year_where_it_is_of_another_one():
     when = datetime.fromtimestamp(BEGIN / 1e9)
-    assert rows.begun_text(BEGIN, BEGIN / 1e9 + 40 * 86400) == f"{when:%d %b %H:%M}"
-    assert rows.begun_text(BEGIN, BEGIN / 1e9 + 366 * 86400) == f"{when:%Y-%m-%d}"
+    assert text.day_and_time(BEGIN, BEGIN / 1e9 + 40 * 86400) == f"{when:%d %b %H:%M}"
+    assert text.day_and_time(BEGIN, BEGIN / 1e9 + 366 * 86400) == f"{when:%Y-%m-%d}"
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import msgspec
 
 from silo.core.elements import RecorderState
 from silo.core.names import matching
-from silo.core.quantities.writing import duration_text, size_text
+from silo.core.quantities.writing import size_text
 from silo.recorder.requests import RecorderInfo
 from silo_tui.model.words import text
 from silo_tui.model.words.names import fitted_among
@@ -63,7 +63,7 @@ def row(
         rate = f"{size_text(pace.bytes_s)}/s" if pace is not None and known else "…"
         budget = budget_text(one)
     cells = (
-        WORDS[one.state], name, str(len(matching(names, one.patterns))), _since((now_ns - one.since_ns) / 1e9),
+        WORDS[one.state], name, str(len(matching(names, one.patterns))), text.running((now_ns - one.since_ns) / 1e9),
         rate, budget, str(one.parts + bool(one.part)), text.count(one.lost),
     )  # fmt: skip
     return _line(cells, width)
@@ -95,13 +95,6 @@ def _of(part: int, whole: int) -> str:
     )
     some = f"{part / scale:.1f}".removesuffix(".0") if not 0 < part < 0.1 * scale else size_text(float(f"{part:.2g}"))
     return f"{some} of {text.short(whole / scale, 3)} {unit}"
-
-
-def _since(seconds: float) -> str:
-    """Return for how long it records, in eight cells: `2:31:07`, `61 d 9 h`."""
-    if seconds < 86_400:
-        return duration_text(max(0.0, seconds))
-    return f"{seconds // 86_400:.0f} d {seconds % 86_400 // 3600:.0f} h"
 
 
 def _line(cells: Sequence[str], width: int) -> str:

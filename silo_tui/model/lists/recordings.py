@@ -7,7 +7,6 @@ import itertools
 import re
 from collections import Counter
 from collections.abc import Sequence
-from datetime import datetime
 from typing import NamedTuple
 
 from silo.core.names import grouped
@@ -70,14 +69,6 @@ def short_stem(stem: str, own: str, width: int) -> str:
     return f"{whose}…{found['rest']}"
 
 
-def begun_text(time_ns: int, now_s: float) -> str:
-    """Return `today 13:07:27`, `21 Nov 13:07`, `2025-11-21`."""
-    when, now = datetime.fromtimestamp(time_ns / 1e9), datetime.fromtimestamp(now_s)
-    if when.date() == now.date():
-        return f"today {when:%H:%M:%S}"
-    return f"{when:%d %b %H:%M}" if when.year == now.year else f"{when:%Y-%m-%d}"
-
-
 class PartSave(NamedTuple):
     """One of several saves of the same part of a run, from 1."""
 
@@ -130,7 +121,7 @@ def row(one: SavedRecording, name: str, width: int, now_s: float, of: PartSave |
     which = f"{of.number} of {of.of}, " if of is not None else ""
     cells = (
         name, which + why.removeprefix("saved "), " ".join(file.type.name.lower() for file in one.files),
-        begun_text(begun_ns(one), now_s), span,
+        text.day_and_time(begun_ns(one), now_s), span,
         "part" if one.unfinished else size_text(one.size_bytes), marks_text(one),
     )  # fmt: skip
     return _line(cells, width)

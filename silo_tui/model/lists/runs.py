@@ -19,7 +19,6 @@ from silo.core.recording import RecordedElement, Recording, stamps_of
 from silo.errors import ElementError
 from silo.run_index.listed import ListedRun
 from silo_tui.model.lists.ordering import Order
-from silo_tui.model.lists.recordings import begun_text
 from silo_tui.model.words import text
 from silo_tui.model.words.names import below, cells, fitting_names
 
@@ -80,7 +79,7 @@ def row(one: ListedRun, name: str, widths: Widths, now_s: float, values: Sequenc
     facts = one.facts
     good = sum(each.success is True for each in facts.episodes)
     told = (
-        name, begun_text(facts.begun_ns, now_s), text.span(facts.span_s, 3),
+        name, text.day_and_time(facts.begun_ns, now_s), text.span(facts.span_s, 3),
         text.count(facts.lost) if facts.lost else "", str(facts.limits or ""),
         f"{good}/{len(facts.episodes)}" if facts.episodes else "", text.clean(facts.task),
         one.said,

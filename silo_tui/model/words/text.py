@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Iterable, Sequence
+from datetime import datetime
 from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
@@ -11,7 +12,7 @@ from rich.cells import cell_len
 
 from silo.core.elements import SavedFile
 from silo.core.quantities import writing
-from silo.core.quantities.writing import size_text
+from silo.core.quantities.writing import duration_text, size_text, whole_duration
 
 SUFFIXES = "kMGT"
 EXACT_DIGITS = 15  # that a float holds of any number
@@ -177,6 +178,26 @@ def span(seconds: float, digits: int = 4) -> str:
     for limit, smaller, its in ((7200.0, "min", 1 / 60), (120.0, "s", 1.0), (1.0, "ms", 1e3), (1e-3, "us", 1e6)):
         unit, scale = (smaller, its) if size < limit else (unit, scale)
     return f"{short(float(short(seconds * scale, digits)), max(4, digits))} {unit}"  # 200 us, not 2e2
+
+
+def since(seconds: float | None) -> str:
+    """Return for how long something has been so, in whole units: `14 s`, `5 min`; `…` where that isn't known."""
+    return "…" if seconds is None else whole_duration(seconds)
+
+
+def running(seconds: float) -> str:
+    """Return for how long something runs, in eight cells: `2:31:07`, `61 d 9 h`."""
+    if seconds < 86_400:
+        return duration_text(seconds)
+    return f"{seconds // 86_400:.0f} d {seconds % 86_400 // 3600:.0f} h"
+
+
+def day_and_time(time_ns: int, now_s: float) -> str:
+    """Return a moment as one tells it at `now_s`: `today 13:07:27`, `21 Nov 13:07`, `2025-11-21`."""
+    when, now = datetime.fromtimestamp(time_ns / 1e9), datetime.fromtimestamp(now_s)
+    if when.date() == now.date():
+        return f"today {when:%H:%M:%S}"
+    return f"{when:%d %b %H:%M}" if when.year == now.year else f"{when:%Y-%m-%d}"
 
 
 def bar(share: float, width: int) -> str:
