@@ -648,8 +648,13 @@ class SiloScreen(Leaving[None]):
             bar.update()
 
     def second_passed(self) -> None:
-        """Paint what shows a time again."""
+        """Paint what shows a time again, and what the head tells of recordings that grow."""
         self.show_bars()
+        if self.context.has_session and self.context.session.recorders_are_due:
+            run_alone(self, "recorders", self._follow_recorders)
+
+    async def _follow_recorders(self) -> None:
+        await self.context.quietly(self.context.session.refresh_recorders())
 
     def request_view(self) -> None:
         """Request the view of what is on this screen, again."""

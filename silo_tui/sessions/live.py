@@ -58,6 +58,7 @@ if TYPE_CHECKING:
 AHEAD_NS = 2_000_000_000
 QUIET_NS, QUIET_COLUMNS = 60_000_000_000, 60  # for how long a new trigger should not have fired
 FIRST_EVENTS = 300  # lines of the event log at first, 30 kB on a thin link
+RECORDERS_S = 5.0  # after which it is asked again how those stand that the head tells of
 NO_STATUS = Status(
     logger="", host="", user="", pid=0, helper_pid=0, state=State.STOPPED, revision=-1, frequency_hz=0.0,
     measured_hz=0.0, ticks=0, started_ns=0, last_tick_ns=0, lost=0, elements=0, enabled=0, entries=0, max_time_s=0.0,
@@ -170,6 +171,7 @@ class Session:
         self.triggers: list[TriggerStatus] = []
         self.limits: list[LimitStatus] = []  # worst first
         self.bounds: dict[str, Bounds] = {}  # of each scalar with limits: red low, yellow low, yellow high, red high
+        self._recorders_due_s = 0.0  # monotonic
         self.recorders: list[RecorderInfo] = []  # endless recordings, as they were asked for last
         self.paces: dict[str, WritingPace] = {}  # how fast each of them writes
         self.knobs = Knobs()
@@ -352,8 +354,14 @@ class Session:
         """Delete a recording; return what was deleted, in words."""
         return await self.connection.call(lambda client: client.delete_recording(name))
 
+    @property
+    def recorders_are_due(self) -> bool:
+        """Whether something records, of which nobody asked for a while how it stands."""
+        return self.connected and self.status.recorders > 0 and time.monotonic() >= self._recorders_due_s
+
     async def refresh_recorders(self) -> None:
         """Ask how endless recordings stand."""
+        self._recorders_due_s = time.monotonic() + RECORDERS_S
         self.recorders = await self.connection.read(lambda client: client.recorders())
         now_s = time.monotonic()
         self.paces = {

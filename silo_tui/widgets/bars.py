@@ -17,6 +17,7 @@ from silo.core.elements import State, is_stalled
 from silo.core.quantities.writing import duration_text, idle_words
 from silo_tui.actions import BY_ID, Command, commands_for, key_of, key_text, key_that_retries, with_keys
 from silo_tui.keymap import in_bar
+from silo_tui.model.lists import recorders
 from silo_tui.model.lists.conditions import head_words
 from silo_tui.model.words import text
 from silo_tui.model.words.people import head_words as people_head
@@ -155,6 +156,7 @@ class StatusBar(FittingLine):
         for rank, forms, role in ((8, alarm, "alarm" if is_red else "warning"), (6, watching, "")):
             long, *less = [f"  {words}" for words in forms] or [""]  # neither ever gives way, their words do
             parts.append(LinePart(rank, long, bold(variables, role), tuple(less), at_end=True))
+        parts += self._recorders()
         self._add_others(lambda rank, words, style: parts.append(LinePart(rank, words, style, at_end=True)))
         return parts
 
@@ -171,12 +173,17 @@ class StatusBar(FittingLine):
         rank = 4 if len(forms) > 1 or " of " in "".join(forms) else 0  # a number alone may go
         return [LinePart(rank, forms[0], caution, tuple(forms[1:]), at_end=True)] if forms else []
 
+    def _recorders(self) -> list[LinePart]:
+        """Return how many record, and how much is on the disk of it where there is room."""
+        count, size = self.session.status.recorders, recorders.head_words(self.session.recorders)
+        words, style = f"  REC {count}", bold(self.app.theme_variables, "success")
+        whole = LinePart(4, f"{words}  {size}", style, (words,), at_end=True)
+        return [] if not count else [whole] if size else [LinePart(0, words, style, at_end=True)]
+
     def _add_others(self, add: Callable[[int, str, str], None]) -> None:
-        """Add what records, how much is durable, who may change something, and who is there."""
+        """Add how much is durable, who may change something, and who is there."""
         session, status, variables = self.session, self.session.status, self.app.theme_variables
         caution = color(variables, "warning")
-        if status.recorders:
-            add(0, f"  REC {status.recorders}", bold(variables, "success"))
         if status.durable_ticks >= 0:  # storage="disk"
             add(1, f"  durable to tick {text.count(status.durable_ticks)}", "")
         if not session.may_edit or cast(Any, self.app).context.read_only:

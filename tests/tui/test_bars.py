@@ -13,8 +13,9 @@ from rich.console import Console
 
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
-from silo.core.elements import Control, LoggedEvent, Present, State
+from silo.core.elements import Control, LoggedEvent, Present, RecorderState, State
 from silo.core.tuning.parameters import ParameterChange
+from silo.recorder.requests import RecorderInfo
 from silo.rpc.published import Event, EventKind
 from silo_tui.actions import BY_ID, key_of
 from silo_tui.keymap import use_keys
@@ -122,6 +123,19 @@ def at_end(line: str, words: str, width: int) -> str:
 )  # fmt: skip
 def test_the_head_follows_what_the_logger_tells(change, width, line, desk):
     assert head(told(desk, **change), width) == line
+
+
+@pytest.mark.parametrize(
+    ("keep", "width", "words"),
+    [
+        (50_000_000_000, 80, "REC 1  21 of 50 GB"), (0, 80, "REC 1  21 GB"), (50_000_000_000, 61, "REC 1"),
+        (50_000_000_000, 120, "REC 1  21 of 50 GB"),
+    ],
+)  # fmt: skip
+def test_of_what_records_the_head_tells_how_much_is_on_the_disk_where_there_is_room(keep, width, words, desk):
+    one = RecorderInfo("all", "/logs/all", RecorderState.RECORDING, size_bytes=21_000_000_000, keep_bytes=keep)
+    desk.session.recorders = [one, msgspec.structs.replace(one, state=RecorderState.FAILED)]
+    assert head(told(desk, recorders=1), width).endswith(f"  {words}")
 
 
 @pytest.mark.parametrize(

@@ -81,6 +81,14 @@ class TestScreens:
             await screen.shows("1.9 GB disk left")
             await screen.shows("t ends one that runs")
 
+    async def test_the_head_of_the_table_follows_how_much_a_recording_holds(self, fake, opened, monkeypatch):
+        monkeypatch.setattr("silo_tui.sessions.live.RECORDERS_S", 0.0)
+        fake.recorder_infos = [WALK, FULL]
+        async with opened(fake) as screen:
+            await screen.shows("REC 1  21 of 50 GB")
+            fake.recorder_infos = [structs.replace(WALK, size_bytes=22 * 10**9), FULL]
+            await screen.shows("REC 1  22 of 50 GB")
+
     async def test_what_is_marked_is_recorded_with_split_and_budget(self, fake, opened):
         async with opened(fake) as screen:
             await screen.type("/LF torque")

@@ -88,6 +88,15 @@ def budget_text(one: RecorderInfo) -> str:
     return f"{text.bar(min(1.0, one.size_bytes / one.keep_bytes), BAR):{BAR}} {sizes}"
 
 
+def head_words(found: Sequence[RecorderInfo]) -> str:
+    """Return how much is on the disk of what records, and of how much it may be; empty where none is known."""
+    going = [one for one in found if not one.state.over]
+    size, keep = sum(one.size_bytes for one in going), sum(one.keep_bytes for one in going)
+    if not going:
+        return ""
+    return _of(size, keep) if all(one.keep_bytes for one in going) else size_text(size)
+
+
 def _of(part: int, whole: int) -> str:
     """Return two sizes in the unit of the larger one where both show: `21 of 50 GB`, `0.4 of 2 GB`, `45 MB of 2 GB`."""
     unit, scale = next(
