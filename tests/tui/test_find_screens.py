@@ -250,10 +250,10 @@ async def test_brackets_go_from_crossing_to_crossing_a_star_looks_in_all_plots_a
         await screen.do("previous_found")
         await screen.until(lambda: shown.file.time_ns == first, "the one before")
         await screen.do("home", "find")
-        await screen.shows("Find in /LF/torque")
-        for words in ("all 2 signals that are plotted", "/LF/torque", "all 2 signals"):
+        await screen.shows("Find a moment in /LF/torque, by its letter; m in plots adds signals")
+        for words in ("all 2 signals", "/LF/torque", "all 2 signals"):
             await screen.press("*")
-            await screen.shows(f"Find in {words}")
+            await screen.shows(f"Find a moment in {words}")
         await screen.press("h")
         await screen.shows("of 11")  # ten times one, once forty
         await screen.until(lambda: " Join" in screen.text.splitlines()[-1])
