@@ -100,9 +100,9 @@ def test_what_stands_there_twice_is_refused() -> None:
 def test_conditions_of_a_script_fit_the_table_as_its_edits_leave_it() -> None:
     options = SimpleNamespace(prefix="/log", frequency_hz=100)
     robot = SimpleNamespace(conditions=Conditions())
-    now = SimpleNamespace(
-        table=SimpleNamespace(elements=TABLE[:1]), places={"/log/e0": 0}, options=options, robot=robot
-    )
+    elements = TABLE[:1]
+    table, names = SimpleNamespace(elements=elements), Names.of(elements)
+    now = SimpleNamespace(table=table, names=names, options=options, robot=robot)
     wanted = Conditions(triggers=(TriggerOptions("t", "e0 > 1", pre_s=20.0, post_s=1.0),))
     looping = ElementOptions(buffer=BufferType.LOOPING, size=5000)
     assert fitting(wanted, [Edit("/log/e0", looping)], now) == wanted

@@ -194,18 +194,18 @@ def test_what_changes_something_is_refused_who_only_looks_and_needs_a_link_unles
 BARS = {
     ("two-layer", "table"): "mark monitor fold filter menu_edit menu_go menu_view menu_record sort apply undo "
     "start_stop save_data again back help command quit mark_shown",
-    ("two-layer", "monitor"): "pause detail add_plot closer wider cursor_left earlier later newest find menu_plots "
+    ("two-layer", "monitor"): "pause detail add_plot closer cursor_left earlier later newest find menu_plots "
     "menu_go menu_view menu_record apply start_stop export_plots again back arrange_plots help command quit",
-    ("two-layer", "detail"): "pause add_plot closer wider cursor_left earlier later newest find menu_plots menu_go "
+    ("two-layer", "detail"): "pause add_plot closer cursor_left earlier later newest find menu_plots menu_go "
     "menu_view menu_record apply start_stop export_plots again back mode detail_refresh help command quit",
     ("two-layer", "triggers"): "list_mark trigger_capture trigger_toggle trigger_new plot_conditions list_filter "
     "menu_edit menu_go menu_view menu_record list_order apply start_stop trigger_remove again back help command quit",
     ("two-layer", "file"): "mark plot fold filter menu_go menu_view sort again back help command quit mark_shown",
     ("classic", "table"): "mark filter sort fold edit apply monitor start_stop save_data help command quit mark_shown "
     "toggle undo",
-    ("classic", "monitor"): "pause closer wider cursor_left find scale detail cursor_b earlier start_stop later "
+    ("classic", "monitor"): "pause closer cursor_left find scale detail cursor_b earlier start_stop later "
     "arrange_plots newest all_held add_plot drop_plot help export_plots command quit",
-    ("classic", "detail"): "pause mode closer level wider cursor_left find scale cursor_b earlier detail_refresh later "
+    ("classic", "detail"): "pause mode closer level cursor_left find scale cursor_b earlier detail_refresh later "
     "detail_swap newest all_held add_plot help export_plots command quit",
     ("classic", "alarms"): "acknowledge list_mark alarm_worst alarm_limits alarm_new alarm_remove plot_conditions "
     "list_filter list_order help command quit",

@@ -100,7 +100,7 @@ async def test_alarms_and_triggers_say_of_which_motor_they_are(robot, opened):
     ]
     async with opened(robot.run()) as screen:
         await screen.do("alarms")
-        await screen.shows("  /legged_robot ")
+        await screen.shows(" /legged_robot ")
         for joint in ("LF_HAA", "RH_KFE"):
             await screen.shows(f"…/{joint}/…temperature ")
         await screen.do("back", "triggers")
