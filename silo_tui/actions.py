@@ -232,7 +232,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("plot_bottom", "G", "Last", "last plot", "Plots", _MONITORS, does="choose_end", given=True),
     Command("pause", "space", "Pause", "freeze what is shown, and as much before it", "Plots", _LIVE_PLOTS, 1),
     Command("closer", "plus,equals_sign", "Zoom", "shorter time span, or range of frequencies", "Plots",
-            _PLOTS + _SCOPE, 2, shown_key="+ -", does="zoom", given=True),
+            _PLOTS + _SCOPE, 2, shown_key="+", does="zoom", given=True),
     Command("wider", "minus", "Zoom out", "longer time span, or range of frequencies", "Plots", _PLOTS + _SCOPE,
             does="zoom", given=False),
     Command("cursor_left", "h,left", "Cursor", "cursor to the left", "Plots", _PLOTS + _SCOPE, 4, shown_key="←→",

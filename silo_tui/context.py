@@ -40,7 +40,7 @@ from silo_tui.widgets.bars import OPEN_FILE, OPENS, Banner, KeyBar, StatusBar, l
 from silo_tui.widgets.inputs import Fleeting
 from silo_tui.widgets.messages import MessageLine
 
-RELABELLED = {"again", "apply", "back", "start_stop"}
+RELABELLED = {"again", "apply", "back", "closer", "start_stop"}
 MOST_TOLD = 500
 
 
@@ -568,6 +568,8 @@ class SiloScreen(Leaving[None]):
             return command.label
         if command.id == "again":
             return f"again: {BY_ID[self.repeated].label}" if self.repeated and not self.why_not_again else ""
+        if command.id == "closer":
+            return f"{key_of('wider')} {command.label}"  # one entry for both
         if command.id == "back" and self in self.app.screen_stack[:2]:
             return ""  # nothing is behind it
         if session is not None and command.id == "start_stop":

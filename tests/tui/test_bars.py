@@ -399,7 +399,7 @@ def test_that_nothing_is_logged_is_told_with_the_keys_that_change_it(desk):
 
 def label(command: Any) -> str:
     """As of a logger that runs, without edits."""
-    return {"start_stop": "Stop", "apply": "", "undo": "", "again": "", "arrange_plots": ""}.get(
+    return {"start_stop": "Stop", "closer": "- Zoom", "apply": "", "undo": "", "again": "", "arrange_plots": ""}.get(
         command.id, command.label
     )
 

@@ -250,7 +250,7 @@ async def test_brackets_go_from_crossing_to_crossing_a_star_looks_in_all_plots_a
         await screen.do("previous_found")
         await screen.until(lambda: shown.file.time_ns == first, "the one before")
         await screen.do("home", "find")
-        await screen.shows("Find a moment in /LF/torque, by its letter; m in plots adds signals")
+        await screen.shows("Find a moment in /LF/torque, by its letter")
         for words in ("all 2 signals", "/LF/torque", "all 2 signals"):
             await screen.press("*")
             await screen.shows(f"Find a moment in {words}")

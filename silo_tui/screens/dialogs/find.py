@@ -8,7 +8,6 @@ from textual.widgets import Static
 from silo.conditions.requests import TriggerTried
 from silo.expressions.binding import bind
 from silo.judging.checks import table_catalogue
-from silo_tui.actions import key_of
 from silo_tui.model.lists.conditions import tried_lines
 from silo_tui.model.samples.find import WORDS, Search, What
 from silo_tui.model.table import derived
@@ -28,8 +27,7 @@ class FindDialog(Question):
         if signals > 1:
             words = f"in all {signals} that are plotted, or in the chosen one alone"
             choices.append(Choice(EVERYWHERE, words, EVERYWHERE))
-        others = f"; {key_of('add_plot')} in plots adds signals"  # who types a name meant that, or a filter
-        self._where = [f"Find a moment in {each}, by its letter{others}" for each in (name, f"all {signals} signals")]
+        self._where = [f"Find a moment in {each}, by its letter" for each in (name, f"all {signals} signals")]
         super().__init__(self._where[0], "", choices)
         self.everywhere = False
 
