@@ -216,6 +216,7 @@ def router(runtime_folder: Path) -> Iterator[str]:
     config = zenoh.Config()
     for key, value in {
         "mode": "router", "listen/endpoints": [endpoint], "scouting/multicast/enabled": False,
+        "scouting/delay": 0,
     }.items():  # fmt: skip
         config.insert_json5(key, json.dumps(value))
     with zenoh.open(config):
