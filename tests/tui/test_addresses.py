@@ -239,6 +239,7 @@ async def test_two_robots_of_one_image_are_listed_with_addresses_that_open_them(
 
 async def test_a_logger_that_does_not_answer_is_tried_again_by_itself(fake, opened, monkeypatch):
     monkeypatch.setattr("silo_tui.commands.opening.AGAIN_S", 0.0)
+    monkeypatch.setattr("silo_tui.commands.opening.LOOK_S", 0.01)
     tries = []
 
     def connect(_):
