@@ -20,6 +20,7 @@ from textual.dom import DOMNode
 from silo.core.elements import SavedFile
 from silo.core.quantities.writing import wall_clock
 from silo.errors import RefusedError, SiloError
+from silo.files.naming import files_text
 from silo.net.access.senders import READ_ONLY_WORDS
 from silo.rpc.frames import Frame
 from silo_tui.actions import BY_ID, Command, key_of, key_that_retries, typed_on, with_keys
@@ -27,7 +28,6 @@ from silo_tui.gate import Holding
 from silo_tui.keymap import where, why_no_use
 from silo_tui.modal import Dialog, Given, Leaving, Work, run_alone, settled
 from silo_tui.model.words.command_line import BY_KEY, Spelled
-from silo_tui.model.words.text import saved_words
 from silo_tui.sessions import kept
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
@@ -257,7 +257,7 @@ class Context:
 
     def saved_first(self, files: Sequence[SavedFile]) -> None:
         """Have the end of the flow that runs tell what it saved on its way, too."""
-        self._saved_first = saved_words(files)
+        self._saved_first = f"saved: {files_text(files)}"
 
     def shown(self, words: str) -> str:
         """Return words with the names of signals as the table has them."""

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from silo.core.elements import FileTypeWord, Storage, Threads
+from silo.core.elements import FileTypeWord, GroupRole, Storage, Threads
 from silo.files.formats import SAVED_NAMES
 from silo.logger.arguments.keywords import (
     ActionWord,
     BufferWord,
     ElementKeywords,
+    GroupRoleWord,
     OptionKeywords,
     StorageWord,
     SwitchWord,
@@ -66,6 +67,7 @@ def test_the_words_of_the_types_are_those_of_the_rules():
     assert words(FileTypeWord) == set(SAVED_NAMES)
     assert words(StorageWord) == {kind.value for kind in Storage}
     assert words(ThreadsWord) == {kind.value for kind in Threads}
+    assert words(GroupRoleWord) == {role.value for role in GroupRole}
 
 
 def test_the_keywords_of_set_are_the_keys_of_the_rules():

@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from silo.core.arguments import check_name
-from silo.core.quantities.writing import and_more
+from silo.core.elements import SavedFile
+from silo.core.quantities.writing import and_more, size_text
 from silo.core.runtime import FOLDER_GONE, closing_file, is_folder_gone, open_own
 from silo.errors import LogNotFoundError, SaveError, reason
 from silo.files.atomic import lock
@@ -296,3 +297,8 @@ def _what_is_there(folder: Path) -> str:
         there = there or (f"; {tables[0]} is what one was converted to: name the file" if tables else "")
         return f" (the folder holds no log{there})"
     return f"; there are: {and_more([path.name for path in newest], 3)}"
+
+
+def files_text(files: Iterable[SavedFile]) -> str:
+    """Return paths with sizes, fit to show."""
+    return ", ".join(f"{file.path} ({size_text(file.size_bytes)})" for file in files) or "nothing"

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 from silo.core.conditions import Conditions
 from silo.core.elements import FileType, LoggedEvent, SavedFile
-from silo.core.quantities.writing import size_text
 from silo.core.recording import Progress, Recording, told_unknown, with_events
 from silo.errors import SaveError, reason
 from silo.files.event_log import with_happened
@@ -137,8 +136,3 @@ def _part_of(progress: Progress, index: int, count: int) -> Progress:
         progress((index + fraction) / count)
 
     return part
-
-
-def describe(files: list[SavedFile]) -> str:
-    """Return paths with sizes, fit to show."""
-    return ", ".join(f"{file.path} ({size_text(file.size_bytes)})" for file in files) or "nothing"

@@ -7,6 +7,7 @@ import os
 import sys
 import threading
 
+from silo.core.elements import GroupRole
 from silo.helper.helper import Helper, ServingOptions, open_link
 from silo.net.knocking import raise_descriptors
 from silo.printing import print_printable
@@ -25,7 +26,7 @@ def main() -> int:
     parser.add_argument("--died", default="", help="how, and when (UNIX time in ns), the one before this one died")
     parser.add_argument("--group", help="system group whose members may connect")
     parser.add_argument("--config", help="Zenoh configuration with remote access")
-    parser.add_argument("--group-role", default="operator", help="viewer, or operator")
+    parser.add_argument("--group-role", type=GroupRole, default=GroupRole.OPERATOR, help="what its members may do")
     parser.add_argument("--control", default="any", help="one: changes need control")
     arguments = parser.parse_args()
     print_printable()

@@ -14,7 +14,7 @@ from silo.core.elements import LoggedEvent, SavedFile, Storage
 from silo.core.runtime import has_writer, list_segments, runtime_dir, sweep_unfinished
 from silo.errors import SegmentError, SiloError, StateError
 from silo.files.event_log import CRASHED
-from silo.files.saving import describe
+from silo.files.naming import files_text
 from silo.helper.left_logs import Recovered, recover, settle_left
 from silo.journal.format import remove_journals
 from silo.journal.holdings import segment_holdings
@@ -219,7 +219,7 @@ class OrphanRecovery:
             return
         self._before = done
         if done.files or done.more:
-            texts = [f"{who}; {done.saved}: {describe(done.files)}", *done.more]
+            texts = [f"{who}; {done.saved}: {files_text(done.files)}", *done.more]
             self._tell(EventKind.RECOVERED, "; ".join(texts), done.files)
 
     def _tell_failed(self, stale: LeftRun, who: str, problem: str) -> None:

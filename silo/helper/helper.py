@@ -24,7 +24,7 @@ from silo.control.authentication import Authentication
 from silo.control.denials import Denials
 from silo.control.server import ControlLock
 from silo.core.conditions import Conditions, Derived
-from silo.core.elements import GOES_ON, STARTED, FileType, State
+from silo.core.elements import GOES_ON, STARTED, FileType, GroupRole, State
 from silo.core.quantities.writing import and_more, many
 from silo.core.runtime import runtime_dir
 from silo.errors import ConnectionLostError, SiloError
@@ -39,6 +39,7 @@ from silo.link.channel import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, Li
 from silo.live.publisher import Publisher
 from silo.net.access.certificates import not_valid_today
 from silo.net.access.logins import asks_for_passwords, watch_logins
+from silo.net.access.rights import ASKED
 from silo.net.configuration import robot_named
 from silo.net.folders import group_folder, share_socket
 from silo.net.keys import Root
@@ -49,7 +50,7 @@ from silo.recorder.requests import StartRecorder, StopRecorder
 from silo.recorder.server import EndlessRecordings
 from silo.recordings.requests import Save, SaveStarted
 from silo.rpc.clocks import clock_s
-from silo.rpc.declaring import Done, Reply
+from silo.rpc.declaring import Do, Done, Reply
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
 from silo.run_index.keeping import IndexKeeper
@@ -84,7 +85,7 @@ class ServingOptions:
 
     group: str | None = None
     config: str | None = None
-    group_role: str = "operator"
+    group_role: GroupRole = GroupRole.OPERATOR
     control: str = "any"
 
 
@@ -137,7 +138,7 @@ class Helper:
     def _authentication(self, path: Path) -> Authentication:
         authentication = Authentication.of(self._root, self._serving.config)
         if self._serving.group:
-            authentication.share(path, self._serving.group, may_change=self._serving.group_role != "viewer")
+            authentication.share(path, self._serving.group, may_change=self._serving.group_role in ASKED[Do])
         for words in not_valid_today(self._serving.config) if self._serving.config is not None else ():
             log.warning("%s: %s", self._name, words)
         if authentication.old_rules:

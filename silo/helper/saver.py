@@ -10,7 +10,7 @@ from silo.core.arguments import check_name
 from silo.core.conditions import Conditions
 from silo.core.elements import SavedFile
 from silo.errors import SegmentError, SiloError
-from silo.files.saving import describe
+from silo.files.naming import files_text
 from silo.helper.robot_link import RobotLink
 from silo.link.channel import LinkSaved
 from silo.recordings.heap import trim_heap
@@ -157,7 +157,7 @@ class Saver:
             self._failed(job, report.error, files, report.ticks)
             return
         self._events.publish(
-            EventKind.SAVED, f"saved {describe(files)}", by=by, job=job.number, progress=1.0, files=files
+            EventKind.SAVED, f"saved {files_text(files)}", by=by, job=job.number, progress=1.0, files=files
         )
         self._robot.tell(LinkSaved(job.number, files, "", job.reader.schema.run, report.ticks))
 

@@ -67,9 +67,9 @@ def death_text(pid: int, stopped: str = "") -> str:
 
 def saved_text(files: list[SavedFile], held: Holdings) -> str:
     """Return what was saved of it, fit to show."""
-    from silo.files.saving import describe
+    from silo.files.naming import files_text
 
-    return f"saved {held.text}: {describe(files)}"
+    return f"saved {held.text}: {files_text(files)}"
 
 
 def log_start(reader: RunReader) -> None:

@@ -20,7 +20,7 @@ from typing import Any
 from silo.core.runtime import write_private
 from silo.errors import SiloError
 from silo.net.access.admission import CHECKED
-from silo.net.access.rights import ROBOT, ROLES, SHARED, access_control
+from silo.net.access.rights import ROBOT, SHARED, USER_ROLES, VIEWER, access_control
 from silo.net.configuration import HOST_NAME, LINK, PORT, ROBOT_NAME
 
 AUTHORITY_DAYS, ROBOT_DAYS = 3650, 825
@@ -108,10 +108,11 @@ def make_network(
 def role_of(word: str) -> tuple[str, str]:
     """Read `alice:operator`. Raises SiloError."""
     name, _, role = word.partition(":")
-    role = role or "viewer"
-    if role not in ROLES or not name.isascii() or not name.replace("_", "").replace("-", "").isalnum():
+    role = role or VIEWER
+    if role not in USER_ROLES or not name.isascii() or not name.replace("_", "").replace("-", "").isalnum():
         raise SiloError(
-            f"--user takes NAME:ROLE, of letters and digits and {' or '.join(ROLES)}, got '{word}'; nothing was made"
+            f"--user takes NAME:ROLE, of letters and digits and {' or '.join(USER_ROLES)}, got '{word}'; "
+            "nothing was made"
         )
     if name == "local":
         raise SiloError("the user 'local' is who works on the robot itself; take another name; nothing was made")

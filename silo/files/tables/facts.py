@@ -53,7 +53,7 @@ def packed(
 
 
 def unpacked(path: Path, text: str | bytes) -> TableFacts:
-    """The facts of a text, which files before 0.5 have without a checksum. Raises FileFormatError for another text."""
+    """The facts of a text; one without a checksum is taken as it is. Raises FileFormatError for another text."""
     text = text if isinstance(text, str) else text.decode()
     told, check, number = text.rpartition(_CHECK)
     if check and number != f"{zlib.crc32(told.encode())}}}":

@@ -8,12 +8,13 @@ who is there. What no row allows is denied, whichever way it goes: so nobody but
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
+from silo.core.elements import GroupRole
 from silo.net.keys import LOCAL_SENDER, escape, host_part, user_part
 from silo.rpc.declaring import Ask, Do, Request
 
-VIEWER, OPERATOR, ROBOT = "viewer", "operator", "robot"
-ROLES = (VIEWER, OPERATOR, ROBOT)
-PEOPLE = (VIEWER, OPERATOR)
+VIEWER, OPERATOR, ROBOT = GroupRole.VIEWER.value, GroupRole.OPERATOR.value, "robot"
+PEOPLE = tuple(role.value for role in GroupRole)
+USER_ROLES = (*PEOPLE, ROBOT)
 ROBOTS = (ROBOT,)
 NOBODY_ASKED = ("whoever comes by a way without users",)
 SHARED = "robots"  # whoever has the file of this name may be any robot; each other robot is one host

@@ -10,9 +10,8 @@ from typing import NamedTuple
 
 from rich.cells import cell_len
 
-from silo.core.elements import SavedFile
 from silo.core.quantities import writing
-from silo.core.quantities.writing import duration_text, size_text, whole_duration
+from silo.core.quantities.writing import duration_text, whole_duration
 
 SUFFIXES = "kMGT"
 EXACT_DIGITS = 15  # that a float holds of any number
@@ -240,8 +239,3 @@ def cut_words(words: str, width: int) -> str:
     whole = words[: max(0, width - 1)]
     end = whole.rfind(" ") if words[len(whole) : len(whole) + 1].strip() else len(whole)
     return (whole[:end].rstrip(" :") if whole[:end].strip() else whole) + "…"
-
-
-def saved_words(files: Sequence[SavedFile]) -> str:
-    """Return what a save wrote, in words."""
-    return f"saved: {', '.join(f'{one.path} ({size_text(one.size_bytes)})' for one in files)}"

@@ -20,7 +20,7 @@ from silo.core.elements import FileType, SavedFile
 from silo.core.quantities.writing import duration, size_text
 from silo.errors import SiloError
 from silo.files.formats import SAVED, SAVED_NAMES
-from silo.files.naming import custom_path, with_part
+from silo.files.naming import custom_path, files_text, with_part
 from silo.rpc.published import Event, EventKind
 from silo_tui.actions import key_of
 from silo_tui.context import Context
@@ -240,7 +240,7 @@ class SaveDialog(Form[list[SavedFile]]):
     def _tell(self, event: Event | None) -> None:
         """Say on the screen below how a save ended."""
         if event is not None and event.kind is EventKind.SAVED:
-            self.context.say(text.saved_words(event.files))
+            self.context.say(f"saved: {files_text(event.files)}")
         elif event is not None and event.kind is EventKind.SAVE_FAILED:
             self.context.fail(f"not saved: {event.text}")
         else:
