@@ -28,8 +28,8 @@ from silo.core.quantities.writing import html_table
 from silo.errors import ArgumentError, ConnectionLostError, ElementError, RefusedError, SiloError
 from silo.fleet.exchange import NoAnswerError, client_name
 from silo.fleet.resolving import awaited, discover
-from silo.history.find import SearchRequests
 from silo.history.requests import By, GetHistory, GetSamples, KeepPin, OpenPin, OpenStream
+from silo.history.search_arrays import SearchRequests
 from silo.live.requests import GetSurvey, OpenView, Survey
 from silo.net.access.senders import READ_ONLY, READ_ONLY_WORDS, viewer_words
 from silo.net.found import LoggerAddress, logger_of
@@ -76,7 +76,7 @@ LONGEST_S = 1e6  # that anybody waits
 
 @told_names("a client", _OTHER_NAMES)
 @told_class("client", make="Client", shared=TakesConditions, returns=str)
-class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find` in silo/history/find.py
+class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find` in silo/history/search_arrays.py
     StateRequests, TableRequests, EventRequests, ScriptRequests, ControlRequests, ConditionRequests, SearchRequests,
     RecordingRequests, RecorderRequests, ParameterRequests, TakesConditions[str], Closing,
 ):  # fmt: skip

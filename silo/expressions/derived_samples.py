@@ -22,7 +22,7 @@ from silo.expressions.over_recordings import RecordingJudge
 NOTHING_IN_COMMON = "its signals have no sample in common"
 
 
-def with_derived(recording: Recording) -> Recording:
+def with_derived_samples(recording: Recording) -> Recording:
     """Return the recording with its derived signals among its elements; what can't be computed is a warning.
 
     A condition is of type bool where it can be told at every tick, else 0, 1 and NaN.

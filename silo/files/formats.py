@@ -123,9 +123,9 @@ class Format(msgspec.Struct, frozen=True):
                 )
             read_whole(recording)
             if recording.conditions.derived:
-                from silo.expressions.derived_samples import with_derived
+                from silo.expressions.derived_samples import with_derived_samples
 
-                recording = with_derived(recording)
+                recording = with_derived_samples(recording)
             # of logs it is told when they are read again; in tables stands all that other tools may want to know
             whole = recording if self.for_logs else _clock_told(with_rounding_told(recording, self))
             function(whole, path, progress=progress or silent, **options)

@@ -63,9 +63,9 @@ def write(
     paths = _paths(Path(folder), logger, chosen, name, recording.stretch.part if recording.stretch else 0)
     recording = replace(recording, why=why) if why else recording
     if recording.conditions.derived:
-        from silo.expressions.derived_samples import with_derived
+        from silo.expressions.derived_samples import with_derived_samples
 
-        recording = with_derived(recording)  # once for all formats
+        recording = with_derived_samples(recording)  # once for all formats
     saved: list[SavedFile] = []
     failed: list[str] = []
     for index, (kind, path) in enumerate(paths.items()):

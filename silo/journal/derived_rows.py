@@ -272,7 +272,7 @@ def rows_between(
     return found
 
 
-def with_derived(reader: SegmentReader, derived: Sequence[Derived]) -> SegmentReader:
+def with_derived_rows(reader: SegmentReader, derived: Sequence[Derived]) -> SegmentReader:
     """Return a reader of the same segment that has these derived signals, too; of none the reader itself."""
     if not derived:
         return reader

@@ -23,7 +23,7 @@ from silo.errors import SaveError, SegmentError, SiloError, reason
 from silo.files.event_log import newest_number
 from silo.files.manifest import ClosedPart, Ledger, RunEntry, read_written
 from silo.files.parts.metadata import EVENTS_RING
-from silo.journal.derived_rows import with_derived
+from silo.journal.derived_rows import with_derived_rows
 from silo.polling import readable
 from silo.recorder.event_tail import EventTail
 from silo.recorder.layout import ending, layout_of, more_derived
@@ -238,7 +238,7 @@ class Recorder:
             conditions = conditions_of(descriptors[1]) if len(descriptors) > 1 else known
             begun = entry is not None and entry.conditions is not None
             derived = self._more_derived(known.derived, conditions.derived) if begun else conditions.derived
-            run = with_derived(reader, derived)
+            run = with_derived_rows(reader, derived)
             run.schema = msgspec.structs.replace(
                 run.schema, conditions=msgspec.structs.replace(conditions, derived=derived)
             )
@@ -275,7 +275,7 @@ class Recorder:
         if derived != before:
             try:
                 with contextlib.ExitStack() as undoing:
-                    more = with_derived(SegmentReader(run.path, run.fileno()), derived)
+                    more = with_derived_rows(SegmentReader(run.path, run.fileno()), derived)
                     undoing.callback(more.close)
                     layout_of(more.schema, self._order.patterns)  # which may have too many topics
                     undoing.pop_all()

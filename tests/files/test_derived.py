@@ -12,7 +12,7 @@ from silo.analysis.log import Log
 from silo.core.conditions import Conditions, Derived
 from silo.core.elements import BufferType
 from silo.core.recording import Recording
-from silo.expressions.derived_samples import with_derived
+from silo.expressions.derived_samples import with_derived_samples
 from silo.files import write
 from silo.files.convert import convert
 from silo.files.formats import read_recording
@@ -55,22 +55,22 @@ def test_every_format_has_them_as_columns_and_keeps_what_they_are(logged, tmp_pa
 def test_what_is_read_back_is_not_computed_again(logged, tmp_path):
     write(logged, tmp_path, "robot", ["silo"], "run")
     found = read_recording(tmp_path / "run.silo")
-    assert with_derived(found) is found
+    assert with_derived_samples(found) is found
     kept = dataclasses.replace(found, elements=[one for one in found.elements if one.name != "/log/x"])
     assert Log(kept)["twice"].values.tolist() == [2.0 * at for at in range(12)]
     assert list(Log(found)).count("/log/twice") == 1
 
 
 def test_signals_of_different_rates_are_told_at_their_common_ticks(logged):
-    found = {one.name: one for one in with_derived(logged).elements}
-    assert columns(with_derived(logged))["/log/sum"] == [2.0 * at + at // 3 for at in range(12)]
+    found = {one.name: one for one in with_derived_samples(logged).elements}
+    assert columns(with_derived_samples(logged))["/log/sum"] == [2.0 * at + at // 3 for at in range(12)]
     slow = found["/log/slow"]
     assert (slow.first, slow.divider) == (6, 1)
     assert slow.entries[0].values.tolist() == [(at - 6) // 2 - at // 3 for at in range(6, 12)]
 
 
 def test_where_one_of_its_signals_ended_nothing_is_told():
-    found = with_derived(
+    found = with_derived_samples(
         recording(
             element("x", np.arange(12.0)),
             element("short", np.arange(5.0), buffer_type=BufferType.FIXED),
@@ -88,7 +88,7 @@ def test_a_window_that_reaches_back_before_what_is_kept_tells_nothing(overwritte
     x = element("x", np.arange(12.0 - first), first=first)
     derived = (("mean", "mean(x, 4ms)"), ("high", "mean(x, 4ms) > 3"), ("twice", "2 * x"), ("both", "max(mean, x)"))
     made = recording(x, derived=derived)
-    found = columns(with_derived(dataclasses.replace(made, offset=12 + overwritten)))
+    found = columns(with_derived_samples(dataclasses.replace(made, offset=12 + overwritten)))
     means = [np.mean([*range(max(0, at - 3), at + 1)]) for at in range(12 - first)]
     lost = [math.nan] * unknown
     assert repr(found["/log/mean"]) == repr([*lost, *map(float, means[unknown:])])
@@ -163,5 +163,5 @@ def test_a_logger_saves_what_was_derived_while_it_ran(tmp_path, runtime_folder, 
 def test_a_product_has_the_unit_of_its_factors(expression, unit):
     units = {"x": "m", "y": "s", "k": "-"}
     elements = [element(name, np.arange(12.0), of) for name, of in units.items()]
-    made = with_derived(recording(*elements, derived=(("made", expression),))).elements[-1]
+    made = with_derived_samples(recording(*elements, derived=(("made", expression),))).elements[-1]
     assert (made.name, made.unit) == ("/log/made", unit)

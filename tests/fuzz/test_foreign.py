@@ -17,7 +17,6 @@ from silo.core.elements import State
 from silo.errors import ConnectionLostError, SiloError
 from silo.fleet.exchange import decode_reply
 from silo.history.arrays import Gathering, Stream
-from silo.history.find import found_of
 from silo.history.requests import (
     Columns,
     OpenStream,
@@ -28,6 +27,7 @@ from silo.history.requests import (
     StreamFrame,
     StreamOpened,
 )
+from silo.history.search_arrays import found_of
 from silo.history.search_requests import FoundIn, MomentsFound
 from silo.live.requests import OpenView, ViewOpened
 from silo.live.topic import batch_of

@@ -24,7 +24,7 @@ from silo.files.bags.writer import write_bag
 from silo.files.event_log import append_events, event_log_path, older_event_log
 from silo.files.parts.scan import rows_after, scan_part
 from silo.files.summaries import opened_file
-from silo.journal.derived_rows import with_derived
+from silo.journal.derived_rows import with_derived_rows
 from silo.recorder import event_tail
 from silo.recorder.layout import layout_of, more_derived
 from silo.recorder.orders import Finish, NewConditions, RecordOrder, conditions_file, encode
@@ -695,7 +695,7 @@ def test_signals_that_come_later_count_from_where_they_begin(robot, tmp_path, tr
     direct = truth.direct(robot, order(tmp_path))
     robot.ticks(103)
     direct.step()
-    run = with_derived(SegmentReader(robot.log._present.path), [Derived("/log/d1", "x * 3")])
+    run = with_derived_rows(SegmentReader(robot.log._present.path), [Derived("/log/d1", "x * 3")])
     direct.drain = direct.drain.going_on(run, layout_of(run.schema, ()))
     direct.writing.put(direct.writing.add_signals, direct.drain.layout, dict(direct.drain.cursors))
     robot.ticks(47)

@@ -10,7 +10,7 @@ import silo
 from silo.analysis.signal import Signal
 from silo.core.arrays.running import RunningStatistics
 from silo.core.conditions import Derived
-from silo.journal.derived_rows import with_derived
+from silo.journal.derived_rows import with_derived_rows
 from silo.live.quantities import FROZEN, LOST, NOT_FINITE, SLOW, signs_of
 from silo.live.requests import GetSurvey, Survey
 from silo.live.statistics import Surveyor, Tally, _values
@@ -280,7 +280,7 @@ def test_statistics_go_on_as_signals_are_derived_and_begin_where_these_are_chang
 
     def over(*derived):
         before = robot.tally
-        robot.tally = Tally(with_derived(SegmentReader(robot.log._present.path), derived))
+        robot.tally = Tally(with_derived_rows(SegmentReader(robot.log._present.path), derived))
         kept = robot.tally.go_on(before)
         robot.sums = robot.sums.moved(robot.tally.count, kept)
         followed.append(len(kept))

@@ -14,7 +14,7 @@ import numpy as np
 from silo.core.conditions import Bounds
 from silo.core.elements import Entry, LoggedEvent
 from silo.errors import SiloError
-from silo.expressions.search import FoundMoments as FoundIn
+from silo.expressions.search import FoundMoments
 from silo_tui.actions import key_of
 from silo_tui.modal import ask, run_alone, run_aside
 from silo_tui.model.drawing.plots import Plotted
@@ -121,7 +121,7 @@ async def look(
 
 
 def merged(
-    found: Mapping[str, FoundIn], entries: Mapping[str, Entry], what: What
+    found: Mapping[str, FoundMoments], entries: Mapping[str, Entry], what: What
 ) -> tuple[tuple[Moment, ...], int, int]:
     """Return the moments of several signals in the order of time, how many come before them, and how many there are.
 

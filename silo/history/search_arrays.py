@@ -1,4 +1,4 @@
-"""What clients look for in all that is held, and what was found, as arrays."""
+"""What clients look for in all that is held, and what was found, as arrays: on their side of `search_requests`."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
