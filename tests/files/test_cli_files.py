@@ -19,7 +19,8 @@ from click.testing import CliRunner
 import silo
 from silo.cli.group import cli
 from silo.cli.logs.check import check_command
-from silo.cli.logs.files import (
+from silo.cli.logs.responses import step
+from silo.cli.logs.saved_logs import (
     compare_command,
     convert_command,
     diff_command,
@@ -27,7 +28,6 @@ from silo.cli.logs.files import (
     print_file_info,
     stats_command,
 )
-from silo.cli.logs.responses import step
 from silo.cli.verbs import Listing
 from silo.core.elements import LoggedEvent
 from silo.core.recording import Recording, with_events

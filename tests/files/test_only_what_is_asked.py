@@ -9,7 +9,7 @@ from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 
 import silo
-from silo.cli.logs.files import plot_command, print_file_info, stats_command
+from silo.cli.logs.saved_logs import plot_command, print_file_info, stats_command
 from silo.core.conditions import Conditions, SignalLimits
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import LazyEntry, RecordedElement, RecordedEntry, Recording

@@ -24,7 +24,7 @@ NOT_LOADED = {
         "numpy",
         *(f"silo.files.{each.name}" for each in pkgutil.iter_modules(silo.files.__path__) if each.name != "formats"),
     ],
-    "silo.cli.logs.files": ["numpy", "plotext", "matplotlib", "pyarrow", "zstandard", "textual"],
+    "silo.cli.logs.saved_logs": ["numpy", "plotext", "matplotlib", "pyarrow", "zstandard", "textual"],
     "silo.requests": ["numpy", "zenoh", "textual"],
     "silo.client.connect": ["numpy", "textual", "plotext"],
     "silo.cli": ["numpy", "zenoh", "textual", "plotext", "silo_tui", "click", "msgspec", "typing"],

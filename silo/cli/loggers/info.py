@@ -43,7 +43,7 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
       silo info logs                         (the newest run of a folder)
     """
     if len(words) == 1 and means_saved(words[0]):
-        from silo.cli.logs.files import print_file_info
+        from silo.cli.logs.saved_logs import print_file_info
 
         print_file_info(words[0], as_json)
         return

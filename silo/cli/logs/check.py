@@ -7,7 +7,7 @@ import click
 
 from silo.cli.codes import EXIT_BLIND, EXIT_FOUND
 from silo.cli.common import LogWord, TypedPath, find_saved, show, show_rows
-from silo.cli.logs.files import _read, _warn, whole_option
+from silo.cli.logs.saved_logs import _read, _warn, whole_option
 from silo.core.quantities.writing import count
 
 if TYPE_CHECKING:

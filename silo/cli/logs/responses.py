@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from silo.cli.common import LogWord, TypedPath, find_saved, show_json, together
-from silo.cli.logs.files import (
+from silo.cli.logs.saved_logs import (
     _complete_file,
     _complete_signal,
     _read,
