@@ -53,7 +53,7 @@ from truth import (
 
 from silo.journal.format import journals_of
 from silo.net.session import SOCKET_SUFFIX, owner_is_gone
-from silo.recovery.journals import find_stale_journals
+from silo.recovery.journals import left_journals
 from silo.segment.reader import SegmentReader
 
 VICTIMS = ("robot", "both", "early")
@@ -261,7 +261,7 @@ def _holds_data(page: Page) -> bool:
 def _segments(folder: Path) -> list[Path]:
     """Recordings that are kept: segments in memory and on disk, and journals whose segment is gone."""
     found = [*folder.glob("run/*.segment"), *folder.glob("logs/.*.segment")]
-    orphans = {one.path for one in find_stale_journals(folder / "logs") if one.holdings and one.ticks}
+    orphans = {one.path for one in left_journals(folder / "logs") if one.holdings and one.ticks}
     there = [path for path in found if not path.name.endswith(".new") and path.exists()]  # no link to one that is gone
     return [*there, *sorted(orphans)]
 

@@ -192,37 +192,37 @@ class OrphanRecovery:
             log.exception("what earlier programs left to be recorded, or captured, can't be completed")
         with contextlib.suppress(SiloError):  # no runtime folder any more: then there is nothing in it either
             sweep(options)
-            for stale in left_of(options):
+            for left in left_of(options):
                 if not self._ended.is_set():
-                    self._recover(stale)
+                    self._recover(left)
         self._before = None
 
     def _tell(self, kind: EventKind, text: str, files: list[SavedFile]) -> None:
         log.warning("%s", text)
         self._events.publish(kind, text, files=files, logged=self._events.log.newest)  # its own run has it logged
 
-    def _recover(self, stale: LeftRun) -> None:
-        if stale.schema is None or stale.holdings is None:
+    def _recover(self, left: LeftRun) -> None:
+        if left.schema is None or left.holdings is None:
             return
         from silo.recordings.writing import save_apart
 
-        who = f"an earlier run of this logger (process {stale.schema.pid}) ended without close()"
+        who = f"an earlier run of this logger (process {left.schema.pid}) ended without close()"
         try:
             done = recover(
-                stale.path, save=save_apart, log=self._events.log.add_missing, wait=False, before=self._before
+                left.path, save=save_apart, log=self._events.log.add_missing, wait=False, before=self._before
             )
         except StateError:
             return  # its own helper, or somebody's `silo recover`, saves it and says so
         except (SiloError, OSError) as error:
-            if stale.path.exists():  # else likewise
-                self._tell_failed(stale, who, str(error))
+            if left.path.exists():  # else likewise
+                self._tell_failed(left, who, str(error))
             return
         self._before = done
         if done.files or done.more:
             texts = [f"{who}; {done.saved}: {files_text(done.files)}", *done.more]
             self._tell(EventKind.RECOVERED, "; ".join(texts), done.files)
 
-    def _tell_failed(self, stale: LeftRun, who: str, problem: str) -> None:
-        text = f"{who}, and its log could not be saved: {problem}; run `silo recover {stale.path}`"
+    def _tell_failed(self, left: LeftRun, who: str, problem: str) -> None:
+        text = f"{who}, and its log could not be saved: {problem}; run `silo recover {left.path}`"
         log.error("%s", text)
         self._events.publish(EventKind.SAVE_FAILED, text)

@@ -44,18 +44,18 @@ def is_journal(path: str | os.PathLike[str]) -> bool:
     return (Path(path) / SCHEMA_FILE).is_file()
 
 
-def find_stale_journals(folder: str | os.PathLike[str], logger: str = "*") -> list[LeftRun]:
+def left_journals(folder: str | os.PathLike[str], logger: str = "*") -> list[LeftRun]:
     """Journals in a log folder whose logger and segment are gone, of each run the one that proves most.
 
     Of one `logger`, by their names, or of all. A damaged one is told as such.
     """
     found: dict[str, LeftRun] = {}
     for path in list_journals(folder, logger):
-        stale = _look(path)
-        if stale is not None:
-            run = stale.schema.run if stale.schema else str(path)
-            if run not in found or found[run].ticks < stale.ticks:
-                found[run] = stale
+        left = _look(path)
+        if left is not None:
+            run = left.schema.run if left.schema else str(path)
+            if run not in found or found[run].ticks < left.ticks:
+                found[run] = left
     return list(found.values())
 
 

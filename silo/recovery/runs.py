@@ -11,9 +11,9 @@ from silo.core.runtime import list_segments
 from silo.errors import SiloError
 from silo.journal.format import JOURNAL_SUFFIX
 from silo.journal.reader import JournalReader
-from silo.recovery.journals import claimed_journal, find_stale_journals, is_journal, remove_proven, sweep_journals
+from silo.recovery.journals import claimed_journal, is_journal, left_journals, remove_proven, sweep_journals
 from silo.recovery.left import LeftRun, RunReader
-from silo.recovery.segments import claimed_segment, find_stale, release_segment, segment_folder, sweep_segments
+from silo.recovery.segments import claimed_segment, left_segments, release_segment, segment_folder, sweep_segments
 from silo.segment.held_runs import readers
 
 log = logging.getLogger("silo")
@@ -25,8 +25,8 @@ def find_all(folders: Iterable[Path]) -> list[LeftRun]:
     Segments are looked for in the runtime folder too.
     """
     places = list(dict.fromkeys(folder.resolve() for folder in folders))
-    segments = [one for folder in places for one in find_stale(folder)]
-    journals = [one for folder in places for one in find_stale_journals(folder)]
+    segments = [one for folder in places for one in left_segments(folder)]
+    journals = [one for folder in places for one in left_journals(folder)]
     return list({one.path: one for one in [*segments, *journals]}.values())
 
 
@@ -45,8 +45,8 @@ def left_of(options: LoggerOptions) -> Iterator[LeftRun]:
     Journals are looked for once all segments are dealt with: one whose segment goes meanwhile is needed from then on.
     Its own runs are none of them: a program that dies while its helper process looks is saved by that, and told once.
     """
-    segments = (one for one in find_stale(segment_folder(options), options.name) if one.ticks)
-    journals = (one for _ in (0,) for one in find_stale_journals(options.folder, options.name))
+    segments = (one for one in left_segments(segment_folder(options), options.name) if one.ticks)
+    journals = (one for _ in (0,) for one in left_journals(options.folder, options.name))
     for one in itertools.chain(segments, journals):
         schema = one.schema
         if schema is None or (schema.logger, schema.folder) != (options.name, options.folder):
@@ -85,14 +85,14 @@ def look_back(options: LoggerOptions, *, served: bool) -> None:
                 options.name,
                 pid,
             )
-        for stale in left_of(options) if not served else ():
-            held = stale.holdings.text if stale.holdings else ""
+        for left in left_of(options) if not served else ():
+            held = left.holdings.text if left.holdings else ""
             log.warning(
                 "an earlier run of logger '%s' ended without close(); it left %s, in no file: "
                 "`silo recover %s` saves it, and frees its memory",
                 options.name,
                 held,
-                stale.path,
+                left.path,
             )
 
 

@@ -23,13 +23,13 @@ from silo.segment.reader import SegmentReader
 log = logging.getLogger("silo")
 
 
-def find_stale(folder: Path | None = None, logger: str = "") -> list[LeftRun]:
+def left_segments(folder: Path | None = None, logger: str = "") -> list[LeftRun]:
     """Segments of processes that ended without saving: in the runtime folder, and in `folder` (`storage="file"`).
 
     Of one `logger`, by their names, or of all. A damaged one is told as such and keeps none of the others.
     """
     paths = [path for path in list_segments(folder) if not logger or path.name.lstrip(".").startswith(f"{logger}.")]
-    return [stale for path in in_order(paths) if (stale := _look(path)) is not None]
+    return [one for path in in_order(paths) if (one := _look(path)) is not None]
 
 
 def _look(path: Path) -> LeftRun | None:

@@ -164,36 +164,36 @@ def test_dead_logger_is_not_hidden_by_another_that_ran_beside_it(robots, until) 
 
 def test_program_killed_together_with_its_helper_is_recovered_by_hand(robot, tmp_path, until) -> None:
     from silo.helper.left_logs import recover
-    from silo.recovery.segments import find_stale
+    from silo.recovery.segments import left_segments
 
     with Client.connect("bot") as client:
         until(lambda: client.status().ticks > 100)
     freeze(robot.helper_pid)
     robot.kill()
     os.kill(robot.helper_pid, signal.SIGKILL)
-    (stale,) = find_stale()
+    (stale,) = left_segments()
     assert stale.ticks > 100
     (file,) = recover(stale.path, tmp_path / "recovered").files
     assert len(silo.open_log(file.path)["/log/x"].values) == stale.ticks
-    assert find_stale() == []
+    assert left_segments() == []
 
 
 def test_segment_of_a_living_program_is_not_stale(robot, runtime) -> None:
     from silo.errors import StateError
     from silo.helper.left_logs import recover
-    from silo.recovery.segments import find_stale
+    from silo.recovery.segments import left_segments
 
-    assert find_stale() == []
+    assert left_segments() == []
     with pytest.raises(StateError, match="still logging"):
         recover(next(runtime.glob("*.segment")))
 
 
 def test_damaged_segment_is_named_and_kept(runtime) -> None:
-    from silo.recovery.segments import find_stale
+    from silo.recovery.segments import left_segments
 
     path = runtime / "x.1.0.segment"
     path.write_bytes(b"nonsense" * 2000)
-    (stale,) = find_stale()
+    (stale,) = left_segments()
     stays = f"it stays, and keeps no other from being saved; to free its memory: rm {path}"
     assert stale.reason == f"is not a silo segment; {stays}"
     assert stale.schema is None

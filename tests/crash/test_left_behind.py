@@ -30,7 +30,7 @@ from silo.net import session as net_session
 from silo.net.session import owner_is_gone, sweep
 from silo.recovery.left import damage
 from silo.recovery.runs import left_of
-from silo.recovery.segments import find_stale, sweep_segments
+from silo.recovery.segments import left_segments, sweep_segments
 from silo.rpc.published import EventKind
 from silo.segment.layout import ControlWord
 from silo.segment.reader import SegmentReader
@@ -182,7 +182,7 @@ def test_a_logger_in_another_container_is_not_taken_for_dead(tmp_path, elsewhere
     with program(STARTING, tmp_path, "memory", prefix=elsewhere) as starting:
         go_on(starting)
         path = Path(starting.stdout.readline().strip())
-        assert find_stale() == []
+        assert left_segments() == []
         assert sweep_segments() == []
         assert run(["recover", str(path)]) == EXIT_FAILED
         assert path.exists()
@@ -192,7 +192,7 @@ def test_a_logger_that_died_in_another_container_is_recovered(tmp_path, elsewher
     with program(STARTING, tmp_path, "memory", prefix=elsewhere) as starting:
         go_on(starting)
         starting.stdout.readline()
-    (stale,) = find_stale()
+    (stale,) = left_segments()
     assert len(recover(stale.path).files) == 1
 
 
@@ -203,7 +203,7 @@ def test_a_recording_keeps_its_name_when_a_container_starts_again_with_the_same_
             go_on(starting)
             paths.append(starting.stdout.readline().strip())
     assert len(set(paths)) == 2
-    assert {str(stale.path) for stale in find_stale()} == set(paths)
+    assert {str(stale.path) for stale in left_segments()} == set(paths)
 
 
 SWEEPER = """
@@ -461,7 +461,7 @@ def test_a_damaged_segment_keeps_no_other_from_being_saved(tmp_path, runtime, ca
 
 def test_a_pipe_among_the_segments_holds_nobody_up(runtime):
     os.mkfifo(runtime / "x.1.0.segment")
-    (stale,) = find_stale()
+    (stale,) = left_segments()
     assert "is not a silo segment" in stale.reason
 
 
@@ -652,7 +652,7 @@ def test_a_segment_in_a_log_folder_is_found_by_commands_that_do_not_know_the_fol
         go_on(process)
         assert process.stdout.readline()  # it logged a tick
     monkeypatch.chdir(tmp_path)
-    (stale,) = find_stale()
+    (stale,) = left_segments()
     assert stale.path.parent == tmp_path / "logs"
     assert run(["recover"]) == 0
     assert len(list((tmp_path / "logs").glob("*.silo"))) == 1

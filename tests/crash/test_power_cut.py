@@ -26,7 +26,7 @@ from silo.errors import LogWarning, SegmentError
 from silo.journal.format import SCHEMA_FILE
 from silo.journal.reader import JournalReader
 from silo.logger.unclosed import LoggerEnd
-from silo.recovery.journals import find_stale_journals, is_written
+from silo.recovery.journals import is_written, left_journals
 from silo.recovery.runs import left_of
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
@@ -242,7 +242,7 @@ def test_ticks_that_stood_in_a_file_are_not_saved_again(robot, tmp_path, until, 
 def test_while_the_segment_is_there_it_is_saved_and_the_journal_goes(robot, tmp_path, until):
     grown(robot, until)
     robot.kill_both(until)
-    assert find_stale_journals(tmp_path) == []
+    assert left_journals(tmp_path) == []
     with closing(SegmentReader(robot.segment)) as reader:
         ticks = reader.ticks
     assert run(["recover"]) == 0

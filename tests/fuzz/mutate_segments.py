@@ -21,7 +21,7 @@ from silo.errors import SaveError, SegmentError
 from silo.helper.left_logs import recover
 from silo.journal.holdings import segment_holdings
 from silo.recovery.left import damage
-from silo.recovery.segments import find_stale
+from silo.recovery.segments import left_segments
 from silo.segment.layout import LINE_WORDS, HeaderWord
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import lost_samples
@@ -186,7 +186,7 @@ def scramble_schema(out: bytearray, dice: random.Random) -> None:
 
 def attempt(path: Path, folder: Path, *, save: bool) -> bool:
     """Everything that is done with a segment that was found; whether it could be read."""
-    stale = find_stale()
+    stale = left_segments()
     assert len(stale) <= 1, stale
     try:
         reader = SegmentReader(path)

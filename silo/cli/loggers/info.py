@@ -81,11 +81,11 @@ def _telling_what_was_left(logger: str | None) -> Iterator[None]:
 
         if configuration() or not orphaned_segments():
             raise
-        from silo.recovery.segments import find_stale
+        from silo.recovery.segments import left_segments
 
         left = [
             f"logger '{one.schema.logger}' died: {one.reason}; it held {one.holdings.text}: `silo recover` saves it"
-            for one in find_stale()
+            for one in left_segments()
             if one.schema and one.holdings and logger in (None, one.schema.logger)
         ]
         raise ConnectionLostError("\n".join([str(error), *left])) from error

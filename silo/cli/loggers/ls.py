@@ -170,9 +170,9 @@ def _sweep() -> None:
         sweep(folder)
     sweep_unfinished(runtime_dir())
     if orphaned_segments():
-        from silo.recovery.segments import find_stale, sweep_segments  # need NumPy, without which `ls` is quicker
+        from silo.recovery.segments import left_segments, sweep_segments  # need NumPy, without which `ls` is quicker
 
-        _sweep_parts(one.schema.folder for one in find_stale() if one.schema)  # of programs that nobody served, too
+        _sweep_parts(one.schema.folder for one in left_segments() if one.schema)  # of programs that nobody served, too
         sweep_segments()
 
 

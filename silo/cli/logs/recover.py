@@ -58,7 +58,7 @@ def recover(
             f"'{missing[0]}': there is no such folder or segment; `silo recover --list` shows what can be recovered; "
             "nothing was done"
         )
-    single, stale = _meant(paths, look_in)
+    single, runs = _meant(paths, look_in)
     named = [path.resolve() for path in paths if path not in single] if paths else None  # folders; None for all
     folders = _recording_folders(named, look_in)
     if only_list and single:
@@ -69,17 +69,17 @@ def recover(
         for one in left:
             click.echo(f"recording '{one.order.name}' in {one.order.folder} is not complete", err=as_json)
         _show_parts(folders, as_json)
-        _show(stale, as_json, looked_in, quiet=_show_set_aside(looked_in, as_json))
+        _show(runs, as_json, looked_in, quiet=_show_set_aside(looked_in, as_json))
     else:
         settled = _settle(left, named, as_json)
         closed = _close_parts(folders, as_json) or settled
-        own = [Path(one.schema.folder) for one in stale if one.schema and named is None]
+        own = [Path(one.schema.folder) for one in runs if one.schema and named is None]
         if looked_in:
             closed |= _sweep([*looked_in, *folders, *own])
-        found = [*single, *(one.path for one in stale if one.holdings)]
+        found = [*single, *(one.path for one in runs if one.holdings)]
         _recover(found, folder, chosen, as_json, single, looked_in, quiet=closed)
         list_segments()  # removes the links to those that are gone now
-    damaged = [one for one in stale if one.holdings is None]
+    damaged = [one for one in runs if one.holdings is None]
     if damaged:
         if not only_list:
             _say(damaged)
@@ -134,12 +134,12 @@ def _meant(paths: Sequence[Path], look_in: Path) -> "tuple[list[Path], list[Left
     folders = [path for path in paths if path.is_dir() and path.suffix != JOURNAL_SUFFIX and not is_journal(path)]
     inside = {path.resolve() for path in folders}
     found = find_all(folders) if folders else []
-    stale = [
+    runs = [
         one
         for one in found
         if one.path.parent.resolve() in inside or (one.schema is not None and Path(one.schema.folder) in inside)
     ]
-    return [path for path in paths if path not in folders], stale
+    return [path for path in paths if path not in folders], runs
 
 
 def _recording_folders(named: Sequence[Path] | None, look_in: Path) -> list[Path]:
@@ -220,12 +220,12 @@ def _sweep(folders: Sequence[Path]) -> bool:
     return named
 
 
-def _show(stale: "Sequence[LeftRun]", as_json: bool, looked_in: Sequence[Path], *, quiet: bool) -> None:
+def _show(runs: "Sequence[LeftRun]", as_json: bool, looked_in: Sequence[Path], *, quiet: bool) -> None:
     if as_json:
-        show_json([_facts(one) for one in stale])
+        show_json([_facts(one) for one in runs])
         return
-    _say(stale)
-    if not stale and not quiet:
+    _say(runs)
+    if not runs and not quiet:
         _say_nothing(looked_in)
 
 
@@ -248,8 +248,8 @@ def _say_nothing(looked_in: Sequence[Path]) -> None:
             )
 
 
-def _say(stale: "Sequence[LeftRun]") -> None:
-    for one in stale:
+def _say(runs: "Sequence[LeftRun]") -> None:
+    for one in runs:
         logger = f"logger '{one.schema.logger}': " if one.schema else ""
         held = f"{one.holdings.text}; " if one.holdings else ""
         click.echo(f"{one.path}  {logger}{held}{one.reason}", err=one.holdings is None)
