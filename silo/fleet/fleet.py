@@ -1,7 +1,7 @@
 """Many loggers at a glance: who comes and goes, and a summary of each, without asking again and again.
 
 One session per configuration, whatever the number of robots behind it (`FleetLink`); one to the socket of each
-logger of this computer. Each way has a thread, so that one that is silent holds up no other; `Fleet.now` never waits.
+logger of this computer. Each link has a thread, so that one that is silent holds up no other; `Fleet.now` never waits.
 Who looks once, as `silo ls` does and every command that is given a name, has the same with another plan.
 """
 
@@ -74,7 +74,7 @@ class FleetQuestion(msgspec.Struct, frozen=True):
     holding: ExitStack | None = None
 
 
-# it looks for a way again and again, and is to end soon
+# it looks for a link again and again, and is to end soon
 FOLLOWING = FleetQuestion(GetSummary(), follow=True, reach_s=2.0)
 
 
@@ -95,7 +95,7 @@ class FleetNow(msgspec.Struct, frozen=True):
     members: tuple[Member, ...] = ()
     near: Near = msgspec.field(default_factory=Near)
     unreachable: dict[str, str] = msgspec.field(default_factory=dict)
-    ready: bool = False  # every way has been tried
+    ready: bool = False  # every link has been tried
     routers: tuple[RouterTold, ...] = ()  # that refused logins within the last hour
 
     def meant(self, pattern: str) -> list[Member]:
@@ -105,7 +105,7 @@ class FleetNow(msgspec.Struct, frozen=True):
 
 
 def looked(config: str, plan: FleetQuestion) -> FleetNow:
-    """Look around once: it takes as long as the slowest way, of which each step has its limit.
+    """Look around once: it takes as long as the slowest link, of which each step has its limit.
 
     Raises ConnectionLostError where `config` can't be reached.
     """
@@ -131,10 +131,10 @@ class Fleet(Closing):
         self._config, self._plan = config, plan
         self._changed = threading.Condition()
         self._now = FleetNow()
-        self._ways: dict[str, FleetLink] = {}
+        self._links: dict[str, FleetLink] = {}
         self._tried: set[str] = set()
         self._members: dict[str, Member] = {}
-        self._failed: dict[str, SiloError] = {}  # by way, why it isn't there
+        self._failed: dict[str, SiloError] = {}  # by link, why it isn't there
         self._near = Near()
         self._routers: dict[keys.Root, RouterTold | None] = {}
         self._noted: frozenset[tuple[str, bool, bool]] = frozenset()
@@ -159,7 +159,7 @@ class Fleet(Closing):
             return self._now
 
     def wait_ready(self, timeout_s: float) -> FleetNow:
-        """Return what is known once every way was tried, or after the timeout.
+        """Return what is known once every link was tried, or after the timeout.
 
         Those that are there have half a second more to say how they stand.
         """
@@ -169,9 +169,9 @@ class Fleet(Closing):
             return self._now
 
     def whole(self) -> FleetNow:
-        """Return what was found, of who looks once. Raises ConnectionLostError where the only way isn't there."""
-        for way in self._ways.values():
-            way.thread.join()
+        """Return what was found, of who looks once. Raises ConnectionLostError where the only link isn't there."""
+        for link in self._links.values():
+            link.thread.join()
         if self._config in self._failed and not (self._now.members or self._now.routers):
             raise self._failed[self._config]
         self._remember()
@@ -181,8 +181,8 @@ class Fleet(Closing):
         """Have summaries come, or only who comes and goes while nobody looks: over a thin link each byte counts."""
         if attentive != self.attentive:
             self.attentive = attentive
-            for way in list(self._ways.values()):
-                way.again.set()
+            for link in list(self._links.values()):
+                link.again.set()
         if attentive:
             self._again.set()
 
@@ -193,8 +193,8 @@ class Fleet(Closing):
                 del self._members[key]
             self._tell()
         self._again.set()
-        for way in list(self._ways.values()):
-            way.again.set()
+        for link in list(self._links.values()):
+            link.again.set()
 
     def close(self) -> None:
         """End the threads and the sessions; closing twice is fine."""
@@ -204,9 +204,9 @@ class Fleet(Closing):
             self._changed.notify_all()
         if self._thread is not None:
             self._thread.join()
-        self._end_ways()
+        self._end_links()
 
-    # --------------------------------------------------------------------------------------------- the ways there are
+    # --------------------------------------------------------------------------------------------- the links there are
 
     def _scan(self) -> None:
         """Look for sockets and remotes, and have a thread for each."""
@@ -221,7 +221,7 @@ class Fleet(Closing):
             self._again.wait(SCAN_S)
         self._remember()
         self._stop.set()
-        self._end_ways()
+        self._end_links()
 
     def _remember(self) -> None:
         """Note whom we see, for who looks later, where that is something new."""
@@ -229,18 +229,18 @@ class Fleet(Closing):
             return
         with self._changed:
             far = [one for one in self._now.members if one.found.config]
-            configs = [name for name, way in self._ways.items() if way.far and name in self._tried]
+            configs = [name for name, link in self._links.items() if link.far and name in self._tried]
         told = frozenset((one.key, one.here, one.closed or one.dead) for one in far)
         now_s = time.monotonic()
         if configs and (told != self._noted or now_s >= self._noted_s + REMEMBER_S):
             self._noted, self._noted_s = told, now_s
             remember(configs, far)
 
-    def _end_ways(self) -> None:
-        for way in self._ways.values():
-            way.end()
-        for way in self._ways.values():
-            way.thread.join()
+    def _end_links(self) -> None:
+        for link in self._links.values():
+            link.end()
+        for link in self._links.values():
+            link.thread.join()
 
     def _look(self) -> None:
         wanted: dict[str, LoggerAddress | None] = {}  # by socket a logger of this computer, else a configuration
@@ -253,7 +253,7 @@ class Fleet(Closing):
             wanted |= dict.fromkeys(remotes())
         elif self._config != LOCAL:
             wanted[self._config] = None
-        self._have_ways(wanted)
+        self._have_links(wanted)
         now_s = time.monotonic()
         with self._changed:
             self._near = near
@@ -281,20 +281,20 @@ class Fleet(Closing):
         self._failed.pop(HERE, None)
         return near
 
-    def _have_ways(self, wanted: dict[str, LoggerAddress | None]) -> None:
-        for name, way in list(self._ways.items()):
+    def _have_links(self, wanted: dict[str, LoggerAddress | None]) -> None:
+        for name, link in list(self._links.items()):
             if name not in wanted:
-                way.end()
-            if not way.thread.is_alive():
-                del self._ways[name]
+                link.end()
+            if not link.thread.is_alive():
+                del self._links[name]
         for name, found in wanted.items():
-            if name not in self._ways:
-                self._ways[name] = FleetLink(name, found, self, self._plan, patient=name != self._config)
+            if name not in self._links:
+                self._links[name] = FleetLink(name, found, self, self._plan, patient=name != self._config)
 
-    # ------------------------------------------------------------------------------------------- what the ways report
+    # ------------------------------------------------------------------------------------------- what the links report
 
     def reached(self, name: str, error: SiloError | None, missed: Iterable[Member] = ()) -> None:
-        """Note that a way was tried, why it isn't there, and who was behind it before."""
+        """Note that a link was tried, why it isn't there, and who was behind it before."""
         with self._changed:
             self._tried.add(name)
             here = [one.found for one in self._members.values() if one.here]
@@ -331,13 +331,13 @@ class Fleet(Closing):
 
     def _tell(self) -> None:
         """Make what is known from now on; with the lock."""
-        # a logger of this computer that is seen through a router too is one, and the short way is taken
+        # a logger of this computer that is seen through a router too is one, and the shorter one is taken
         near = {one.found.root for one in self._members.values() if one.found.socket and one.found.id}
         members = sorted(
             (one for one in self._members.values() if one.found.socket or one.found.root not in near),
             key=lambda one: (one.found.host, one.found.name, one.found.pid, one.found.id),
         )
-        ready = self._tried >= {"", *self._ways} and bool(self._tried)
+        ready = self._tried >= {"", *self._links} and bool(self._tried)
         told = replace(
             self._now, members=tuple(members), near=self._near, ready=ready,
             routers=tuple(one for _, one in sorted(self._routers.items()) if one is not None and one.denied),
@@ -348,7 +348,7 @@ class Fleet(Closing):
             self._changed.notify_all()
 
 
-# ----------------------------------------------------------------------------------------------------- one way
+# ----------------------------------------------------------------------------------------------------- one link
 
 
 class FleetLink:
@@ -366,7 +366,7 @@ class FleetLink:
         self._routers: set[keys.Root] = set()  # that told what they refused
         self._silent: dict[str, float] = {}  # by key, when one that gave no answer is asked again
         self._reached, self._first = False, True
-        self.thread = threading.Thread(target=self._run, name="silo-fleet way")
+        self.thread = threading.Thread(target=self._run, name="silo-fleet link")
         self.thread.start()
 
     @property
@@ -405,7 +405,7 @@ class FleetLink:
             self.again.clear()
 
     def _reach(self, error: SiloError | None) -> None:
-        """Say that the way was tried; the first time, after who is there, also who was behind it before."""
+        """Say that the link was tried; the first time, after who is there, also who was behind it before."""
         first, self._first = self._first, False
         missed = remembered(self._name) if first and self.far and self._question is not None else []
         self._told.reached(self._name, error, missed)
@@ -453,7 +453,7 @@ class FleetLink:
     # ---------------------------------------------------------------------------------------------------- following
 
     def _follow(self, mine: SessionLease, main: threading.Thread) -> None:
-        """Follow who comes, who goes and what they say, until the way is given up. Raises SiloError, ZError."""
+        """Follow who comes, who goes and what they say, until the link is given up. Raises SiloError, ZError."""
         answer_s = self._plan.answer_s
         session, root = mine.session, root_at(mine, self._found, answer_s) if self._found is not None else None
         alive = root.key("alive") if root is not None else keys.ANY_ALIVE
@@ -478,7 +478,7 @@ class FleetLink:
                 now_s = time.monotonic()
                 if now_s - looked_s >= LOOK_S:
                     looked_s = now_s
-                    self._reach(self._problem(session))  # first: where no way was tried nobody is noted who goes
+                    self._reach(self._problem(session))  # first: where no link was tried nobody is noted who goes
                     self._ask_again(asking, now_s)
                 if self._told.attentive and summaries is None:
                     # before anybody is asked: what is told between its answer and this must not be missed
