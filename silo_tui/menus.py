@@ -17,8 +17,7 @@ from textual.widgets import Static
 from silo_tui.actions import BY_ID, Command, commands_for, key_of, key_text
 from silo_tui.context import SiloScreen
 from silo_tui.keymap import DESTROYS, MENUS, TURNED, TWO_LAYERS, command_of, counts, in_menu, where
-from silo_tui.model.words.names import fitted_among
-from silo_tui.model.words.text import cut_words
+from silo_tui.model.words.names import cut_words, fitted_among
 from silo_tui.unforeseen import Guarded
 
 DRAWN_AFTER_S = 0.25

@@ -20,6 +20,7 @@ from silo_tui.keymap import in_bar
 from silo_tui.model.lists import recorders
 from silo_tui.model.lists.conditions import head_words
 from silo_tui.model.words import text
+from silo_tui.model.words.names import cut_words
 from silo_tui.model.words.people import head_words as people_head
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import thin_head
@@ -309,7 +310,7 @@ def _first_and_last(words: str, room: int) -> str:
     parts = [LinePart(0 if at in ends else len(keys) - at, each) for at, each in enumerate(keys)]
     first, *rest = [part.words for part in fitting(parts, room, between)]
     left = room - sum(cell_len(each) + len(between) for each in rest)
-    return between.join([text.cut_words(first, max(1, left)), *rest])
+    return between.join([cut_words(first, max(1, left)), *rest])
 
 
 def _as_many(parts: Sequence[LinePart], room: int, between: str) -> list[LinePart]:

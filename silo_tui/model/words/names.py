@@ -361,3 +361,12 @@ def _last(words: str, width: int) -> str:
     while cells(words) >= width:
         words = words[1:]
     return MARK + words
+
+
+def cut_words(words: str, width: int) -> str:
+    """Return as many whole words as have room in so many cells, an ellipsis in place of the rest."""
+    if cells(words) <= width:
+        return words
+    whole = words[: max(0, width - 1)]
+    end = whole.rfind(" ") if words[len(whole) : len(whole) + 1].strip() else len(whole)
+    return (whole[:end].rstrip(" :") if whole[:end].strip() else whole) + "…"

@@ -8,8 +8,6 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
-from rich.cells import cell_len
-
 from silo.core.quantities import writing
 from silo.core.quantities.writing import duration_text, whole_duration
 
@@ -230,12 +228,3 @@ def cut(words: str, width: int) -> str:
     """Return clean words in at most `width` letters, an ellipsis in place of the rest."""
     words = clean(words)
     return words if len(words) <= width else words[: max(0, width - 1)] + "…"
-
-
-def cut_words(words: str, width: int) -> str:
-    """Return as many whole words as have room in so many cells, an ellipsis in place of the rest."""
-    if cell_len(words) <= width:
-        return words
-    whole = words[: max(0, width - 1)]
-    end = whole.rfind(" ") if words[len(whole) : len(whole) + 1].strip() else len(whole)
-    return (whole[:end].rstrip(" :") if whole[:end].strip() else whole) + "…"
