@@ -40,7 +40,6 @@ from silo.core.quantities.writing import html_table, many
 from silo.core.recording import (
     RecordedElement,
     Recording,
-    alike,
     common_axis,
     distinct,
     falls,
@@ -51,6 +50,7 @@ from silo.core.recording import (
     stamps_of,
     ticks_of,
 )
+from silo.core.structs import alike
 from silo.errors import ArgumentError, ElementError, SaveError, UnknownSignalError
 from silo.expressions.derived_samples import NOTHING_IN_COMMON, computable
 from silo.expressions.over_recordings import RecordingJudge, narrowed

@@ -18,7 +18,8 @@ from silo.analysis.plots.events import LogEvent, event_lines, events_of
 from silo.analysis.stretches import holes
 from silo.core.arrays.values import from_base, text_of
 from silo.core.quantities.writing import count, many, size_text
-from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, alike, lasted_s, rate_of, stamps_of
+from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, lasted_s, rate_of, stamps_of
+from silo.core.structs import alike
 from silo.printing import printable, printable_lines
 
 if TYPE_CHECKING:

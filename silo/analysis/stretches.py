@@ -27,7 +27,6 @@ from silo.core.recording import (
     RecordedElement,
     RecordedEntry,
     Recording,
-    alike,
     as_holds,
     falls,
     held_ticks,
@@ -41,6 +40,7 @@ from silo.core.recording import (
     ticks_of,
     within,
 )
+from silo.core.structs import alike
 from silo.errors import ElementError
 from silo.expressions.derived_signals import bound_derived, lookback, remembers
 from silo.expressions.over_recordings import RecordingJudge

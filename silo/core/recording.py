@@ -7,11 +7,10 @@ It knows no logger, no file and no process.
 import re
 import warnings
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar, cast
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import msgspec
 import numpy as np
@@ -25,7 +24,6 @@ from silo.core.parameter_images import image_after, unknown_texts
 from silo.core.quantities.writing import html_table
 from silo.errors import ArgumentError, LogWarning
 
-Made = TypeVar("Made")
 Progress = Callable[[float], None]  # called with the share that is done, 0 to 1
 
 
@@ -321,30 +319,6 @@ def with_stretch(recording: Recording) -> Recording:
         return recording
     about = {key: text for key, text in recording.about.items() if key != "cut"}
     return replace(recording, about=about, stretch=Stretch(told[3], int(told[1] or 0), int(told[2] or 1)))
-
-
-def alike(kind: Callable[..., Made], source: object, /, **changes: Any) -> Made:
-    """A struct or dataclass of another kind, of the fields that `source` has under the same names.
-
-    What is known of an element or a log goes so from segments to recordings and files, and back: each file has a
-    struct of its own, whose order of fields is that of its bytes, and nothing is copied field by field.
-    """
-    given = {name: getattr(source, name) for name in _shared(kind, cast(Hashable, type(source))) if name not in changes}
-    return kind(**given, **changes)
-
-
-@lru_cache(maxsize=64)
-def _shared(kind: Hashable, source: Hashable) -> tuple[str, ...]:
-    has = {*fields_of(source)}
-    return tuple(name for name in fields_of(kind) if name in has)
-
-
-def fields_of(kind: Any) -> tuple[str, ...]:
-    """The names of the fields of a struct or dataclass."""
-    fields: tuple[str, ...] = getattr(kind, "__struct_fields__", None) or tuple(
-        getattr(kind, "__dataclass_fields__", ())
-    )
-    return fields
 
 
 def falls(time_ns: NDArray[np.int64]) -> bool:

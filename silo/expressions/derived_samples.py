@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from silo.core.conditions import Derived
 from silo.core.elements import BufferType, Entry
-from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.structs import alike
 from silo.expressions.binding import BoundExpression
 from silo.expressions.derived_signals import bound_derived, entries_of, info_of
 from silo.expressions.evaluation import UNOBSERVABLE

@@ -17,7 +17,8 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from silo.core.recording import DamageNotes, Recording, alike, are_samples_of
+from silo.core.recording import DamageNotes, Recording, are_samples_of
+from silo.core.structs import alike
 from silo.errors import FileFormatError, LogNotFoundError, SiloError, reason
 from silo.files.bags.index import BagElements, lost_chunk
 from silo.files.bags.metadata import (

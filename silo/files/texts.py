@@ -6,7 +6,8 @@ Python texts may hold lone surrogates (`os.fsdecode` makes them of bytes that ar
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 
-from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.structs import alike
 from silo.files.silo.format import plain_text, plain_texts
 
 

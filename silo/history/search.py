@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.recording import alike
+from silo.core.structs import alike
 from silo.expressions.search import Finder, Looking
 from silo.expressions.span import HELD_PERIODS, Measuring
 from silo.history.picking import PinnedRows, RingSource, RowSelection, blocks, bounds, check_known, pick

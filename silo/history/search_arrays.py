@@ -105,7 +105,7 @@ def _found(one: FoundIn) -> "FoundMoments":
 
 
 def _between(one: SpanFacts, seconds: float) -> "Between":
-    from silo.core.recording import alike
+    from silo.core.structs import alike
     from silo.expressions.span import NAN, Between
 
     difference = one.at_b - one.at_a

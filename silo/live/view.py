@@ -9,7 +9,7 @@ import zenoh
 
 from silo.core.arrays.columns import MAX_COLUMNS, ColumnGrid, HistoryColumns, Marks, grid_of
 from silo.core.calls import told_class
-from silo.core.recording import alike
+from silo.core.structs import alike
 from silo.decoding import msgpack_decoder
 from silo.history.requests import Columns
 from silo.live.requests import OpenView, ViewOpened

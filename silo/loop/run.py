@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import LoggerOptions, Storage, Threads
-from silo.core.recording import alike
 from silo.core.runtime import (
     SEGMENT_SUFFIX,
     announce_segment,
@@ -28,6 +27,7 @@ from silo.core.runtime import (
     user_name,
     withdraw_segment,
 )
+from silo.core.structs import alike
 from silo.errors import SegmentError, reason
 from silo.loop.clocks import looked_at
 from silo.loop.generated_code import Collect, LandsChanges, generate

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from silo.core.conditions import Conditions, Derived
 from silo.core.elements import BufferType, Stretch
 from silo.core.names import matching
-from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.structs import alike
 from silo.errors import SaveError
 from silo.files.bags.events import LOG_TYPE, events_topic
 from silo.files.bags.ros_types import STRING, Channel, MessageType, channels_of, is_text

@@ -25,7 +25,8 @@ from silo.core.elements import MARKER, LoggedEvent
 from silo.core.episodes.words import Episode, said_by
 from silo.core.names import grouped
 from silo.core.quantities.writing import EPOCH_FROM_NS
-from silo.core.recording import Recording, alike, lasted_s, places_of_ticks, rate_of, read_ahead, samples_of_ticks
+from silo.core.recording import Recording, lasted_s, places_of_ticks, rate_of, read_ahead, samples_of_ticks
+from silo.core.structs import alike
 from silo.core.tuning.parameters import ParameterValue
 from silo.errors import SiloError
 from silo.files.added import added_formats

@@ -12,7 +12,8 @@ import msgspec
 from silo.analysis.opening import open_log
 from silo.core.episodes.words import Episode
 from silo.core.quantities.writing import and_more, many
-from silo.core.recording import Recording, alike
+from silo.core.recording import Recording
+from silo.core.structs import alike
 from silo.errors import LogWarning
 from silo.files.added import added_formats
 from silo.files.formats import read_recording

@@ -13,12 +13,12 @@ from silo.core.recording import (
     RecordedElement,
     RecordedEntry,
     Recording,
-    alike,
     failures_text,
     stamped,
     unheld_text,
     with_events,
 )
+from silo.core.structs import alike
 from silo.segment.layout import TIME_RING, ElementSchema, SegmentSchema
 from silo.segment.reasons import lost_text
 from silo.segment.retention import kept_rows

@@ -19,8 +19,8 @@ import msgspec
 
 from silo.core.elements import Control, ElementInfo, LoggerOptions, Present, State, Status, Storage, Table
 from silo.core.names import Names
-from silo.core.recording import alike
 from silo.core.runtime import disk_room, runtime_dir, user_name
+from silo.core.structs import alike
 from silo.decoding import json_decoder
 from silo.errors import SegmentError
 from silo.expressions.derived_signals import derived_infos

@@ -2,9 +2,6 @@
 
 import enum
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
-
-import msgspec
 
 from silo.core.arguments import line, shown, switch, whole
 from silo.core.calls import told_class
@@ -14,9 +11,7 @@ from silo.errors import ElementError
 from silo.rpc.declaring import Ask, Caller, Do, Reply, RobotRequest, ask, change, request_of
 from silo.rpc.published import Summary
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, meant
-
-if TYPE_CHECKING:
-    from silo.state.table_parts import TableParts
+from silo.state.table_parts import TableParts, TableReply
 
 
 class HelloReply(Reply, frozen=True):
@@ -75,24 +70,6 @@ class Unsaved(str, enum.Enum):
     REFUSE = "refuse"  # then nothing is cleared
     SAVE = "save"
     DISCARD = "discard"
-
-
-class TablePart(msgspec.Struct, frozen=True):
-    """Some bytes of a whole `TableReply` as it is encoded and then compressed by zlib.
-
-    `size` and `crc32` are those of all of its bytes: parts with the same ones are of the same table.
-    """
-
-    data: bytes
-    size: int
-    crc32: int
-
-
-class TableReply(Reply, frozen=True):
-    """Carries a `Table`; where a `part` was asked for, that, and of the table its revision alone."""
-
-    table: Table
-    part: TablePart | None = None
 
 
 class EditsApplied(Reply, frozen=True):
@@ -204,7 +181,7 @@ class StateRequests(Caller):
 class TableRequests(Caller):
     """The element table."""
 
-    _parts: "TableParts | None" = None  # in which it comes over a network
+    _parts: TableParts | None = None  # in which it comes over a network
 
     def table(self, told: Callable[[float], None] | None = None) -> Table:
         """Return the element table with its revision.

@@ -31,6 +31,7 @@ from silo.state.requests import (
     check_revision,
 )
 from silo.state.robot_program import RobotProgram
+from silo.state.table_parts import TableReply
 from silo.version import VERSION
 
 MOST_EVENTS_AT_ONCE = 10_000
@@ -89,7 +90,7 @@ class StateServer(Server, does=[requests]):
         reply = self.robot.ask(request, turn)
         return StatusReply(self.replica.status(), reply.text if isinstance(reply, Done) else "")
 
-    def table(self, start: int, most_bytes: int) -> requests.TableReply | bytes:
+    def table(self, start: int, most_bytes: int) -> TableReply | bytes:
         encoded = self.replica.now.encoded_table
         return encoded.part(start, most_bytes) if most_bytes else encoded.whole
 

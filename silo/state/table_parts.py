@@ -16,15 +16,34 @@ import msgspec
 from silo.core.elements import Table
 from silo.decoding import msgpack_decoder
 from silo.errors import ConnectionLostError
+from silo.rpc.declaring import Reply
 from silo.rpc.foreign import NOT_UNDERSTOOD
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
-from silo.state.requests import TablePart, TableReply
 
 FIRST_BYTES = 8 * 1024  # 1 s at 64 kbit/s: less than the lease of a link
 MOST_BYTES = 64 * 1024  # as Zenoh sends at once
 QUICK_S = 0.5  # after a part that took no longer the next one is twice as large
 MOST_ANEW = 10  # tables that came while another one was read
 MOST_TABLE_BYTES = 256 * 2**20  # of a whole one, more than a million elements
+
+
+class TablePart(msgspec.Struct, frozen=True):
+    """Some bytes of a whole `TableReply` as it is encoded and then compressed by zlib.
+
+    `size` and `crc32` are those of all of its bytes: parts with the same ones are of the same table.
+    """
+
+    data: bytes
+    size: int
+    crc32: int
+
+
+class TableReply(Reply, frozen=True):
+    """Carries a `Table`; where a `part` was asked for, that, and of the table its revision alone."""
+
+    table: Table
+    part: TablePart | None = None
+
 
 _decoder = msgpack_decoder(TableReply)
 

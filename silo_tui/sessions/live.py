@@ -22,7 +22,7 @@ from silo.core.elements import SLOW_SHARE, ElementInfo, LoggedEvent, SavedFile, 
 from silo.core.episodes.words import next_marks
 from silo.core.names import Found, Names, in_order
 from silo.core.quantities.writing import count, many
-from silo.core.recording import alike
+from silo.core.structs import alike
 from silo.errors import RefusedError, SiloError
 from silo.live.quantities import SLOW
 from silo.recorder.requests import RecorderInfo

@@ -101,7 +101,8 @@ from silo.state.events import EventLog, EventNotifier
 from silo.state.handover import ChangeCount, RobotState, handover_pair
 from silo.state.held_runs import HeldRuns
 from silo.state.replica import Replica
-from silo.state.requests import ApplyEdits, GetSummary, Hello, HelloReply, StatusReply, TableReply, Unsaved
+from silo.state.requests import ApplyEdits, GetSummary, Hello, HelloReply, StatusReply, Unsaved
+from silo.state.table_parts import TableReply
 
 NASTY: list[Any] = [
     None, True, 0, -1, 1, 2**31, 2**62, 2**63 - 1, -(2**63), 2**64 - 1, 0.0, -0.0, 1e308, float("nan"), float("inf"),

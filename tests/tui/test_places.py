@@ -5,7 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import silo
-from silo.core.recording import RecordedElement, Recording, alike
+from silo.core.recording import RecordedElement, Recording
+from silo.core.structs import alike
 from silo_tui.model.samples.places import Places
 from silo_tui.model.samples.recorded import RecordingSource
 from silo_tui.sessions.recorded import open_file

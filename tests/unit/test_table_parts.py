@@ -10,8 +10,16 @@ from silo.core.elements import ElementInfo, ElementOptions, Entry, Table
 from silo.errors import ConnectionLostError
 from silo.rpc.refusals import RequestRefusedError
 from silo.state import table_parts
-from silo.state.requests import TablePart, TableReply
-from silo.state.table_parts import FIRST_BYTES, MOST_ANEW, MOST_BYTES, QUICK_S, EncodedTable, TableParts
+from silo.state.table_parts import (
+    FIRST_BYTES,
+    MOST_ANEW,
+    MOST_BYTES,
+    QUICK_S,
+    EncodedTable,
+    TablePart,
+    TableParts,
+    TableReply,
+)
 
 
 def table(revision, count=2000):

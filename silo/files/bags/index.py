@@ -13,7 +13,8 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from silo.core.recording import DamageNotes, RecordedElement, alike, failures_at, lazy_entry
+from silo.core.recording import DamageNotes, RecordedElement, failures_at, lazy_entry
+from silo.core.structs import alike
 from silo.files.bags.channels import Values, are_right, channel_readers, logged_dtype, most_samples
 from silo.files.bags.metadata import PlacedElement, RecordingFacts
 from silo.files.mcap.chunks import INDEX_ENTRY, unpack_chunk, walked

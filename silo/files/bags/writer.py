@@ -19,7 +19,8 @@ from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema
 from numpy.typing import NDArray
 
-from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording, alike, silent
+from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording, silent
+from silo.core.structs import alike
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, atomic_folder
 from silo.files.bags.events import LOG_TYPE, EventGroup, events_topic

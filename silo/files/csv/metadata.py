@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import Entry, LoggedEvent
-from silo.core.recording import RecordedElement, Recording, alike, are_samples_of, lazy_entry, masked
+from silo.core.recording import RecordedElement, Recording, are_samples_of, lazy_entry, masked
+from silo.core.structs import alike
 from silo.decoding import json_decoder
 from silo.errors import FileFormatError
 from silo.files.csv.cells import OTHERS, POINTS, QUOTE, Words, as_numbers

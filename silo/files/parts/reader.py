@@ -19,7 +19,8 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from silo.core.elements import UNHELD, BufferType, LoggedEvent, Stretch
-from silo.core.recording import Recording, alike
+from silo.core.recording import Recording
+from silo.core.structs import alike
 from silo.files.bags.index import GAPS, BagElements, lost_chunk
 from silo.files.mcap.chunks import chunk_start, unpack_chunk, walked
 from silo.files.mcap.damage import DAMAGE

@@ -21,16 +21,8 @@ from silo.core.arrays.values import is_without_unit
 from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import MARKER, BufferType, LoggedEvent, Stretch
 from silo.core.kinds import SCALAR
-from silo.core.recording import (
-    NO_FAILURES,
-    Failures,
-    RecordedElement,
-    RecordedEntry,
-    Recording,
-    alike,
-    fields_of,
-    masked,
-)
+from silo.core.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording, masked
+from silo.core.structs import alike, fields_of
 
 Facts = TypeVar("Facts")
 

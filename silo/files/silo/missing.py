@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.recording import RecordedElement, RecordedEntry, alike
+from silo.core.recording import RecordedElement, RecordedEntry
+from silo.core.structs import alike
 from silo.files.silo.format import FilledEntry, Missing
 
 _EXACT = 2**53

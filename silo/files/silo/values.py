@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from silo.core.arrays.wide import from_wire
 from silo.core.elements import Entry
-from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike, fields_of, lazy_entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording, lazy_entry
+from silo.core.structs import alike, fields_of
 from silo.files.silo import format as form
 
 Type = np.dtype[Any]

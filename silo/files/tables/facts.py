@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import Entry
-from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike, are_samples_of, lazy_entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording, are_samples_of, lazy_entry
+from silo.core.structs import alike
 from silo.decoding import json_decoder
 from silo.errors import FileFormatError, LogNotFoundError, SiloError, reason
 from silo.files.csv.metadata import CsvFacts, table_facts

@@ -17,7 +17,7 @@ from textual.widgets import Static
 
 from silo.analysis.parameters import ToldExcitation
 from silo.analysis.responses import ResponseLog, bode_between, step_between
-from silo.core.recording import alike
+from silo.core.structs import alike
 from silo.core.tuning.excitation import EXAMPLE, ends_of, number_at, read_excitation
 from silo.core.tuning.parameters import Excitation, ParameterInfo, Wave, only_meant, range_text, value_text
 from silo.errors import ElementError, SiloError
