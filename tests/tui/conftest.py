@@ -34,11 +34,18 @@ from silo.core.elements import Action, ElementInfo
 from silo_tui import actions, modal
 from silo_tui.actions import BY_ID, with_keys
 from silo_tui.app import SiloApp
+from silo_tui.commands import opening
 from silo_tui.keymap import BASES, DEFAULT, keys_in, use_keys
 from silo_tui.menus import MenuReader
 from silo_tui.modal import Behind
 from silo_tui.model.table.fields import Field, phrase_for
+from silo_tui.screens import elements
+from silo_tui.screens.dialogs.find import ConditionDialog
+from silo_tui.screens.dialogs.form import Form
+from silo_tui.screens.dialogs.limits import LimitsDialog
+from silo_tui.screens.dialogs.trigger_editor import TriggerEditor
 from silo_tui.screens.files.file_table import FileTableScreen
+from silo_tui.screens.plots import detail, plot_screen
 from silo_tui.sessions.recorded import open_file
 from silo_tui.settings.options import Settings
 from tests.stand_ins import quick_styles
@@ -202,6 +209,18 @@ def seen_through_at_once() -> Iterator[None]:
     """Draw what is behind a dialog whenever it changes, not once a second: what a test sees stands still."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(modal, "BEHIND_S", 0.0)
+        yield
+
+
+@for_all
+def looked_at_at_once() -> Iterator[None]:
+    """Look at what is typed in a form, and draw plots anew, with the key itself, not once nobody types any more."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (elements, detail, plot_screen):
+            patch.setattr(module, "DEBOUNCE_S", 0.01)
+        patch.setattr(opening, "LOOK_S", 0.01)  # for loggers
+        for form in (Form, ConditionDialog, LimitsDialog, TriggerEditor):
+            patch.setattr(form, "AFTER_S", 0.01)
         yield
 
 

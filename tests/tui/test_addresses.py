@@ -239,7 +239,6 @@ async def test_two_robots_of_one_image_are_listed_with_addresses_that_open_them(
 
 async def test_a_logger_that_does_not_answer_is_tried_again_by_itself(fake, opened, monkeypatch):
     monkeypatch.setattr("silo_tui.commands.opening.AGAIN_S", 0.0)
-    monkeypatch.setattr("silo_tui.commands.opening.LOOK_S", 0.01)
     tries = []
 
     def connect(_):
@@ -257,7 +256,6 @@ async def test_a_logger_that_does_not_answer_is_tried_again_by_itself(fake, open
 
 async def test_a_logger_of_another_silo_is_not_tried_again(fake, opened, monkeypatch):
     monkeypatch.setattr("silo_tui.commands.opening.AGAIN_S", 0.0)
-    monkeypatch.setattr("silo_tui.commands.opening.LOOK_S", 0.01)
     tries, looks = [], []
 
     def connect(_):

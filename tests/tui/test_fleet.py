@@ -275,8 +275,7 @@ async def test_the_list_is_filtered_and_ordered_and_a_line_that_is_gone_is_not_o
 
 
 @pytest.mark.slow
-async def test_who_has_seen_several_is_not_taken_to_the_one_that_is_left(robots, opened, monkeypatch):
-    monkeypatch.setattr("silo_tui.commands.opening.LOOK_S", 0.01)
+async def test_who_has_seen_several_is_not_taken_to_the_one_that_is_left(robots, opened):
     async with opened(*robots, ready=False) as screen:
         await screen.shows("3 loggers")
         for name in ("base", "legs"):
