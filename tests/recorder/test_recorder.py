@@ -89,6 +89,12 @@ def test_its_first_words_tell_at_once_whether_it_records(robot, recorders, small
     assert ("is nearly full" in first.text) == bool(left_bytes)
 
 
+def test_where_no_run_is_under_way_its_first_words_say_so_at_once(recorders, tmp_path) -> None:
+    recorder = recorders(order(tmp_path, runs=()), report_s=3600)
+    wait_until(lambda: recorder.reports)
+    assert recorder.reports[0].state is RecorderState.WAITING
+
+
 def test_a_new_run_gets_a_part_of_its_own_from_its_first_tick_on(robot, recorders, tmp_path, truth) -> None:
     robot.start()
     recorder = begin(robot, recorders, tmp_path)
