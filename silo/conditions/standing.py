@@ -57,6 +57,11 @@ class LimitWord(Word):
         return self not in (LimitWord.OK, LimitWord.BLIND, LimitWord.OTHER)
 
     @property
+    def is_red(self) -> bool:
+        """Whether an outer bound is violated."""
+        return abs(SIDES.get(self, 0)) == 2
+
+    @property
     def rank(self) -> tuple[bool, bool, int]:
         """What sorts the worst first: red before yellow before stale before what is well, blind last."""
         return not self.is_over, self is LimitWord.BLIND, -abs(SIDES.get(self, 0))

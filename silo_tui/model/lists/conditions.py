@@ -175,7 +175,7 @@ def head_words(
         alarm = tuple(dict.fromkeys(words))
     elif missed:
         alarm = (f"{many(missed, 'alarm')} ended unseen", f"{missed} ended unseen")
-    return alarm, worst in (LimitWord.RED_HIGH, LimitWord.RED_LOW), watching
+    return alarm, worst is not None and worst.is_red, watching
 
 
 # --------------------------------------------------------------------------------------------------------- the editor

@@ -8,11 +8,11 @@ import msgspec
 from silo.conditions.standing import LimitWord
 from silo.core.elements import State
 from silo.core.quantities.writing import duration_text, idle_words, many, size_text, wall_clock
-from silo.fleet.member import NO_TICK, RED, Member, Stands, segments
+from silo.fleet.member import NO_TICK, Member, Stands, segments
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
 from silo_tui.model.words.names import fitted_among
-from silo_tui.model.words.states import WIDEST, limit_word
+from silo_tui.model.words.states import MEANINGS, WIDEST, limit_word
 
 STATES = {
     "running": "● RUNNING", "stopped": "■ STOPPED", "dead": "✖ DEAD", "silent": "○ SILENT", "closed": "- CLOSED",
@@ -168,8 +168,7 @@ def _worst_in_words(member: Member) -> str:
     told = member.summary
     if told is None:
         return ""
-    color, way = "red" if told.alarm in RED else "yellow", "above" if told.alarm.startswith("H") else "below"
-    how = "frozen" if told.alarm == LimitWord.STALE.value else f"{way} its {color} limit"
+    how = MEANINGS.get(told.alarm, "frozen")
     letters = "" if how == "frozen" else f"{told.alarm} "
     alarms = f"{letters}{many(told.alarms, 'alarm')}: a value is {how}"
     meanings = {

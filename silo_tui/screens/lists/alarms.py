@@ -90,7 +90,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
 
     def row_of(self, one: LimitStatus, width: int) -> Text:
         line = Text(limit_row(one, self._names[self.key_of(one)], self._room, self._now_ns, self._lasted))
-        red = one.word in (LimitWord.RED_HIGH, LimitWord.RED_LOW)
+        red = one.word.is_red
         if one.is_over or one.word is LimitWord.BLIND:
             line.stylize(bold(self.app.theme_variables, "alarm" if red else "warning"), 2, 2 + WIDEST)
         elif _is_quiet(one):
