@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from silo.conditions.standing import LimitStatus, LimitWord
+from silo.conditions.standing import LimitStatus, LimitWord, worst_first
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.table.cells import sign_of
 from silo_tui.screens.lists.alarms import MOST_LINES, AlarmsScreen
@@ -32,6 +32,12 @@ class Head(Drawn, StatusBar):
 
 def limit(name: str = HEAT, word: str = "OK", **more: Any) -> LimitStatus:
     return LimitStatus(name, name, LimitWord(word), **more)
+
+
+def test_red_stands_before_yellow_before_stale_before_well_and_blind_last():
+    words = [one.word.value for one in worst_first([limit(word=word) for word in ("~~", "OK", "==", "L", "HH")])]
+    assert words == ["HH", "L", "==", "OK", "~~"]
+    assert [word for word in words if LimitWord(word).is_red] == ["HH"]
 
 
 @pytest.fixture

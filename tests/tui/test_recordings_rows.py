@@ -26,6 +26,12 @@ def test_a_name_is_shortened_only_where_it_must_be():
     assert rows.short_stem(f"{STEM}_fall_6.silo", "robot", 22) == "…00007_fall_6.silo"
 
 
+def test_of_one_save_the_silo_file_is_opened_then_the_bag():
+    files = [RecordingFile(kind.name, kind, 1000, BEGIN) for kind in (FileType.CSV, FileType.BAG, FileType.SILO)]
+    assert rows.best_file(SavedRecording(STEM, files)).type is FileType.SILO
+    assert rows.best_file(SavedRecording(STEM, files[:2])).type is FileType.BAG
+
+
 def test_of_the_runs_of_one_robot_the_number_and_the_trigger_are_read_at_80_columns():
     found = [f"demo_20261129_03-1{at}-50_0000{at}_heavy_{at}.silo" for at in range(1, 8)]
     told = rows.fitting_stems(found, "demo", 22)
