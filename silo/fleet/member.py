@@ -6,7 +6,6 @@ from collections.abc import Iterable
 
 import msgspec
 
-from silo.conditions.standing import LimitWord
 from silo.core.elements import SLOW_SHARE, State, Status, is_stalled
 from silo.core.names import grouped
 from silo.core.quantities.writing import wall_clock
@@ -149,7 +148,11 @@ class Member(msgspec.Struct, frozen=True, dict=True):
             return Stands.DEAD if self.dead else Stands.SILENT if self.lost else Stands.CLOSED
         if one is None:
             return Stands.MUTE if self.problem else Stands.FINE
-        alarms = (Stands.RED if LimitWord(one.alarm).is_red else Stands.YELLOW) if one.alarms else Stands.FINE
+        alarms = Stands.FINE
+        if one.alarms:
+            from silo.conditions.standing import LimitWord  # which takes long to be loaded
+
+            alarms = Stands.RED if LimitWord(one.alarm).is_red else Stands.YELLOW
         disk = Stands.FULL if full is not None and full >= FULL_SHARE else Stands.FINE
         rate = Stands.STALLED if self.stalled else Stands.SLOW if self.slow else Stands.FINE
         return min(alarms, disk, rate, Stands.LOST if one.lost else Stands.FINE)

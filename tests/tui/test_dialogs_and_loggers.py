@@ -108,7 +108,7 @@ async def test_conditions_that_a_new_program_knows_nothing_of_are_named(how, pid
         if how == "in part first":
             table = fake.table
 
-            def not_yet():
+            def not_yet(told):
                 monkeypatch.setattr(fake, "table", table)
                 raise ConnectionLostError("no answer")
 

@@ -288,7 +288,7 @@ async def test_who_quits_without_applying_sees_what_it_is_about_and_is_told_what
             await screen.press("escape")
         screen.session.take_status(structs.replace(screen.session.status, state=State.DEAD))
         left = SavedFile("/l/a.silo", FileType.SILO, 1)
-        for files, words in (([left], "its data is in /l/a.silo."), ([], "The robot program is dead.")):
+        for files, words in (([left], "its data is in /l/a.silo."), ([], "would be lost. The robot program is")):
             screen.session.left_files = files
             await screen.press("q")
             await screen.shows(words)

@@ -138,7 +138,7 @@ async def test_a_view_keeps_the_held_scale_of_signals_that_share_a_plot(new_fake
     fake = new_fake()
     async with opened(fake.run(), view="joined") as screen:
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
-        await screen.shows("700 ┤")
+        await screen.shows("600 ┤")  # of -300 to 700 the last one in steps of 200
         scales = screen.app.screen.window.scales
         assert scales == {"/log/legs/LF/HAA/torque|/log/legs/LF/HFE/torque": (-300.0, 700.0)}
         assert capture(screen.app.context).scales == layout.scales
