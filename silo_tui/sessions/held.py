@@ -26,6 +26,7 @@ from silo_tui.model.samples.live import Reading
 from silo_tui.model.samples.searching import found_in, joined, reading_of
 from silo_tui.model.samples.source import HeldRows, PlotSource, Samples
 from silo_tui.model.table.derived import present
+from silo_tui.model.table.fields import Field, phrase_for
 from silo_tui.model.words import text
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.pinned import Buffers, LinkPin, PinnedSource
@@ -596,12 +597,28 @@ class Pause:
         if not self.possible:
             return self._live.begin_ns, self._live.end_ns
         newest_ns, started_ns = self._live.end_ns, self._session.status.started_ns
-        spans = [0]
-        for element in {plotted.element.name: plotted.element for plotted in plots}.values():
-            loops = element.options.buffer is BufferType.LOOPING
-            period_ns = self._live.period_ns(element.name)
-            spans.append(element.options.size * period_ns if loops else newest_ns - started_ns)
-        return max(started_ns, newest_ns - max(spans)), newest_ns
+        longest = self._longest(plots)
+        span_ns = 0 if longest is None else self._span_ns(longest)
+        return newest_ns - min(span_ns, newest_ns - started_ns), newest_ns
+
+    def why_no_more(self, plots: Sequence[Plotted]) -> str:
+        """Return which signal is held longest, how long and by what buffer; empty where that is since the start."""
+        longest = self._longest(plots)
+        if longest is None or self._span_ns(longest) >= self._live.end_ns - self._session.status.started_ns:
+            return ""
+        options, name = longest.options, self._session.short_name(longest.name)
+        holds, buffer = text.span(self._span_ns(longest) / SECOND_NS, 2), phrase_for(Field.BUFFER, options.buffer)
+        return f"{name} holds {holds} (buffer {buffer} {options.size} at divider {options.divider})"
+
+    def _longest(self, plots: Sequence[Plotted]) -> ElementInfo | None:
+        """Return which of the plotted elements is held longest."""
+        return max((plotted.element for plotted in plots), key=self._span_ns, default=None)
+
+    def _span_ns(self, element: ElementInfo) -> int:
+        """Return how long an element is held: by a buffer that doesn't loop all since the start."""
+        if element.options.buffer is not BufferType.LOOPING:
+            return self._live.end_ns - self._session.status.started_ns
+        return element.options.size * self._live.period_ns(element.name)
 
     def hold(
         self, plots: Sequence[Plotted], end_ns: int, span_ns: int, shown: ColumnStore, newest_ns: int = 0

@@ -264,7 +264,7 @@ async def test_where_no_more_is_held_scrolling_back_says_so_until_it_goes_on_and
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         await screen.press("pageup")
-        await screen.shows("that is the oldest that is held: all is shown; + closer, ⇧← cursor by ten")
+        await screen.shows("that is the oldest: /legs/LF/HAA/torque holds 10 s (buffer looping")
         assert "PAUSED" in screen.text
         await screen.press("escape")
         await screen.until(lambda: not monitor(screen).window.paused, "it goes on")
@@ -283,11 +283,14 @@ async def test_scrolling_back_by_less_than_half_a_window_says_how_far_it_went_an
         await screen.press("m")
         await screen.until(lambda: not store_of(screen).empty, "history in the plot")
         await screen.press("pageup")
-        await screen.shows(" s back: what is shown reaches the oldest that is held; ⇧← cursor by ten")
+        await screen.shows(" s back: that is the oldest: ")
+        said = monitor(screen).line.said
+        assert "HAA/torque holds 12 s (buffer looping 4800 at divider 1); " in said
+        assert said.endswith("; s in the table holds more, :record records, F has what is saved")
         await screen.shows("←→ Cursor")
         monitor(screen).line.say("")
         await screen.press("pageup")
-        await screen.until(lambda: monitor(screen).line.said.startswith("what is shown reaches the oldest"))
+        await screen.until(lambda: monitor(screen).line.said.startswith("that is the oldest: "))
 
 
 async def test_buffers_that_hold_more_than_they_were_asked_to_are_looked_back_in(fake, opened, monkeypatch):

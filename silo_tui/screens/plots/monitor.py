@@ -123,7 +123,12 @@ class MonitorScreen(PlotScreen):
         )
         short = f"{text.span(by_ns / 1e9, 2)} {'on' if direction > 0 else 'back'}: " if moved else ""
         at_edge = not moved or by_ns < span_ns // 2 - column_ns
-        self.say(f"{short}{reaches}{cursor}" if at_edge else "")
+        limited = self.pause.why_no_more(self.stack.plots) if direction < 0 and self.pause.possible else ""
+        if at_edge and limited:
+            ways = f"{self.context.key_in_table('edit_size')} holds more, :record records, "
+            self.say(f"{short}that is the oldest: {limited}; {ways}{key_of('recordings')} has what is saved")
+        else:
+            self.say(f"{short}{reaches}{cursor}" if at_edge else "")
 
     @property
     def _has_earlier(self) -> bool:
