@@ -91,7 +91,7 @@ class Context:
         self.take_up: Callable[[], None] = lambda: None  # asks what becomes of edits that were kept
         self.settings = settings or Settings()
         self.settings_problems = tuple(settings_problems)
-        self.saved_settings = self.settings  # as the file has them
+        self.saved_settings = self.begun_settings = self.settings  # as the file has them; as the app began
         self.script_names: tuple[str, ...] = ()
         self._session: Session | None = None
         self._behind: Session | None = None  # the logger behind a file that was opened over it

@@ -30,6 +30,8 @@ from silo_tui.model.words import text
 from silo_tui.model.words.people import operators, people_words
 from silo_tui.screens.dialogs.questions import Choice, Prompt, Question, confirmed, cost_text, diff_text, end_words
 from silo_tui.sessions.live import Session, why
+from silo_tui.settings.file import path as settings_path
+from silo_tui.settings.options import changed
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -447,7 +449,7 @@ async def may_leave(context: Context) -> bool:
 
 
 async def leave(context: Context) -> None:
-    """End the app; asks where edits are pending, and where a demo ends with it."""
+    """End the app; asks where edits are pending, where a demo ends with it, and where settings are not written."""
     session = context.logger_session
     edits, ends_robot = _pending(context), context.has_demo() and session is not None and not session.dead
     if edits or ends_robot:
@@ -464,8 +466,29 @@ async def leave(context: Context) -> None:
         if not await confirmed(context.app, title, body, "Quit", loses=bool(edits)):
             return
         forget_edits(context)
+    if not await _settings_decided(context):
+        return
     context.left()
     context.app.exit()
+
+
+async def _settings_decided(context: Context) -> bool:
+    """Ask once whether settings that were changed are kept, and write them; False: the app is not to end."""
+    saved, now = context.saved_settings, context.settings
+    if now in (saved, context.begun_settings):
+        return True
+    from silo_tui.settings.writing import write_file
+
+    names = and_more([*changed(saved, now), *["keys"] * (now.keys != saved.keys)], 3)
+    choices = [
+        Choice("keep", "Write to the file, and quit", "w"), Choice("", "Don't quit"),
+        Choice("drop", f"Quit without: {names} as before", "D", loses=True),
+    ]  # fmt: skip
+    body = f"Changed: {names}. The file: {settings_path()}"
+    answer = await context.app.push_screen_wait(Question("Keep the settings?", body, choices))
+    if answer == "keep":
+        write_file(saved, now)
+    return answer is not None
 
 
 def left_words(session: Session) -> str:

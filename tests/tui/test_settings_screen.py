@@ -49,7 +49,32 @@ async def test_a_theme_shows_at_once_and_w_keeps_it(fake, opened, steps):
         assert not line_with(screen, "theme").startswith(">*theme")
         await screen.press("x", "f2")
         assert screen.app.theme == "silo-dark"
-        await screen.shows("the settings count until you quit; F2 w keeps them")
+        await screen.shows("the settings count until you quit, which asks; F2 w keeps them")
+
+
+@pytest.mark.parametrize(("answer", "kept"), [("w", "light"), ("enter", "light"), ("D", "dark")])
+async def test_who_quits_is_asked_once_whether_settings_that_were_changed_are_kept(fake, opened, answer, kept):
+    async with opened(fake) as screen:
+        await screen.press("colon", *"theme", "space", *"light", "enter", "q")
+        await screen.shows("Keep the settings?")
+        await screen.shows("Changed: theme. The file: ")
+        await screen.press("escape")
+        await screen.shows("Don't quit: nothing was done")
+        assert screen.app.is_running
+        assert read_file() == (Settings(), [])
+        await screen.press("q")
+        await screen.shows("Changed: theme. The file: ")
+        await screen.press(answer)
+        await screen.until(lambda: not screen.app.is_running)
+    assert read_file() == (Settings(theme=kept), [])
+
+
+async def test_who_changed_no_setting_is_not_asked_as_one_that_a_command_line_gave_or_one_changed_back(fake, opened):
+    async with opened(fake) as screen:
+        context = screen.app.context
+        context.settings = context.begun_settings = Settings(theme="light")
+        await screen.press("colon", *"theme", "space", *"dark", "enter", "q")
+        await screen.until(lambda: not screen.app.is_running)
 
 
 async def test_every_option_can_be_changed_and_goes_back_to_its_default(fake, opened):

@@ -234,7 +234,7 @@ class SettingsScreen(ListScreen[SettingRow]):
         super().leave()
         if self.context.settings != self.context.saved_settings:
             keys = f"{key_of('settings')} {key_of('write_settings')}"
-            self.context.say(f"the settings count until you quit; {keys} keeps them")
+            self.context.say(f"the settings count until you quit, which asks; {keys} keeps them")
 
 
 class KeyDialog(Dialog[str | None]):
