@@ -261,6 +261,20 @@ async def test_brackets_go_from_crossing_to_crossing_a_star_looks_in_all_plots_a
         await screen.until(lambda: len(shown.stack.panels) == 1 and " Join" not in screen.text.splitlines()[-1])
 
 
+@pytest.mark.parametrize(("chosen", "other"), [("home", "/position"), ("j", "/LF/torque")])
+async def test_what_a_plot_is_joined_with_stands_in_the_menu_and_after_it_the_key_that_parts_them(
+    monitor, chosen, other
+):
+    async with monitor("LF/torque", "position") as (screen, shown):
+        await screen.press(chosen)
+        assert shown.value_now("join_plots") == f"with {other}"
+        await screen.do("join_plots")
+        await screen.shows(f"joined with {other}; I parts them again")
+        assert shown.value_now("isolate_plot") == "parts again"
+        await screen.do("isolate_plot")
+        await screen.until(lambda: len(shown.stack.panels) == 2)
+
+
 async def test_moments_of_several_signals_at_one_time_are_each_gone_to_and_two_cursors_tell_what_lies_between(monitor):
     async with monitor("LF/torque", "position", size=(120, 40)) as (screen, _):
         await screen.do("home", "find", "asterisk")

@@ -10,6 +10,7 @@ from silo_tui.model.plots.panels import Panel, gathered, has_curves, isolate, jo
 from silo_tui.model.plots.scope import Scope, fitting_span, halfway
 from silo_tui.model.words import text
 from silo_tui.model.words.command_line import BY_KEY, Spelled
+from silo_tui.model.words.names import fitted_among
 from silo_tui.screens.dialogs.exporting import ask_export
 from silo_tui.screens.plots.plot_screen import PlotScreen
 from silo_tui.screens.plots.searching import MomentSearch, value_here
@@ -23,6 +24,7 @@ OF_PLOTS = {
     "plot_trigger", "turn_plotted_up",
 }  # fmt: skip
 
+JOINED_NAME = 10  # cells of a name in the menu
 ROOMY = 110  # cells in which keys have longer words
 OF_LATER = ("later", "newest")
 OF_WHAT_GOES_ON = {"add_plot": "adds", "all_entries": "plots them", "next_entry": "goes on to it"}
@@ -288,7 +290,21 @@ class MonitorScreen(PlotScreen):
 
     def command_join_plots(self) -> None:
         if not self._refused("join_plots"):
-            self._arrange(join(self.stack.panels, self.stack.chosen_panel, self.stack.most))
+            words = f"joined with {self._joins_with}; {key_of('isolate_plot')} parts them again"
+            self._arrange(join(self.stack.panels, self.stack.chosen_panel, self.stack.most), words)
+
+    @property
+    def _joins_with(self) -> str:
+        """The plot that the chosen one would be joined with, by its first signal: the next, of the last that above."""
+        panels, at = self.stack.panels, self.stack.chosen_panel
+        return self.session.short_name(panels[at + (1 if at + 1 < len(panels) else -1)][0].name)
+
+    def value_now(self, command_id: str) -> str:
+        """Return which plot is joined; and that what was joined can be parted."""
+        if command_id == "join_plots" and len(self.stack.panels) > 1:
+            names = tuple(self.session.short_name(each.name) for each in self.stack.plots)
+            return f"with {fitted_among(self._joins_with, names, JOINED_NAME)}"
+        return "parts again" if command_id == "isolate_plot" else super().value_now(command_id)
 
     def command_isolate_plot(self) -> None:
         if not self._refused("isolate_plot"):
