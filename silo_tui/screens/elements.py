@@ -278,8 +278,10 @@ class ElementsScreen(SiloScreen):
         self.context.table_changed()
 
     def command_goto(self, typed: Spelled) -> None:
-        """Go to an element; a part of its name is enough. In a tree to a name space, too."""
+        """Go to an element, from any screen; a part of its name is enough. In a tree to a name space, too."""
         self._go_to(typed.rest)
+        if self.context.upper_screen is not self:
+            self.action_command("go_home")
         self.context.table_changed()
         self.table.show_cursor(self.table.size.height // 2)  # a name space with what it holds
 

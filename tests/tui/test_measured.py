@@ -446,6 +446,20 @@ async def test_a_link_is_spared_by_surveys_where_it_is_thin_alone(fake, opened, 
         assert screen.app.screen._thin_s() == spared_s
 
 
+@pytest.mark.parametrize("keys", [("m",), ("f2",), ("E",), ("m", "enter")])
+async def test_goto_leads_to_the_table_from_any_screen_and_one_that_finds_nothing_leaves_none(fake, opened, keys):
+    async with opened(fake.run(2)) as screen:
+        await screen.press(*keys)
+        await screen.until(lambda: screen.app.screen.scope not in ("", "table"), "another screen")
+        elsewhere = screen.app.screen
+        await screen.enter(":goto nowhere")
+        await screen.shows("no element has 'nowhere' in its name")
+        assert screen.app.screen is elsewhere
+        await screen.enter(":goto imu/temperature")
+        await screen.until(lambda: screen.app.screen.scope == "table", "the table")
+        await screen.shows(">/imu/temperature")
+
+
 async def test_in_a_tree_goto_leads_to_a_name_space_itself_with_what_it_holds_below_it(fake, opened):
     async with opened(fake) as screen:
         await screen.press("o", "n")
