@@ -495,6 +495,17 @@ async def test_the_palette_finds_what_another_screen_has_and_what_can_only_be_ty
         await screen.until(lambda: screen.session.table.names[screen.session.rows.row] == "/log/imu/temperature")
 
 
+async def test_ctrl_u_in_a_command_line_takes_away_what_stands_behind_the_word_then_the_word(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("colon", *"mark", "space", *"imu", "space", *"base")
+        line = screen.app.screen.query_one("#command-over")
+        for left in ("mark ", "", ""):
+            await screen.press("ctrl+u")
+            assert line.value == left
+        await screen.press(*"plot", "space", *"imu", "left", "ctrl+u")
+        assert line.value == "plot u"  # what is behind the cursor stays
+
+
 async def test_a_dialog_leaves_the_table_to_be_seen_news_of_others_are_told_and_what_is_edited_has_its_column(
     fake, opened
 ):

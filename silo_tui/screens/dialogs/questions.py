@@ -435,6 +435,15 @@ class OrderDialog(Dialog[str | None]):
             )
 
 
+class WordedLine(Line):
+    """A line that begins with the word of a command."""
+
+    def action_delete_left_all(self) -> None:
+        """Take away what stands behind the word, and the word only where nothing does."""
+        start = len(self.value.partition(" ")[0]) + 1
+        self.delete(start if start < self.cursor_position else 0, self.cursor_position)
+
+
 class CommandLine(Dialog[str | None]):
     """Answers with the line that was entered; None on Esc. Plots are named and kept where they are seen."""
 
@@ -454,7 +463,7 @@ class CommandLine(Dialog[str | None]):
             yield Static("", id="command-notes", markup=False)
             with Horizontal():
                 yield Static(":")
-                yield Line(self._complete, self._words, "command-over")
+                yield WordedLine(self._complete, self._words, "command-over")
 
     def on_mount(self) -> None:
         self.query_one(Line).begin(self._begun)
