@@ -460,13 +460,18 @@ class HeldSource:
         the ends, the smallest, the largest.
         """
         run, pins = self._run, self._pins
+        begin_ns, end_ns = min(a_ns, b_ns), max(a_ns, b_ns)
+        is_here = self._has(begin_ns, end_ns)
 
         async def measure(name: str) -> tuple[Between, int]:
             samples, wide_ns = self._with_columns(name)
+            if is_here:  # of what is not, only what held as the earlier cursor came counts
+                earlier = samples[0] < begin_ns
+                samples = joined([(samples[0][earlier], samples[1][earlier]), self.held(name, begin_ns, end_ns)])
+                wide_ns = 0
             facts = await asyncio.to_thread(between, *samples, a_ns, b_ns)
             return facts if not wide_ns else replace(facts, mean=NAN, std=NAN, rms=NAN, not_finite=0), wide_ns
 
-        is_here = self._has(min(a_ns, b_ns), max(a_ns, b_ns))
         return await self._asked_or_here(
             names, is_here, lambda buffers, some: buffers.measure(some, a_ns, b_ns, pins, run), measure
         )

@@ -189,6 +189,17 @@ async def test_what_was_held_and_is_overwritten_by_now_is_said(robot):
     assert held.text == "10 s held, all fetched, 30 s before it overwritten"
 
 
+async def test_between_samples_that_are_here_all_is_told_whatever_of_the_rest_are_columns_alone(robot):
+    held = await opened_of(robot)
+    await held.main.fetch_columns(700_000_000)  # whose ends are none of what is fetched at a time
+    await held.fetch(97 * SECOND, 98 * SECOND)
+    for a_ns, b_ns in ((97.2, 97.8), (97.8, 97.2)):
+        found, why = await held.measure([X], round(a_ns * SECOND), round(b_ns * SECOND))
+        assert (found[X].samples, round(found[X].mean, 6), why) == (61, 97.5, "")
+        assert (found[X].at_a, found[X].at_b) == (a_ns, b_ns)
+    assert "measure" not in [what for what, *_ in robot.asked]
+
+
 @pytest.mark.parametrize(
     ("problem", "words"), [(ConnectionLostError("cut"), "no link"), (RefusedError("too many pins"), "too many pins")]
 )
