@@ -283,7 +283,7 @@ async def test_moments_of_several_signals_at_one_time_are_each_gone_to_and_two_c
         await screen.do("next_found")
         await screen.shows("hole in /position, 2 of 2")
         await screen.do("next_found")
-        await screen.shows("that is the last of 2")
+        await screen.shows("that is the last of 2 in 11 s held")
         await screen.do("previous_found")
         await screen.shows("hole in /LF/torque, 1 of 2")
         await screen.do("home", "cursor_b", *["shift+right"] * 3)

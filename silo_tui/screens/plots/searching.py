@@ -61,8 +61,13 @@ class SearchResult:
         """Return what to say when nothing was found."""
         if not self.held_s and self.partly:
             return f"{self.search.words}: none, {self.partly}"
-        words = f"{self.search.words}: none in {text.span(self.held_s, 3)} held"
+        words = f"{self.search.words}: none {self.looked_through}"
         return f"{words}; not looked through further: {self.partly}" if self.partly else words
+
+    @property
+    def looked_through(self) -> str:
+        """How much was looked through, in words."""
+        return f"in {text.span(self.held_s, 3)} held"
 
     def place(self, now_ns: int, step: int, last: int | None = None) -> int | None:
         """Return which moment to go to; of the first of a search the next one, or else the last before.
@@ -339,7 +344,7 @@ class MomentSearch:
         if place is None:
             which = "only one" if found.total == 1 else f"{'last' if step > 0 else 'first'} of {found.total}"
             peaks = f"; {key_of('find')} {What.PEAK.value} finds each peak" if found.search.what is What.HIGHEST else ""
-            self.screen.say(f"{words}: that is the {which}{peaks}")
+            self.screen.say(f"{words}: that is the {which} {found.looked_through}{peaks}")
             return
         moment = found.moments[place]
         if not await self.screen.jump_to(moment.time_ns):
