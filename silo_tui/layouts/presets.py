@@ -29,7 +29,7 @@ PRESETS = (
     Preset(
         "hottest",
         "h",
-        "Hottest ten: temperatures, the highest on top; it stands still",
+        "Hottest ten: temperatures, the highest on top as you ask; rows then stay",
         KeptLayout(sort="value", filter="unit:degC", most=TEN),
     ),
     Preset(

@@ -20,6 +20,7 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from silo.core.names import component_name
+from silo.core.quantities.writing import wall_clock
 from silo_tui.model.drawing.braille import SHADE
 from silo_tui.model.samples.live import cells_of_value
 from silo_tui.model.table.cells import ENTRY, Sight
@@ -610,7 +611,7 @@ class TableHead(Guarded, ScrollView):
         table, rows = self._table, self._table.rows
         laid, sort = table.laid, rows.sort
         arrow = "↑" if sort == TREE else rows.arrow * (sort in (NAME, ADDED))
-        title = sort if sort == ADDED else NAME
+        title = f"order of {wall_clock(rows.stood_ns)}" if rows.stood_ns else sort if sort == ADDED else NAME
         mark = f" {space_words(title, laid.told.space, laid.names, arrow)}"
         steady = [Segment(" " * (FLAGS - 1) + mark.ljust(laid.names + 1), plain)]
         measured: list[Segment] = []

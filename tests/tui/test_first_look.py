@@ -7,6 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from silo.conditions.standing import LimitStatus, LimitWord
+from silo.core.quantities.writing import wall_clock
 from silo.live.quantities import FROZEN, NOT_FINITE
 from silo_tui.layouts.presets import BY_NAME, is_near, near_limit
 from silo_tui.model.table.columns import NOISE
@@ -278,6 +279,8 @@ async def test_the_first_ten_of_a_view_are_ten_and_stand_still_while_one_looks(l
         assert len(rows.shown) == most < rows.passing
         assert (np.diff(keys[rows.shown]) <= 0).all()
         stood = rows.shown.tolist()
+        head = f"order of {wall_clock(rows.stood_ns)}"  # rows stay while their numbers change: no order of now
+        await screen.until(lambda: head in screen.text.splitlines()[1], "of when the order is")
         await screen.shows(f"the first 10 of {rows.passing}")
         await screen.shows(" at ")
         screen.app.screen._typed_s = -100.0  # nobody has been at the keys for long
