@@ -15,7 +15,7 @@ from silo.errors import ElementError, ExpressionError, SaveError
 from silo.expressions.binding import BoundExpression, Catalogue, Known, bind
 from silo.expressions.derived_signals import binds, placed
 from silo.judging.limits import LimitRule, limit_rule
-from silo.judging.triggers import NO_END, Slope, TriggerMode, TriggerRule, check_length, check_pre
+from silo.judging.triggers import NO_END, Slope, TriggerMode, TriggerRule, check_length, check_pre, longest_pre
 
 MOST_DERIVED = 200
 MOST_LIMITS = 1000
@@ -213,6 +213,14 @@ def check_held(one: TriggerOptions, elements: Sequence[ElementInfo], frequency_h
     check_pre(rule.pre, frequency_hz, saved)
     if one.save:
         check_length(rule.pre + rule.post + 1, frequency_hz, _bytes_per_tick(saved))
+
+
+def as_held(one: TriggerOptions, elements: Sequence[ElementInfo], frequency_hz: float) -> TriggerOptions:
+    """Return a trigger with the longest pre that the buffers hold, where that is shorter than its own."""
+    longest = longest_pre(frequency_hz, _saved(elements))
+    if longest is None or one.pre_s * frequency_hz <= longest:
+        return one
+    return msgspec.structs.replace(one, pre_s=max(longest, 0) / frequency_hz)
 
 
 def _saved(elements: Sequence[ElementInfo]) -> list[ElementInfo]:

@@ -273,26 +273,33 @@ def check_length(ticks: int, frequency_hz: float, bytes_per_tick: float) -> None
         )
 
 
-def check_pre(pre: int, frequency_hz: float, saved: Sequence[ElementInfo]) -> None:
-    """Raise ElementError where buffers can't hold `pre` ticks with their slack, and the size, or pre, that would.
+def longest_pre(frequency_hz: float, saved: Sequence[ElementInfo]) -> int | None:
+    """Return the longest pre in ticks that all buffers hold with their slack, negative where they don't hold that.
 
-    Left out is what keeps its first samples, as somebody wanted: no size would hold the past.
+    None where each is long enough. Left out is what keeps its first samples, as somebody wanted: no size would hold
+    the past.
     """
-    slack = round(SLACK_S * frequency_hz)
-    problems, longest = [], pre
+    loops = [info.options for info in saved if info.options.buffer is BufferType.LOOPING]
+    # two rows that may be under way in the slots of the oldest
+    held = ((each.size - 2) * each.divider for each in loops)
+    return min(held) - round(SLACK_S * frequency_hz) if loops else None
+
+
+def check_pre(pre: int, frequency_hz: float, saved: Sequence[ElementInfo]) -> None:
+    """Raise ElementError where buffers can't hold `pre` ticks with their slack, and the size, or pre, that would."""
+    longest = longest_pre(frequency_hz, saved)
+    if longest is None or pre <= longest:
+        return
+    problems = []
     for info in saved:
         size, divider = info.options.size, info.options.divider
-        # two rows that may be under way in the slots of the oldest
-        needed = -(-(pre + slack) // divider) + 2
+        needed = -(-(pre + round(SLACK_S * frequency_hz)) // divider) + 2
         if info.options.buffer is BufferType.LOOPING and size < needed:
-            longest = min(longest, (size - 2) * divider - slack)
             spans = f"{size} samples, {size * divider / frequency_hz:.4g} s at divider {divider}"
             problems.append(f"'{info.name}' holds {spans}: set size={needed}")
-    if problems:
-        more = f", and {len(problems) - 3} more" if len(problems) > 3 else ""
-        seconds = pre / frequency_hz
-        held_by_all = f"; all hold pre={longest / frequency_hz:.6g}s" if longest >= 0 else ""
-        raise ElementError(
-            f"too short for pre of {seconds:g} s and {SLACK_S:g} s of slack: {'; '.join(problems[:3])}{more}"
-            f"{held_by_all} (a capture has all that is saved); nothing was changed"
-        )
+    more = f", and {len(problems) - 3} more" if len(problems) > 3 else ""
+    held_by_all = f" (all hold pre={longest / frequency_hz:.6g}s)" if longest >= 0 else ""
+    raise ElementError(
+        f"too short for pre of {pre / frequency_hz:g} s{held_by_all}: {'; '.join(problems[:3])}{more}; a capture has "
+        f"all that is saved, of which buffers hold {SLACK_S:g} s more than pre until it is judged; nothing was changed"
+    )

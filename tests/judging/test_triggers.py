@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import Action, BufferType, ElementInfo, ElementOptions
 from silo.errors import ElementError
-from silo.judging.checks import check_held, fixed_text
+from silo.judging.checks import as_held, check_held, fixed_text
 from silo.judging.triggers import Slope, Trigger, TriggerMode, TriggerRule, check_pre
 from tests.examples import examples
 
@@ -229,10 +229,22 @@ def test_a_pre_that_is_refused_is_told_with_the_longest_that_all_buffers_hold(sp
     with pytest.raises(ElementError, match="too short for pre of 2 s") as refused:
         check_pre(2000, 1000, buffers)
     if held:
-        assert f"; all hold pre={max(held) / 1000:g}s (a capture" in str(refused.value)
+        assert f" (all hold pre={max(held) / 1000:g}s): " in str(refused.value)
         check_pre(max(held), 1000, buffers)
     else:
         assert "all hold" not in str(refused.value)
+
+
+@pytest.mark.parametrize(("size", "pre_s"), [(100, 0.225), (50, 0.0), (1000, 1.0)])
+def test_a_trigger_as_all_buffers_hold_it_is_taken_with_the_longest_pre_that_is(size, pre_s):
+    elements = [_kept(5, size), _kept(1, 4000), _kept(1, 10, BufferType.FIXED)]
+    held = as_held(TriggerOptions("fall", "x > 1", 1.0, 1.0), elements, 400.0)
+    assert (held.pre_s, held.post_s) == (pre_s, 1.0)
+    if size >= 82:  # of less not even the second till it is judged is held
+        check_held(held, elements, 400.0)
+    if 0 < pre_s < 1:
+        with pytest.raises(ElementError, match=r"all hold pre=0.225s"):
+            check_held(replace(held, pre_s=pre_s + 1 / 400), elements, 400.0)
 
 
 def test_single_spikes_at_random_places_are_all_caught_and_nothing_else():

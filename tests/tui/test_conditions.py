@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from silo.conditions.standing import CapturedSpan, LimitStatus, LimitWord, TriggerStatus
 from silo.core.conditions import SignalLimits, TriggerOptions, TriggerWord, new_trigger
-from silo.core.elements import Entry, FileType, Table
+from silo.core.elements import BufferType, Entry, FileType, Table
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo.expressions.binding import bind
 from silo.judging.checks import table_catalogue
@@ -349,6 +349,24 @@ class TestScreens:
             assert "refused" not in screen.text
             screen.app.screen.field("pre").value = "3600 s"
             await screen.shows("Enter is refused: too short for pre of 3600 s")
+
+    async def test_a_new_trigger_begins_with_a_pre_that_the_buffers_hold_and_says_so(self, fake, opened):
+        short = fake.elements[0]
+        fake.elements[0] = replace(
+            short, options=replace(short.options, buffer=BufferType.LOOPING, divider=5, size=100)
+        )
+        async with opened(fake, size=(160, 50)) as screen:
+            await screen.press("T", "N")
+            told = "pre is 225 ms, not 1 s: all that the buffers hold"
+            await screen.shows(told)
+            assert screen.app.screen.field("pre").value == "225 ms"
+            screen.app.screen.field("when").value = "x > 3"
+            await screen.shows("would have fired 3 ×")
+            assert told in screen.text
+            assert "refused" not in screen.text
+            screen.app.screen.field("pre").value = "1 s"
+            await screen.shows("Enter is refused: too short for pre of 1 s (all hold pre=0.225s)")
+            assert told not in screen.text
 
     async def test_the_cursor_is_on_a_trigger_that_was_just_made(self, fake, opened):
         fake.trigger_statuses = [

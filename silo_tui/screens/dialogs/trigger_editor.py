@@ -6,7 +6,8 @@ from typing import ClassVar
 from silo.core.conditions import TriggerOptions
 from silo.errors import ElementError
 from silo.files.formats import SAVED_NAMES
-from silo.judging.checks import check_held
+from silo.judging.checks import as_held, check_held
+from silo.judging.triggers import SLACK_S
 from silo_tui.context import Context
 from silo_tui.model.lists.conditions import (
     NO_FILES,
@@ -17,6 +18,7 @@ from silo_tui.model.lists.conditions import (
     slow_words,
     tried_lines,
 )
+from silo_tui.model.words import text
 from silo_tui.screens.dialogs.form import CONDITION, Form, taken, told
 from silo_tui.sessions.live import Session
 
@@ -33,9 +35,10 @@ async def ask_trigger(
 ) -> None:
     """Let a new trigger be edited, and set it."""
     session = context.session
+    held = as_held(made, session.table.elements, session.status.frequency_hz)
 
     def form(one: TriggerOptions | None, problem: str) -> TriggerEditor:
-        return TriggerEditor(session, one or made, is_new=True, problem=problem)
+        return TriggerEditor(session, one or held, is_new=True, problem=problem, wanted_s=made.pre_s)
 
     async def set_it(answer: TriggerOptions) -> None:
         if send is not None:
@@ -59,7 +62,7 @@ class TriggerEditor(Form[TriggerOptions]):
         "when": "it fires as this turns true (see mode): signals, numbers with units, and or not",
         "rearm": "after it fired it waits until this is true once; empty: until 'when' was false",
         "mode": "normal each time, single once; then its edge: rising, falling, level",
-        "pre": "so much before the moment is in the file: the buffers must hold it",
+        "pre": f"so much before the moment is in the file: buffers must hold it, and {SLACK_S:g} s more to judge it",
         "post": "so much after the moment is in the file",
         "persist": "'when' must be true for so long before it fires: 0 at once",
         "holdoff": "after it fired nothing fires for so long: 0 at once again",
@@ -67,14 +70,17 @@ class TriggerEditor(Form[TriggerOptions]):
         "keep": "so many of the newest captures stay, older ones are deleted: 0 keeps all",
     }
 
-    def __init__(self, session: Session, options: TriggerOptions, *, is_new: bool, problem: str = "") -> None:
+    def __init__(
+        self, session: Session, options: TriggerOptions, *, is_new: bool, problem: str = "", wanted_s: float = 0.0
+    ) -> None:
+        """`wanted_s` is the pre that it would begin with if the buffers held so much."""
         where = f"on {session.name}"
         title = f"New trigger {where}" if is_new else f"Trigger {options.name} {where}"
         super().__init__(
             title, LINES, fields_of(options), HINTS, problem, "when" if options.name else "name", session.table
         )
         self._session = session
-        self._options = options
+        self._options, self._wanted_s = options, wanted_s
         if is_new:  # also on another row, as who mends there why it was refused
             self.about = (title, "")
 
@@ -83,7 +89,7 @@ class TriggerEditor(Form[TriggerOptions]):
         unnamed = not fields["name"]  # the condition counts while there is no name yet
         made = options_of_fields({**fields, "name": "new"} if unnamed else fields, self._options)
         if not made.when:
-            return CONDITION
+            return "\n".join([CONDITION, *self._shorter(made)])
         tried = await self._session.tried(made)
         loop = self._session
         slow = slow_words(made, loop.measured_hz, loop.status.frequency_hz) if loop.loop_slow else ""
@@ -92,10 +98,16 @@ class TriggerEditor(Form[TriggerOptions]):
                 *tried_lines(tried, self.told_width),
                 capture_words(tried, made),
                 *([slow] if slow else []),
-                *self._too_short(made),
+                *(self._too_short(made) or self._shorter(made)),
                 *([f"name it before Enter: {UNNAMED}"] if unnamed else []),
             ]
         )
+
+    def _shorter(self, made: TriggerOptions) -> list[str]:
+        """Return that pre is as long as the buffers allow, where it would begin with more."""
+        if made.pre_s != self._options.pre_s or made.pre_s >= self._wanted_s:
+            return []
+        return [f"pre is {text.span(made.pre_s)}, not {text.span(self._wanted_s)}: all that the buffers hold"]
 
     def _too_short(self, made: TriggerOptions) -> list[str]:
         """Return why the robot would refuse it, as its buffers are now."""
