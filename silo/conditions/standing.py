@@ -1,8 +1,10 @@
 """How triggers and limits of a logger stand: what its helper process tells of them."""
 
+import math
+
 import msgspec
 
-from silo.core.conditions import LimitOptions, SignalLimits, TriggerOptions, TriggerWord
+from silo.core.conditions import Bounds, LimitOptions, SignalLimits, TriggerOptions, TriggerWord
 from silo.core.elements import Word
 
 
@@ -136,13 +138,46 @@ class LimitStatus(LimitOptions, frozen=True, omit_defaults=True):
         is_known = self.count and self.last_ns >= self.since_ns > 0
         return max((self.last_ns - self.since_ns) / 1e9, 1e-3) if is_known else None
 
+    def closest(self, value: float) -> tuple[LimitWord, float, float] | None:
+        """Return the bound that a value meets first, or the outermost that it is beyond; None where there is none.
+
+        Returns: the word of what is beyond it, itself, and how far inside of it the value is, negative beyond it.
+        """
+        left = [
+            (word, bound, (value - bound) * (-1 if SIDES[word] > 0 else 1))
+            for word, bound in zip(_BOUND_WORDS, self._outer_first, strict=True)
+            if bound is not None
+        ]
+        beyond = [each for each in left if each[2] < 0]
+        return max(beyond, key=lambda each: each[2]) if beyond else min(left, key=lambda each: each[2], default=None)
+
+    def share_left(self, value: float) -> float:
+        """Return how far inside the bound that it meets first a value is, as a share of the range between both, or of
+        the only one; NaN where there is none.
+        """
+        found, (red_low, low, high, red_high) = self.closest(value), self.bounds
+        first = [
+            bound
+            for bound in (red_low if low is None else low, red_high if high is None else high)
+            if bound is not None
+        ]
+        if found is None:
+            return math.nan
+        reach = first[1] - first[0] if len(first) > 1 else abs(first[0])
+        return found[2] / reach if reach else math.copysign(math.inf, found[2]) if found[2] else 0.0
+
+    @property
+    def _outer_first(self) -> Bounds:
+        red_low, low, high, red_high = self.bounds
+        return red_low, red_high, low, high
+
     def word_of(self, value: float) -> LimitWord:
         """Return the range of a value that is newer than what was judged; what was, where more than it tells that."""
         bounded = any(bound is not None for bound in self.bounds)
         if self.word not in SIDES or self.persistence > 1 or self.when or not bounded:
             return self.word
         side = SIDES[self.word]
-        for word, bound in zip(_BOUND_WORDS, (self.bounds[0], self.bounds[3], *self.bounds[1:3]), strict=True):
+        for word, bound in zip(_BOUND_WORDS, self._outer_first, strict=True):
             its = SIDES[word]
             slack = self.hysteresis if its * side > 0 and abs(its) <= abs(side) else 0.0
             if bound is not None and (value - bound) * (1 if its > 0 else -1) > -slack:

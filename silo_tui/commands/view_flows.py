@@ -69,7 +69,9 @@ async def view_shown(context: Context, name: str) -> str:
 
 
 async def _near_limit_shown(context: Context) -> str:
-    """Filter for what is near a limit, in the columns and order that are shown; leave the table where nothing is."""
+    """Filter for what is near a limit, the nearest on top, in the columns that are shown; leave the table where nothing
+    is.
+    """
     session, key = context.session, context.key_in_table("limits_of_row")
     if not session.limits:
         return f"no signal has limits: {key} sets some"
@@ -78,7 +80,8 @@ async def _near_limit_shown(context: Context) -> str:
     if not passing:
         return f"{words}; {context.key_in_table('alarms')} lists them, {key} sets more"
     shown = views.capture(context) or KeptLayout()
-    await views.show(context, msgspec.structs.replace(shown, filter=passing, plots=(), most=0))
+    sort = BY_NAME[NEAR].layout.sort
+    await views.show(context, msgspec.structs.replace(shown, sort=sort, turned=False, filter=passing, plots=(), most=0))
     return words
 
 

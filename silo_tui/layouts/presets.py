@@ -8,8 +8,7 @@ import msgspec
 from silo.conditions.standing import LimitStatus
 from silo.core.quantities.writing import many
 from silo_tui.layouts.layout import KeptLayout
-from silo_tui.model.plots.limits import between
-from silo_tui.model.table.columns import NOISE
+from silo_tui.model.table.columns import LIMIT, NOISE
 
 NEAR = "near-limit"
 TEN = 10  # rows: a vector is one, by its norm, which the column shows then
@@ -46,19 +45,15 @@ PRESETS = (
         KeptLayout(sort="changed", filter="frozen|std=0", set="timing"),
     ),
     Preset("edited", "e", "Edited: other settings than the program began with", KeptLayout(filter="edited")),
-    Preset(NEAR, "l", "Near a limit: within a tenth of one, or beyond", KeptLayout()),  # as they are now: `near_limit`
+    # of those that are near as it is asked for: `near_limit`
+    Preset(NEAR, "l", "Near a limit: within a tenth of one, or beyond", KeptLayout(sort=LIMIT)),
 )
 BY_NAME = {preset.name: preset for preset in PRESETS}
 
 
 def is_near(one: LimitStatus) -> bool:
     """Return whether a scalar is beyond one of its bounds, or nearly."""
-    known = [bound for bound in one.bounds if bound is not None]
-    if one.value is None or not known:
-        return False
-    low, high = between(one.bounds)
-    reach = NEAR_SHARE * (high - low if low is not None and high is not None else abs(known[0]))
-    return (low is not None and one.value <= low + reach) or (high is not None and one.value >= high - reach)
+    return one.value is not None and one.share_left(one.value) <= NEAR_SHARE
 
 
 def near_limit(limits: Sequence[LimitStatus]) -> tuple[str, str]:

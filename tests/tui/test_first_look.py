@@ -19,7 +19,7 @@ from tests.waiting import DEADLINE_S
     ("bounds", "near", "far"),
     [
         ((None, None, None, 80.0), (73.0, 81.0, 72.0), (71.9, -100.0)),
-        ((44.0, 45.0, None, None), (49.3, 40.0), (49.5,)),
+        ((44.0, 45.0, None, None), (49.4, 40.0), (49.6,)),
         ((None, -10.0, 10.0, 20.0), (-8.5, -8.0, 8.0, 25.0), (0.0, -7.9, 7.9)),
         ((None, None, -40.0, None), (-44.0, -30.0), (-44.1,)),
         ((None, None, None, None), (), (1.0, None)),
@@ -29,6 +29,24 @@ def test_near_a_limit_is_within_a_tenth_of_it(bounds, near, far):
     for values, found in ((near, True), (far, False)):
         for value in values:
             assert is_near(LimitStatus("a", "a", LimitWord.OK, value=value, bounds=bounds)) is found, value
+
+
+@pytest.mark.parametrize(
+    ("value", "closest", "share"),
+    [
+        (2.0, (LimitWord.YELLOW_HIGH, 4.0, 2.0), 0.25),
+        (4.5, (LimitWord.YELLOW_HIGH, 4.0, -0.5), -0.0625),
+        (6.5, (LimitWord.RED_HIGH, 6.0, -0.5), -0.0625),
+        (-4.5, (LimitWord.RED_LOW, -4.0, -0.5), -0.0625),
+    ],
+)
+def test_the_limit_that_a_value_is_about_is_the_next_or_the_outermost_that_it_is_beyond(value, closest, share):
+    one = LimitStatus("a", "a", LimitWord.OK, bounds=(-4.0, None, 4.0, 6.0))
+    assert one.closest(value) == closest
+    assert one.share_left(value) == share
+    assert LimitStatus("a", "a", LimitWord.OK).closest(value) is None
+    assert np.isnan(LimitStatus("a", "a", LimitWord.OK).share_left(value))
+    assert LimitStatus("a", "a", LimitWord.OK, bounds=(None, None, 0.0, None)).share_left(0.0) == 0.0
 
 
 def test_what_is_near_a_limit_is_a_filter_for_just_that():
@@ -52,6 +70,12 @@ async def test_the_line_below_tells_of_what_is_near_a_limit_in_words(fake, opene
         await screen.press("l")
         await screen.shows(f"near a limit: {len(names)} of {len(fake.elements)}")
         assert "torque$" not in screen.text
+        head = screen.text.splitlines()[1]
+        at = head.index("↑limit") + len("↑limit")
+        cells = [line[:at].split()[-4:] for line in screen.text.splitlines()[2:5]]
+        for _, _, *bound in cells:
+            assert bound == ["HH", "80"]
+        assert {each[1] for each in cells} == {"to"}, "which, and how near, beside the value"
         await screen.enter("/*torque")  # another filter is told as it is typed
         await screen.shows(f"/*torque: {len(names)} of")
         assert "near a limit:" not in screen.text
@@ -78,7 +102,7 @@ async def test_where_nothing_is_near_a_limit_the_table_stays_and_a_key_that_sets
         fake.limit_statuses = [replace(status, value=79.0)]
         await screen.press(*"vvl")
         await screen.shows("near a limit: 1 of")
-        assert (rows.sort, screen.app.screen.table.column_set) == shown[1:]
+        assert (rows.sort, screen.app.screen.table.column_set) == ("limit", shown[2])
         await screen.press("escape")
         await screen.until(lambda: rows.filter.text == "torque")
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from silo.conditions.standing import LimitStatus, LimitWord
+from silo.conditions.standing import SIDES, LimitStatus, LimitWord
 from silo.core.elements import SLOW_SHARE, BufferType, ElementInfo
 from silo.live.quantities import FROZEN
 from silo.rpc.published import NotLive
@@ -374,6 +374,25 @@ def noise(sight: Sight, row: int, width: int) -> Cell:
     """Return how many times the noise of the median of its siblings it has."""
     found = sight.table.noise[row]
     return ("-" if math.isnan(found) else f"{found:.1f}" if found < 1e6 else text.short(found, 3)), "quiet"
+
+
+def limit(sight: Sight, row: int, width: int) -> Cell:
+    """Return how far the value is from the limit that it meets first, and which that is; of a vector of the entry that
+    is the nearest.
+    """
+    reading, element, table = _reading(sight, row), sight.table.elements[row], sight.table
+    if isinstance(reading, tuple):
+        return reading
+    if len(element.entries) == 1:
+        reading = _as_shown(table, row, reading)
+    given = [(value, table.limits.get(sight.entry_name(row, at))) for at, value in enumerate(reading.newest.tolist())]
+    bounded = [(one.share_left(value), one.closest(value)) for value, one in given if one is not None]
+    left, found = min(bounded, key=lambda each: each[0], default=(math.nan, None))
+    if found is None or math.isnan(left):
+        return "-", "quiet"
+    word, bound, left = found
+    side = "to" if left >= 0 else "over" if SIDES[word] > 0 else "under"
+    return f"{text.short(abs(left), 3)} {side} {word.value} {text.short(bound)}", "quiet"
 
 
 def rate(sight: Sight, row: int, width: int) -> Cell:

@@ -38,6 +38,7 @@ FLAGS = 2  # cells before a name, for signs
 NAME_ROOM = 16  # columns are left out rather than that names get less, or less than tells them apart
 TREE, NAME, ADDED, STATE = "tree", "name", "added", "state"
 STEADY = (TREE, NAME, ADDED)
+LIMIT = "limit"  # how far each is from its limits
 NOISE = "noise/median"  # of siblings: so that metres and newtons compare
 BEFORE = {"!": STATE, "std/median": NOISE}  # what an order was called, in views that somebody kept
 LIVE_SETS = ("settings", "statistics", "timing")
@@ -220,6 +221,10 @@ COLUMNS: tuple[TableColumn, ...] = (
     TableColumn(
         NOISE, len(NOISE), cells.noise, (), right=True, measured=True,  # shown while it is the order
         orders=(TableOrder(NOISE, "y", lambda table: table.noise, "noise among siblings", "noise", of_norm=True),),
+    ),
+    TableColumn(
+        LIMIT, 16, cells.limit, (), right=True, measured=True,  # shown while it is the order
+        orders=(TableOrder(LIMIT, "x", lambda table: table.shares_left, "how near to its limit", falling=False),),
     ),
     TableColumn(
         "rate", 7, cells.rate, ("timing", "wide"), right=True, measured=True, orders=(_measured("rate", "r", "rate"),),

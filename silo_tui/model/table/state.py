@@ -204,6 +204,18 @@ class TableState:
         return bool(self.server[Field.ENABLED, row])
 
     @property
+    def shares_left(self) -> Floats:
+        """Shape `(n,)`: how far each row is from its limits, as a share of their range, as these were judged last; NaN
+        where it has none. Of a vector its entry that is the nearest.
+        """
+        found = np.full(len(self), np.nan)
+        for name, one in self.limits.items():
+            if one.value is not None and (scalar := self.scalar(name)) is not None:
+                row = self.row(scalar[0].name)
+                found[row] = np.fmin(found[row], one.share_left(one.value))
+        return found
+
+    @property
     def signs(self) -> NDArray[np.int64]:
         """Shape `(n,)`: bits of what is the matter with each row, as the survey and the limits say."""
         return self.facts.signs(len(self)) | self._beyond_bits

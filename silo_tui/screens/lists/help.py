@@ -63,6 +63,7 @@ COLUMNS = (
     ("fill", "how much of it is full"), ("value", "the newest; a number in a file: at that time"),
     ("min max mean std", "of each sample since the line below says; of a vector the ends of any entry, of one unit"),
     ("noise/median", "noise (std of second differences) against the median of those that are called alike"),
+    ("limit", "how far the value is from the limit that it meets first, as an order (`o x`) has it"),
     ("rate", "samples a second, as measured"),
     ("state", "the worst that is the matter: its words stand below"),
     ("%", "of the samples that it should have"), ("jitter", "how far samples are off their time"),
