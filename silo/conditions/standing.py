@@ -167,6 +167,18 @@ class LimitStatus(LimitOptions, frozen=True, omit_defaults=True):
         return found[2] / reach if reach else math.copysign(math.inf, found[2]) if found[2] else 0.0
 
     @property
+    def bound(self) -> float | None:
+        """The bound that its word is about; None where that is about none."""
+        return dict(zip(_BOUND_WORDS, self._outer_first, strict=True)).get(self.word)
+
+    @property
+    def is_back(self) -> bool:
+        """Whether it is over a bound that its newest value is not beyond any more, as by its hysteresis."""
+        if self.bound is None or self.value is None:
+            return False
+        return (self.value - self.bound) * SIDES[self.word] <= 0
+
+    @property
     def _outer_first(self) -> Bounds:
         red_low, low, high, red_high = self.bounds
         return red_low, red_high, low, high

@@ -32,7 +32,6 @@ from silo_tui.model.lists.conditions import (
 )
 from silo_tui.model.plots.limit_fields import fields_of as fields_of_limits
 from silo_tui.model.plots.limit_fields import limits_of_fields
-from silo_tui.model.words.states import WIDEST
 from silo_tui.screens.dialogs.limits import LimitsDialog
 from tests.stand_ins.desk import Desk
 
@@ -77,21 +76,41 @@ class TestWords:
         wide = lasted_width([HOT, ended], NOW_NS)
         over, row = (limit_row(one, "/x", 20, NOW_NS, wide) for one in (HOT, ended))
         assert " 140 ms " in row
-        assert "   for " in limit_head(20, "", wide)  # a time that it lasted, no moment since which it is
+        assert " last for " in limit_head(20, "", wide)  # a time that it lasted, no moment since which it is
         assert row.index("NEW") == over.index("NEW") == limit_head(20, "", wide).index("seen by")
-        assert lasted_width([HOT], NOW_NS) == 7
+        assert lasted_width([HOT], NOW_NS) == len("last for")
+
+    @pytest.mark.parametrize(
+        ("word", "value", "more", "state", "bound"),
+        [
+            (LimitWord.YELLOW_HIGH, 4.2, {}, "H", 4.0),
+            (LimitWord.YELLOW_HIGH, 3.9, {}, "H back", 4.0),
+            (LimitWord.RED_HIGH, 5.9, {}, "HH back", 6.0),
+            (LimitWord.OK, 3.0, {"alarm": True}, "was HH", 6.0),
+            (LimitWord.OK, 3.0, {}, "OK", 6.0),
+        ],
+    )
+    def test_an_alarm_shows_the_bound_that_its_state_is_about_and_whether_its_value_is_back(
+        self, word, value, more, state, bound
+    ):
+        one = LimitStatus(
+            "/x", "/x", word, "", value, 6.0, 6.5, LimitWord.RED_HIGH, bounds=(None, None, 4.0, 6.0), count=1, **more
+        )
+        row = limit_row(one, "/x", 20, NOW_NS)
+        assert row[2:].partition("/x")[0].rstrip() == state
+        assert [float(each) for each in row.partition("/x")[2].split()[:2]] == [value, bound]
 
     def test_what_is_within_its_limits_shows_the_bound_it_is_nearest_to(self):
         well = LimitStatus("/x", "/x", LimitWord.OK, value=38.0, bounds=(None, 1.0, None, 40.0))
         assert limit_row(well, "/x", 20, NOW_NS).split() == ["OK", "/x", "38.0000", "40.0000"]
         assert limit_row(replace(well, value=3.0), "/x", 20, NOW_NS).split() == ["OK", "/x", "3.0000", "1.0000"]
-        assert limit_row(replace(well, value=None), "/x", 20, NOW_NS).split() == ["OK", "/x", "1.0000"]
+        assert limit_row(replace(well, value=None), "/x", 20, NOW_NS).split() == ["OK", "/x", "40.0000"]
         stale = LimitStatus("/x", "/x", LimitWord.OK, value=3.0, stale_s=0.5)
         assert limit_row(stale, "/x", 20, NOW_NS).split() == ["OK", "/x", "3.0000", "500", "ms"]
 
     def test_who_saw_an_alarm_has_the_cells_that_names_spare(self):
         assert signal_width(["/LF/HAA/torque", "/x"], 160) == len("/LF/HAA/torque")
-        assert signal_width(["/LF/HAA/torque" * 9], 160) == 160 - 51 - WIDEST
+        assert signal_width(["/LF/HAA/torque" * 9], 160) == 160 - 52 - len("HH back")
         assert signal_width([], 80) == 14
 
     @pytest.mark.parametrize(
@@ -819,7 +838,7 @@ class TestScreens:
             fake.limit_statuses = [quiet, HOT]
             await screen.press("r")
             await screen.shows("86.31")
-            assert screen.text.index("86.31") < screen.text.index("OK     /y")
+            assert screen.text.index("86.31") < screen.text.index("OK      /y")
             between = {"bounds": (None, 0.0, 2.5, None)}
             for now, told in (
                 ({**between, "count": 1, "alarm": True}, "within L 0 H 2.5 again, seen by nobody yet"),

@@ -67,18 +67,19 @@ def named_in(when: str, elements: Sequence[ElementInfo], prefix: str) -> list[st
     return [names.names[place] for place in sorted(places)]
 
 
-LASTED = 7  # cells, at least, of how long a scalar has been, or was, beyond its limits
+LASTED = 8  # cells, at least, of how long a scalar has been, or was, beyond its limits
+STATE = max(WIDEST, len("HH back"))
 
 
 def limit_head(room: int, space: str = "", wide: int = LASTED) -> str:
     """Return the head of the list of alarms, whose signals are told below the namespace `space`, in so many cells."""
-    begin = f"  {'state':<{WIDEST}} {space_words('signal', space, room):<{room}}"
-    return f"{begin} {'value':>8} {'limit':>7} {'worst':>8} {'for':>{wide}} {'count':>5} seen by"
+    begin = f"  {'state':<{STATE}} {space_words('signal', space, room):<{room}}"
+    return f"{begin} {'value':>8} {'limit':>7} {'worst':>8} {'last for':>{wide}} {'count':>5} seen by"
 
 
 def signal_width(names: Sequence[str], width: int, wide: int = LASTED) -> int:
     """Return the cells of the signals' names in the list of alarms: of the longest, where there is room."""
-    return max(14, min(max(map(len, names), default=0), width - 44 - wide - WIDEST))
+    return max(14, min(max(map(len, names), default=0), width - 44 - wide - STATE))
 
 
 def lasted_words(one: LimitStatus, now_ns: int) -> str:
@@ -99,7 +100,7 @@ def limit_row(one: LimitStatus, short: str, room: int, now_ns: int, wide: int = 
     lasted = lasted_words(one, now_ns)
     seen = f"{one.since_seen} NEW" if one.alarm and one.since_seen else one.seen.split("@")[0]
     count = one.count + one.stale_count
-    near = _nearest(one) if one.limit is None else one.limit
+    near = _bound_shown(one)
     stale = one.word is LimitWord.STALE or (near is None and one.stale_s > 0)
     limit = None if stale else near
     # the newest value comes and goes: the other two say how all three are written
@@ -107,16 +108,26 @@ def limit_row(one: LimitStatus, short: str, room: int, now_ns: int, wide: int = 
     value, bound, worst = ("" if each is None else digits.write(each, 8) for each in (one.value, limit, one.worst))
     bound = text.span(one.stale_s if one.limit is None else one.limit) if stale else bound
     return (
-        f"  {limit_word(one.word):<{WIDEST}} {short:<{room}} {value:>8} {bound:>7} {worst:>8} {lasted:>{wide}} "
+        f"  {state_words(one):<{STATE}} {short:<{room}} {value:>8} {bound:>7} {worst:>8} {lasted:>{wide}} "
         f"{count or '':>5} {seen}"
     )
 
 
-def _nearest(one: LimitStatus) -> float | None:
-    """Return the bound that a scalar is nearest to which never was beyond one; None where it has none."""
-    value = one.value
-    given = [bound for bound in one.bounds if bound is not None]
-    return min(given, key=lambda bound: abs(bound - value) if value is not None else 0.0, default=None)
+def state_words(one: LimitStatus) -> str:
+    """Return how a scalar stands: `HH`, `HH back` where its value is by now, `was HH` till that is seen."""
+    if one.word is LimitWord.OK and one.alarm and one.worst_word in SIDES and one.worst_word.is_over:
+        return f"was {limit_word(one.worst_word)}"
+    return f"{limit_word(one.word)}{' back' * one.is_back}"
+
+
+def _bound_shown(one: LimitStatus) -> float | None:
+    """Return the bound that its state is about; of what is well that it was beyond, else the next; None for none."""
+    if one.bound is not None:
+        return one.bound
+    if one.limit is not None:
+        return one.limit
+    found = one.closest(math.nan if one.value is None else one.value)
+    return found[1] if found is not None else None
 
 
 def waits_for(one: LimitStatus) -> str:

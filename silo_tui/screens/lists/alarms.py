@@ -11,10 +11,18 @@ from silo.core.conditions import SignalLimits
 from silo.core.quantities.writing import and_more
 from silo.errors import RefusedError
 from silo_tui.actions import key_of
-from silo_tui.model.lists.conditions import alarms_words, lasted_width, limit_head, limit_row, signal_width, waits_for
+from silo_tui.model.lists.conditions import (
+    STATE,
+    alarms_words,
+    lasted_width,
+    limit_head,
+    limit_row,
+    signal_width,
+    waits_for,
+)
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words.names import fitting_names, inside, shared_space
-from silo_tui.model.words.states import MEANINGS, WIDEST, limit_word
+from silo_tui.model.words.states import MEANINGS, limit_word
 from silo_tui.model.words.text import short, span
 from silo_tui.screens.dialogs.limits import ask_limits
 from silo_tui.screens.dialogs.questions import confirmed
@@ -92,7 +100,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         line = Text(limit_row(one, self._names[self.key_of(one)], self._room, self._now_ns, self._lasted))
         red = one.word.is_red
         if one.is_over or one.word is LimitWord.BLIND:
-            line.stylize(bold(self.app.theme_variables, "alarm" if red else "warning"), 2, 2 + WIDEST)
+            line.stylize(bold(self.app.theme_variables, "alarm" if red else "warning"), 2, 2 + STATE)
         elif _is_quiet(one):
             line.stylize("dim")
         return line
