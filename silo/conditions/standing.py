@@ -73,6 +73,13 @@ _BOUND_WORDS = LimitWord.RED_LOW, LimitWord.RED_HIGH, LimitWord.YELLOW_LOW, Limi
 SIDES = dict(zip((*_BOUND_WORDS, LimitWord.OK), (-2, 2, -1, 1, 0), strict=True))
 
 
+def reach_of(bounds: Bounds) -> float:
+    """Return the range between the bounds that are met first, or how large the only one is; 0 without any."""
+    red_low, low, high, red_high = bounds
+    met = [each for each in (red_low if low is None else low, red_high if high is None else high) if each is not None]
+    return abs(met[-1] - met[0]) if len(met) > 1 else abs(met[0]) if met else 0.0
+
+
 class LimitStatus(LimitOptions, frozen=True, omit_defaults=True):
     """One scalar with limits, and what it is held against. `limits` is the name that they were given to.
 
@@ -155,15 +162,9 @@ class LimitStatus(LimitOptions, frozen=True, omit_defaults=True):
         """Return how far inside the bound that it meets first a value is, as a share of the range between both, or of
         the only one; NaN where there is none.
         """
-        found, (red_low, low, high, red_high) = self.closest(value), self.bounds
-        first = [
-            bound
-            for bound in (red_low if low is None else low, red_high if high is None else high)
-            if bound is not None
-        ]
+        found, reach = self.closest(value), reach_of(self.bounds)
         if found is None:
             return math.nan
-        reach = first[1] - first[0] if len(first) > 1 else abs(first[0])
         return found[2] / reach if reach else math.copysign(math.inf, found[2]) if found[2] else 0.0
 
     @property

@@ -191,7 +191,20 @@ class TestWords:
         before = SignalLimits(
             "x", bounds=(None, None, 1.0, 2.0), persistence=3, hysteresis=0.5, stale_s=0.5, when="y > 1"
         )
-        assert limits_of_fields({"HH": "2"}, before, whole=True) == SignalLimits("x", bounds=(None, None, None, 2.0))
+        made = limits_of_fields({"HH": "2", "hyst": "0"}, before, whole=True)
+        assert made == SignalLimits("x", bounds=(None, None, None, 2.0))
+
+    @pytest.mark.parametrize(
+        ("fields", "hysteresis"),
+        [
+            ({"HH": "2"}, 0.04), ({"H": "2", "HH": "5"}, 0.04), ({"LL": "-9", "L": "-1", "H": "2"}, 0.06),
+            ({"L": "-3"}, 0.06), ({"HH": "2", "hyst": "0"}, 0.0), ({"HH": "2", "hyst": "0.5"}, 0.5),
+            ({"H": "0"}, 0.0), ({"stale": "1s"}, 0.0),
+        ],
+    )  # fmt: skip
+    def test_of_limits_that_say_nothing_of_it_an_alarm_ends_so_far_inside_that_noise_is_one(self, fields, hysteresis):
+        assert limits_of_fields(fields, SignalLimits("x")).hysteresis == hysteresis
+        assert limits_of_fields(fields, SignalLimits("x", hysteresis=1.0), whole=True).hysteresis == hysteresis
 
     def test_what_lines_of_limits_do_not_say_stays(self):
         before = SignalLimits(
@@ -611,6 +624,7 @@ class TestScreens:
             assert screen.app.screen.fields["signal"] == "legs/*/*/torque"
             screen.app.screen.field("HH").value = "60"
             await screen.shows("any of 12 signals: would have been violated")
+            await screen.shows("an alarm ends 1.2 inside its bound: 2% of the range")
             screen.app.screen.field("signal").value = "legs/LF/*/torque"
             await screen.shows("Limits of legs/LF/*/torque on")
             await screen.shows("any of 3 signals: would have been violated")

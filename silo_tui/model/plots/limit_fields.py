@@ -6,21 +6,25 @@ from typing import Any, TypeVar
 
 from msgspec.structs import replace
 
-from silo.core.conditions import Bounds, LimitOptions, SignalLimits
+from silo.conditions.standing import reach_of
+from silo.core.conditions import NO_BOUNDS, Bounds, LimitOptions, SignalLimits
 from silo.judging.checks import MOST_STALE_S, seconds
 
 BOUNDS = {"LL": "red low", "L": "yellow low", "H": "yellow high", "HH": "red high"}  # their lines, and what they are
 NONE = LimitOptions()
+HYSTERESIS = 0.02  # of the range between bounds, where nobody says another: noise at a bound is one alarm
 
 Number = TypeVar("Number", int, float)
 
 
 def fields_of(limits: SignalLimits) -> dict[str, str]:
-    """Return limits as lines to edit, by label: their bounds, and what differs from limits that say no more."""
+    """Return limits as lines to edit, by label: their bounds, `hyst`, and what else differs from limits
+    that say no more.
+    """
     bounds = zip(BOUNDS, limits.bounds, strict=True)
     fields = {word: _exact(bound) for word, bound in bounds if bound is not None}
     fields["persist"] = str(limits.persistence) if limits.persistence != NONE.persistence else ""
-    fields["hyst"] = _exact(limits.hysteresis) if limits.hysteresis else ""
+    fields["hyst"] = _exact(limits.hysteresis)
     fields["stale"] = f"{_exact(limits.stale_s)}s" if limits.stale_s else ""
     return {**fields, "when": limits.when}
 
@@ -34,7 +38,7 @@ def limits_of_fields(fields: Mapping[str, str], before: SignalLimits, *, whole: 
     """Return the limits `before` with the bounds that lines say, and what else they say.
 
     `whole`: they show all of `before`, so that what is empty there is to be as without it.
-    Raises ElementError or ValueError, in words fit to show.
+    Where nothing is said of hysteresis that is `HYSTERESIS`. Raises ElementError or ValueError, in words fit to show.
     """
 
     def given(label: str, what: str, read: Callable[[str], Number]) -> Number | None:
@@ -58,5 +62,7 @@ def limits_of_fields(fields: Mapping[str, str], before: SignalLimits, *, whole: 
         "when": fields.get("when", "").strip() or None,
     }
     empty = NONE if whole else before
+    if whole or before.bounds == NO_BOUNDS:
+        empty = replace(empty, hysteresis=float(f"{HYSTERESIS * reach_of(bounds):.2g}"))
     made = {name: getattr(empty, name) if value is None else value for name, value in made.items()}
     return replace(before, bounds=bounds, **made)

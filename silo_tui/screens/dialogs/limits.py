@@ -17,11 +17,12 @@ from silo_tui.model.drawing.dots import BLANK
 from silo_tui.model.drawing.plots import draw, plots_of
 from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
 from silo_tui.model.lists.conditions import NOW, held_axis, tried_lines
-from silo_tui.model.plots.limit_fields import BOUNDS, fields_of, limits_of_fields
+from silo_tui.model.plots.limit_fields import BOUNDS, HYSTERESIS, fields_of, limits_of_fields
 from silo_tui.model.plots.limits import between, lines_of
 from silo_tui.model.plots.picture import LIMIT
 from silo_tui.model.table.changes import patterns_of
 from silo_tui.model.table.derived import present
+from silo_tui.model.words.text import short
 from silo_tui.screens.dialogs.form import Form, taken
 from silo_tui.sessions.live import Session
 
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 LINES = (("signal",), ("LL", "L"), ("H", "HH"), ("persist", "hyst"), ("stale", "when"))
 HINTS = {
     "signal": "e.g. {0}", **BOUNDS,
-    "persist": "samples in a row: 1", "hyst": "ends so far inside: 0", "stale": "the same for, e.g. 0.5s",
+    "persist": "samples in a row: 1", "hyst": f"{HYSTERESIS:.0%} of the range", "stale": "the same for, e.g. 0.5s",
     "when": "a condition that must hold",
 }  # fmt: skip
 HELP = "type a number into LL, L, H or HH (empty: no such bound), or a time into stale: so long it may stay the same"
@@ -95,7 +96,7 @@ class LimitsDialog(Form[LimitsWish]):
         "signal": "a name as the table shows it; of several a pattern, legs/*/torque, or names with commas between",
         "LL": "red below this", "L": "yellow below this", "H": "yellow above this", "HH": "red above this",
         "persist": "so many samples in a row beyond a bound make an alarm: 1 at the first",
-        "hyst": "an alarm ends only so far inside the bound, in its unit: calms one that flaps",
+        "hyst": "an alarm ends only so far inside the bound, in its unit, so that noise is one alarm; 0: at the bound",
         "stale": "an alarm where the value stays the same for so long: 0.5s; empty: never",
         "when": "judged only while this holds, as controller/mode == WALK; empty: always",
     }  # fmt: skip
@@ -151,6 +152,11 @@ class LimitsDialog(Form[LimitsWish]):
         signals = [(bind_limits(one, catalogue)[1][0], one.name) for one in wish.limits]
         names = {name for signal, given in signals for name in scalar_names(signal, catalogue, given)}
         (low, high), twice = between(limits.bounds), self._twice(wish.limits, names)
+        if limits.hysteresis and not self.fields["hyst"]:
+            twice = [
+                f"an alarm ends {short(limits.hysteresis)} inside its bound: {HYSTERESIS:.0%} of the range",
+                *twice,
+            ]
         beyond = [
             f"any({one.expression.text} {{}})" if one.width else f"{one.expression.text} {{}}" for one, _ in signals
         ]
