@@ -777,3 +777,21 @@ async def test_tab_says_what_else_a_line_may_become(fake, opened):
         await screen.type("st")
         await screen.press("tab")
         await screen.shows("Tab again: stop")
+
+
+async def test_the_choices_of_a_question_are_in_sight_however_long_its_title_and_what_it_tells_are(fake, opened):
+    """The last ones stood below the end of a terminal of 80x24."""
+    words = ["Apply and go on", "Keep", "Save, stop, apply", "Drop 9 samples", "Discard"]
+
+    async def newer():
+        return [Choice(str(at), f"{each} {'of all that is held ' * 4}", "") for at, each in enumerate(words)]
+
+    async with opened(fake) as screen:
+        choices = [Choice(str(at), each) for at, each in enumerate(words)]
+        title = f"Apply 12 edits to 6 elements of {'a robot with a long name ' * 3}?"
+        body = "\n".join(str(line) for line in range(100))
+        screen.app.push_screen(Question(title, body, choices, newer=newer))
+        await screen.shows("Discard")
+        await screen.shows("Discard of all that is held")
+        for each in words:
+            await screen.shows(each)

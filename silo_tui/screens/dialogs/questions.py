@@ -38,7 +38,7 @@ MOVES = "j k Move  PgDn PgUp Scroll  Esc Back"
 MAX_LINES = 400
 MAX_GROUPS = 60
 LARGEST = 2  # groups: at 80x24 what they cost stands below them
-BORDER_AND_TITLE_ROWS = 5
+AROUND = 4  # rows: a border, and below title and body
 FOLLOWS_S = 1.0
 
 
@@ -135,6 +135,8 @@ class Question(Dialog[str | None]):
             if label != choice.label:
                 self._choices[place] = msgspec.structs.replace(choice, label=label)
                 self.query_one(OptionList).replace_option_prompt_at_index(place, self._line(self._choices[place]))
+        if self._about is None:  # longer words may take more lines
+            self._fit(self.size.height)
 
     def may_lose(self, typed: events.Event) -> bool:
         """Whether it may: all but Esc, the keys of choices that lose nothing, and Enter where it begins with one."""
@@ -153,10 +155,12 @@ class Question(Dialog[str | None]):
             (self._fit if drawn else partial(self.call_after_refresh, self._fit))(event.size.height)
 
     def _fit(self, height: int) -> None:
-        room = height * 9 // 10 - BORDER_AND_TITLE_ROWS
         choices, body = self.query_one(OptionList), self.query(".dialog-body")
         width = max(1, choices.container_size.width)
-        rows = sum(len(self._line(each).wrap(self.app.console, width)) for each in self._choices)
+        title, *rows_of = (
+            len(each.wrap(self.app.console, width)) for each in (Text(self._title), *map(self._line, self._choices))
+        )
+        room, rows = height * 9 // 10 - AROUND - title, sum(rows_of)
         for each in body:
             each.styles.max_height = max(3, room - rows)
         choices.styles.max_height = max(3, min(rows, room - (3 if body else 0)))
