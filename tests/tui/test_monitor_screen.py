@@ -314,9 +314,9 @@ async def test_keys_of_a_plot_say_that_nothing_is_plotted_where_its_signal_is_no
 async def test_how_many_elements_are_plotted_is_told_where_that_is_another_number_than_of_plots(fake, opened):
     async with opened(fake.run(20)) as screen:
         await screen.do("mark", "mark", "monitor")
-        await screen.shows("plots 1-5 of 7, of 2 elements (j next)")
+        await screen.shows("plots 1-5 of 7, of 2 elements, vectors by entry (j next)")
         await screen.do("plot_bottom")
-        await screen.shows(" of 7, of 2 elements (k before)")
+        await screen.shows(" of 7, of 2 elements, vectors by entry (k before)")
 
 
 async def test_another_signal_is_plotted_by_its_name_without_leaving_the_plots(fake, opened):

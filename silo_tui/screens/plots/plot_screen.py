@@ -244,7 +244,8 @@ class PlotScreen(SiloScreen):
             last = min(total, self.stack.first + fitting)
             way = f"{key_of('plot_down')} next" if last < total else f"{key_of('plot_up')} before"
             elements = len({plotted.element.name for plotted in self.stack.plots})
-            of = f", of {many(elements, 'element')}" if elements != total else ""  # which were marked, or named
+            opened = ", vectors by entry" if len(self.stack.plots) > elements else ""
+            of = f", of {many(elements, 'element')}{opened}" if elements != total else ""  # which were marked, or named
             words.append(f"plots {self.stack.first + 1}-{last} of {total}{of} ({way})")
         if self.session.overlay is not None:
             words.append(f"{SIGN} {self.session.overlay.name}{self._ghost_words()}")
