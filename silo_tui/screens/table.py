@@ -372,7 +372,8 @@ class TableScreen(ElementsScreen):
     def mode_keys(self) -> Sequence[tuple[str, str]]:
         """Return what starts a demo again."""
         again = self.session.dead and self.context.has_demo()
-        return ((("loggers", f"{key_of('demo')} Demo again"),) if again else ()) + tuple(super().mode_keys())
+        ways = (("loggers", f"Loggers, then {key_of('demo')} Demo again"),)
+        return (*(ways if again else ()), *super().mode_keys())
 
     def label_now(self, command: Command) -> str:
         """Return it; nothing to take back where nothing was edited."""

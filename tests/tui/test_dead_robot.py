@@ -99,7 +99,7 @@ async def test_the_bar_of_a_dead_demo_has_the_keys_that_start_it_again(killed):
         assert "Demo again" not in screen.text
         screen.app.context.has_demo = lambda: True
         screen.app.screen.update_keys()
-        await screen.until(lambda: screen.text.splitlines()[-1].startswith(" g l g d Demo again"))
+        await screen.until(lambda: screen.text.splitlines()[-1].startswith(" g l Loggers, then g d Demo again"))
 
 
 async def test_what_was_lost_before_a_program_died_is_still_told(killed):
