@@ -75,6 +75,7 @@ SIGNS = (
     ("*", "pending: prepared here, not applied yet (underlined)"), ("!", "conflict: somebody else changed it too"),
     ("E", "edited: it has other settings than its program began with; /edited shows all, the inspector both"),
     (MARKED, f"marked: edits and plots are about all that is marked; {ON_MARKED} with the cursor on it"),
+    ("‣ 12:51:44 …", "news of the robot, and when they came; `:messages` shows all"),
     ("…", "there is more than has room: the inspector has all of it"),
     ("↓ ↑", "before a title: ordered by it, ↓ the largest on top, ↑ the smallest, or from a to z"),
     ("=", "derived: computed from others; its options are those of its signals"),
@@ -296,7 +297,8 @@ class HelpScreen(Dialog[None]):
         text = page(found, self.size.width - 1, chosen) if found else Text(" Nothing holds these words. Esc: all again")
         self.query_one("#help-page", Static).update(text)
         typing = self.query_one(Line).display
-        does = "Enter finds" if typing else "Enter does it" if chosen and chosen.command else "Enter has no use here"
+        does = f"Enter {chosen.label}" if chosen and chosen.command else "Enter has no use here"
+        does = "Enter finds" if typing else does
         keys = f"{does}  ↑↓ Choose" if typing or words else "/ Search"
         tab = "Tab This screen" if self._everywhere else "Tab All screens"
         self.query_one("#help-keys", Static).update(f" {keys}  {tab}  t Tour  j k Scroll  Esc Closes")
