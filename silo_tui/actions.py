@@ -19,6 +19,8 @@ from textual.keys import REPLACED_KEYS
 from silo.files.formats import SAVED_NAMES
 from silo.settings.options import OPTION
 
+PAGE = "`silo-tui --serve`, typed in a shell, shows all of it as a web page, in a browser"
+
 
 class Typed(msgspec.Struct, frozen=True):
     """How a command is typed after `:`.
@@ -487,6 +489,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("go_home", "", "Home: table", "back to the table", "Go", ("any",), typed=Typed(("home",))),
     Command("tour", "", "Tour", "six steps to try on the logger that is open; again: ends it", "Go", ("any",),
             typed=Typed(("tour",))),
+    Command("browser", "", "In a browser", PAGE, "Go", ("any",),
+            typed=Typed(("browser", "serve", "web"), usage=":browser", help=PAGE, place=11)),
     Command("messages", "", "Messages", "all that was said here: answers to keys, news of the robot", "Go", ("any",),
             typed=Typed(("messages",))),
     Command("goto", "", "Go to a name", "put the cursor on an element", "Move", (),

@@ -82,6 +82,7 @@ _TABLE = (
     ("g n", "goto"),
     ("g o", "open"),
     ("g d", "demo"),
+    ("g b", "browser"),
     # --------------------------------------------------------------------------------------------------- edit
     ("e e", "edit scope_settings trigger_edit"),
     ("e e,e a", "alarm_limits"),

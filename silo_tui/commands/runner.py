@@ -13,6 +13,7 @@ from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES, is_bag_folder
 from silo.settings.typed import completions
 from silo_tui.actions import (
+    BY_ID,
     BY_WORD,
     COMMANDS,
     FILE_SCOPES,
@@ -47,7 +48,6 @@ from silo_tui.theme import theme_name
 if TYPE_CHECKING:
     pass
 
-IN_A_SHELL = dict.fromkeys(("serve", "browser", "web"), "`silo-tui --serve` shows it in a browser")
 PICTURES = (".png", ".jpg", ".jpeg", ".gif", ".pdf")
 
 
@@ -132,8 +132,6 @@ class CommandRunner:
 
     def _no_command(self, word: str) -> str:
         """Return that there is none of that word, and what may be meant: another word, or what has a key."""
-        if word in IN_A_SHELL:
-            return f"there is no command {word!r} here: {IN_A_SHELL[word]}, in a shell"
         near = [known for known in sorted(BY_WORD) if known.startswith(word[:2])]
         keyed = [with_keys(each) for each in COMMANDS if each.label.casefold().startswith(word.casefold())]
         keys = [f"{each.label} is {each.footer_key}" for each in keyed if each.keys]
@@ -192,6 +190,9 @@ class CommandRunner:
             return
         types, name = command_line.read_save(typed.arguments)
         self._context.app.push_screen(SaveDialog(self._context, types, name, at_once=bool(typed.arguments)))
+
+    def command_browser(self) -> None:
+        self._context.say(BY_ID["browser"].help)
 
     def command_try_link(self) -> None:
         self._context.try_link()

@@ -22,6 +22,7 @@ from silo_tui import screens as every_screen
 from silo_tui.actions import BY_ID, BY_WORD, COMMANDS, footer_for
 from silo_tui.commands import flows
 from silo_tui.commands.palette import CommandProvider
+from silo_tui.keymap import in_menu
 from silo_tui.modal import Choices
 from silo_tui.model.table.fields import Field
 from silo_tui.screens.dialogs.questions import Choice, Question
@@ -431,7 +432,8 @@ async def test_the_palette_finds_by_words_of_a_sentence_and_not_by_letters_that_
             ("take the last", "Undo"),
             (":view", ":view [save] NAME", "put a view on the screen, or keep it"),  # brackets as they are typed
             ("beyond its", "Alarms  (A)"),
-            ("browser", "silo-tui --serve"),  # what only the help has a line for
+            ("in a browser", "silo-tui --serve"),
+            ("so many are logged", "elements on"),  # what only the help has a line for
         ):
             await screen.press("ctrl+p")
             await screen.type(typed)
@@ -453,10 +455,18 @@ async def test_the_palette_finds_what_the_help_has_a_line_for_and_tells_what_is_
                 continue
             assert [hit async for hit in palette.search(line.right)], line
         await screen.press("ctrl+p")
-        await screen.type("in a browser")
-        await screen.shows("silo-tui --serve")
+        await screen.type("so many are logged, of")
+        await screen.shows("elements on")
         await screen.press("enter", "enter")
-        await screen.shows("silo-tui --serve: in a shell: all of it as a web page, in a browser")
+        await screen.shows("elements on: so many are logged, of all")
+
+
+@pytest.mark.parametrize("word", ["browser", "serve", "web"])
+async def test_how_all_is_shown_in_a_browser_is_told_by_its_word_and_by_the_menu(fake, opened, word):
+    async with opened(fake, size=(120, 40)) as screen:
+        await screen.enter(f":{word}")
+        await screen.shows("`silo-tui --serve`, typed in a shell, shows all of it as a web page, in a browser")
+    assert [each.id for each in in_menu("menu_go", "monitor")["b"]] == ["browser"]
 
 
 async def test_the_palette_finds_a_spectrum_from_the_table_and_from_the_plots_and_leads_there(fake, opened):

@@ -64,7 +64,7 @@ def test_the_words_of_options_and_filter_are_those_of_their_tables():
     for option in OPTIONS:
         assert all(word.word in text for word in option.words)
     assert all(term.names[0] in text for term in TERMS)
-    assert "silo-tui --serve in a shell: all of it as a web page, in a browser" in text
+    assert ":browser `silo-tui --serve`, typed in a shell, shows all of it as a web page, in a browser" in text
     assert all(example in BY_ID["edit_divider"].help for example in ("50Hz", "*2"))
 
 
@@ -143,8 +143,8 @@ def test_every_column_of_the_tables_is_explained():
 async def test_the_foot_offers_no_enter_for_what_is_only_to_be_read(fake, opened):
     async with opened(fake, size=(80, 24)) as screen:
         await screen.press("question_mark", "slash")
-        await screen.enter("browser")
-        await screen.shows("in a shell: all of it")
+        await screen.enter("news of the robot, and")
+        await screen.shows("‣ 12:51:44 …")
         await screen.shows("Enter has no use here")
 
 

@@ -128,8 +128,6 @@ def entries(scope: str, *, everywhere: bool) -> list[HelpLine]:
     for group in sorted(dict.fromkeys(command.group for command in commands), key=LAST_GROUPS.count):
         members = [command for command in commands if command.group == group and command.keys]
         found += [HelpLine(each.key_text, each.help, group, each.id, each.label) for each in members]
-        page = "in a shell: all of it as a web page, in a browser"
-        found += [HelpLine("silo-tui --serve", page, group)] * (group == "Go")
     on_file = scope in FILE_SCOPES
     of_table, of_plots = (everywhere or scope in scopes for scopes in (("table", "file"), PLOT_SCOPES))
     signs = FILE_SIGNS if on_file else (*SIGNS, *MEANINGS.items())
