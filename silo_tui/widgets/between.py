@@ -40,7 +40,8 @@ class BetweenTable(Guarded, Static):
             isolates, removes = f"{key_of('isolate_plot')} isolates one", f"{key_of('drop_plot')} takes one away"
             lines.append(f"\n {many(len(facts) - MOST_LINES, 'more signal')}: {isolates}, {removes}")
         if partly:
-            lines.append(f"\n {partly}")
+            lacks = any(math.isnan(found.mean) and math.isfinite(found.smallest) for *_, found in facts)
+            lines.append(f"\n {partly}{'; mean, std and rms need all samples' if lacks else ''}")
         self.update(lines)
         self.display, self.partly = True, partly
 

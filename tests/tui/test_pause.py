@@ -187,6 +187,7 @@ async def test_a_link_that_is_cut_at_once_leaves_the_picture_which_claims_no_sec
         assert abs((monitor(screen).window.at_ns - START_NS) / 1e9 % 4) < 0.2  # a spike every 4 s
         await screen.do("cursor_b", *["shift+left"] * 3)
         await screen.shows("picture only, to ")
+        await screen.shows("; mean, std and rms need all samples")
 
         def told():
             line = [line for line in screen.text.splitlines() if "torque" in line][-1]
