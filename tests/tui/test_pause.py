@@ -294,6 +294,25 @@ async def test_scrolling_back_by_less_than_half_a_window_says_how_far_it_went_an
         await screen.until(lambda: monitor(screen).line.said.startswith("that is the oldest: "))
 
 
+async def test_of_several_signals_that_which_is_held_longest_ends_what_is_held_and_none_that_is_held_since_the_start(
+    new_fake, opened
+):
+    fake = new_fake([
+        scalar(TORQUE, "Nm", buffer=BufferType.LOOPING, size=2400),
+        scalar(OTHER, "Nm", buffer=BufferType.LOOPING, size=4800),
+    ])  # fmt: skip
+    async with opened(fake.run(11)) as screen:
+        await screen.press("*", "m")
+        await screen.until(lambda: not store_of(screen).empty, "history in the plot")
+        await screen.press("pageup")
+        await screen.shows("the oldest that is held; ⇧← cursor by ten")
+        await screen.press("escape")
+        fake.advance(60)
+        await screen.until(lambda: store_of(screen).end * store_of(screen).column_ns >= fake.now_ns, "it goes on")
+        await screen.press("pageup")
+        await screen.shows("that is the oldest: /legs/LH/HAA/torque holds 12 s (buffer looping")
+
+
 async def test_buffers_that_hold_more_than_they_were_asked_to_are_looked_back_in(fake, opened, monkeypatch):
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)

@@ -69,11 +69,16 @@ async def test_who_quits_is_asked_once_whether_settings_that_were_changed_are_ke
     assert read_file() == (Settings(theme=kept), [])
 
 
-async def test_who_changed_no_setting_is_not_asked_as_one_that_a_command_line_gave_or_one_changed_back(fake, opened):
+@pytest.mark.parametrize("lines", [[], ["theme dark"], ["theme contrast", "theme light"]])
+async def test_who_changed_no_setting_is_not_asked_as_one_that_a_command_line_gave_or_one_changed_back(
+    fake, opened, lines
+):
     async with opened(fake) as screen:
         context = screen.app.context
         context.settings = context.begun_settings = Settings(theme="light")
-        await screen.press("colon", *"theme", "space", *"dark", "enter", "q")
+        for line in lines:
+            await screen.enter(f":{line}")
+        await screen.press("q")
         await screen.until(lambda: not screen.app.is_running)
 
 
