@@ -22,33 +22,40 @@ class Preset(msgspec.Struct, frozen=True):
     letter: str
     words: str
     layout: KeptLayout
+    shown: str = ""  # what its filter lets pass: nobody typed that
 
 
 PRESETS = (
     Preset(
         "hottest",
         "h",
-        "Hottest ten: temperatures, the highest on top as you ask; rows then stay",
+        "Hottest ten: temperatures, highest on top now; rows then stay",
         KeptLayout(sort="value", filter="unit:degC", most=TEN),
+        "temperatures",
     ),
     Preset(
         "noisiest",
         "n",
         "Noisiest ten: most noise against siblings of the same last name; no drift",
         KeptLayout(sort=NOISE, filter="type:f", set="statistics", most=TEN),
+        "floats",
     ),
-    Preset("problems", "p", "Problems: what the column state says something of", KeptLayout(filter="problem")),
+    Preset(
+        "problems", "p", "Problems: what the column state says something of", KeptLayout(filter="problem"), "problems"
+    ),
     Preset(
         "stuck",
         "s",
-        "Stuck: frozen, or no change seen (>); last change on top",
-        KeptLayout(sort="changed", filter="frozen|std=0", set="timing"),
+        "Stuck: floats, frozen or no change seen (>); last change on top",
+        KeptLayout(sort="changed", filter="type:f frozen|std=0", set="timing"),
+        "frozen or unchanged floats",
     ),
     Preset("edited", "e", "Edited: other settings than the program began with", KeptLayout(filter="edited")),
     # of those that are near as it is asked for: `near_limit`
     Preset(NEAR, "l", "Near a limit: within a tenth of one, or beyond", KeptLayout(sort=LIMIT)),
 )
 BY_NAME = {preset.name: preset for preset in PRESETS}
+SHOWN = {preset.layout.filter: preset.shown for preset in PRESETS if preset.shown}
 
 
 def is_near(one: LimitStatus) -> bool:

@@ -556,6 +556,8 @@ class ElementsScreen(SiloScreen):
             words += " …" if len(by) > 1 else ""
         elif line.value and (by := found.by_description(self.session.table, rows.marked, rows.shown.tolist())):
             words = f"{len(by)} by what is said of them: {self.session.table.elements[by[0]].description}"
+        elif line.value and not words and (more := found.more_described(self.session.table, rows.marked)):
+            words = f"+ {more} by what is said of them: desc:{line.value.split()[0]}"
         *above, last = words.split("\n")
         above += [last] if len(last) >= room else []
         notes.update("\n".join([*above, f"{'' if len(last) >= room else last:<{max(0, room)}}{count}"]))

@@ -11,6 +11,7 @@ from textual.app import RenderResult
 from silo.core.quantities.writing import many, wall_clock
 from silo.rpc.published import NOT_LIVE_TEXTS
 from silo_tui.actions import key_of, unmark_words
+from silo_tui.layouts.presets import SHOWN
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.table.cells import sign_of
 from silo_tui.model.table.columns import NAME, STEADY
@@ -173,8 +174,10 @@ class InfoLine(MessageLine):
             stood = f" at {wall_clock(rows.stood_ns)}" if rows.stood_ns else ""
             passing = "being measured" if unknown else f"the first {shown}{stood}" if rows.most else shown
             is_near = rows.filter.text == session.near and session.near.startswith("~")  # a pattern of many names
-            told = "near a limit" if is_near else f"/{rows.filter.text.removeprefix('/')}"
-            parts.append(LinePart(6 * alone, f"{told}: {passing}"))
+            typed = f"/{rows.filter.text.removeprefix('/')}"
+            told = "near a limit" if is_near else SHOWN.get(rows.filter.text, "")  # what nobody typed, in words
+            words = f"{told} ({typed})" if told and not is_near else told or typed
+            parts.append(LinePart(6 * alone, f"{words}: {passing}", "", (f"{told or typed}: {passing}",)))
             parts += [LinePart(5, f"? {problem}") for problem in rows.filter.problems[:1]]
         if rows.sort not in STEADY or rows.turned:
             order = f"by {rows.sort} {rows.arrow}"

@@ -155,6 +155,8 @@ def test_a_word_that_no_name_has_is_looked_for_in_what_the_program_says_of_its_e
     found = filters.parse("jitter")
     rows, none = np.flatnonzero(found.mask(state, np.zeros(len(state), bool))), np.zeros(len(state), bool)
     assert found.by_description(state, none, rows.tolist()) == rows.tolist()
+    assert found.more_described(state, none) == 0, "it is shown"
+    assert filters.parse("torque").more_described(state, none) == 1, "that of base/position, which names stand before"
 
 
 def test_where_no_name_has_all_words_each_may_be_in_name_or_description(robot):

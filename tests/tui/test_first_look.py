@@ -195,14 +195,16 @@ async def test_a_view_that_nothing_passes_says_where_esc_leads(fake, opened):
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
 async def test_what_stands_still_from_the_first_sample_on_is_seen_below_what_changed_before(size, fake, opened):
-    dead, stopped, moves, just_now = (element.name for element in fake.elements[2:6])
+    floats = [element.name for element in fake.elements if element.entries[0].dtype[1] == "f"]
+    dead, stopped, moves, just_now = floats[2:6]
     still = dict.fromkeys((element.name for element in fake.elements), 1.0) | {dead: 0.0}
+    still |= {element.name: 0.0 for element in fake.elements if element.name not in floats}
     changed = {dead: 999.0, stopped: 50.0, just_now: 5.0}
     fake.facts = {"std": still, "signs": dict.fromkeys((stopped, just_now), FROZEN), "changed": changed}
     fake.facts["change_seen"] = {dead: 0.0}
     async with opened(fake.run(), size=size) as screen:
         await screen.do("view")
-        await screen.shows("Stuck: frozen, or no change seen (>); last change on top  (s)")
+        await screen.shows("Stuck: floats, frozen or no change seen (>); last change on top")
         await screen.press("s")
         await screen.until(lambda: screen.session.short_name(moves) not in screen.text, "what stands still alone")
         await screen.shows("↑changed")
@@ -221,7 +223,9 @@ async def test_what_stands_still_from_the_first_sample_on_is_seen_below_what_cha
             return all(words in line for words, line in zip(changed, screen.text.splitlines()[2:], strict=False))
 
         await screen.until(told, "which change was seen")
-        assert "view stuck: frozen, or no change seen (>)" in screen.text
+        assert "view stuck: floats, frozen or no change seen (>)" in " ".join(screen.text.split())
+        of_type = {screen.session.table.elements[row].entries[0].dtype[1] for row in screen.session.rows.shown}
+        assert of_type == {"f"}, "a flag that never changes is as it should be"
         screen.app.screen.info.give_way()
         await screen.shows("> no change seen yet")
 
@@ -294,6 +298,7 @@ async def test_the_tour_is_left_as_everything_is(fake, opened):
 
 @pytest.mark.parametrize(("letter", "quantity", "most"), [("h", "value", 10), ("n", "noise", 10)])
 async def test_the_first_ten_of_a_view_are_ten_and_stand_still_while_one_looks(letter, quantity, most, fake, opened):
+    words = {"h": "temperatures: the first 10 of 13", "n": "floats: the first 10 of"}
     async with opened(fake.run(20)) as screen:
         rows, table = screen.session.rows, screen.session.table
         await screen.do("view")
@@ -305,6 +310,7 @@ async def test_the_first_ten_of_a_view_are_ten_and_stand_still_while_one_looks(l
         stood = rows.shown.tolist()
         head = f"order of {wall_clock(rows.stood_ns)}"  # rows stay while their numbers change: no order of now
         await screen.until(lambda: head in screen.text.splitlines()[1], "of when the order is")
+        await screen.shows(words[letter])
         await screen.shows(f"the first 10 of {rows.passing}")
         await screen.shows(" at ")
         screen.app.screen._typed_s = -100.0  # nobody has been at the keys for long

@@ -179,7 +179,7 @@ def test_a_robot_that_can_t_keep_a_view_says_why(fake, monkeypatch):
 @pytest.mark.parametrize(
     ("answers", "said"),
     [
-        (("h",), ["view hottest: temperatures, the highest on top as you ask; rows then stay"]),
+        (("h",), ["view hottest: temperatures, highest on top now; rows then stay"]),
         (("1",), ["view gait"]), (("2",), ["view walk"]), (("r", "1"), ["view robot:run"]),
         (("r", ESC), []), ((ESC,), []),
     ],

@@ -112,6 +112,12 @@ class Filter(msgspec.Struct, frozen=True):
         by_name = self.mask(_named(table), marked)
         return [row for row in passing if not by_name[row]]
 
+    def more_described(self, table: TableState, marked: Mask) -> int:
+        """Return how many don't pass of which a word is said, as others have it in their names."""
+        said = copy(table)
+        said.said_too = True
+        return int((self.mask(said, marked) & ~self.mask(table, marked)).sum())
+
     def blocked_by(self, table: TableState, marked: Mask) -> tuple[str, int] | None:
         """Return the term without which most elements would be left, and how many; None where no single one is it."""
         masks = [condition.passes(table, marked) for condition in self.conditions]
