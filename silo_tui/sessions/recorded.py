@@ -8,7 +8,7 @@ import contextlib
 import os
 import warnings
 from collections.abc import Callable, Sequence
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import numpy as np
 
@@ -31,9 +31,10 @@ from silo_tui.model.table.columns import FILE_COLUMNS
 from silo_tui.model.table.facts import Facts
 from silo_tui.model.table.file_facts import FileFacts
 from silo_tui.model.words import text
-from silo_tui.model.words.names import fitted_among
+from silo_tui.model.words.names import cells, fitted_among
 from silo_tui.sessions.live import Session
 
+NAME_ROOM = 16  # cells that the name of a file keeps in the head
 SLICE_S = 0.05  # of reading, after which another wish is followed
 
 
@@ -82,25 +83,30 @@ class FileSession(Session):
         return self.seconds
 
     def facts_words(self, width: int, *, wide: bool) -> list[tuple[int, str, str]]:
-        """Return name, duration, ticks, what was lost."""
+        """Return name, duration, ticks, what was lost; the last facts give way where the name would have no room."""
         report, source = self.report, self.source
-        facts = f"  {many(self._parts, 'part')}" if self._parts else ""
         seconds = (source.end_ns - source.begin_ns) / 1e9  # as plots count them, while that is no long number
         span = f"{text.short(seconds)} s" if 100 <= seconds < 1000 else text.span(seconds)
         stamps = "ticks" if source.recording.offset else "stamps"  # of a bag of others each topic has its own
-        facts += f"  {span}  {text.count(report.ticks)} {stamps}"
+        facts = [many(self._parts, "part")] if self._parts else []
+        facts += [span, f"{text.count(report.ticks)} {stamps}"]
         derived = len({one.name for one in source.recording.conditions.derived} & self.rows_of.keys())
-        facts += f"  {many(len(report.elements) - derived, 'element')}" if wide else ""
-        facts += f" +{derived} derived" if wide and derived else ""
-        facts += f"  {text.short(report.rate_hz)} Hz" if report.rate_hz and source.recording.offset else ""
-        facts += f"  {size_text(report.size_bytes)}" if wide and report.size_bytes else ""
+        if wide:
+            facts.append(many(len(report.elements) - derived, "element") + f" +{derived} derived" * bool(derived))
+        facts += [f"{text.short(report.rate_hz)} Hz"] if report.rate_hz and source.recording.offset else []
+        facts += [size_text(report.size_bytes)] if wide and report.size_bytes else []
         lost, holes = f"  lost {text.count(report.lost)}", len(source.recording.gaps)
         lost += f", {many(holes, 'hole')}" * bool(holes)
         lost += f", overwritten {text.count(over)}" if (over := source.recording.overwritten) else ""
         silo = "silo " if wide else ""  # on a small screen the file's name is worth more
-        name = fitted_among(self.name, (), width - len(silo) - 5 - len(facts) - len(lost))
+        room = width - len(silo) - 5 - len(lost)
+        stem = PurePath(self.name).stem  # with what numbers it at its end
+        while facts and room - sum(2 + len(each) for each in facts) < min(cells(stem), NAME_ROOM):
+            facts.pop()
+        room -= sum(2 + len(each) for each in facts)
+        name = fitted_among(self.name if cells(self.name) <= room else stem, (), room)
         return [
-            (0, silo, "bold"), (0, "FILE", "reverse"), (0, f" {name}{facts}", ""),
+            (0, silo, "bold"), (0, "FILE", "reverse"), (0, "  ".join([f" {name}", *facts]), ""),
             (0, lost, "alarm" if report.lost else ""),
         ]  # fmt: skip
 

@@ -258,6 +258,19 @@ def test_the_head_says_beside_what_was_lost_that_there_are_holes():
     assert head[-1][1] == "  lost 0, 1 hole"
 
 
+def test_the_head_of_a_narrow_screen_keeps_of_the_name_what_numbers_the_file():
+    times = START_NS + STEP_NS * np.arange(10, dtype=np.int64)
+    elements = (replace(element("a", np.arange(10.0)), lost=3),)
+    gaps = ((int(times[4]), int(times[5])),)
+    recording = Recording("robot", times, 10, elements, frequency_hz=400.0, overwritten=120000, gaps=gaps)
+    for width in (60, 72, 80):
+        head = FileSession(Log(recording, "anymal_20261201-061302_00042.silo")).facts_words(width, wide=False)
+        words = "".join(words for _, words, _ in head)
+        assert "00042" in words, width
+        assert len(words) <= width
+        assert words.endswith("lost 3, 1 hole, overwritten 120 000")
+
+
 def test_the_head_tells_what_was_overwritten_before_a_part_was_saved_apart_from_what_was_lost():
     times = START_NS + STEP_NS * np.arange(10, dtype=np.int64)
     recording = Recording("robot", times, 10, (replace(element("a", np.arange(10.0)), lost=3),), overwritten=1200)
