@@ -1,5 +1,6 @@
 """What takes several steps with views: putting one on the screen, listing them, having the robot keep one."""
 
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
@@ -76,7 +77,7 @@ async def _near_limit_shown(context: Context) -> str:
     if not session.limits:
         return f"no signal has limits: {key} sets some"
     passing, words = near_limit(session.limits)
-    session.near = passing
+    session.near, session.near_ns = passing, time.time_ns()
     if not passing:
         return f"{words}; {context.key_in_table('alarms')} lists them, {key} sets more"
     shown = views.capture(context) or KeptLayout()

@@ -162,7 +162,8 @@ class Session:
         self.lent = Lent(self)
         self._left: tuple[Status, Had] | None = None  # with the link, until all is read anew
         self.made_trigger = ""  # the one that was made last
-        self.near = ""  # the filter of what was near a limit when that was looked at last
+        self.near = ""  # the filter of what was near a limit when that was looked at last, and when that was
+        self.near_ns = 0
         self.typed_before: dict[tuple[str, str], dict[str, str]] = {}  # into forms that were left, see `Form`
         self.left_files: list[SavedFile] = []  # of a robot program that died
         self.happened: list[LoggedEvent] = []  # the newest lines of the event log

@@ -175,7 +175,8 @@ class InfoLine(MessageLine):
             passing = "being measured" if unknown else f"the first {shown}{stood}" if rows.most else shown
             is_near = rows.filter.text == session.near and session.near.startswith("~")  # a pattern of many names
             typed = f"/{rows.filter.text.removeprefix('/')}"
-            told = "near a limit" if is_near else SHOWN.get(rows.filter.text, "")  # what nobody typed, in words
+            near = f"near a limit at {wall_clock(session.near_ns)}"  # it moves on
+            told = near if is_near else SHOWN.get(rows.filter.text, "")  # what nobody typed, in words
             words = f"{told} ({typed})" if told and not is_near else told or typed
             parts.append(LinePart(6 * alone, f"{words}: {passing}", "", (f"{told or typed}: {passing}",)))
             parts += [LinePart(5, f"? {problem}") for problem in rows.filter.problems[:1]]
