@@ -81,6 +81,28 @@ def test_the_sign_of_a_limit_is_of_the_value_that_stands_beside_it(value, judged
 
 
 @pytest.mark.parametrize(
+    ("name", "values", "words"),
+    [
+        ("/t", (2.13,), "1.87 to H 4"), ("/t", (4.5,), "0.5 over H 4"), ("/t", (6.25,), "0.25 over HH 6"),
+        ("/t", (-4.5,), "0.5 under LL -4"), ("/t", (NAN,), "-"), ("/n", (1.0,), "-"),
+        ("/v", (0.0, NAN, 3.5), "0.5 to H 4"), ("/v", (NAN, 3.0, 3.5), "1 to HH 4"),
+    ],
+)  # fmt: skip
+def test_how_far_a_value_is_from_the_limit_that_it_meets_first_of_a_vector_the_nearest_entry(name, values, words):
+    sight = sight_of(name, read(*values))
+    entries = [entry.suffix for entry in ELEMENTS[ROW["/v"]].entries]
+    bounds = {"/t": (-4.0, None, 4.0, 6.0), f"/v{entries[1]}": (None, None, None, 4.0)}
+    bounds[f"/v{entries[2]}"] = (None, None, 4.0, None) if np.isnan(values[-2:][0]) else (None, None, 40.0, None)
+    limits = {one: LimitStatus(one, one, LimitWord.OK, bounds=each, value=1.0) for one, each in bounds.items()}
+    sight.table.limits = limits
+    assert cells.limit(sight, ROW[name], 16) == (words, "quiet")
+    shares = sight.table.shares_left
+    assert shares[ROW["/t"]] == 3.0 / 8.0
+    assert shares[ROW["/v"]] == 0.75
+    assert np.isnan(shares[ROW["/n"]])
+
+
+@pytest.mark.parametrize(
     ("why", "cell"),
     [(NotLive.FULL, ("full", "quiet")), (NotLive.LIMIT, ("full", "caution")), (NotLive.OTHER, ("old", "caution")),
      (NotLive.SHORT, ("", "")), (None, ("", ""))],

@@ -386,9 +386,9 @@ def limit(sight: Sight, row: int, width: int) -> Cell:
     if len(element.entries) == 1:
         reading = _as_shown(table, row, reading)
     given = [(value, table.limits.get(sight.entry_name(row, at))) for at, value in enumerate(reading.newest.tolist())]
-    bounded = [(one.share_left(value), one.closest(value)) for value, one in given if one is not None]
-    left, found = min(bounded, key=lambda each: each[0], default=(math.nan, None))
-    if found is None or math.isnan(left):
+    bounded = [(one.share_left(value), one.closest(value)) for value, one in given if one and not math.isnan(value)]
+    _, found = min(bounded, key=lambda each: each[0], default=(math.nan, None))
+    if found is None:
         return "-", "quiet"
     word, bound, left = found
     side = "to" if left >= 0 else "over" if SIDES[word] > 0 else "under"
