@@ -35,7 +35,7 @@ from silo.helper.request_threads import RequestThreads, Servers
 from silo.helper.robot_link import RobotLink, ending
 from silo.helper.runs import Runs, taken_over
 from silo.helper.saver import Saver
-from silo.link.channel import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
+from silo.link.channel import FILES_DELETED, READY, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
 from silo.live.publisher import Publisher
 from silo.net.access.certificates import not_valid_today
 from silo.net.access.logins import asks_for_passwords, watch_logins
@@ -60,7 +60,6 @@ from silo.state.handover import ChangeCount, RobotState
 from silo.state.held_runs import HeldRuns
 from silo.state.replica import LoggerSnapshot, Replica
 
-READY = 0  # number of the LinkReply that says that clients can come, or why they can't
 TERM_GRACE_S = 5.0
 SAVE_GRACE_S = 10.0
 CAPTURES_GRACE_S = 8.0  # the program that closes its logger kills this process after 15 s

@@ -18,6 +18,7 @@ ASKED_EVERY_S = 1.0
 MAX_BYTES = 256 * 2**20  # a table of a million elements; more is not a message of ours
 _LENGTH = struct.Struct("<I")
 
+READY = 0  # number of the LinkReply that says that clients can come, or why they can't
 FILES_DELETED = 75  # exit code of a helper process that ends so that its successor makes its socket anew
 
 

@@ -7,15 +7,17 @@ import sys
 
 import pytest
 
+from silo.link.channel import READY, Beat, LinkChannel, LinkReply, LinkSaved
 from silo.logger.serving import process
 from silo.logger.serving.process import TICK_NS, HelperProcess
+from silo.rpc.declaring import Done
 
 
 class Starting(HelperProcess):
     """One that works and works, and says nothing."""
 
     def __init__(self, link: socket.socket) -> None:
-        self.link = link
+        self.link, self.channel, self.early = link, LinkChannel(link), []
         self._worked = itertools.count(0, TICK_NS)
 
     def worked_ns(self) -> int:
@@ -38,6 +40,19 @@ def test_one_that_hangs_in_its_start_holds_up_the_end_of_its_program_a_little_al
     with ours, theirs:
         assert Starting(ours)._answers(is_wanted) is answers
     assert next(asked) > 4
+
+
+def test_what_it_tells_before_clients_can_come_is_kept_and_no_reason_to_kill_it() -> None:
+    """A successor that ended a capture before it was ready was killed, and the next one: up to 48 s without any."""
+    ours, theirs = socket.socketpair()
+    saved = LinkSaved(1, [], "")
+    with ours, theirs:
+        helper = LinkChannel(theirs)
+        for message in (saved, Beat(), LinkReply(READY, Done("the socket"))):
+            helper.send(message)
+        starting = Starting(ours)
+        assert starting.wait_until_ready(lambda: True) == "the socket"
+        assert starting.early == [saved, Beat()]
 
 
 @pytest.mark.slow

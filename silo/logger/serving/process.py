@@ -19,7 +19,7 @@ from silo.bridges.listening import bound, check_installed
 from silo.core.child import ENDING_S, NONE, PIPE, ChildProcess
 from silo.core.runtime import down_mark, open_unfinished, unopened
 from silo.errors import ConnectionLostError, SegmentError, SiloError
-from silo.link.channel import LinkChannel, LinkMessage, LinkReply
+from silo.link.channel import READY, LinkChannel, LinkMessage, LinkReply
 from silo.polling import readable
 from silo.rpc.declaring import Done
 from silo.rpc.refusals import Refused
@@ -55,6 +55,7 @@ class HelperProcess(ChildProcess):
         self.link, theirs = socket.socketpair()
         self.runs, their_runs = handover_pair()
         self.channel = LinkChannel(self.link)
+        self.early: list[LinkMessage] = []
         descriptors = [theirs.fileno(), their_runs.fileno(), changes]
         channels: list[str | int] = ["--fd", descriptors[0], "--runs-fd", descriptors[1], "--changes-fd", changes]
         try:
@@ -72,21 +73,26 @@ class HelperProcess(ChildProcess):
     def wait_until_ready(self, is_wanted: Callable[[], bool]) -> str:
         """Return the path of its socket once clients can come. Raises ConnectionLostError with its reason.
 
-        Where it is wanted no more it has a little time left, as any that ends.
+        What it tells before that, as one that goes on with captures of its predecessor may, is kept in `early`. Where
+        it is wanted no more it has a little time left, as any that ends.
         """
         began_s = time.monotonic()
-        speaks = self._answers(is_wanted)
-        message = self.channel.receive() if speaks else None
-        reply = message.reply if isinstance(message, LinkReply) and message.number == 0 else None
-        if isinstance(reply, Done):
-            return reply.text
-        gone = speaks and message is None
+        gone, refused = False, ""
+        while not gone and not refused and self._answers(is_wanted):
+            message = self.channel.receive()
+            if not isinstance(message, LinkReply) or message.number != READY:
+                gone = message is None
+                self.early += [message] if message is not None else []
+            elif isinstance(message.reply, Done):
+                return message.reply.text
+            else:
+                refused = message.reply.text if isinstance(message.reply, Refused) else "it answered something else"
         code = self.end() if gone else self.kill()
-        if isinstance(reply, Refused):
-            raise ConnectionLostError(reply.text)
         if gone:
-            raise ConnectionLostError(f"it ended at once (exit code {code}); see its output above")
-        raise ConnectionLostError(f"no answer within {time.monotonic() - began_s:.0f} s; see its output above")
+            refused = f"it ended at once (exit code {code}); see its output above"
+        raise ConnectionLostError(
+            refused or f"no answer within {time.monotonic() - began_s:.0f} s; see its output above"
+        )
 
     def _answers(self, is_wanted: Callable[[], bool]) -> bool:
         """Wait until there is something to read, as long as it works at it; a busy computer lets it work slowly."""

@@ -160,6 +160,8 @@ class Serving:
         self.socket_path = self._helper.wait_until_ready(lambda: self.alive)
         self._died = ""  # it is told
         self.is_up = True
+        for message in self._helper.early:
+            self._heard(message)
 
     @property
     def foxglove_port(self) -> int | None:
