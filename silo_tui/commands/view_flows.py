@@ -55,6 +55,8 @@ async def view_shown(context: Context, name: str) -> str:
             return await _near_limit_shown(context)
         if preset is not None:
             layout = preset.layout
+            if preset.shown and context.has_session:
+                context.session.filter_words[layout.filter] = preset.shown
         elif name.startswith(ROBOT):
             from silo_tui.layouts.texts import read
 

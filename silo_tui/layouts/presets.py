@@ -55,7 +55,6 @@ PRESETS = (
     Preset(NEAR, "l", "Near a limit: within a tenth of one, or beyond", KeptLayout(sort=LIMIT)),
 )
 BY_NAME = {preset.name: preset for preset in PRESETS}
-SHOWN = {preset.layout.filter: preset.shown for preset in PRESETS if preset.shown}
 
 
 def is_near(one: LimitStatus) -> bool:

@@ -164,6 +164,7 @@ class Session:
         self.made_trigger = ""  # the one that was made last
         self.near = ""  # the filter of what was near a limit when that was looked at last, and when that was
         self.near_ns = 0
+        self.filter_words: dict[str, str] = {}  # what filters of views that were looked at let pass, in words
         self.typed_before: dict[tuple[str, str], dict[str, str]] = {}  # into forms that were left, see `Form`
         self.left_files: list[SavedFile] = []  # of a robot program that died
         self.happened: list[LoggedEvent] = []  # the newest lines of the event log

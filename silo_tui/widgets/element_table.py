@@ -159,6 +159,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
             self._laid = laid_out(self.size.width, told, self._offered, sight, self.rows.sort, value, units)
             numbers = {each.title: cells for each, cells in self._laid.measured if each.title in ("value", *STATISTICS)}
             sight.room, sight.value_room = min(numbers.values(), default=11), numbers.get("value", 11)
+            sight.statistics = "min" in self.quantities
         return self._laid
 
     def _needed(self) -> tuple[int, list[int]]:

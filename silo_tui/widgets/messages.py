@@ -11,7 +11,6 @@ from textual.app import RenderResult
 from silo.core.quantities.writing import many, wall_clock
 from silo.rpc.published import NOT_LIVE_TEXTS
 from silo_tui.actions import key_of, unmark_words
-from silo_tui.layouts.presets import SHOWN
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.table.cells import sign_of
 from silo_tui.model.table.columns import NAME, STEADY
@@ -176,7 +175,7 @@ class InfoLine(MessageLine):
             is_near = rows.filter.text == session.near and session.near.startswith("~")  # a pattern of many names
             typed = f"/{rows.filter.text.removeprefix('/')}"
             near = f"near a limit at {wall_clock(session.near_ns)}"  # it moves on
-            told = near if is_near else SHOWN.get(rows.filter.text, "")  # what nobody typed, in words
+            told = near if is_near else session.filter_words.get(rows.filter.text, "")  # what nobody typed, in words
             words = f"{told} ({typed})" if told and not is_near else told or typed
             parts.append(LinePart(6 * alone, f"{words}: {passing}", "", (f"{told or typed}: {passing}",)))
             parts += [LinePart(5, f"? {problem}") for problem in rows.filter.problems[:1]]

@@ -63,6 +63,7 @@ class Sight(msgspec.Struct):
     room: int = 11
     value_room: int = 11
     digits_fewer: int = 0  # on a thin link
+    statistics: bool = True  # whether they are shown: digits don't hang on those that others left
     ends: dict[tuple[str, int], list[float]] = msgspec.field(default_factory=dict)  # of numbers, as last measured
     written: dict[tuple[int, int, bool], text.Digits] = msgspec.field(default_factory=dict)  # how numbers of a line are
 
@@ -260,6 +261,8 @@ def _digits(sight: Sight, row: int, chosen: int, *, alone: bool) -> text.Digits:
     label = component_label(element, chosen, sight.value_room) if chosen and is_vector and not alone else ""
     room = max(6, min(sight.room, sight.value_room - len(label)) - sight.digits_fewer)
     integer = chosen != 1 and element.entries[max(0, chosen - 2)].dtype[1:2] in "iu"
+    if not sight.statistics:
+        ends = [math.nan, math.nan]
     if all(map(math.isfinite, ends)):
         sight.ends[name, chosen] = ends
     ends = sight.ends.get((name, chosen), ends)  # what comes on the screen again reads as it did
