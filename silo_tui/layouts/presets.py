@@ -63,10 +63,16 @@ def is_near(one: LimitStatus) -> bool:
 
 
 def near_limit(limits: Sequence[LimitStatus]) -> tuple[str, str]:
-    """Return the filter for what is near a limit now, empty where nothing is, and what to say of it."""
-    found = list(dict.fromkeys(one.name for one in limits if is_near(one)))  # one signal may have two limits
+    """Return the filter for what is near a limit now, or was beyond one as nobody has seen yet, and what to say of it.
+
+    The filter is empty where nothing is.
+    """
+    now = {one.name for one in limits if is_near(one)}
+    found = list(dict.fromkeys(one.name for one in limits if one.name in now or one.alarm))  # some have two limits
     of = f"of {many(len({one.name for one in limits}), 'signal')} with limits"
     if not found:
         return "", f"none {of} is within a tenth of one"
     pattern = "|".join(f"{re.escape(name)}$" for name in found)
-    return f"~{pattern}", f"{len(found)} {of} {'is' if len(found) == 1 else 'are'} within a tenth of one, or beyond"
+    unseen = f", {len(found) - len(now)} by an alarm that nobody has seen" if len(found) > len(now) else ""
+    words = f"{len(found)} {of} {'is' if len(found) == 1 else 'are'} within a tenth of one, or beyond{unseen}"
+    return f"~{pattern}", words

@@ -21,7 +21,7 @@ from silo_tui.model.table import filter as filters
 from silo_tui.model.table.cells import UNSEEN
 from silo_tui.model.table.columns import BEFORE, NAME, TREE, TableColumn
 from silo_tui.model.table.tree import parts_of
-from silo_tui.model.words.command_line import BY_KEY, Spelled
+from silo_tui.model.words.command_line import BY_KEY, WHAT_TO_PLOT, Spelled
 from silo_tui.model.words.names import next_levels
 from silo_tui.model.words.text import cut
 from silo_tui.screens.dialogs.questions import Choice, OrderDialog, Question
@@ -371,7 +371,7 @@ class ElementsScreen(SiloScreen):
     def command_add_plot(self, typed: Spelled) -> None:
         """Plot what is named, whatever is marked."""
         if not typed.arguments:
-            raise ValueError("say what to plot: `:plot NAME`, the end of a name, or a pattern")
+            raise ValueError(WHAT_TO_PLOT)
         self.plot_rows(list(dict.fromkeys(row for row, _ in self.session.named(typed.arguments, scalars=True))))
 
     @abstractmethod

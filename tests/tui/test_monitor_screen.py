@@ -336,6 +336,8 @@ async def test_another_signal_is_plotted_by_its_name_without_leaving_the_plots(f
         await screen.shows("that is plotted already")
         await screen.enter(":plot LF/HAA/torqe")
         await screen.shows("no element is called 'LF/HAA/torqe'")
+        await screen.press("m", "enter")
+        await screen.shows("say what to plot")
         await screen.enter(":plot position")
         await screen.until(lambda: len(stack.plots) > 2, "all that end so")
         assert all(each.element.name.endswith(("/torque", "/position")) for each in stack.plots)

@@ -32,6 +32,7 @@ class Spelled(msgspec.Struct, frozen=True):
 
 
 BY_KEY = Spelled("", ())  # what a command is told whose key was pressed
+WHAT_TO_PLOT = "say what to plot: `:plot NAME`, the end of a name, or a pattern; Tab takes the name in brackets"
 
 
 def read(line: str) -> Spelled:

@@ -9,7 +9,7 @@ from silo_tui.model.drawing.plots import Plotted, plots_of
 from silo_tui.model.plots.panels import Panel, gathered, has_curves, isolate, join, sides, stacked
 from silo_tui.model.plots.scope import Scope, fitting_span, halfway
 from silo_tui.model.words import text
-from silo_tui.model.words.command_line import BY_KEY, Spelled
+from silo_tui.model.words.command_line import BY_KEY, WHAT_TO_PLOT, Spelled
 from silo_tui.model.words.names import fitted_among
 from silo_tui.screens.dialogs.exporting import ask_export
 from silo_tui.screens.plots.plot_screen import PlotScreen
@@ -439,9 +439,11 @@ class MonitorScreen(PlotScreen):
         """Plot more signals, below the others."""
         if self._refused("add_plot"):
             return
-        if typed is BY_KEY or not typed.arguments:
+        if typed is BY_KEY:
             self.begin_command("plot")
             return
+        if not typed.arguments:
+            raise ValueError(WHAT_TO_PLOT)
         there, short, off = self.pinned_plots, self.session.short_name, []
         new: list[Plotted] = []
         for place, index in self.session.named(typed.arguments, scalars=True):
