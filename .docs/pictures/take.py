@@ -191,7 +191,8 @@ def elsewhere(here: str, pieces: list[list[object]]) -> None:
 def main(folder: Path, picked: list[str] | None = None) -> None:
     """Take all of them, or those to look at, with settings and loggers of nobody else."""
     with tempfile.TemporaryDirectory(dir="/dev/shm") as runtime, tempfile.TemporaryDirectory() as work:
-        os.environ |= {"SILO_RUNTIME_DIR": runtime, "XDG_CONFIG_HOME": work, "XDG_STATE_HOME": work}
+        kept = f"{work}/kept"  # a folder `silo` where a program starts would be taken for the package
+        os.environ |= {"SILO_RUNTIME_DIR": runtime, "XDG_CONFIG_HOME": kept, "XDG_STATE_HOME": kept}
         os.environ.pop("NO_COLOR", None)
         folder = folder.resolve()
         folder.mkdir(parents=True, exist_ok=True)
