@@ -5,7 +5,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from silo.core.names import did_you_mean
 from silo.core.quantities.writing import many
@@ -44,9 +44,6 @@ from silo_tui.model.words.people import operators
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.settings.themes import THEMES
 from silo_tui.theme import theme_name
-
-if TYPE_CHECKING:
-    pass
 
 PICTURES = (".png", ".jpg", ".jpeg", ".gif", ".pdf")
 

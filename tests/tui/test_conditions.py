@@ -44,6 +44,14 @@ HOT = LimitStatus(
     "/log/LF/HAA/torque", "/log/LF/HAA/torque", LimitWord.RED_HIGH, "Nm", 84.2, 80.0, 86.31, LimitWord.RED_HIGH,
     12, NOW_NS - 9 * 10**9, 10, NOW_NS - 12 * 10**9, NOW_NS, 2, alarm=True,
 )  # fmt: skip
+GIVEN = SignalLimits(
+    "/log/legs/LF/HAA/torque",
+    bounds=(None, None, 60.0, 80.0),
+    persistence=3,
+    hysteresis=1.0,
+    stale_s=0.5,
+    when="imu/temperature > 1",
+)
 
 JOINTS = ("HAA", "HFE", "KFE")
 
@@ -540,14 +548,7 @@ class TestScreens:
             assert had == ["form-LL", "form-L", "form-H"]
 
     async def test_limits_are_edited_from_what_they_are_and_keep_it(self, fake, opened):
-        given = SignalLimits(
-            "/log/legs/LF/HAA/torque",
-            bounds=(None, None, 60.0, 80.0),
-            persistence=3,
-            hysteresis=1.0,
-            stale_s=0.5,
-            when="imu/temperature > 1",
-        )
+        given = GIVEN
         fake.limit_statuses = [replace(HOT, name=given.name, limits=given.name).given(given)]
         async with opened(fake) as screen:
             await screen.press("A")
@@ -585,14 +586,7 @@ class TestScreens:
             assert screen.app.screen.scope == "monitor"
 
     async def test_limits_of_a_name_that_is_typed_keep_what_is_not_named(self, fake, opened):
-        given = SignalLimits(
-            "/log/LF/HAA/torque",
-            bounds=(None, None, 60.0, 80.0),
-            persistence=3,
-            hysteresis=1.0,
-            stale_s=0.5,
-            when="x > 1",
-        )
+        given = replace(GIVEN, name="/log/LF/HAA/torque")
         fake.limit_statuses = [HOT.given(given)]
         async with opened(fake) as screen:
             await screen.press("A")
@@ -605,14 +599,8 @@ class TestScreens:
             await screen.shows("HH is red high, a number")
             await screen.press("backspace", "0", "enter")
             await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
-        assert next(call for call in fake.calls if call[0] == "set_limits")[1] == SignalLimits(
-            "/log/LF/HAA/torque",
-            bounds=(None, None, 50.0, 70.0),
-            persistence=3,
-            hysteresis=1.0,
-            stale_s=0.5,
-            when="x > 1",
-        )
+        wanted = replace(given, bounds=(None, None, 50.0, 70.0))
+        assert next(call for call in fake.calls if call[0] == "set_limits")[1] == wanted
 
     async def test_limits_of_what_is_marked_are_of_all_of_it_by_the_pattern_that_means_it(self, fake, opened):
         async with opened(fake.run(20), size=(120, 40)) as screen:
