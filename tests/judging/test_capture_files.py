@@ -235,7 +235,7 @@ def test_captures_leave_others_room_on_the_disk_and_those_left_out_are_told_toge
     monkeypatch.setattr("silo.conditions.captures.writer.TOLD_S", 0.0)
     events = SimpleNamespace(
         publish=lambda kind, text, **_: told.append((kind, text)),
-        log=SimpleNamespace(of_run=lambda _: (), texts=lambda *_: ()),
+        log=SimpleNamespace(of_run=lambda _: (), texts=lambda *_: (), settle=lambda _: None),
     )
     writer = CaptureWriter(SimpleNamespace(now=SimpleNamespace(robot=SimpleNamespace(folder=str(tmp_path)))), events)
     (first,) = judge_of(robot).step().whole
@@ -254,3 +254,20 @@ def test_captures_leave_others_room_on_the_disk_and_those_left_out_are_told_toge
     assert "nearly full: 20 MB are free, and 20 MB of it are left to others" in begun
     assert sum_of_both.startswith("2 captures, numbers 2 to 3, of 'spike' not written: the disk of")
     assert len(list(tmp_path.glob("*_spike_*.silo"))) == 1
+
+
+@pytest.mark.slow
+def test_a_capture_is_waiting_for_until_the_line_that_tells_of_it_is_on_the_disk(robot, tmp_path):
+    """Else a kill in between lost the line: the successor knew the capture as written and told nothing."""
+    seen = []
+    log = SimpleNamespace(
+        of_run=lambda _: (), texts=lambda *_: (), settle=lambda _: seen.append(("settled", writer.waiting()))
+    )
+    events = SimpleNamespace(publish=lambda kind, *_, **__: seen.append((kind, writer.waiting())), log=log)
+    writer = CaptureWriter(SimpleNamespace(now=SimpleNamespace(robot=SimpleNamespace(folder=str(tmp_path)))), events)
+    (first,) = judge_of(robot).step().whole
+    writer.add(first)
+    writer.start()
+    writer.stop()
+    assert seen == [(EventKind.CAPTURED, [first]), ("settled", [first])]
+    assert writer.waiting() == []

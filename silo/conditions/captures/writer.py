@@ -27,6 +27,7 @@ log = logging.getLogger("silo.helper")
 
 MOST_WAITING = 1000  # of a trigger that keeps all its captures; of others as many as it keeps, and LEAST_WAITING
 LEAST_WAITING = 20
+SETTLES_S = 1.0  # for the line of a capture in the event log to be on the disk
 AGAIN_S = 0.5  # before another try of a capture for which no file could be opened
 TOLD_S = 10.0  # what is left out is told together for so long
 TOO_FAST = "it fired faster than they could be; give it a holdoff"
@@ -227,6 +228,7 @@ class CaptureWriter:
         told = self._events.log.texts(EventKind.CAPTURED.value, buffer.run) if done.files else ()
         if done.files and not any(file.path in text for file in done.files for text in told):
             self._tell(buffer, EventKind.CAPTURED, done.text, done.files)
+            self._events.log.settle(SETTLES_S)  # it is waiting for until that is sure: whoever comes after this process
         self._files[buffer.run, buffer.trigger] = tuple(file.path for file in done.files)
         if done.removed:
             log.info("trigger '%s' keeps %d captures: removed %s", buffer.trigger, buffer.options.keep, done.removed)
