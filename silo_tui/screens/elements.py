@@ -295,7 +295,7 @@ class ElementsScreen(SiloScreen):
             found = [at for at, names in enumerate(table.searched) if any(name.casefold() in each for each in names)]
             if not found or not name:
                 raise ValueError(f"no element has {name!r} in its name")
-            row = found[0]
+            row = next((each for each in found if rows.own_name(each) == name.casefold()), found[0])
             if len(found) > 1:
                 self.say(f"the first of {len(found)} that have {name!r}; {key_of('filter')} {name} shows all")
         if not rows.move_to_row(row):

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from silo.core.elements import Action, BufferType, ElementInfo, ElementOptions, Entry, Table
 from silo.settings.typed import apply_settings
 from silo_tui.model.table import filter as filters
+from silo_tui.model.table.columns import ADDED, NAME, TREE
 from silo_tui.model.table.fields import Field, parse_change, values_of
 from silo_tui.model.table.rows import RowList
 from silo_tui.model.table.state import TableState
@@ -141,6 +142,21 @@ def test_the_cursor_goes_to_the_first_that_passes_another_filter_and_stays_there
     assert rows.table.names[rows.row] == "/log/legs/RF/KFE/torque", "the same once more"
     rows.set_filter("")
     assert rows.table.names[rows.row] == "/log/legs/RF/KFE/torque"
+
+
+@pytest.mark.parametrize(
+    ("order", "text", "first"),
+    [(NAME, "LF mode", "/log/LF/mode"), (NAME, "LF mod", "/log/LF/a_mode"), (TREE, "MODE", "/log/LF/mode"),
+     (ADDED, "LF mode", "/log/LF/a_mode")],
+)  # fmt: skip
+def test_the_cursor_goes_to_the_name_that_was_typed_whole_where_names_are_in_their_order(order, text, first):
+    state = TableState()
+    names = [f"/log/LF/{name}" for name in ("a_mode", "mode")]
+    state.load(Table(1, [ElementInfo(name, "", "scalar", (), (Entry("", "<f8"),), ElementOptions()) for name in names]))
+    rows = RowList(state)
+    rows.sort = order
+    rows.set_filter(text)
+    assert state.names[rows.row] == first
 
 
 def test_marks_survive_a_filter_and_are_counted_as_hidden(rows):

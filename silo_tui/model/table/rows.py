@@ -130,7 +130,8 @@ class RowList:
     def set_filter(self, text: str) -> None:
         """Show what passes this filter; without one the cursor stays on its element.
 
-        With one it is on the first element whose name passes: one that passes by a component alone may stand before it.
+        With one it is on the first element whose name passes, as one that passes by a component alone may stand before
+        it. In the order of names it is on the first whose own name was typed whole: `torque` before `peak_torque`.
         """
         row, before = self.row, self.filter.text
         self.show_first(0)
@@ -142,7 +143,13 @@ class RowList:
             passing = self.tree.lines[places].tolist()
             by_component = set(self.filter.by_component(self.table, self.marked, passing))
             by_name = [at for at, each in zip(places, passing, strict=True) if each not in by_component]
-            self.move_to((by_name or places or [0])[0])
+            whole = {word.casefold() for word in text.split()} if self.sort in {TREE, NAME} else set()
+            own = [at for at in by_name if self.own_name(int(self.tree.lines[at])) in whole]
+            self.move_to((own or by_name or places or [0])[0])
+
+    def own_name(self, row: int) -> str:
+        """Return the last level of the name of an element, in small letters."""
+        return parts_of(self.table.names[row])[-1].casefold()
 
     def order_by(self, sort: str) -> None:
         """Take an order; the same once more turns it round."""
