@@ -329,7 +329,8 @@ def open_client(
         if open_s * 1000 > LINK["transport"]["unicast"]["open_timeout"]:
             settings.insert_json5("transport/unicast/open_timeout", str(round(open_s * 1000)))
     settings.insert_json5("listen/endpoints", "[]")
-    until_s = time.monotonic() + open_s
+    begun_s = time.monotonic()
+    until_s = begun_s + open_s
     try:
         while True:
             try:
@@ -345,7 +346,9 @@ def open_client(
             text = f"{path}: its helper process doesn't answer: it is frozen, overloaded or ending; try again"
             raise ConnectionLostError(text) from error
         if config is not None and reached is not None:
-            raise explain(config, reached, error) from error
+            patience_s = json.loads(settings.get_json("transport/unicast/open_timeout")) / 1000
+            silent = time.monotonic() - begun_s >= patience_s  # who refuses does so at once
+            raise explain(config, reached, error, patience_s if silent else 0.0) from error
         where = str(path) if path is not None else f"what {config} names"
         raise ConnectionLostError(f"can't connect to {where}: {reason_of(error)}{_hint(config)}") from error
     if config is not None:

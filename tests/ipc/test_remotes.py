@@ -373,6 +373,13 @@ def test_an_address_that_stays_silent_is_a_matter_of_the_route(tmp_path) -> None
     assert caught.value.layer is Layer.ROUTE
 
 
+def test_who_takes_connections_and_says_nothing_has_refused_no_password(tmp_path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        failed = failure(config_of(tmp_path / "c.json5", f"tcp/127.0.0.1:{silent.getsockname()[1]}"))
+    assert failed.layer is Layer.PORT
+    assert "it takes connections, but said nothing for 1.0 s: the link is too thin" in str(failed)
+
+
 AUTH = "transport__auth__usrpwd__"
 
 

@@ -133,8 +133,11 @@ def _reached(endpoint: Endpoint, timeout_s: float) -> Reached:
     ) from told
 
 
-def explain(config: str, reached: Reached, error: Exception) -> LayerError:
-    """Return why Zenoh could not connect to an endpoint that takes connections."""
+def explain(config: str, reached: Reached, error: Exception, silent_s: float = 0.0) -> LayerError:
+    """Return why Zenoh could not connect to an endpoint that takes connections.
+
+    `silent_s` is how long it was waited for its words in vain; 0 where it hung up.
+    """
     settings = from_file(config)
     if reached.endpoint is not None and reached.endpoint.kind == "tls":
         problem = tls_problem(config, reached.endpoint, reached.rtt_s)
@@ -146,6 +149,12 @@ def explain(config: str, reached: Reached, error: Exception) -> LayerError:
             Layer.PORT,
             f"{where}: can't connect ({reason_of(error)}): check address, certificates, user name and password in "
             f"{config}; over UDP nobody says which of them fails",
+        )
+    if silent_s:
+        return LayerError(
+            Layer.PORT,
+            f"{where}: it takes connections, but said nothing for {silent_s:.1f} s: the link is too thin or loses too "
+            "much, the robot is frozen or overloaded, or what listens there isn't silo; try again",
         )
     user = user_of(settings)
     if not user:
