@@ -94,6 +94,7 @@ def _show_rows(session: Session, layout: KeptLayout) -> None:
 def show_table(table: "TableScreen", layout: KeptLayout) -> list[str]:
     """Show rows and columns as a view has them; return what of it isn't on this logger."""
     rows, missing = table.session.rows, []
+    table.info.give_way()  # what was said is of other rows
     sort = BEFORE.get(layout.sort, layout.sort)
     if sort in rows.orders:
         rows.sort, rows.turned = sort, layout.turned and sort != TREE

@@ -20,6 +20,7 @@ from silo_tui.modal import ask, run_alone, run_aside
 from silo_tui.model.table.columns import LIVE_COLUMNS, STEADY
 from silo_tui.model.table.facts import SINCE
 from silo_tui.model.table.fields import Field, parse_change, phrase_for
+from silo_tui.model.table.rows import SETTLES_S
 from silo_tui.model.table.state import APPLIED
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.questions import Choice, Question
@@ -69,7 +70,7 @@ class TableScreen(ElementsScreen):
 
     def __init__(self, session: Session) -> None:
         self._typed_s = 0.0  # monotonic, of the last key
-        self._order_wanted = False  # by who chose it, until what it is by was measured
+        self._ordered_s = 0.0  # monotonic, when who chose it asked for an order; 0 once what it is by was measured
         self._top_wanted = False  # then too, while no key says where the cursor is to be
         self._offered = False
         self._came_from: int | None = None  # the row of the cursor, where the editor lies over another one
@@ -191,13 +192,14 @@ class TableScreen(ElementsScreen):
         rows = self.session.rows
         if asked := self._is_asked:
             self._typed_s = now_s
-        is_known = self._order_wanted and rows.is_measured and not asked
+        is_young = rows.is_young and now_s - self._ordered_s < 2 * SETTLES_S  # of a stopped logger they stay so
+        is_known = self._ordered_s and rows.is_measured and not asked and not is_young
         if is_known:
             rows.refresh()
             rows.stand_still(time.time_ns())
             if self._top_wanted:
                 rows.move_to(0)
-            self._order_wanted = self._top_wanted = False
+            self._ordered_s, self._top_wanted = 0.0, False
         moves = rows.filter.measured or (rows.live and now_s - self._typed_s >= QUIET_S)
         if is_known or (moves and not asked):
             before, rows.held = self.table.rows_on_screen(), False
@@ -236,7 +238,8 @@ class TableScreen(ElementsScreen):
         """Show the order at once, with what is known; and measure what it needs."""
         super().order_changed()
         self._survey_s = self._typed_s = 0.0
-        self._order_wanted = self._top_wanted = self.session.rows.live
+        self._top_wanted = self.session.rows.live
+        self._ordered_s = time.monotonic() if self._top_wanted else 0.0
         self._judge()
 
     def show_set(self, name: str) -> bool:

@@ -168,7 +168,7 @@ class InfoLine(MessageLine):
         if session.reading:
             parts.append(LinePart(0, session.reading))
         if rows.filter.text:
-            unknown = rows.filter.measured and not rows.is_measured
+            unknown = (rows.filter.measured and not rows.is_measured) or (rows.most and not rows.stood_ns)
             shown = f"{len(rows.shown)} of {rows.passing if rows.most else len(session.table)}"
             stood = f" at {wall_clock(rows.stood_ns)}" if rows.stood_ns else ""
             passing = "being measured" if unknown else f"the first {shown}{stood}" if rows.most else shown

@@ -308,6 +308,11 @@ async def test_the_first_ten_of_a_view_are_ten_and_stand_still_while_one_looks(l
         rows, table = screen.session.rows, screen.session.table
         await screen.do("view")
         await screen.press(letter)
+        if quantity == "noise":  # of statistics that have just begun
+            await screen.until(lambda: rows.is_measured and rows.most == most, "a first survey")
+            await screen.shows("floats: being measured")
+            assert not rows.stood_ns
+            fake.advance(4.0)
         await screen.until(lambda: rows.stood_ns, "what was measured")
         keys = rows.orders[rows.sort].keys(table)
         assert len(rows.shown) == most < rows.passing

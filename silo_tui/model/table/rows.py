@@ -11,10 +11,12 @@ from silo.core.quantities.writing import many
 from silo_tui.model.samples.live import has_norm
 from silo_tui.model.table import filter as filters
 from silo_tui.model.table.columns import LIVE_COLUMNS, NAME, TREE, TableColumn, orders_of
+from silo_tui.model.table.facts import SINCE
 from silo_tui.model.table.state import Mask, Rows, TableState
 from silo_tui.model.table.tree import ENTRY, Branch, Tree, entry_of, list_of, parts_of, row_of, tree_of
 from silo_tui.model.words.names import below
 
+SETTLES_S = 3.0  # of statistics by which the first of an order are chosen: of few samples noise is anything
 LEAVES_S = 2.0  # how long a row stays, dim, that a measured filter lets go
 
 
@@ -188,6 +190,13 @@ class RowList:
     def is_measured(self) -> bool:
         """Whether what filter and order are by is known."""
         return self.wanted() <= set(self.table.facts.quantities)
+
+    @property
+    def is_young(self) -> bool:
+        """Whether the first of an order are to be chosen by statistics that have hardly begun."""
+        facts = self.table.facts
+        by_statistics = self.most and self.orders[self.sort].quantity in SINCE
+        return bool(by_statistics and facts.time_ns - facts.since_ns < SETTLES_S * 1e9)
 
     # ------------------------------------------------------------------------------------------------- folding
 
