@@ -292,10 +292,14 @@ class ElementsScreen(SiloScreen):
             self.say(f"{rows.branch.path}: keys are about all {many(len(rows.branch.rows), 'element')} of it")
             return
         if row is None:
-            found = [at for at, names in enumerate(table.searched) if any(name.casefold() in each for each in names)]
+            words = name.casefold().split()
+            found = [at for at, names in enumerate(table.searched)
+                     if any(all(word in each for word in words) for each in names)]  # fmt: skip
             if not found or not name:
-                raise ValueError(f"no element has {name!r} in its name")
-            row = next((each for each in found if rows.own_name(each) == name.casefold()), found[0])
+                raise ValueError(
+                    f"no element has {name!r} in its name; {key_of('filter')} says which of its words none has"
+                )
+            row = next((each for each in found if rows.own_name(each) in words), found[0])
             if len(found) > 1:
                 self.say(f"the first of {len(found)} that have {name!r}; {key_of('filter')} {name} shows all")
         if not rows.move_to_row(row):

@@ -455,7 +455,7 @@ async def test_goto_leads_to_the_table_from_any_screen_and_one_that_finds_nothin
         await screen.enter(":goto nowhere")
         await screen.shows("no element has 'nowhere' in its name")
         assert screen.app.screen is elsewhere
-        await screen.enter(":goto imu/temperature")
+        await screen.enter(":goto temperature IMU")
         await screen.until(lambda: screen.app.screen.scope == "table", "the table")
         await screen.shows(">/imu/temperature")
 

@@ -388,6 +388,7 @@ def test_without_a_logger_it_is_told_how_a_file_is_opened(fake):
         (":view wa", ["view walk"]),
         (":goto /log/imu/t", ["goto /log/imu/temperature"]),
         (":goto /imu/t", ["goto /imu/temperature"]),  # as the table has it
+        (":goto temp imu", ["goto /imu/temperature", "goto /log/imu/temperature"]),  # words as those of a filter
         (":load q", ["load quiet.yaml"]),
         (":nothing a", []),
     ],

@@ -109,13 +109,16 @@ def neighbours_first(names: Sequence[str], here: str) -> list[str]:
 def complete(line: str, words: Sequence[str], choices: Sequence[str]) -> list[str]:
     """Return whole lines that `line` may become: command words first, then the `choices` for its last argument.
 
-    Choices that begin so come first, then names of which a part behind a `/` does.
+    Choices that begin so come first, then names of which a part behind a `/` does; of several words that are none by
+    themselves, those that have all of them.
     """
     body = line.lstrip(":")
     word, space, rest = body.partition(" ")
     if not space:
         return [known for known in words if known.startswith(word) and known != word]
     head, last = rest.rpartition(" ")[0], rest.rpartition(" ")[2]
+    if head and last and (all_in := [each for each in choices if all(one in each for one in rest.split())]):
+        return [f"{word} {each}" for each in all_in]
     before = f"{word} {head} " if head else f"{word} "
     begin_so = [choice for choice in choices if choice.startswith(last) and choice != last]
     inside = [choice for choice in choices if last and f"/{last}" in choice and not choice.startswith(last)]
