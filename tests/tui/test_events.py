@@ -213,6 +213,10 @@ def test_rows_that_are_gone_are_told_with_the_file_that_has_them():
     mark, saved = event(), event("saved", "saved logs/x.silo (3 kB)", number=2)
     assert gone_words(mark, [mark, saved]) == "rows gone; saved logs/x.silo (3 kB)"
     assert "no save" in gone_words(mark, [mark])
+    begun = replace(mark, kind="recording", number=mark.number - 1, text="recording 'demo' of all to /logs")
+    part = replace(mark, kind="recording", number=mark.number + 1, text="recording 'demo': finished demo_1.mcap")
+    assert gone_words(mark, [begun, mark, part]) == f"rows gone; {part.text}"
+    assert "no save" in gone_words(mark, [mark, replace(begun, number=mark.number + 1), part]), "it began later"
 
 
 @pytest.fixture

@@ -233,6 +233,13 @@ def line(event: LoggedEvent, told: str, width: int, logger: str, names: tuple[st
 def gone_words(event: LoggedEvent, events: Sequence[LoggedEvent]) -> str:
     """Return what to say of a moment whose rows are held no more: which file has them, if one was saved since."""
     later = [one for one in events if one.run == event.run and one.number > event.number]
-    kinds = ("saved", "captured", "recovered")
-    saved = next((one.text for one in later if one.kind in kinds or "; saved " in one.text), "")
+    before = [one.text for one in events if one.run == event.run and one.number < event.number]
+
+    def has_it(one: LoggedEvent) -> bool:
+        if one.kind in {"saved", "captured", "recovered"} or "; saved " in one.text:
+            return True
+        recording, is_part, _ = one.text.partition(": finished ")  # of one that was under way by then
+        return bool(is_part) and any(text.startswith(f"{recording} of ") for text in before)
+
+    saved = next((one.text for one in later if has_it(one)), "")
     return f"rows gone; {text.clean(saved)}" if saved else "its rows are held no more, and no save of them is known"
