@@ -81,6 +81,17 @@ def test_the_sign_of_a_limit_is_of_the_value_that_stands_beside_it(value, judged
 
 
 @pytest.mark.parametrize(
+    ("bound", "width", "words"),
+    [(0.15, 18, "0.063 over HH 0.15"), (0.15, 19, "0.0633 over HH 0.15"),
+     (0.15, 16, "0.063 HH 0.15"), (-1234.5, 18, "0.063 HH -1234"), (-1234.5, 12, "0.063 over HH")],
+)  # fmt: skip
+def test_how_far_a_value_is_from_a_limit_is_told_in_whole_numbers_whatever_room_there_is(bound, width, words):
+    sight = sight_of("/t", read(bound + 0.0633))
+    sight.table.limits = {"/t": LimitStatus("/t", "t", LimitWord.OK, bounds=(None, None, None, bound), value=1.0)}
+    assert cells.limit(sight, ROW["/t"], width)[0] == words
+
+
+@pytest.mark.parametrize(
     ("name", "values", "words"),
     [
         ("/t", (2.13,), "1.87 to H 4"), ("/t", (4.5,), "0.5 over H 4"), ("/t", (6.25,), "0.25 over HH 6"),

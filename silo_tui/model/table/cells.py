@@ -381,7 +381,7 @@ def noise(sight: Sight, row: int, width: int) -> Cell:
 
 def limit(sight: Sight, row: int, width: int) -> Cell:
     """Return how far the value is from the limit that it meets first, and which that is; of a vector of the entry that
-    is the nearest.
+    is the nearest. Where there is little room digits go, then the word between, then the limit: no number is cut.
     """
     reading, element, table = _reading(sight, row), sight.table.elements[row], sight.table
     if isinstance(reading, tuple):
@@ -395,7 +395,10 @@ def limit(sight: Sight, row: int, width: int) -> Cell:
         return "-", "quiet"
     word, bound, left = found
     side = "to" if left >= 0 else "over" if SIDES[word] > 0 else "under"
-    return f"{text.short(abs(left), 3)} {side} {word.value} {text.short(bound)}", "quiet"
+    told = f"{word.value} {text.short(bound)}"
+    most, least = text.short(abs(left), 3), text.short(abs(left), 2)
+    ways = (f"{most} {side} {told}", f"{least} {side} {told}", f"{least} {told}", f"{least} {side} {word.value}")
+    return next((each for each in ways if len(each) <= width), ways[-1]), "quiet"
 
 
 def rate(sight: Sight, row: int, width: int) -> Cell:

@@ -223,7 +223,7 @@ COLUMNS: tuple[TableColumn, ...] = (
         orders=(TableOrder(NOISE, "y", lambda table: table.noise, "noise among siblings", "noise", of_norm=True),),
     ),
     TableColumn(
-        LIMIT, 16, cells.limit, (), right=True, measured=True, file=False,  # shown while it is the order
+        LIMIT, 18, cells.limit, (), right=True, measured=True, file=False,  # shown while it is the order
         orders=(TableOrder(LIMIT, "x", lambda table: table.shares_left, "how near to its limit", falling=False),),
     ),
     TableColumn(
