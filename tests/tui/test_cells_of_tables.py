@@ -134,8 +134,9 @@ def test_what_is_off_is_not_told_to_have_been_switched_on_later():
         ("/t", read(1.5), {"running": False}, ("1.5000", "stale")),
         ("/t", read(1.5), {"fresh": False, "at_s": 2.0}, ("1.5000", "value")),  # a moment of a file
         ("/t", read(NAN, held=0), {"at_s": 2.0}, ("-", "quiet")),
-        ("/t", None, {}, ("…", "quiet")),
-        ("/t", read(1.5, held=0), {}, ("…", "quiet")),
+        ("/t", None, {"at_s": 2.0}, ("wait", "quiet")),  # of a large file that is still read
+        ("/t", None, {}, ("wait", "quiet")),
+        ("/t", read(1.5, held=0), {}, ("wait", "quiet")),
         ("/t", None, {"fresh": False}, ("-", "quiet")),
         ("/t", None, {"running": False}, ("-", "quiet")),
         ("/off", read(1.5), {}, ("off", "quiet")),
@@ -163,7 +164,7 @@ def test_a_value_or_why_there_is_none(name, reading, more, cell):
     [
         (read(*OF_V), {}, ("4.0000", "value")),
         (read(*OF_V), {"facts": {"/v_z": {"value": 6.0, "min": 0.0, "max": 90.0}}}, ("6.00", "value")),
-        (None, {}, ("…", "quiet")),
+        (None, {}, ("wait", "quiet")),
     ],
 )
 def test_an_entry_on_a_line_of_its_own_has_no_name_before_it(reading, more, cell):

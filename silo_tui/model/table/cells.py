@@ -40,7 +40,7 @@ _OF_LIMITS = sum(set(LIMIT_BITS.values()))
 _OF_BOUNDS = _OF_LIMITS & ~FROZEN
 
 Cell = tuple[str, str]  # words, and the name of their style
-WAITS: Cell = "…", "quiet"  # its first reading is on the way
+WAITS: Cell = "wait", "quiet"  # its first reading is on the way; `…` says that there is more than has room
 
 
 class Sight(msgspec.Struct):
@@ -177,7 +177,7 @@ def _reading(sight: Sight, row: int) -> Reading | Cell:
     """Return the newest reading, or why there is none."""
     reading = sight.live.readings.get(sight.table.names[row])
     if sight.at_s is not None:
-        return reading if reading is not None and reading.held else ("-", "quiet")
+        return WAITS if reading is None else reading if reading.held else ("-", "quiet")
     if not sight.table.server[Field.ENABLED, row]:
         return "off", "quiet"
     if reading is None or not reading.held:

@@ -76,7 +76,7 @@ SIGNS = (
     ("E", "edited: it has other settings than its program began with; /edited shows all, the inspector both"),
     (MARKED, f"marked: edits and plots are about all that is marked; {ON_MARKED} with the cursor on it"),
     ("‣ 12:51:44 …", "news of the robot, and when they came; `:messages` shows all"),
-    ("…", "there is more than has room: the inspector has all of it"),
+    ("…, wait", "there is more than has room: the inspector has all of it; wait: it is on its way"),
     ("↓ ↑", "before a title: ordered by it, ↓ the largest on top, ↑ the smallest, or from a to z"),
     ("=", "derived: computed from others; its options are those of its signals"),
 )  # fmt: skip
