@@ -385,6 +385,11 @@ class KeyBar(Guarded, Widget):
     def _word(self, command: Command) -> Text:
         key_color = color(self.app.theme_variables, "primary")
         word = Text(command.footer_key, style=f"bold {key_color}" if not self.app.no_color else "bold")
-        word = Text().append_text(word).append(f" {command.label}")
+        other, _, label = command.label.partition(" ")  # one entry may be of two keys: `+ - Zoom`
+        if label and not other[0].isalnum():
+            word.append(f" {other}")
+        else:
+            label = command.label
+        word = Text().append_text(word).append(f" {label}")
         word.apply_meta({"@click": f"screen.command('{command.id}')"}, 0, len(word))
         return word

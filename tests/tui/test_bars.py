@@ -496,6 +496,15 @@ def test_the_bar_is_painted_when_other_keys_count():
     assert drawn.painted == 1
 
 
+@pytest.mark.parametrize(
+    ("id_of", "label", "keys"), [("closer", "- Zoom", "+ -"), ("scale", "Y scale", "y"), ("cursor_left", "⇧← Cursor", "←→ ⇧←")]
+)
+def test_all_keys_of_an_entry_look_like_keys(id_of, label, keys):
+    drawn = Keys()
+    word = drawn._word(msgspec.structs.replace(BY_ID[id_of], label=label))
+    assert word.plain[word.spans[0].start : word.spans[0].end] == keys
+
+
 def test_without_colours_keys_are_bold_alone(monkeypatch):
     drawn = Keys()
     app = drawn.app

@@ -17,6 +17,7 @@ from silo_tui.model.words import text
 Scale = tuple[float, float]
 _FACTORS = (1, 2, 5)  # steps between numbers that are read at a glance
 _MOST_TICKS = 8
+_SMALL = 6  # lines of a plot
 _OPEN_END = 1.05  # what an end between two numbers may cost
 _FEW = 1.3  # and that there are but two numbers
 _EXTREME = 1e290  # beyond, and below its inverse, there is no room for powers of ten
@@ -51,7 +52,7 @@ def _steps(least: float) -> Iterator[float]:
 
 def _closest(lines: int) -> int:
     """How many lines lie between two numbers at least."""
-    return max(1 if lines <= 6 else 2, -(-(lines - 1) // _MOST_TICKS))
+    return max(1 if lines <= _SMALL else 2, -(-(lines - 1) // _MOST_TICKS))
 
 
 def _ranges(smallest: float, largest: float, lines: int) -> Iterator[tuple[float, Scale]]:
@@ -95,7 +96,8 @@ def zeros_met(scales: Sequence[Scale], lines: int) -> list[Scale]:
 
 def ticks_of(scale: Scale, lines: int) -> list[tuple[int, float]]:
     """Return the lines (0 on top) of a plot that have a number, and which: in steps of 1, 2 or 5, on the lines that are
-    theirs or, where the range is of another plot, next to them; both ends where no step fits.
+    theirs or, where the range is of another plot, next to them; both ends where no step fits, and of a small plot where
+    none would stand at its top, if that is round.
     """
     bottom, top = scale
     if not (math.isfinite(bottom) and math.isfinite(top)) or lines < 2:
@@ -107,8 +109,9 @@ def ticks_of(scale: Scale, lines: int) -> list[tuple[int, float]]:
         def badness(each: tuple[float, list[tuple[float, float]]]) -> tuple[bool, bool]:
             return each[0] < _closest(lines) * (1 - 1e-9), any(abs(place - round(place)) > 1e-6 for place, _ in each[1])
 
-        if found:
-            return [(math.floor(place + 0.5), value) for place, value in min(found, key=badness)[1]]
+        ticks = [(math.floor(place + 0.5), value) for place, value in min(found, key=badness)[1]] if found else []
+        if ticks and (lines > _SMALL or not ticks[0][0] or float(f"{top:.2g}") != float(f"{top:.9g}")):
+            return ticks
     return [(0, top), (lines - 1, bottom)]
 
 
