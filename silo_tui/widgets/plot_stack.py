@@ -377,7 +377,11 @@ class PlotStack(Guarded, Styled):
     def _time_axis(self) -> list[Segment]:
         cursors = ((self.window.cursor, "A"), (self.other_cursor, "B")) if self.window.other_ns is not None else ()
         marks = [(max(0, self.plot_width - 1 - cursor // 2), sign) for cursor, sign in cursors if cursor is not None]
-        line = axis_line(self.plot_width, self._axis_words(), marks, self._event_cells(self.on_screen()))
+        words = self._axis_words()
+        if self.window.other_ns is not None and self.other_cursor is None and not self.store.empty:
+            is_before = self.window.other_ns < self.store.end * self.store.column_ns
+            words.insert(0, (0.0, "←B") if is_before else (1.0, "B→"))  # where it is, as it isn't in the picture
+        line = axis_line(self.plot_width, words, marks, self._event_cells(self.on_screen()))
         return [Segment(" " * (AXIS + 1) + line, self._style("plot--quiet"))]
 
     def _axis_words(self) -> list[tuple[float, str]]:

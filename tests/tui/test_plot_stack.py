@@ -234,12 +234,17 @@ def test_both_cursors_have_their_letters_below():
     assert column_of(stack.text[1], "┊") == [stack.plot_width - 31]
 
 
-@pytest.mark.parametrize(("columns_ago", "there"), [(0, True), (1, True), (-1, False), (95, True), (96, False)])
-def test_cursor_b_is_in_the_picture_or_not(columns_ago, there):
+@pytest.mark.parametrize(
+    ("columns_ago", "there", "told"),
+    [(0, True, "B"), (1, True, "B"), (-1, False, "B→"), (95, True, "B"), (96, False, "←B")],
+)
+def test_cursor_b_is_in_the_picture_or_on_the_side_that_is_told(columns_ago, there, told):
     stack = Stack(HEAT)
     assert stack.columns == 96
     stack.window.other_ns = (stack.store.end - 1 - columns_ago) * COLUMN_NS
     assert (stack.other_cursor is not None) is there
+    assert re.findall("←?B→?", stack.text[-1]) == [told]
+    assert stack.text[-1].strip().startswith(told) or not told.startswith("←")
     stack.store = ColumnStore((), 1, 1)
     assert stack.other_cursor is None
 

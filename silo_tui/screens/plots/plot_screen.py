@@ -407,7 +407,10 @@ class PlotScreen(SiloScreen):
             ]
             seconds = (b_ns - a_ns) / SECOND_NS
             hertz = f"  {text.short(abs(1 / seconds))} Hz" if seconds else ""
-            times = f"B-A {text.short(seconds, 6)} s{hertz}   A {self.moment_words(a_ns)}   B {self.moment_words(b_ns)}"
+            a, b = self.moment_words(a_ns), self.moment_words(b_ns)
+            times = f"B-A {text.short(seconds, 6)} s{hertz}   A {a}   B {b}"
+            if len(times) >= self.size.width:  # the clock that A shows is in the line below
+                times = f"B-A {text.short(seconds, 6)} s{hertz}   A {a.partition('  ')[0]}   B {b.partition('  ')[0]}"
             self.between.show(times, facts, partly)
 
     def take_back(self) -> None:
