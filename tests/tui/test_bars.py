@@ -497,7 +497,8 @@ def test_the_bar_is_painted_when_other_keys_count():
 
 
 @pytest.mark.parametrize(
-    ("id_of", "label", "keys"), [("closer", "- Zoom", "+ -"), ("scale", "Y scale", "y"), ("cursor_left", "⇧← Cursor", "←→ ⇧←")]
+    ("id_of", "label", "keys"),
+    [("closer", "- Zoom", "+ -"), ("scale", "Y scale", "y"), ("cursor_left", "⇧← Cursor", "←→ ⇧←")],
 )
 def test_all_keys_of_an_entry_look_like_keys(id_of, label, keys):
     drawn = Keys()
